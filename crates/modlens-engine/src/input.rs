@@ -101,9 +101,7 @@ impl Input {
 
     /// Appends the bytes of a chunk, with its marks and times; a chunk without bytes changes nothing, even if it has marks.
     ///
-    /// The chunk becomes one read, or one for each byte that has a time of its own, with a last one for the bytes that lack
-    /// theirs. Its first read starts a record if the chunk does or if bytes were lost before it. What silence or the end of
-    /// the input had released is held back again, and `consumed_bytes` are gone.
+    /// What silence or the end of the input had released is held back again, and `consumed_bytes` are gone.
     pub fn push(&mut self, chunk: &Chunk<'_>) {
         if chunk.bytes.is_empty() {
             return;
@@ -113,40 +111,42 @@ impl Input {
             self.buffer.drain(..self.head);
             self.head = 0;
         }
+        self.push_marks(chunk);
+        self.buffer.extend_from_slice(chunk.bytes);
+        self.push_reads(chunk);
+    }
+
+    /// Keeps the stream offsets of the marks of a chunk whose bytes will be appended.
+    fn push_marks(&mut self, chunk: &Chunk<'_>) {
+        let start = self.end();
         self.has_marks |= chunk.follows_loss || chunk.has_line_error || !chunk.error_positions.is_empty();
         if chunk.follows_loss {
-            self.losses.push_back(self.end());
+            self.losses.push_back(start);
         }
-        let begin = self.end();
-        self.marked_bytes.extend(chunk.error_positions.iter().map(|&at| begin + u64::from(at)));
-        self.buffer.extend_from_slice(chunk.bytes);
+        self.marked_bytes.extend(chunk.error_positions.iter().map(|&at| start + u64::from(at)));
+    }
+
+    /// Appends the reads of a chunk whose bytes have been appended: one, or one for each byte that has a time of its own, with
+    /// a last one for the bytes that lack theirs. The first of them starts a record if the chunk does or if bytes were lost
+    /// before it; the others start none.
+    fn push_reads(&mut self, chunk: &Chunk<'_>) {
         let end = self.end();
-        let read = |end: u64, time: Ns, starts_record: bool| Read {
-            end,
-            time,
-            starts_record,
-            origin: chunk.origin,
-            side: chunk.side,
-            has_line_error: chunk.has_line_error,
-            lacks_checksum: chunk.lacks_checksum,
-            proven_framing: chunk.proven_framing,
-        };
+        let starts_record = chunk.starts_record || chunk.follows_loss;
+        self.has_times |= !matches!(chunk.times, Times::None);
         match chunk.times {
-            Times::None => self.push_read(read(end, NO_TIME, chunk.starts_record || chunk.follows_loss)),
+            Times::None => self.push_read(read_of(chunk, end, NO_TIME, starts_record)),
             Times::Read(time) => {
-                self.has_times = true;
                 self.has_multibyte_reads |= chunk.bytes.len() > 1;
                 self.longest_read_bytes = self.longest_read_bytes.max(chunk.bytes.len());
-                self.push_read(read(end, time, chunk.starts_record || chunk.follows_loss));
+                self.push_read(read_of(chunk, end, time, starts_record));
             }
             Times::Bytes(times) => {
-                self.has_times = true;
                 let first = end - chunk.bytes.len() as u64;
                 for (i, &time) in times.iter().take(chunk.bytes.len()).enumerate() {
-                    self.push_read(read(first + i as u64 + 1, time, i == 0 && (chunk.starts_record || chunk.follows_loss)));
+                    self.push_read(read_of(chunk, first + i as u64 + 1, time, i == 0 && starts_record));
                 }
                 if times.len() < chunk.bytes.len() {
-                    self.push_read(read(end, NO_TIME, false));
+                    self.push_read(read_of(chunk, end, NO_TIME, false));
                 }
             }
         }
@@ -348,6 +348,21 @@ impl Input {
         } else {
             self.reads[i - 1].end
         }
+    }
+}
+
+/// A read of bytes of a chunk that ends at stream offset `end`, with what the chunk says of all of them.
+#[inline]
+fn read_of(chunk: &Chunk<'_>, end: u64, time: Ns, starts_record: bool) -> Read {
+    Read {
+        end,
+        time,
+        starts_record,
+        origin: chunk.origin,
+        side: chunk.side,
+        has_line_error: chunk.has_line_error,
+        lacks_checksum: chunk.lacks_checksum,
+        proven_framing: chunk.proven_framing,
     }
 }
 

@@ -222,37 +222,45 @@ impl BusCounts {
     /// The counters of the bus; its statuses are added to `total`. Durations and utilization are null where no frame has a
     /// time.
     fn json(&self, total: &mut BTreeMap<&str, u64>, functions: &Functions) -> Json {
-        let by_verdict = |counts: &[u64; 5]| -> Json {
-            Verdict::ALL
-                .iter()
-                .map(|v| (v.text().to_string(), Json::from(counts[*v as usize])))
-                .collect::<serde_json::Map<_, _>>()
-                .into()
-        };
-        let units: Vec<Json> = self
-            .functions()
-            .map(|(unit, counts)| {
-                let counted = Status::ALL.iter().map(|status| (status.text(), counts.statuses[*status as usize])).filter(|(_, count)| *count > 0);
-                let statuses: BTreeMap<&str, u64> = counted.collect();
-                for (status, count) in &statuses {
-                    *total.entry(status).or_default() += count;
-                }
-                json!({
-                    "unit": unit, "function": counts.function, "transactions": counts.statuses.iter().sum::<u64>(), "statuses": statuses,
-                    "retries": counts.retries, "exceptions": counts.exceptions.iter().map(|(k, v)| (k.to_string(), *v)).collect::<BTreeMap<_, _>>(),
-                    "response_time": counts.response_times.json(),
-                })
-            })
-            .collect();
+        let units: Vec<Json> = self.functions().map(|(unit, counts)| counts.json(unit, total)).collect();
         let span = self.first.zip(self.last).map(|(first, last)| last - first).filter(|&span| span > 0);
         json!({
-            "bus": self.name, "mode": self.mode.map(Mode::text), "frames": by_verdict(&self.frames), "bytes": by_verdict(&self.bytes),
+            "bus": self.name, "mode": self.mode.map(Mode::text),
+            "frames": by_verdict(&self.frames), "bytes": by_verdict(&self.bytes),
             "duration_us": span.map(|ns| ns as f64 / 1000.0), "busy_us": span.map(|_| self.busy_ns as f64 / 1000.0),
-            "silence": self.silence.map(|counts| json!({
-                "t35_us": counts.t35_ns as f64 / 1000.0, "frames": counts.frames, "delimited_differently": counts.otherwise,
-            })),
+            "silence": self.silence.map(SilenceComparison::json),
             "utilization": span.map(|span| self.busy_ns as f64 / span as f64), "units": units,
             "cycle": self.requests.cycle(), "timeouts": self.requests.timeouts(functions),
         })
     }
+}
+
+impl FunctionCounts {
+    /// The counters of this function of a unit; statuses that do not appear are left out. Its statuses are added to `total`.
+    fn json(&self, unit: usize, total: &mut BTreeMap<&str, u64>) -> Json {
+        let counts = Status::ALL.iter().map(|status| (status.text(), self.statuses[*status as usize]));
+        let statuses: BTreeMap<&str, u64> = counts.filter(|(_, count)| *count > 0).collect();
+        for (status, count) in &statuses {
+            *total.entry(status).or_default() += count;
+        }
+        let exceptions: BTreeMap<String, u64> = self.exceptions.iter().map(|(code, &count)| (code.to_string(), count)).collect();
+        json!({
+            "unit": unit, "function": self.function, "transactions": self.statuses.iter().sum::<u64>(), "statuses": statuses,
+            "retries": self.retries, "exceptions": exceptions, "response_time": self.response_times.json(),
+        })
+    }
+}
+
+impl SilenceComparison {
+    fn json(self) -> Json {
+        json!({
+            "t35_us": self.t35_ns as f64 / 1000.0, "frames": self.frames, "delimited_differently": self.otherwise,
+        })
+    }
+}
+
+/// One counter for each verdict, by its name.
+fn by_verdict(counts: &[u64; 5]) -> Json {
+    let named = Verdict::ALL.iter().map(|verdict| (verdict.text().to_string(), Json::from(counts[*verdict as usize])));
+    named.collect::<serde_json::Map<_, _>>().into()
 }

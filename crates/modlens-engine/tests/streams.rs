@@ -129,6 +129,16 @@ fn a_wrong_mbap_length_costs_no_later_frame() {
 }
 
 #[test]
+fn a_wrong_mbap_length_hides_no_end_of_the_longest_frame() {
+    // Header (100 bytes) and byte count (10) both lie about a frame of 260 bytes, the most that there is (3.1.3).
+    let mut frame = [&[0, 1, 0, 0, 0, 94, 17, 3, 10][..], &[0xFF; 251]].concat();
+    frame.extend(mbap(0x1234, REQUEST));
+    let batch = decoded(Some(Mode::Tcp), &frame);
+    assert_eq!(batch.frames[0].wire.length, 260);
+    assert_eq!(good(&batch, &frame), [mbap(0x1234, REQUEST)]);
+}
+
+#[test]
 fn mbap_resynchronises_behind_noise_and_lost_bytes() {
     let frames: Vec<Vec<u8>> = (0..4).flat_map(|id| [mbap(id, REQUEST), mbap(id, RESPONSE)]).collect();
     for damage in [vec![0xFF], vec![0; 3], vec![0; 7], frames[2][3..].to_vec(), frames[3][..8].to_vec()] {

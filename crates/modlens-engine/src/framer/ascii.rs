@@ -48,139 +48,106 @@ struct MessageEnd {
 }
 
 impl AsciiFramer {
-    /// Where the message that begins with the first byte, a colon, ends. Indices count from that colon. The first of these:
+    /// Where the message that begins with the first byte, a colon, ends. Indices count from that colon. `None` if more bytes
+    /// are needed to tell.
     ///
-    /// - the next colon, which is no part of it (`Restart`);
-    /// - LF without CR, a fault; CR with LF or with the delimiter that the line has set; or CR alone (`Delimiter` all three).
-    ///   A CR that is the last byte so far does not end it yet, since LF may follow, unless the input is closed;
-    /// - `MAX_MESSAGE_CHARACTERS` (`Limit`);
-    /// - the start of a record or a silence of `CHARACTER_TIMEOUT_NS`: `Record` if `Input::is_boundary` holds there, which
-    ///   goes by `input.break_ns`, else `Silence`;
-    /// - the end of what has come, once the input is closed: `End` if the recording is over, else `Silence`.
-    ///
-    /// `None` if more bytes are needed to tell.
+    /// No message is longer than `MAX_MESSAGE_CHARACTERS`, and none reaches across the start of a record, a loss or a silence of
+    /// `CHARACTER_TIMEOUT_NS` (the edge). In front of these, the first colon, CR or LF behind the first byte ends it
+    /// (`end_at_character`), else one of these themselves (`end_without_delimiter`).
     fn message_end(&self, input: &Input) -> Option<MessageEnd> {
         let bytes = input.bytes();
-        // The index of the first byte behind a silence or a loss, or of a record's first byte: no message reaches across it.
-        let boundary = input.boundary_after(0, bytes.len().min(MAX_MESSAGE_CHARACTERS), CHARACTER_TIMEOUT_NS);
-        let available = &bytes[..boundary.unwrap_or(bytes.len()).min(MAX_MESSAGE_CHARACTERS)];
-        let end = |frame_end, hex_end, delimited_by, fault| Some(MessageEnd { frame_end, hex_end, delimited_by, fault });
-        if let Some(at) = memchr3_iter(b':', b'\n', b'\r', available).find(|&at| at > 0) {
-            match available[at] {
-                b':' => return end(at, at, DelimitedBy::Restart, None),
-                b'\n' => return end(at + 1, at, DelimitedBy::Delimiter, Some(FramingFault::BareLineFeed)),
-                _ => match available.get(at + 1) {
-                    Some(&next) if next == b'\n' || next == self.delimiter => {
-                        return end(at + 2, at, DelimitedBy::Delimiter, None)
-                    }
-                    Some(_) => return end(at + 1, at, DelimitedBy::Delimiter, None),
-                    None if available.len() < bytes.len() || input.is_closed => {
-                        return end(at + 1, at, DelimitedBy::Delimiter, None)
-                    }
-                    None => return None,
-                },
+        let edge = input.boundary_after(0, bytes.len().min(MAX_MESSAGE_CHARACTERS), CHARACTER_TIMEOUT_NS);
+        let available = &bytes[..edge.unwrap_or(bytes.len()).min(MAX_MESSAGE_CHARACTERS)];
+        match memchr3_iter(b':', b'\n', b'\r', available).find(|&at| at > 0) {
+            Some(at) => {
+                let is_all = input.is_closed || available.len() < bytes.len();
+                self.end_at_character(available, at, is_all)
             }
-        }
-        let length = available.len();
-        if length == MAX_MESSAGE_CHARACTERS {
-            return end(length, length, DelimitedBy::Limit, None);
-        }
-        match boundary {
-            Some(_) => {
-                end(length, length, if input.is_boundary(length) { DelimitedBy::Record } else { DelimitedBy::Silence }, None)
-            }
-            None if input.is_ended => end(length, length, DelimitedBy::End, None),
-            None if input.is_closed => end(length, length, DelimitedBy::Silence, None),
-            None => None,
+            None => end_without_delimiter(input, available.len(), edge.is_some()),
         }
     }
 
-    /// The first row of bytes that do not begin with a colon: noise, or a message without its colon, which is `Incomplete`; of
-    /// that, `adu` gets unit and PDU as far as they came. Looks at no more than `MAX_NOISE_ROW_BYTES`.
+    /// Where a message ends by the colon, LF or CR at index `at` of its bytes; `is_all`: no more bytes can belong to it.
     ///
-    /// A message without colon in front of the first colon is looked for first (`damage::ascii`); if it begins further on, the
-    /// bytes in front of it are noise. Without one, all bytes are noise up to the first colon, or up to the first record's
-    /// start or silence of `CHARACTER_TIMEOUT_NS` if that comes earlier (`Silence` for either), or up to the limit, or up to
-    /// the end of what has come once the input is closed. `None` if more bytes are needed to tell.
+    /// - At a colon, which is no part of it (`Restart`).
+    /// - Behind LF without CR, which is a fault.
+    /// - Behind CR with LF, or CR with the delimiter that the line has set.
+    /// - Behind CR alone, if another character follows or `is_all`. `None` if LF may still follow.
+    fn end_at_character(&self, bytes: &[u8], at: usize, is_all: bool) -> Option<MessageEnd> {
+        let end = |frame_end, delimited_by, fault| Some(MessageEnd { frame_end, hex_end: at, delimited_by, fault });
+        match (bytes[at], bytes.get(at + 1)) {
+            (b':', _) => end(at, DelimitedBy::Restart, None),
+            (b'\n', _) => end(at + 1, DelimitedBy::Delimiter, Some(FramingFault::BareLineFeed)),
+            (_, Some(&next)) if next == b'\n' || next == self.delimiter => end(at + 2, DelimitedBy::Delimiter, None),
+            (_, None) if !is_all => None,
+            _ => end(at + 1, DelimitedBy::Delimiter, None),
+        }
+    }
+
+    /// The row of a message that begins with the first byte, which is not a colon: `Incomplete`; `adu` gets unit and PDU as far
+    /// as they came. `length`: how many bytes are looked at. `None` if no message without colon (`damage::ascii`) stands in
+    /// front of the first colon. If one begins further on, the bytes in front of it, as noise.
+    fn colonless_message(input: &Input, context: &FramerContext<'_>, length: usize, adu: &mut Vec<u8>) -> Option<FrameResult> {
+        let bytes = &input.bytes()[..length];
+        let message = ascii::find_colonless(bytes, input.is_closed, context.known_units)?;
+        if message.start > 0 {
+            return Some(FrameResult::noise(message.start, DelimitedBy::Restart));
+        }
+        let has_lrc = decode_hex(&bytes[message.hex_start..message.hex_end], adu) && message.is_complete;
+        adu.truncate(adu.len() - usize::from(has_lrc));
+        let direction = ascii::direction(context, adu);
+        let result = FrameResult::noise(message.end, DelimitedBy::Delimiter);
+        Some(FrameResult { verdict: Verdict::Incomplete, direction, damage: message.damage, ..result })
+    }
+
+    /// The first row of bytes that do not begin with a colon: noise, or a message without its colon (`colonless_message`).
+    /// `None` if more bytes are needed to tell. Looks at no more than `MAX_NOISE_ROW_BYTES`.
+    ///
+    /// Noise ends at the first of these: a colon (`Restart`); the start of a record or a silence of `CHARACTER_TIMEOUT_NS`
+    /// (`Silence` for either); `MAX_NOISE_ROW_BYTES` (`Limit`); the end of what has come, once the input is closed.
     fn without_colon(input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
-        let bytes = input.bytes();
-        let available = &bytes[..bytes.len().min(MAX_NOISE_ROW_BYTES)];
-        match ascii::find_colonless(available, input.is_closed, context.known_units) {
-            Some(message) if message.start > 0 => return Some(FrameResult::noise(message.start, DelimitedBy::Restart)),
-            Some(message) => {
-                let has_lrc = decode_hex(&available[message.hex_start..message.hex_end], adu) && message.is_complete;
-                adu.truncate(adu.len() - usize::from(has_lrc));
-                let direction = ascii::direction(context, adu);
-                let result = FrameResult::noise(message.end, DelimitedBy::Delimiter);
-                return Some(FrameResult { verdict: Verdict::Incomplete, direction, damage: message.damage, ..result });
-            }
-            None => {}
+        let available = input.bytes().len().min(MAX_NOISE_ROW_BYTES);
+        if let Some(row) = Self::colonless_message(input, context, available, adu) {
+            return Some(row);
         }
-        if let Some(boundary) = input.boundary_after(0, available.len(), CHARACTER_TIMEOUT_NS) {
-            let colon = memchr(b':', &available[..boundary]);
-            return Some(
-                colon.map_or(FrameResult::noise(boundary, DelimitedBy::Silence), |at| {
-                    FrameResult::noise(at, DelimitedBy::Restart)
-                }),
-            );
+        let edge = input.boundary_after(0, available, CHARACTER_TIMEOUT_NS);
+        if let Some(at) = memchr(b':', &input.bytes()[..edge.unwrap_or(available)]) {
+            return Some(FrameResult::noise(at, DelimitedBy::Restart));
         }
-        match memchr(b':', available) {
-            Some(at) => Some(FrameResult::noise(at, DelimitedBy::Restart)),
-            None if available.len() == MAX_NOISE_ROW_BYTES => Some(FrameResult::noise(MAX_NOISE_ROW_BYTES, DelimitedBy::Limit)),
-            None if input.is_closed => {
-                Some(FrameResult::noise(available.len(), if input.is_ended { DelimitedBy::End } else { DelimitedBy::Silence }))
-            }
-            None => None,
+        match edge {
+            Some(edge) => Some(FrameResult::noise(edge, DelimitedBy::Silence)),
+            None if available == MAX_NOISE_ROW_BYTES => Some(FrameResult::noise(available, DelimitedBy::Limit)),
+            None => end_of_closed_input(input).map(|delimited_by| FrameResult::noise(available, delimited_by)),
         }
     }
 
     /// The row of the message that begins with the first byte, a colon, and ends at `end`. `adu` gets unit and PDU; the last
     /// byte of an `Incomplete` message stays in it, although it may be the LRC.
     ///
-    /// 1. No line end and no valid LRC: `Incomplete`. Bytes were lost only if just the end of the LRC and the line end are
-    ///    missing; else the sender may have stopped.
-    /// 2. An odd number of hex characters: `Incomplete`, with one lost or doubled.
-    /// 3. One byte fewer than the message announces, and an invalid LRC: `Incomplete`, with two characters lost.
-    /// 4. Everything else: `Ok` with a valid LRC, even without line end, and `BadChecksum` without one, or with characters that
-    ///    are not hex.
+    /// A message that is damaged by its number of characters is `Incomplete` (`completeness`; not where the recording
+    /// prints no checksums). Of the others, one with an even number of hex characters and nothing else is `Ok` if its LRC is
+    /// valid, even without line end, and `NoChecksum` where the recording prints none; all else is `BadChecksum`.
     ///
-    /// Where the recording prints no checksums, 1 to 3 do not apply: an even number of hex characters is `NoChecksum`, all
-    /// else `BadChecksum`. A sound message with unit and function gets direction, confidence and faults from
-    /// `complete_valid`, which may change the line's delimiter; the direction of any other is what unit and function tell.
+    /// A good message with unit and function gets direction, confidence and faults from `complete_valid`; the direction of
+    /// any other is what unit and function tell.
     fn frame(&mut self, input: &Input, context: &FramerContext<'_>, end: &MessageEnd, adu: &mut Vec<u8>) -> FrameResult {
         let text = &input.bytes()[1..end.hex_end];
         let is_hex = decode_hex(text, adu);
-        let mut result = FrameResult { verdict: Verdict::Incomplete, ..FrameResult::noise(end.frame_end, end.delimited_by) };
-        result.fault = end.fault;
         let has_valid_lrc = is_hex && adu.len() > 2 && lrc(adu) == 0;
         let prints_no_checksum = input.read(0).is_some_and(|read| read.lacks_checksum);
-        if !prints_no_checksum && end.delimited_by != DelimitedBy::Delimiter && !has_valid_lrc {
-            result.direction = ascii::direction(context, adu);
-            // A sender stops at any character. A tap that loses the line end and one character of the LRC leaves an odd
-            // number of characters and exactly one byte missing.
-            let is_odd = text.len() % 2 == 1 && text.iter().all(u8::is_ascii_hexdigit);
-            let lost_end = is_odd && ascii::missing_bytes(context, adu) == Some(1);
-            result.damage = lost_end.then_some(DamageKind::LostBytes { at: text.len() + 1, count: 3 });
-            return result;
-        }
-        if let Some(damage) = ascii::explain_odd_digits(text).filter(|_| !prints_no_checksum) {
-            let direction = ascii::direction(context, adu);
-            return FrameResult { direction, damage: Some(damage), ..result };
+        let mut result = FrameResult { fault: end.fault, ..FrameResult::noise(end.frame_end, end.delimited_by) };
+        if !prints_no_checksum {
+            if let Completeness::Incomplete(damage) = completeness(context, end, text, adu, has_valid_lrc) {
+                let direction = ascii::direction(context, adu);
+                return FrameResult { verdict: Verdict::Incomplete, direction, damage, ..result };
+            }
+            adu.pop();
         }
         result.verdict = match is_hex {
             true if prints_no_checksum => Verdict::NoChecksum,
             true if has_valid_lrc => Verdict::Ok,
             _ => Verdict::BadChecksum,
         };
-        // One whole byte, two characters, is missing by the announced length: then the LRC is invalid for that reason.
-        if result.verdict == Verdict::BadChecksum && is_hex && ascii::missing_bytes(context, adu) == Some(1) {
-            let direction = ascii::direction(context, adu);
-            let damage = Some(DamageKind::LostBytes { at: text.len() + 1, count: 2 });
-            return FrameResult { verdict: Verdict::Incomplete, direction, damage, ..result };
-        }
-        if !prints_no_checksum {
-            adu.pop();
-        }
         if result.verdict.is_good() && adu.len() >= 2 {
             self.complete_valid(&mut result, input, context, text, adu);
         } else {
@@ -208,6 +175,68 @@ impl AsciiFramer {
         if let [_, 8, 0, 3, delimiter, ..] = *adu {
             self.delimiter = delimiter;
         }
+    }
+}
+
+/// Where a message ends without colon, CR or LF, whose `length` bytes are all up to its edge, up to `MAX_MESSAGE_CHARACTERS`,
+/// or, with neither, all that have come. The first of these:
+///
+/// - `MAX_MESSAGE_CHARACTERS` (`Limit`);
+/// - the edge, if it has one (`has_edge`): `Record` if `Input::is_boundary` holds there, which goes by `input.break_ns`, else
+///   `Silence`;
+/// - the end of what has come, once the input is closed.
+///
+/// `None` if more bytes are needed to tell.
+fn end_without_delimiter(input: &Input, length: usize, has_edge: bool) -> Option<MessageEnd> {
+    let delimited_by = if length == MAX_MESSAGE_CHARACTERS {
+        DelimitedBy::Limit
+    } else if has_edge && input.is_boundary(length) {
+        DelimitedBy::Record
+    } else if has_edge {
+        DelimitedBy::Silence
+    } else {
+        end_of_closed_input(input)?
+    };
+    Some(MessageEnd { frame_end: length, hex_end: length, delimited_by, fault: None })
+}
+
+/// What the last of all bytes are delimited by: `End` if the recording is over, `Silence` if the line has been silent for so
+/// long that the input is closed; `None` if more bytes may follow.
+fn end_of_closed_input(input: &Input) -> Option<DelimitedBy> {
+    match (input.is_ended, input.is_closed) {
+        (true, _) => Some(DelimitedBy::End),
+        (_, true) => Some(DelimitedBy::Silence),
+        _ => None,
+    }
+}
+
+/// Whether a message came with all of its characters.
+enum Completeness {
+    /// It did, as far as their number tells.
+    Complete,
+    /// It did not; with what happened to it, if that is known.
+    Incomplete(Option<DamageKind>),
+}
+
+/// Whether a message came with all of its characters. `text` has those between colon and `end`, `adu` the bytes that they
+/// stand for, as far as they could be decoded.
+///
+/// 1. No line end and no valid LRC: incomplete. A sender stops at any character; but an odd number of hex characters with
+///    exactly one byte missing is a message whose line end and last character of the LRC the tap has lost, three in all.
+/// 2. An odd number of hex characters: incomplete; one is lost or doubled (`explain_odd_digits`).
+/// 3. An invalid LRC, an even number of hex characters, and one byte fewer than announced: incomplete; two are lost.
+/// 4. All other messages are complete.
+fn completeness(context: &FramerContext<'_>, end: &MessageEnd, text: &[u8], adu: &[u8], has_valid_lrc: bool) -> Completeness {
+    let lost = |count| Some(DamageKind::LostBytes { at: text.len() + 1, count });
+    let is_odd = text.len() % 2 == 1;
+    let lacks_one_byte = || text.iter().all(u8::is_ascii_hexdigit) && ascii::missing_bytes(context, adu) == Some(1);
+    if end.delimited_by != DelimitedBy::Delimiter && !has_valid_lrc {
+        return Completeness::Incomplete(if is_odd && lacks_one_byte() { lost(3) } else { None });
+    }
+    match ascii::explain_odd_digits(text) {
+        Some(damage) => Completeness::Incomplete(Some(damage)),
+        None if !has_valid_lrc && !is_odd && lacks_one_byte() => Completeness::Incomplete(lost(2)),
+        None => Completeness::Complete,
     }
 }
 

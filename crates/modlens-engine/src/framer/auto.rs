@@ -54,13 +54,19 @@ impl AutoFramer {
     ///    `next_check_bytes` says which of these numbers is the next; none is tried twice.
     /// 4. At 4096 bytes, or earlier once the input is closed: the same over all of them, else the mode that they look like.
     fn mode_of(&mut self, input: &Input, functions: &Functions) -> Option<Mode> {
-        let bytes = input.bytes();
-        if let Some(mode) = input.read(0).and_then(|read| read.proven_framing) {
+        let (bytes, read) = (input.bytes(), input.read(0));
+        if let Some(mode) = read.and_then(|read| read.proven_framing) {
             return Some(mode);
         }
-        if input.read(0).is_some_and(|read| read.lacks_checksum) && bytes.first() != Some(&b':') {
+        if read.is_some_and(|read| read.lacks_checksum) && bytes.first() != Some(&b':') {
             return Some(Mode::Rtu);
         }
+        self.mode_by_bytes(input, functions)
+    }
+
+    /// The mode of the line by its first bytes alone: 3 and 4 of `mode_of`.
+    fn mode_by_bytes(&mut self, input: &Input, functions: &Functions) -> Option<Mode> {
+        let bytes = input.bytes();
         let checked = &bytes[..bytes.len().min(LAST_MODE_CHECK_BYTES)];
         while self.next_check_bytes <= checked.len() {
             if let Some(mode) = mode_by_valid_frames(functions, &bytes[..self.next_check_bytes]) {

@@ -50,39 +50,46 @@ impl SilenceFramer {
     }
 }
 
+/// The row of the first `length` bytes as a frame. `adu`, which is empty, gets unit and PDU.
+///
+/// The CRC decides: `Ok` or `BadChecksum`; where the recording prints no checksum, all bytes are unit and PDU (`NoChecksum`).
+/// Only a good frame has a direction. The confidence is the same for all three, because nothing is weighed.
+fn frame(input: &Input, context: &FramerContext<'_>, length: usize, delimited_by: DelimitedBy, adu: &mut Vec<u8>) -> FrameResult {
+    let bytes = &input.bytes()[..length];
+    let lacks_checksum = input.read(0).is_some_and(|read| read.lacks_checksum);
+    adu.extend_from_slice(if lacks_checksum { bytes } else { &bytes[..length - 2] });
+    let verdict = match crc_valid(bytes) {
+        _ if lacks_checksum => Verdict::NoChecksum,
+        true => Verdict::Ok,
+        false => Verdict::BadChecksum,
+    };
+    let direction = if verdict.is_good() { direction(input, context, adu) } else { Direction::Unknown };
+    let confidence = CRC_CONFIDENCE_BITS;
+    FrameResult { verdict, direction, confidence, ..FrameResult::noise(length, delimited_by) }
+}
+
+/// Who sent a good frame at the first byte, of which `adu` has unit and PDU.
+fn direction(input: &Input, context: &FramerContext<'_>, adu: &[u8]) -> Direction {
+    let pause = (context.timeout_log_odds)(input.pause_before(0));
+    let declared = context.declared_direction_at(input, 0);
+    infer_direction(context.functions, context.outstanding_request, adu[0], &adu[1..], declared, pause)
+}
+
 impl Framer for SilenceFramer {
     /// The bytes up to the first silence as a row; `None` if there are none, or if the silence has not come. No frame is
     /// searched for inside, and a damaged one is not explained.
     ///
-    /// Noise if they are too few for a frame, or end only at the limit of a row. Else `adu` gets unit and PDU, and the CRC
-    /// decides: `Ok` or `BadChecksum`; where the recording prints no checksum, all bytes are unit and PDU (`NoChecksum`). Only
-    /// a good frame has a direction. The confidence is the same for all three, because nothing is weighed.
+    /// Noise if they are too few for a frame, or end only at the limit of a row. Else `frame` says what they are.
     fn next(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         adu.clear();
         if input.bytes().is_empty() {
             return None;
         }
         let (length, delimited_by) = self.first_end(input)?;
-        let bytes = &input.bytes()[..length];
         if length < MIN_FRAME_BYTES || delimited_by == DelimitedBy::Limit {
             return Some(FrameResult::noise(length, delimited_by));
         }
-        let lacks_checksum = input.read(0).is_some_and(|read| read.lacks_checksum);
-        adu.extend_from_slice(if lacks_checksum { bytes } else { &bytes[..length - 2] });
-        let verdict = match crc_valid(bytes) {
-            _ if lacks_checksum => Verdict::NoChecksum,
-            true => Verdict::Ok,
-            false => Verdict::BadChecksum,
-        };
-        let direction = if verdict.is_good() {
-            let pause = (context.timeout_log_odds)(input.pause_before(0));
-            let declared = context.declared_direction_at(input, 0);
-            infer_direction(context.functions, context.outstanding_request, adu[0], &adu[1..], declared, pause)
-        } else {
-            Direction::Unknown
-        };
-        let confidence = CRC_CONFIDENCE_BITS;
-        Some(FrameResult { verdict, direction, confidence, ..FrameResult::noise(length, delimited_by) })
+        Some(frame(input, context, length, delimited_by, adu))
     }
 
     fn mode(&self) -> Mode {

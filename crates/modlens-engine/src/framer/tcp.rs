@@ -58,35 +58,58 @@ enum LengthCheck {
     Undecided,
 }
 
+/// The length of the frame at the first byte by its layout, as a request or as a response, if that is less than `length`, what
+/// its header announces, and a whole frame begins right behind it and ends before `length`, among the bytes that have come.
+fn earlier_end(functions: &Functions, bytes: &[u8], length: usize) -> Option<usize> {
+    let available = bytes.len().min(length - 1);
+    let ends = layout_lengths(functions, bytes).into_iter().flatten().filter(|&end| end < available);
+    ends.into_iter().find(|&end| begins_with_frame(functions, &bytes[end..available]) == Some(true))
+}
+
+/// The row of a frame of which only the first `length` bytes are there. `adu`, which is empty, gets unit and PDU as far as they
+/// came.
+fn incomplete(input: &Input, length: usize, delimited_by: DelimitedBy, adu: &mut Vec<u8>) -> FrameResult {
+    adu.extend_from_slice(input.bytes().get(PREFIX_BYTES..length).unwrap_or(&[]));
+    let mbap_id = transaction_identifier(input.bytes());
+    FrameResult { verdict: Verdict::Incomplete, mbap_id, ..FrameResult::noise(length, delimited_by) }
+}
+
+/// The transaction identifier of the header that begins with the first byte.
+fn transaction_identifier(bytes: &[u8]) -> Option<u16> {
+    bytes.first_chunk().map(|&id| u16::from_be_bytes(id))
+}
+
 impl TcpFramer {
     /// Whether the frame at the first byte ends where its header announces it. `length` is what the header announces, in bytes
     /// of the whole frame; not all of them need to have come.
     ///
-    /// 1. `Wrong` if the layout ends the frame earlier, as a request or as a response, and a whole frame begins right there
-    ///    and ends before `length`, among the bytes that have come.
+    /// 1. `Wrong` if the layout ends the frame earlier (`earlier_end`).
     /// 2. `Plausible` if the layout admits the announced length, or if the frame has not come as a whole: then the caller
     ///    waits for it, and asks again.
-    /// 3. Else header and layout contradict each other, and the next whole frame decides, looked for first at the announced
-    ///    end, then at the layout's ends, then at every end of a shorter frame than the longest one. At the announced end:
-    ///    `Plausible`; elsewhere: `Wrong`. If bytes are missing to tell, `Undecided` until the input is closed. Without such a frame,
-    ///    `Plausible`: `complete` reports that the layout does not fit.
+    /// 3. Else header and layout contradict each other, and the next whole frame decides (`check_by_next_frame`).
     fn check_length(input: &Input, context: &FramerContext<'_>, length: usize) -> LengthCheck {
-        let (bytes, functions) = (input.bytes(), context.functions);
-        let by_layout = layout_lengths(functions, bytes);
-        // If the layout ends the frame earlier and the next frame begins there, the header announces too much.
-        let available = bytes.len().min(length - 1);
-        let earlier_ends = by_layout.into_iter().flatten().filter(|&end| end < available);
-        for end in earlier_ends {
-            if begins_with_frame(functions, &bytes[end..available]) == Some(true) {
-                return LengthCheck::Wrong(end);
-            }
+        let bytes = input.bytes();
+        if let Some(end) = earlier_end(context.functions, bytes, length) {
+            return LengthCheck::Wrong(end);
         }
-        if bytes.len() < length || layout_fits(functions, &bytes[PREFIX_BYTES + 1..length]) {
+        if bytes.len() < length || layout_fits(context.functions, &bytes[PREFIX_BYTES + 1..length]) {
             return LengthCheck::Plausible;
         }
-        let any_end = HEADER_BYTES..PREFIX_BYTES + MAX_LENGTH_FIELD;
+        Self::check_by_next_frame(input, context.functions, length)
+    }
+
+    /// Where the next whole frame begins, if header and layout of the first one contradict each other: it is looked for at the
+    /// announced end first (`length`), then at the ends by the layout, then at the end of every frame that may be, from
+    /// the shortest to the longest one.
+    ///
+    /// At the announced end: `Plausible`; elsewhere: `Wrong`. If bytes are missing to tell at one of these places, `Undecided`
+    /// until the input is closed: how the bytes were split into blocks must not matter. Without such a frame, `Plausible`:
+    /// `complete` reports that the layout does not fit.
+    fn check_by_next_frame(input: &Input, functions: &Functions, length: usize) -> LengthCheck {
+        let bytes = input.bytes();
+        let by_layout = layout_lengths(functions, bytes);
+        let any_end = HEADER_BYTES..=PREFIX_BYTES + MAX_LENGTH_FIELD;
         for end in std::iter::once(length).chain(by_layout.into_iter().flatten()).chain(any_end) {
-            // A place that has not come yet is awaited: how the bytes were split into blocks must not matter.
             match bytes.get(end..).and_then(|behind| begins_with_frame(functions, behind)) {
                 Some(true) if end == length => return LengthCheck::Plausible,
                 Some(true) => return LengthCheck::Wrong(end),
@@ -95,6 +118,21 @@ impl TcpFramer {
             }
         }
         LengthCheck::Plausible
+    }
+
+    /// Moves `noise_bytes` to the next index at which a frame begins (`Some(true)`), to the limit of a noise row
+    /// (`Some(false)`), or to the first place that cannot be decided because bytes are missing, be it behind the last one
+    /// (`None`). A further call goes on from there, and looks at no earlier place again.
+    fn skip_noise(&mut self, input: &Input, context: &FramerContext<'_>) -> Option<bool> {
+        while self.noise_bytes < MAX_NOISE_ROW_BYTES {
+            let is_there = self.noise_bytes < input.bytes().len();
+            let begins = if is_there { Self::begins(input, context, self.noise_bytes) } else { None };
+            if begins != Some(false) {
+                return begins;
+            }
+            self.noise_bytes += 1;
+        }
+        Some(false)
     }
 
     /// Whether a frame begins at index `at` of the input; `None` if more bytes are needed, which cannot be once it is closed.
@@ -128,45 +166,34 @@ impl TcpFramer {
     /// row is that of `complete`. On a connection, whose packets are known, a header is believed without `check_length` if the
     /// packet ends with the frame, or with a CRC that a gateway left behind it.
     fn frame(input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
-        let bytes = input.bytes();
-        let length = announced_length(bytes)?;
         adu.clear();
-        let mbap_id = Some(u16::from_be_bytes([bytes[0], bytes[1]]));
-        let incomplete = |length: usize, delimited_by: DelimitedBy| FrameResult {
-            verdict: Verdict::Incomplete,
-            mbap_id,
-            ..FrameResult::noise(length, delimited_by)
-        };
+        let length = announced_length(input.bytes())?;
         // No silence is as long as this, so that only the start of a record or a loss counts.
         if let Some(edge) = input.boundary_after(0, length - 1, Ns::MAX) {
-            adu.extend_from_slice(bytes.get(PREFIX_BYTES..edge).unwrap_or(&[]));
-            return Some(incomplete(edge, DelimitedBy::Record));
+            return Some(incomplete(input, edge, DelimitedBy::Record, adu));
         }
-        // On a connection, a packet that ends with the frame confirms the header.
         let is_confirmed = context.connection_side.is_some() && is_whole_read(input, length);
         match if is_confirmed { LengthCheck::Plausible } else { Self::check_length(input, context, length) } {
-            LengthCheck::Plausible => {}
-            LengthCheck::Undecided => return None,
+            LengthCheck::Undecided => None,
             LengthCheck::Wrong(end) => {
-                adu.extend_from_slice(&bytes[PREFIX_BYTES..end]);
                 let fault = Some(FramingFault::MbapLength);
-                return Some(FrameResult { fault, ..incomplete(end, DelimitedBy::Frame) });
+                Some(FrameResult { fault, ..incomplete(input, end, DelimitedBy::Frame, adu) })
+            }
+            LengthCheck::Plausible if input.bytes().len() >= length => Some(Self::complete(input, context, adu, length)),
+            LengthCheck::Plausible => {
+                let delimited_by = if input.is_ended { DelimitedBy::End } else { DelimitedBy::Silence };
+                input.is_closed.then(|| incomplete(input, input.bytes().len(), delimited_by, adu))
             }
         }
-        if bytes.len() < length {
-            adu.extend_from_slice(&bytes[PREFIX_BYTES..]);
-            let delimited_by = if input.is_ended { DelimitedBy::End } else { DelimitedBy::Silence };
-            return input.is_closed.then(|| incomplete(bytes.len(), delimited_by));
-        }
-        adu.extend_from_slice(&bytes[PREFIX_BYTES..length]);
-        Some(Self::complete(input, context, adu, length, mbap_id))
     }
 
-    /// The row of a frame of `length` bytes, which have all come; `adu` has its unit and PDU. It is `Ok` in any case: a layout
+    /// The row of a frame of `length` bytes, which have all come; `adu` gets its unit and PDU. It is `Ok` in any case: a layout
     /// that does not fit, or a CRC of the RTU frame left behind the PDU, is a fault. Such a CRC is part of the row. The side of
     /// the connection is the direction; without one, it is inferred, and the silence in front says nothing.
-    fn complete(input: &Input, context: &FramerContext<'_>, adu: &[u8], length: usize, mbap_id: Option<u16>) -> FrameResult {
+    fn complete(input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>, length: usize) -> FrameResult {
+        adu.extend_from_slice(&input.bytes()[PREFIX_BYTES..length]);
         let pdu = &adu[1..];
+        let mbap_id = transaction_identifier(input.bytes());
         let fits = layout_fits(context.functions, pdu);
         let inferred = || {
             let pause = (context.timeout_log_odds)(None);
@@ -185,34 +212,19 @@ impl TcpFramer {
 
 impl Framer for TcpFramer {
     /// The frame at the first byte, or one noise row of all bytes up to the next frame, as many as `MAX_NOISE_ROW_BYTES`, or
-    /// up to the end once the input is closed.
-    ///
-    /// `noise_bytes` counts the bytes from the first one on that begin no frame, so that a further call looks at none of them
-    /// again; each turn of the loop looks at one more place. It is 0 again behind a noise row. `None`, so no row yet, if there
-    /// are no bytes, or if the bytes at the next place, or of the frame at the first byte, are too few to tell.
+    /// up to the end once the input is closed. `None`, so no row yet, if there are no bytes, or if the bytes at the next place,
+    /// or of the frame at the first byte, are too few to tell.
     fn next(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
-        loop {
-            let available = input.bytes().len();
-            let at = self.noise_bytes;
-            let begins = if at < available { Self::begins(input, context, at) } else { None };
-            match begins {
-                Some(true) if at == 0 => return Self::frame(input, context, adu),
-                Some(false) if at + 1 < MAX_NOISE_ROW_BYTES => self.noise_bytes += 1,
-                None if !(input.is_closed && at > 0) => return None,
-                begins => {
-                    let length = if begins == Some(false) { at + 1 } else { at };
-                    let delimited_by = match begins {
-                        Some(true) => DelimitedBy::Frame,
-                        Some(false) => DelimitedBy::Limit,
-                        None if input.is_ended => DelimitedBy::End,
-                        None => DelimitedBy::Silence,
-                    };
-                    self.noise_bytes = 0;
-                    adu.clear();
-                    return Some(FrameResult::noise(length, delimited_by));
-                }
-            }
-        }
+        let delimited_by = match self.skip_noise(input, context) {
+            Some(true) if self.noise_bytes == 0 => return Self::frame(input, context, adu),
+            Some(true) => DelimitedBy::Frame,
+            Some(false) => DelimitedBy::Limit,
+            None if !input.is_closed || self.noise_bytes == 0 => return None,
+            None if input.is_ended => DelimitedBy::End,
+            None => DelimitedBy::Silence,
+        };
+        adu.clear();
+        Some(FrameResult::noise(std::mem::take(&mut self.noise_bytes), delimited_by))
     }
 
     fn mode(&self) -> Mode {

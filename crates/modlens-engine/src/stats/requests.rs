@@ -107,11 +107,10 @@ impl RequestTable {
         self.last_damaged_frame = number;
     }
 
-    /// Counts a closed transaction: a late response with the request that it belongs to, and its own request, if it has an
-    /// intact one, as sent. Of an unanswered request (`no_response`), it also counts how long the master waited, which unit
-    /// and status came before, and whether a damaged frame or noise has come since, and remembers it for a late response.
+    /// Counts a closed transaction: a late response with the request that it belongs to, and its own request as sent, if it has
+    /// an intact one. Of a request without response (`Status::NoResponse`), also what `count_unanswered` says.
     ///
-    /// A retry is sent, but not a poll. A request for which there is no room is not counted in this table.
+    /// A retry is sent, but not a poll. A request for which there is no room (`MAX_REQUESTS`) is not counted in this table.
     pub fn transaction(&mut self, functions: &Functions, transaction: &PendingTransaction) {
         if let Some(txn) = transaction.late_for {
             self.count_late_response(txn, transaction.late_response);
@@ -122,15 +121,21 @@ impl RequestTable {
         let key = RequestKey::of(functions, transaction);
         let previous = self.previous.replace((transaction.unit, transaction.status));
         let Some(at) = self.index(key) else { return };
-        let counts = &mut self.counts[at];
         if transaction.retry_of.is_none() {
-            counts.add_poll(transaction.request.start);
+            self.counts[at].add_poll(transaction.request.start);
         } else {
-            counts.sent += 1;
+            self.counts[at].sent += 1;
         }
-        if transaction.status != Status::NoResponse {
-            return;
+        if transaction.status == Status::NoResponse {
+            self.count_unanswered(at, transaction, previous);
         }
+    }
+
+    /// Counts that the request at this index in `counts` got no response: how long the master waited, whether a damaged frame or
+    /// noise has come since the request, and which unit and status the transaction before (`previous`) had. The transaction is
+    /// remembered for a late response, the oldest of more than `MAX_UNANSWERED` is forgotten.
+    fn count_unanswered(&mut self, at: usize, transaction: &PendingTransaction, previous: Option<(u8, Status)>) {
+        let counts = &mut self.counts[at];
         counts.unanswered += 1;
         counts.unanswered_with_damage += u64::from(self.last_damaged_frame > transaction.request.number);
         if let Some(before) = previous {
@@ -142,7 +147,7 @@ impl RequestTable {
         if self.recent_unanswered.len() == MAX_UNANSWERED {
             self.recent_unanswered.pop_front();
         }
-        self.recent_unanswered.push_back((transaction.txn, key, transaction.waited));
+        self.recent_unanswered.push_back((transaction.txn, counts.key, transaction.waited));
     }
 
     /// Counts a request of the fast path, which was answered.

@@ -36,6 +36,20 @@ fn begins_with_count(body: &[u8]) -> bool {
     body.first().is_some_and(|&count| usize::from(count) + 1 == body.len())
 }
 
+impl LengthCounts {
+    /// Counts a body of this length. A length that is not among those remembered takes the place of the least frequent one,
+    /// with a count of one. The lengths stay sorted by their counts, the most frequent first.
+    fn count_length(&mut self, length: u16) {
+        let known = self.lengths.iter().position(|&(known, seen)| known == length && seen > 0.0);
+        let place = known.unwrap_or(REMEMBERED_LENGTHS - 1);
+        if known.is_none() {
+            self.lengths[place] = (length, 0.0);
+        }
+        self.lengths[place].1 += 1.0;
+        self.lengths.sort_by(|a, b| b.1.total_cmp(&a.1));
+    }
+}
+
 impl LearnedLengths {
     /// Learns the length of the body (without function code and CRC) of a committed frame: as announced where the body begins
     /// with a count of the bytes that follow, else as one of the lengths remembered. Counts are halved after
@@ -46,15 +60,7 @@ impl LearnedLengths {
         if begins_with_count(body) {
             counts.counted += 1.0;
         } else {
-            let length = body.len() as u16;
-            let known = counts.lengths.iter().position(|&(known, seen)| known == length && seen > 0.0);
-            // A new length takes the place of the least frequent one.
-            let place = known.unwrap_or(REMEMBERED_LENGTHS - 1);
-            if known.is_none() {
-                counts.lengths[place] = (length, 0.0);
-            }
-            counts.lengths[place].1 += 1.0;
-            counts.lengths.sort_by(|a, b| b.1.total_cmp(&a.1));
+            counts.count_length(body.len() as u16);
         }
         if counts.frames > HALVE_LENGTHS_FRAMES {
             counts.frames /= 2.0;

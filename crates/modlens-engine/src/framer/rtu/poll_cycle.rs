@@ -68,35 +68,40 @@ impl PollCycle {
         }
     }
 
-    /// Counts a request that its slot does not hold with a count of two or more. A slot held by another request loses a count; at
-    /// 0 it is taken, with its place in the poll cycle. At a count of two, a short request joins the cycle, unless its slot is in
-    /// it already; a full cycle loses the request that joined first, and all others get the number before their own.
+    /// Counts a request that its slot does not hold with a count of two or more. A slot held by another request loses a count;
+    /// if it has none left, this request takes it (`replace`). At a count of two, the request joins the poll cycle.
     fn record_rare(&mut self, frame: &[u8], key: u64, slot: usize) {
         let seen = &mut self.seen[slot];
-        // Another request in the slot loses one count each time. When it has none left, this request takes the slot.
-        if seen.key != key {
-            if seen.count > 0 {
-                seen.count -= 1;
-                return;
+        if seen.key == key {
+            seen.count += 1;
+            if seen.count == 2 {
+                self.join_cycle(slot);
             }
+        } else if seen.count > 0 {
+            seen.count -= 1;
+        } else {
             (seen.key, seen.count) = (key, 1);
             self.replace(frame, slot);
+        }
+    }
+
+    /// Adds the request in this slot to the poll cycle, unless it is too long to be kept or its slot is in the cycle already. A
+    /// full cycle loses the request that joined first, and all others get the number before their own.
+    fn join_cycle(&mut self, slot: usize) {
+        if self.texts[slot][0] == 0 || self.seen[slot].is_polled {
             return;
         }
-        seen.count += 1;
-        if seen.count == 2 && self.texts[slot][0] > 0 && !seen.is_polled {
-            seen.is_polled = true;
-            if self.polled.len() == MAX_FRAMES {
-                let oldest = self.polled.remove(0);
-                self.seen[usize::from(oldest)].is_polled = false;
-                self.index.shift();
-                self.prefilter.shift();
-            }
-            let (number, frame) = (self.polled.len(), bytes_of(&self.texts[slot]));
-            self.index.add(number, frame);
-            self.prefilter.add(number, frame);
-            self.polled.push(slot as u16);
+        self.seen[slot].is_polled = true;
+        if self.polled.len() == MAX_FRAMES {
+            let oldest = self.polled.remove(0);
+            self.seen[usize::from(oldest)].is_polled = false;
+            self.index.shift();
+            self.prefilter.shift();
         }
+        let (number, frame) = (self.polled.len(), bytes_of(&self.texts[slot]));
+        self.index.add(number, frame);
+        self.prefilter.add(number, frame);
+        self.polled.push(slot as u16);
     }
 
     /// Puts another request in a slot, and in its place in the poll cycle if the slot has one. A request that is too long to be

@@ -23,29 +23,33 @@ impl TrafficModel {
     ///
     /// It only counts them; `bits` follow once in `NOISE_UPDATE_BYTES`.
     pub fn learn_noise(&mut self, bytes: &[u8]) {
-        let mut rest = bytes;
-        if bytes.len() >= MANY_BYTES {
-            // To count the same value twice in a row, the second addition would have to wait for the first. Four
-            // histograms, filled in turn, avoid that.
-            let mut histograms = [[0u32; 256]; 4];
-            let quads = bytes.chunks_exact(4);
-            rest = quads.remainder();
-            for quad in quads {
-                for (histogram, &byte) in histograms.iter_mut().zip(quad) {
-                    histogram[usize::from(byte)] += 1;
-                }
-            }
-            for (value, count) in self.noise.iter_mut().enumerate() {
-                *count += histograms.iter().map(|histogram| histogram[value]).sum::<u32>() as f32;
-            }
-        }
-        for &byte in rest {
+        let one_by_one = if bytes.len() >= MANY_BYTES { self.count_quads(bytes) } else { bytes };
+        for &byte in one_by_one {
             self.noise[byte as usize] += 1.0;
         }
         self.noise_total += bytes.len() as f32;
         if self.noise_total >= self.noise_due {
             self.update_bits();
         }
+    }
+
+    /// Counts noise bytes by value, four at a time; returns the last ones, fewer than four, which are not counted.
+    ///
+    /// To count the same value twice in a row, the second addition would have to wait for the first. Four histograms, filled in
+    /// turn, avoid that.
+    fn count_quads<'a>(&mut self, bytes: &'a [u8]) -> &'a [u8] {
+        let mut histograms = [[0u32; 256]; 4];
+        let quads = bytes.chunks_exact(4);
+        let rest = quads.remainder();
+        for quad in quads {
+            for (histogram, &byte) in histograms.iter_mut().zip(quad) {
+                histogram[usize::from(byte)] += 1;
+            }
+        }
+        for (value, count) in self.noise.iter_mut().enumerate() {
+            *count += histograms.iter().map(|histogram| histogram[value]).sum::<u32>() as f32;
+        }
+        rest
     }
 
     /// Computes the information content of all byte values anew: a mixture of the usual shares and those of the noise, of which

@@ -121,6 +121,7 @@ pub enum RequestCopy {
 }
 
 impl Default for TrafficModel {
+    /// A line that has shown nothing yet: all counts are 0, and every cost follows from the priors of the table of weights.
     fn default() -> Self {
         let mut this = Self {
             units: [0.0; 256],
@@ -174,12 +175,7 @@ impl TrafficModel {
     /// `frame` includes unit and CRC; `direction` is `REQUEST` or `RESPONSE`.
     #[inline]
     pub fn learn(&mut self, frame: &[u8], direction: usize, position: FramePosition, copy: RequestCopy) {
-        let index = position.index();
-        if position.request_outstanding {
-            self.unanswered[index].learn(direction == REQUEST);
-        } else {
-            self.unsolicited[index].learn(direction == RESPONSE);
-        }
+        self.learn_turn(direction, position);
         match copy {
             RequestCopy::First if direction == REQUEST => self.requests += 1.0,
             RequestCopy::Repeated => self.repeated_requests += 1.0,
@@ -197,6 +193,16 @@ impl TrafficModel {
         }
         if self.unit_total > weights::HALVE_COUNTS_FRAMES {
             self.halve_counts();
+        }
+    }
+
+    /// Learns whether a frame came out of turn: a request while another one was outstanding, or a response while none was.
+    #[inline]
+    fn learn_turn(&mut self, direction: usize, position: FramePosition) {
+        if position.request_outstanding {
+            self.unanswered[position.index()].learn(direction == REQUEST);
+        } else {
+            self.unsolicited[position.index()].learn(direction == RESPONSE);
         }
     }
 
@@ -239,6 +245,7 @@ impl TrafficModel {
 
     /// Halves all counts, so that what a line showed long ago counts for less and less.
     fn halve_counts(&mut self) {
+        // The cached bounds were computed from the counts as they are now.
         self.score_bounds.clear();
         for count in self.units.iter_mut().chain(self.functions.iter_mut().flatten()).chain(&mut self.function_totals) {
             *count /= 2.0;
