@@ -216,6 +216,8 @@ class Table:
     def __iter__(self) -> Iterator[Row]: ...
     def where(self, predicate: Predicate) -> Table:
         """The rows for which the predicate holds."""
+    def slice(self, start: int, count: int) -> Table:
+        """At most `count` rows from row `start` on, which may be behind the last one."""
     def lines(self, format: str, columns: Sequence[str], *, header: bool = False) -> Pieces:
         """Rows as lines of text, in pieces of about 64 KiB that end with a row.
 
@@ -249,9 +251,14 @@ class Pieces:
 
 @final
 class ArrowStream:
-    """A lazy Arrow C stream over an iterator of Tables (all of the table called `name`)."""
+    """A lazy Arrow C stream over an iterator of Tables (all of the table called `name`).
 
-    def __new__(cls, name: str, tables: Iterator[Table]) -> ArrowStream: ...
+    `columns` are the keys of the columns that it carries, in order; None for all of them.
+    """
+
+    def __new__(
+        cls, name: str, tables: Iterator[Table], columns: Sequence[str] | None = None
+    ) -> ArrowStream: ...
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
 
 @final

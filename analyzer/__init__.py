@@ -20,7 +20,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from analyzer.api import Decoding, Rows, Tap, decode, tap
+    from analyzer.api import Decoding, Tap, decode, tap
+    from analyzer.rows import Rows
     from dissectors.errors import (
         CaptureError,
         FilterError,
@@ -46,14 +47,15 @@ __all__ = [
     "tap",
 ]
 
-_API = ("Decoding", "Rows", "Tap", "decode", "tap")
+_HOMES = {"Rows": "analyzer.rows"} | dict.fromkeys(
+    ("Decoding", "Tap", "decode", "tap"), "analyzer.api"
+)
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used, so that the command line starts without them."""
     if name not in __all__:
         raise AttributeError(f"module 'analyzer' has no attribute {name!r}")
-    home = "analyzer.api" if name in _API else "dissectors.errors"
-    value = getattr(importlib.import_module(home), name)
+    value = getattr(importlib.import_module(_HOMES.get(name, "dissectors.errors")), name)
     globals()[name] = value
     return value

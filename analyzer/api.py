@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from types import TracebackType
-from typing import Any, Literal, Self
+from typing import Any, BinaryIO, Literal, Self, cast
 
 import _modlens
 from analyzer.columns import columns
-from analyzer.filters import Filter, parse
+from analyzer.exports import format_of
+from analyzer.exports.sink import Target, with_suitable_table
 from analyzer.line import Line, parse_line
 from analyzer.live_run import LiveRun
 from analyzer.profiles import Binding, parse_binding, with_vendor_functions
+from analyzer.row_types import AnyRow, FindingRow, FrameRow, ReadingRow, TransactionRow
+from analyzer.rows import Rows
 from analyzer.session import FileRun, Settings
 from analyzer.silence_limits import silence_limits
 from analyzer.times import utc_offset_changes
@@ -25,58 +28,11 @@ LAST_PORT = 65535
 
 Path = str | os.PathLike[str]
 
+Source = Path | bytes | bytearray | memoryview | BinaryIO
+"""A recording: the name of a file, bytes, or an open file."""
 
-class Rows:
-    """The rows of one table of a recording.
-
-    Every use reads the recording anew, and streams: memory stays flat.
-
-    Iterate it for `Row` objects (an attribute per column, None where empty), or hand it to what
-    takes an Arrow stream. `name` is the table's name.
-
-    >>> rows = decode("bus.hex").frames.where("verdict != 'ok'")
-    >>> rows.name, rows.columns[:2]
-    ('frames', ('frame', 'time'))
-    """
-
-    def __init__(self, recording: Decoding, name: str, filters: tuple[Filter, ...] = ()) -> None:
-        self.name = name
-        self._recording = recording
-        self._filters = filters
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """The keys of the columns, in order."""
-        return tuple(column.key for column in columns(self.name))
-
-    def where(self, text: str) -> Rows:
-        """The rows that match a filter (see `analyzer.filters`).
-
-        `FilterError` if it cannot be understood.
-        """
-        return Rows(self._recording, self.name, (*self._filters, parse(text, self.name)))
-
-    def tables(self) -> Iterator[_modlens.Table]:
-        """The rows in batches, as they are decoded.
-
-        `SourceError` if the recording cannot be read.
-        """
-        predicates = [one.predicate() for one in self._filters]
-        for batch in self._recording.batches(self.name):
-            table: _modlens.Table = getattr(batch, self.name)
-            for predicate in predicates:
-                table = table.where(predicate)
-            if len(table):
-                yield table
-
-    def __iter__(self) -> Iterator[_modlens.Row]:
-        for table in self.tables():
-            yield from table
-
-    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
-        """An Arrow C stream over a new pass of the recording (the Arrow PyCapsule interface)."""
-        stream = _modlens.ArrowStream(self.name, self.tables())
-        return stream.__arrow_c_stream__(requested_schema)
+_BYTES = (bytes, bytearray, memoryview)
+_ONE = (*_BYTES, str, os.PathLike)
 
 
 class Decoding:
@@ -85,33 +41,57 @@ class Decoding:
     Iterating it gives the transactions.
     """
 
-    def __init__(self, names: tuple[str, ...], settings: Settings, read_as: str | None) -> None:
-        self._names = names
+    def __init__(
+        self,
+        names: tuple[str, ...],
+        settings: Settings,
+        read_as: str | None,
+        data: Mapping[str, bytes] | None = None,
+    ) -> None:
+        self.names = names
         self._settings = settings
         self._read_as = read_as
+        self._data = data or {}
 
     @property
-    def transactions(self) -> Rows:
+    def transactions(self) -> Rows[TransactionRow]:
         """Requests with their responses, in request order."""
         return Rows(self, "transactions")
 
     @property
-    def frames(self) -> Rows:
+    def frames(self) -> Rows[FrameRow]:
         """Every byte that was recorded, noise included, frame by frame."""
         return Rows(self, "frames")
 
     @property
-    def readings(self) -> Rows:
+    def readings(self) -> Rows[ReadingRow]:
         """Every register or bit that was read or written, a row each."""
         return Rows(self, "readings")
 
     @property
-    def findings(self) -> Rows:
+    def findings(self) -> Rows[FindingRow]:
         """The findings: what is wrong or unusual, and what to check."""
         return Rows(self, "findings")
 
-    def __iter__(self) -> Iterator[_modlens.Row]:
+    def table(self, name: str) -> Rows[AnyRow]:
+        """The rows of a table by its name; `UsageError` if there is no such table."""
+        columns(name)
+        return Rows(self, name)
+
+    def write(self, path: Path, *, style: str | None = None) -> int:
+        """Write a file in the format of its ending: transactions, where it can hold them.
+
+        Gives the number of rows; see `Rows.write`, which writes other tables and parts of them.
+        """
+        name = os.fspath(path)
+        target = with_suitable_table(Target("transactions", format_of(name), name), named=False)
+        return self.table(target.table).write(path, style=style)
+
+    def __iter__(self) -> Iterator[TransactionRow]:
         return iter(self.transactions)
+
+    def __repr__(self) -> str:
+        return f"<recording {', '.join(self.names)}>"
 
     def batches(self, *tables: str) -> Iterator[_modlens.Batch]:
         """One pass over the recordings; tables that are not named may be empty in the batches."""
@@ -126,11 +106,11 @@ class Decoding:
 
     def _run(self, tables: Iterable[str]) -> FileRun:
         settings = replace(self._settings, tables=tuple(tables))
-        return FileRun(self._names, settings, read_as=self._read_as)
+        return FileRun(self.names, settings, read_as=self._read_as, data=self._data)
 
 
 def decode(  # noqa: PLR0913 - that many things can be said of a recording
-    recordings: Path | Iterable[Path],
+    recordings: Source | Iterable[Source],
     *,
     line: str | Line | None = None,
     mode: str = "auto",
@@ -148,6 +128,8 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
     t15: str | None = None,
 ) -> Decoding:
     """Decode one recording, or several one after the other.
+
+    A recording is a file's name, its bytes, or an open binary file, which is read to its end here.
 
     - `line`: the line settings, as `19200-8E1`; without them times are those of the reads
     - `mode`: `auto`, `rtu`, `ascii` or `tcp`
@@ -167,9 +149,7 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
     `UsageError` for settings that cannot be. Nothing is read yet: `SourceError` comes when somebody
     looks.
     """
-    names = (recordings,) if isinstance(recordings, str | os.PathLike) else tuple(recordings)
-    if not names:
-        raise UsageError("no recording to decode")
+    names, data = _sources(recordings)
     settings = _settings(line, mode, timeout, functions, profiles)
     settings = replace(
         settings,
@@ -180,7 +160,26 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
         ports=_ports(ports),
         channels=None if channels is None else tuple(channels),
     )
-    return Decoding(tuple(os.fspath(name) for name in names), settings, read_as)
+    return Decoding(names, settings, read_as, data)
+
+
+def _sources(recordings: Source | Iterable[Source]) -> tuple[tuple[str, ...], dict[str, bytes]]:
+    """The names of the recordings, and the bytes of those that are not files of that name."""
+    several = isinstance(recordings, Iterable) and not isinstance(recordings, _ONE)
+    several = several and not hasattr(recordings, "read")
+    names: list[str] = []
+    data: dict[str, bytes] = {}
+    for source in cast(Iterable[Source], recordings if several else (recordings,)):
+        if isinstance(source, str | os.PathLike):
+            names.append(os.fspath(source))
+            continue
+        label = getattr(source, "name", None)
+        name = label if isinstance(label, str) else f"memory-{len(names) + 1}"
+        data[name] = bytes(source) if isinstance(source, _BYTES) else source.read()
+        names.append(name)
+    if not names:
+        raise UsageError("no recording to decode")
+    return tuple(names), data
 
 
 def _ports(ports: Iterable[int] | Literal["any"] | None) -> tuple[int, ...] | None:
@@ -196,15 +195,25 @@ def _ports(ports: Iterable[int] | Literal["any"] | None) -> tuple[int, ...] | No
 class Tap:
     """A live tap; made by `tap`.
 
-    Use it in `with`, and iterate it for transactions as they complete.
+    Use it in `with`, and iterate it for transactions as they complete, with `for` or `async for`.
+    Other threads may ask for `stats`, and `close` it, which ends the iteration.
     """
 
     def __init__(self, run: LiveRun) -> None:
         self._run = run
 
-    def __iter__(self) -> Iterator[_modlens.Row]:
+    def __iter__(self) -> Iterator[TransactionRow]:
         for batch in self.batches():
-            yield from batch.transactions
+            yield from cast(Iterable[TransactionRow], batch.transactions)
+
+    async def __aiter__(self) -> AsyncIterator[TransactionRow]:
+        """The same for `async for`; waiting happens in another thread."""
+        import asyncio  # noqa: PLC0415 - 30 ms, for those who use it already
+
+        batches = self.batches()
+        while (batch := await asyncio.to_thread(next, batches, None)) is not None:
+            for row in cast(Iterable[TransactionRow], batch.transactions):
+                yield row
 
     def batches(self) -> Iterator[_modlens.Batch]:
         """All decoded rows as batches, without end.
@@ -233,19 +242,21 @@ class Tap:
         self.close()
 
 
-def tap(
+def tap(  # noqa: PLR0913 - all but the ports by keyword
     *ports: str,
-    line: str | Line,
+    line: str | Line | None = None,
     mode: str = "auto",
     timeout: float | None = None,
     functions: _modlens.Functions | None = None,
     profiles: Iterable[str | Binding] = (),
+    notify: Callable[[str], None] = lambda _: None,
 ) -> Tap:
     """Listen to a serial line; nothing is ever sent.
 
     `ports` are devices or URLs (`socket://host:port`, `rfc2217://host:port`): each is a bus, `A+B`
-    is one bus of two lines. The other arguments are those of `decode`. `PortError` if a port cannot
-    be opened, or later if it is lost.
+    is one bus of two lines. Without `line` the settings are found by listening, which needs some
+    traffic; `notify` gets messages about that and about the ports. The other arguments are those of
+    `decode`. `PortError` if a port cannot be opened, or later if it is lost.
 
         with tap("/dev/ttyUSB0", line="19200-8E1") as bus:
             for transaction in bus:
@@ -254,7 +265,7 @@ def tap(
     if not ports:
         raise UsageError("no port to listen to")
     settings = _settings(line, mode, timeout, functions, profiles)
-    return Tap(LiveRun(ports, settings, reconnect=False))
+    return Tap(LiveRun(ports, settings, notify=notify, reconnect=False))
 
 
 def _settings(

@@ -26,22 +26,20 @@ class Column:
     """One column of a table.
 
     `key` names it in every output and filter, `type` is a word of columns.toml; `title` and `help`
-    are for people.
+    are for people. `always` says that every row has a value.
     """
 
     key: str
     type: str
     title: str
     help: str
+    always: bool = False
 
 
 @cache
 def _all() -> dict[str, tuple[Column, ...]]:
     tables = vocabulary()["columns"]
-    return {
-        name: tuple(Column(row["key"], row["type"], row["title"], row["help"]) for row in rows)
-        for name, rows in tables.items()
-    }
+    return {name: tuple(Column(**row) for row in rows) for name, rows in tables.items()}
 
 
 def columns(table: str) -> tuple[Column, ...]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import re
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -70,6 +71,32 @@ def parse_tap(text: str) -> Tap:
     return Tap(named[1] if named else place, ports, line)
 
 
+class Turn:
+    """A lock whose waiters get their turn, although the thread that decodes takes it again at once.
+
+    The thread that has it may take it again: what is notified may ask for statistics.
+    """
+
+    def __init__(self) -> None:
+        self._queue = threading.Lock()
+        self._lock = threading.Lock()
+        self._owner: int | None = None
+        self._depth = 0
+
+    def __enter__(self) -> None:
+        if self._owner != threading.get_ident():
+            with self._queue:
+                self._lock.acquire()
+            self._owner = threading.get_ident()
+        self._depth += 1
+
+    def __exit__(self, *error: object) -> None:
+        self._depth -= 1
+        if not self._depth:
+            self._owner = None
+            self._lock.release()
+
+
 @dataclass(slots=True)
 class _Bus:
     """A bus of the run: the numbers of its ports, and its number in the core.
@@ -116,6 +143,8 @@ class LiveRun:
         self._awaiting_search: list[_Bus] = []
         self._is_searching = False
         self._lines: list[tuple[_Bus, str | None]] = []
+        self._turn = Turn()
+        self._closed = False
         tapped: list[TappedPort] = []
         for tap in taps:
             numbers = tuple(range(len(tapped), len(tapped) + len(tap.ports)))
@@ -144,22 +173,32 @@ class LiveRun:
         return tuple(bus.tap.bus for bus in self._buses)
 
     def batches(self) -> Iterator[_modlens.Batch]:
-        """The rows as they are decided, by reads or by time that has passed; without end."""
+        """The rows as they are decided, by reads or by time that has passed; ends when closed."""
         self._is_searching = bool(self._awaiting_search)
         while self._awaiting_search:
             self._begin_search(self._awaiting_search.pop(0))
-        notify = 0
+        last_ns = 0
         while True:
-            arrivals = self._listener.feed(self._core, WAIT_S, READ_LAG_NS)
-            for number, chunk in arrivals:
-                self._process_read(number, chunk)
-            if arrivals or self._is_searching:
-                now = self._listener.clock.now_ns()
-                self._advance(now - READ_LAG_NS)
-                if not self._core.pending_rows() and now - notify < WAIT_NS:
+            with self._turn:
+                if self._closed:
+                    return
+                now = self._listen()
+                if not self._core.pending_rows() and now and now - last_ns < WAIT_NS:
                     continue
-                notify = now
-            yield self._core.take()
+                last_ns = now or last_ns
+                batch = self._core.take()
+            yield batch
+
+    def _listen(self) -> int:
+        """Wait for reads and have them decoded; the time, where it was needed, and 0 otherwise."""
+        arrivals = self._listener.feed(self._core, WAIT_S, READ_LAG_NS)
+        for number, chunk in arrivals:
+            self._process_read(number, chunk)
+        if not arrivals and not self._is_searching:
+            return 0
+        now = self._listener.clock.now_ns()
+        self._advance(now - READ_LAG_NS)
+        return now
 
     def finish(self) -> _modlens.Batch:
         """Decide what is still open, and give those rows.
@@ -175,10 +214,14 @@ class LiveRun:
         return self._core.take()
 
     def stats(self) -> dict[str, Any]:
-        """Statistics so far, with the drivers' error counts.
+        """Statistics so far, with the drivers' error counts, for any thread.
 
-        Analyzer/views/stats.py documents the keys.
+        `analyzer.views.stats` documents the keys.
         """
+        with self._turn:
+            return self._stats()
+
+    def _stats(self) -> dict[str, Any]:
         found: dict[str, Any] = json.loads(self._core.stats())
         for bus in self._buses:
             if bus.number is not None:
@@ -190,8 +233,10 @@ class LiveRun:
         return found
 
     def close(self) -> None:
-        """Close the ports."""
-        self._listener.close()
+        """Close the ports, from any thread; `batches` ends."""
+        with self._turn:
+            self._closed = True
+            self._listener.close()
 
     def _advance(self, now: int) -> None:
         """Tell the core and the running searches what time it is."""

@@ -15,7 +15,7 @@ give batches one after the other, as they are decoded, so that memory does not g
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -187,7 +187,7 @@ class FileRun:
     A directory, a pattern, an archive or a mail stands for the recordings in it; what is not a
     recording is skipped and reported. `read_as` forces a format. With `replay` recordings are
     decoded without looking ahead, as by a live tap, and give its rows. With `follow` the last file
-    may grow for ever.
+    may grow for ever. `data` are the bytes of recordings that are not files of that name.
 
     `on_status` gets the status of every recording after its first block and at its end.
     `SourceError` for the first name that cannot be read, before anything is decoded; later, while
@@ -206,10 +206,18 @@ class FileRun:
         replay: bool = False,
         on_status: Callable[[RecordingStatus], None] | None = None,
         follow: bool = False,
+        data: Mapping[str, bytes] | None = None,
     ) -> None:
         self.unreadable = 0
-        self._names = expand(list(names), unpack=read_as != RAW)
+        self._data = data or {}
+        self._names = [
+            recording
+            for name in names
+            for recording in self._recordings_of(name, unpack=read_as != RAW)
+        ]
         for name in self._names:
+            if name.text in self._data:
+                continue
             if not name.found:
                 if name.error is not None:
                     raise name.error
@@ -262,9 +270,13 @@ class FileRun:
         found: dict[str, Any] = json.loads(self._core.stats())
         return found
 
+    def _recordings_of(self, name: str, *, unpack: bool) -> list[RecordingName]:
+        return [RecordingName(name)] if name in self._data else expand([name], unpack=unpack)
+
     def _open(self, name: RecordingName, archives: Archives, *, follow: bool) -> Recording:
         return Recording(
             name.text,
+            data=self._data.get(name.text),
             read_as=self._read_as,
             dialects=self._settings.dialects,
             follow=follow,

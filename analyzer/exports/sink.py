@@ -129,8 +129,11 @@ class ExportSink:
     def put(self, batch: _modlens.Batch) -> None:
         """Write the rows of a batch."""
         table: _modlens.Table = getattr(batch, self.table)
-        kept = None if self._predicate is None else table.where(self._predicate)
-        rows = table if kept is None else kept
+        self.put_rows(batch, None if self._predicate is None else table.where(self._predicate))
+
+    def put_rows(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> None:
+        """Write some rows of a batch; None is all rows of its table."""
+        rows: _modlens.Table = getattr(batch, self.table) if kept is None else kept
         self.row_count += len(rows)
         if isinstance(self._format, MultiTableFormat):
             pieces = self._format.encode_batch(batch, kept)

@@ -52,12 +52,12 @@ class Recording:
     `name` is its name in messages, `detection` its format. `read_as` forces a format, `dialects` is
     the table of text formats with those of the user. With `follow` the file may grow: its end is
     waited at. Compressed files and other encodings than UTF-8 are converted, except where `read_as`
-    is `raw`. `archives` are those that stay open from one member to the next; `damage` says
-    what was wrong with a compressed file, None if nothing was. `SourceError` if the recording
-    cannot be read.
+    is `raw`. `archives` are those that stay open from one member to the next; `data` are the bytes
+    where there is no file; `damage` says what was wrong with a compressed file, None if nothing
+    was. `SourceError` if the recording cannot be read.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - most by keyword
         self,
         name: str,
         *,
@@ -65,15 +65,17 @@ class Recording:
         dialects: _modlens.Dialects | None = None,
         follow: bool = False,
         archives: Archives | None = None,
+        data: bytes | None = None,
     ) -> None:
         self.name = "stdin" if name == STDIN else name
+        self._data = data
         self.damage: str | None = None
         self._path = name
         self._follow = follow
         self._transcode: Transcoder | None = None
         # Whether the file of this name holds exactly these bytes, so that it can be opened again by
         # name.
-        self._is_plain_file = name != STDIN and os.path.isfile(name)
+        self._is_plain_file = data is None and name != STDIN and os.path.isfile(name)
         # The files that `_file` is read from: archives, and compressed files below their
         # decompressors.
         self._enclosing_files = ExitStack()
@@ -130,6 +132,8 @@ class Recording:
         self.close()
 
     def _open(self, name: str) -> Any:
+        if self._data is not None:
+            return io.BytesIO(self._data)
         try:
             if (member := self._archives.open(name)) is not None:
                 return member

@@ -9,6 +9,7 @@ import pytest
 from analyzer import decode
 from analyzer.columns import TABLES, columns
 from tests.conftest import CAPTURES, ROOT
+from tests.support import row_types
 
 PATH = ROOT / "analyzer" / "columns.toml"
 TYPES = ("int", "us", "time", "float", "bool", "text", "hex", "ints", "texts", "map")
@@ -64,3 +65,17 @@ def test_cells_have_the_type_of_their_column(table: str) -> None:
     for row in getattr(recording, table):
         for key, value in row.as_dict().items():
             assert value is None or type(value).__name__ == kinds[key], (key, value)
+
+
+def test_the_typed_rows_are_those_of_the_columns() -> None:
+    """`python -m tests.support.row_types` writes the module anew."""
+    assert row_types.PATH.read_text(encoding="utf-8") == row_types.row_types()
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_a_column_that_always_has_a_value_is_never_empty(table: str) -> None:
+    """In every recording of the project."""
+    always = [column.key for column in columns(table) if column.always]
+    for path in sorted(CAPTURES.glob("*/recording.*")):
+        for row in decode(path).table(table):
+            assert None not in [getattr(row, key) for key in always], (path, row)

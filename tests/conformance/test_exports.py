@@ -16,11 +16,11 @@ from typing import Any
 
 import pytest
 
-import _modlens
 from analyzer import SourceError, decode
 from analyzer.columns import TABLES, columns
 from analyzer.exports import FORMATS, ExportOptions, load
 from analyzer.exports.sink import ExportSink, parse_target
+from analyzer.row_types import AnyRow
 from tests.conftest import CAPTURES, ROOT
 
 RECORDINGS = ("pymodbus_all_functions", "pymodbus_disturbed", "pymodbus_exceptions")
@@ -134,7 +134,7 @@ ELSEWHERE = {
 """Formats that do not hold every cell of every table, and the tests of what they hold."""
 
 
-def expected(row: _modlens.Row) -> dict[str, str]:
+def expected(row: AnyRow) -> dict[str, str]:
     """A row as the API gives it, in the words of CSV, without what is empty."""
     found = {}
     for key, value in row.as_dict().items():

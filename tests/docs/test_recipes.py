@@ -55,6 +55,7 @@ def built(tree: Path) -> Path:
     (wheel,) = folder.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(tree, [name for name in archive.namelist() if name.startswith("_mod")])
+    run([sys.executable, "-m", "tests.support.row_types"], tree)
     return tree
 
 

@@ -22,7 +22,7 @@ from tests.conftest import CAPTURES, ROOT, Modlens, environment, without
 
 RECORDING = CAPTURES / "pymodbus_disturbed" / "recording.jsonl"
 LINE = ("--line", "19200-8E1")
-PACKAGES = ("analyzer", "dissectors")
+PACKAGES = ("modlens", "analyzer", "dissectors")
 TIMEOUT_S = 600
 INDEX_IS_AWAY = ("No matching distribution", "ConnectionError", "Failed to establish")
 

@@ -72,7 +72,7 @@ def tests_of(file: str) -> Iterator[str]:
         yield TESTS_OF_FILES[file]
     elif path.parts[0] == "tests" and path.name.startswith("test_"):
         yield file
-    elif path.parts[0] in ("analyzer", "dissectors"):
+    elif path.parts[0] in ("modlens", "analyzer", "dissectors"):
         if path.suffix == ".py":
             yield file  # Its doctests.
         yield from nearest_tests(path)

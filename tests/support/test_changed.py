@@ -8,7 +8,7 @@ from tests.support.changed import ROOT, TESTS_OF_CRATES, TESTS_OF_FILES, command
 
 SOURCES = [
     path.relative_to(ROOT).as_posix()
-    for folder in ("analyzer", "dissectors")
+    for folder in ("modlens", "analyzer", "dissectors")
     for path in (ROOT / folder).rglob("*.py")
 ]
 

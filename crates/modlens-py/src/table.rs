@@ -40,7 +40,7 @@ pub struct Table {
 }
 
 /// The indices of columns given by name.
-fn column_indices(kind: TableKind, columns: &[String]) -> PyResult<Vec<usize>> {
+pub(crate) fn column_indices(kind: TableKind, columns: &[String]) -> PyResult<Vec<usize>> {
     columns.iter().map(|key| kind.column(key).map_err(value_error)).collect()
 }
 
@@ -75,6 +75,10 @@ impl Table {
         }
         let core = py.detach(|| predicate.core.filter(&self.core));
         Ok(Self { core })
+    }
+
+    fn slice(&self, start: usize, count: usize) -> Self {
+        Self { core: self.core.slice(start, count) }
     }
 
     #[pyo3(signature = (format, columns, *, header=false))]

@@ -24,7 +24,7 @@ pub fn schema_of(kind: TableKind, columns: &[usize]) -> Schema {
 }
 
 /// The indices of all columns of a table.
-fn all_columns(kind: TableKind) -> Vec<usize> {
+pub fn all_columns(kind: TableKind) -> Vec<usize> {
     (0..kind.columns().len()).collect()
 }
 

@@ -100,9 +100,21 @@ impl Table {
     #[must_use]
     pub fn filter(&self, mut keep: impl FnMut(&Self, usize) -> bool) -> Self {
         let kept: Vec<usize> = (0..self.len()).filter(|&row| keep(self, row)).collect();
+        self.with_rows(&kept)
+    }
+
+    /// At most `count` rows from row `start` on, which may be behind the last one.
+    #[must_use]
+    pub fn slice(&self, start: usize, count: usize) -> Self {
+        let kept: Vec<usize> = (0..self.len()).skip(start).take(count).collect();
+        self.with_rows(&kept)
+    }
+
+    /// The rows of these indices, which rise.
+    fn with_rows(&self, kept: &[usize]) -> Self {
         let rows = match &self.rows {
-            Rows::Readings(readings) => Rows::Readings(readings.select(&kept)),
-            _ => Rows::Some(Arc::new(kept.into_iter().map(|row| self.index(row) as u32).collect())),
+            Rows::Readings(readings) => Rows::Readings(readings.select(kept)),
+            _ => Rows::Some(Arc::new(kept.iter().map(|&row| self.index(row) as u32).collect())),
         };
         Self { batch: Arc::clone(&self.batch), kind: self.kind, rows }
     }

@@ -1,0 +1,420 @@
+"""The rows of each table as types, so that a checker refuses a column that does not exist.
+
+Generated from columns.toml (`python -m tests.support.row_types`). A row is a `_modlens.Row`: these
+classes only say which attributes it has. A column that may be empty has `| Any` in its type: it is
+None then, and a checker does not ask for a test, because filters usually exclude that. Names that
+end in `_us` are microseconds.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any, Protocol
+
+__all__ = [
+    "AnyRow",
+    "FindingRow",
+    "FrameRow",
+    "ReadingRow",
+    "TransactionRow",
+]
+
+
+class AnyRow(Protocol):
+    """A row of any table."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Column -> value, in the table's order."""
+
+
+class TransactionRow(AnyRow, Protocol):
+    """A row of the table `transactions`."""
+
+    @property
+    def txn(self) -> int:
+        """Running number from 1, in request order."""
+
+    @property
+    def time(self) -> datetime | Any:
+        """Start of the request (of the response where there is no request), UTC."""
+
+    @property
+    def elapsed_us(self) -> float | Any:
+        """Microseconds since the first byte of the recording."""
+
+    @property
+    def bus(self) -> str:
+        """Name of the bus."""
+
+    @property
+    def client(self) -> str | Any:
+        """TCP only: address of the client."""
+
+    @property
+    def server(self) -> str | Any:
+        """TCP only: address of the server."""
+
+    @property
+    def connection(self) -> int | Any:
+        """TCP only: number of the connection."""
+
+    @property
+    def mode(self) -> str:
+        """Framing: rtu, ascii or tcp."""
+
+    @property
+    def unit(self) -> int:
+        """Address of the server (slave)."""
+
+    @property
+    def function(self) -> int:
+        """Function code without the exception bit."""
+
+    @property
+    def function_name(self) -> str | Any:
+        """Name of the function in the specification."""
+
+    @property
+    def operation(self) -> str:
+        """Read, write, read_write or other."""
+
+    @property
+    def register_type(self) -> str | Any:
+        """Coil, discrete_input, holding_register or input_register."""
+
+    @property
+    def address(self) -> int | Any:
+        """First register or bit read, as on the wire (0-based)."""
+
+    @property
+    def quantity(self) -> int | Any:
+        """Number of registers or bits read."""
+
+    @property
+    def data(self) -> list[int] | Any:
+        """Registers or bits read, in wire order; bits cut to the quantity."""
+
+    @property
+    def write_address(self) -> int | Any:
+        """First register or bit written, as on the wire (0-based)."""
+
+    @property
+    def write_quantity(self) -> int | Any:
+        """Number of registers or bits written."""
+
+    @property
+    def write_data(self) -> list[int] | Any:
+        """Registers or bits written, in wire order."""
+
+    @property
+    def fields(self) -> dict[str, Any] | Any:
+        """Decoded fields of functions whose content is not one block of registers or bits."""
+
+    @property
+    def readings(self) -> dict[str, Any] | Any:
+        """Named, scaled values where a profile applies."""
+
+    @property
+    def status(self) -> str:
+        """Ok, exception, no_response, broadcast, bad_request, bad_response.
+
+        unsolicited or not_observed.
+        """
+
+    @property
+    def exception(self) -> int | Any:
+        """Exception code."""
+
+    @property
+    def exception_name(self) -> str | Any:
+        """Name of the exception code."""
+
+    @property
+    def response_time_us(self) -> float | Any:
+        """End of request to start of response; empty below twice the clock's resolution."""
+
+    @property
+    def waited_us(self) -> float | Any:
+        """End of an unanswered request to the master's next request."""
+
+    @property
+    def late_response_us(self) -> float | Any:
+        """End of the request to the start of its late response."""
+
+    @property
+    def retry_of(self) -> int | Any:
+        """The transaction that this request repeats."""
+
+    @property
+    def late_response_to(self) -> int | Any:
+        """The transaction that this late response belongs to."""
+
+    @property
+    def gap_us(self) -> float | Any:
+        """Silence before the request."""
+
+    @property
+    def mbap_id(self) -> int | Any:
+        """Transaction identifier of the MBAP header."""
+
+    @property
+    def request_hex(self) -> bytes | Any:
+        """Bytes of the request."""
+
+    @property
+    def response_hex(self) -> bytes | Any:
+        """Bytes of the response."""
+
+    @property
+    def request_frame(self) -> int | Any:
+        """Number of the request's frame."""
+
+    @property
+    def response_frame(self) -> int | Any:
+        """Number of the response's frame."""
+
+    @property
+    def findings(self) -> list[str]:
+        """Codes of the findings of both frames and of the pair."""
+
+    @property
+    def source(self) -> str:
+        """Location of the first frame: file:line, file#packet or file@offset."""
+
+
+class FrameRow(AnyRow, Protocol):
+    """A row of the table `frames`."""
+
+    @property
+    def frame(self) -> int:
+        """Running number from 1."""
+
+    @property
+    def time(self) -> datetime | Any:
+        """Start of the first character, UTC; empty where date or zone are unknown."""
+
+    @property
+    def elapsed_us(self) -> float | Any:
+        """Microseconds since the first byte of the recording, wherever any clock exists."""
+
+    @property
+    def bus(self) -> str:
+        """Name of the bus: the file or port as given; for TCP the server endpoint."""
+
+    @property
+    def line(self) -> str | Any:
+        """Line of a two-line tap: A or B."""
+
+    @property
+    def client(self) -> str | Any:
+        """TCP only: address of the client."""
+
+    @property
+    def server(self) -> str | Any:
+        """TCP only: address of the server."""
+
+    @property
+    def connection(self) -> int | Any:
+        """TCP only: number of the connection."""
+
+    @property
+    def byte_offset(self) -> int:
+        """Position of the first byte in its stream."""
+
+    @property
+    def byte_length(self) -> int:
+        """Number of bytes on the wire."""
+
+    @property
+    def mode(self) -> str:
+        """Framing: rtu, ascii or tcp."""
+
+    @property
+    def direction(self) -> str:
+        """Request, response or unknown, decided from context."""
+
+    @property
+    def unit(self) -> int | Any:
+        """Address of the server (slave); 0 is broadcast on a serial line."""
+
+    @property
+    def function(self) -> int | Any:
+        """Function code without the exception bit."""
+
+    @property
+    def function_name(self) -> str | Any:
+        """Name of the function in the specification."""
+
+    @property
+    def exception(self) -> int | Any:
+        """Exception code of an exception response."""
+
+    @property
+    def verdict(self) -> str:
+        """Ok, bad_checksum, incomplete, noise or no_checksum."""
+
+    @property
+    def unconfirmed(self) -> bool:
+        """Checksum OK.
+
+        but isolated in noise and from a unit not yet observed in a paired transaction.
+        """
+
+    @property
+    def confidence(self) -> int:
+        """Log2 odds of this row against its best alternative, at most 60."""
+
+    @property
+    def gap_us(self) -> float | Any:
+        """Silence before the frame; empty below twice the clock's resolution."""
+
+    @property
+    def delimited_by(self) -> str:
+        """The evidence that ended the frame: silence, length, checksum, delimiter, record.
+
+        restart, limit, frame (the next one begins) or end.
+        """
+
+    @property
+    def txn(self) -> int | Any:
+        """The transaction it belongs to."""
+
+    @property
+    def mbap_id(self) -> int | Any:
+        """Transaction identifier of the MBAP header."""
+
+    @property
+    def findings(self) -> list[str]:
+        """Codes of the findings; details in the findings table."""
+
+    @property
+    def source(self) -> str:
+        """Location: file:line, file#packet or file@offset."""
+
+    @property
+    def hex(self) -> bytes:
+        """The bytes."""
+
+
+class ReadingRow(AnyRow, Protocol):
+    """A row of the table `readings`."""
+
+    @property
+    def txn(self) -> int:
+        """The transaction."""
+
+    @property
+    def frame(self) -> int:
+        """The frame that carried the value."""
+
+    @property
+    def time(self) -> datetime | Any:
+        """Start of that frame, UTC."""
+
+    @property
+    def elapsed_us(self) -> float | Any:
+        """Microseconds since the first byte of the recording."""
+
+    @property
+    def bus(self) -> str:
+        """Name of the bus."""
+
+    @property
+    def client(self) -> str | Any:
+        """TCP only: address of the client."""
+
+    @property
+    def unit(self) -> int:
+        """Address of the server (slave)."""
+
+    @property
+    def function(self) -> int:
+        """Function code without the exception bit."""
+
+    @property
+    def register_type(self) -> str | Any:
+        """Coil, discrete_input, holding_register or input_register."""
+
+    @property
+    def address(self) -> int:
+        """The register or bit, as on the wire (0-based)."""
+
+    @property
+    def operation(self) -> str:
+        """Read or write."""
+
+    @property
+    def status(self) -> str:
+        """Status of the transaction: refused and unanswered writes are listed too."""
+
+    @property
+    def raw(self) -> list[int] | Any:
+        """The register or bit as it was on the wire."""
+
+    @property
+    def name(self) -> str | Any:
+        """Name of the point, where a profile applies."""
+
+    @property
+    def value(self) -> float | Any:
+        """The value as a number; empty where that would not be exact, or is not a number."""
+
+    @property
+    def value_text(self) -> str | Any:
+        """The value, always exact."""
+
+    @property
+    def unit_of_measure(self) -> str | Any:
+        """Unit of measurement, where a profile applies."""
+
+
+class FindingRow(AnyRow, Protocol):
+    """A row of the table `findings`."""
+
+    @property
+    def frame(self) -> int | Any:
+        """The frame that the finding is about."""
+
+    @property
+    def txn(self) -> int | Any:
+        """The transaction that the finding is about."""
+
+    @property
+    def time(self) -> datetime | Any:
+        """When it was observed, UTC."""
+
+    @property
+    def elapsed_us(self) -> float | Any:
+        """Microseconds since the first byte of the recording."""
+
+    @property
+    def bus(self) -> str:
+        """Name of the bus."""
+
+    @property
+    def unit(self) -> int | Any:
+        """Address of the server (slave)."""
+
+    @property
+    def code(self) -> str:
+        """Code of the finding; modlens explain CODE describes it."""
+
+    @property
+    def severity(self) -> str:
+        """Info, warning or error."""
+
+    @property
+    def detail(self) -> str:
+        """What was seen."""
+
+    @property
+    def impact(self) -> str:
+        """Why it matters."""
+
+    @property
+    def advice(self) -> str:
+        """What to check."""
+
+    @property
+    def source(self) -> str:
+        """Location: file:line, file#packet or file@offset."""

@@ -1,0 +1,47 @@
+r"""modlens: decode Modbus recordings, and listen to serial lines, from a program.
+
+>>> import modlens
+>>> recording = modlens.decode(bytes.fromhex("1103006B00037687 110306022B00000064C8BA"))
+>>> for transaction in recording:
+...     print(transaction.unit, transaction.function_name, transaction.data, transaction.status)
+17 Read Holding Registers [555, 0, 100] ok
+
+`decode` takes files, bytes and open files; `tap` listens to a port. What they give is described in
+`analyzer.api` and `analyzer.rows`: tables that can be filtered, cut, counted, looked at in a
+notebook, handed to polars, pandas, pyarrow and duckdb, and written to files.
+"""
+
+from analyzer import (
+    CaptureError,
+    Decoding,
+    FilterError,
+    ModlensError,
+    PortError,
+    ProfileError,
+    Rows,
+    SourceError,
+    Tap,
+    UsageError,
+    decode,
+    tap,
+)
+from analyzer.row_types import FindingRow, FrameRow, ReadingRow, TransactionRow
+
+__all__ = [
+    "CaptureError",
+    "Decoding",
+    "FilterError",
+    "FindingRow",
+    "FrameRow",
+    "ModlensError",
+    "PortError",
+    "ProfileError",
+    "ReadingRow",
+    "Rows",
+    "SourceError",
+    "Tap",
+    "TransactionRow",
+    "UsageError",
+    "decode",
+    "tap",
+]
