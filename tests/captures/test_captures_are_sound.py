@@ -39,7 +39,7 @@ PORT = 502
 pytestmark = pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
 
 
-def about(folder: Path) -> dict[str, str]:
+def about(folder: Path) -> dict[str, Any]:
     """Return what the capture says about itself."""
     return tomllib.loads((folder / "about.toml").read_text(encoding="utf-8"))
 
@@ -121,8 +121,12 @@ def test_the_folder_holds_three_files(folder: Path) -> None:
 
 
 def test_it_says_all_about_itself(folder: Path) -> None:
-    """All keys, each of its form; the command names the capture's own file."""
+    """All keys, each of its form; the command names the capture's own file.
+
+    `healthy` says whether somebody who looks for trouble on that line should find none.
+    """
     table = about(folder)
+    assert isinstance(table.pop("healthy"), bool)
     assert set(table) == set(ABOUT_KEYS) - ({"line"} if table["mode"] == "tcp" else set())
     assert {key for key in table if not re.fullmatch(ABOUT_KEYS[key], table[key])} == set()
     assert table["name"] == folder.name

@@ -50,6 +50,7 @@ class Recipe:
     run_scenario: Callable[[], BusScenario]
     line: str = "19200-8E1"
     mode: Mode = "rtu"
+    healthy: bool = False
 
 
 def _all_functions() -> BusScenario:
@@ -154,11 +155,13 @@ RECIPES: Mapping[str, Recipe] = {
         _ascii,
         line="19200-7E1",
         mode="ascii",
+        healthy=True,
     ),
     "pymodbus_broadcast": Recipe(
         "Writes to unit 0 (functions 5, 6, 15, 16), 0.1 s of turnaround delay without an answer, "
         "then polls of units 1 and 2 that show that both have obeyed.",
         _broadcast,
+        healthy=True,
     ),
     "pymodbus_disturbed": Recipe(
         "A poll cycle on a bad line, disturbed on purpose by the bus: a flipped bit in a request "
@@ -187,6 +190,7 @@ RECIPES: Mapping[str, Recipe] = {
         "pymodbus' server do when nothing holds it back: between request and answer the silence of "
         "3.5 characters is missing; before each request it is there.",
         _no_silence,
+        healthy=True,
     ),
     "pymodbus_timeouts": Recipe(
         "Polls of unit 1, which answers, and of unit 3, which is not on the bus: three requests "
@@ -199,6 +203,7 @@ RECIPES: Mapping[str, Recipe] = {
         "are random walks and waves of our own, not those of a plant. Reads of up to 14 bytes.",
         _types,
         line="57600-8E1",
+        healthy=True,
     ),
     "pymodbus_plant": Recipe(
         "Unit 9 is a device that chance has made (tests/support/random_devices.py, seed 303): "
@@ -206,6 +211,7 @@ RECIPES: Mapping[str, Recipe] = {
         "constants, polled in blocks 64 times. Reads of up to 14 bytes.",
         _plant,
         line="57600-8E1",
+        healthy=True,
     ),
     "pymodbus_two_units": Recipe(
         "A poll cycle of units 1 and 2, 63 transactions, reads of up to 125 registers. "
@@ -213,6 +219,7 @@ RECIPES: Mapping[str, Recipe] = {
         "16550 does: reads end anywhere in a frame. The units hear the master only (four-wire "
         "line): a pymodbus server goes deaf on a line where it hears another unit's answers.",
         _two_units,
+        healthy=True,
     ),
 }
 
@@ -243,8 +250,8 @@ def frame_lines(frames: Sequence[Frame]) -> str:
     return "".join(json.dumps(frame) + "\n" for frame in frames)
 
 
-def toml_text(table: Mapping[str, str]) -> str:
-    """Return a flat table of texts as TOML; a JSON string is a TOML string."""
+def toml_text(table: Mapping[str, str | bool]) -> str:
+    """Return a flat table of texts as TOML; a string or truth value of JSON is one of TOML."""
     lines = (f"{key} = {json.dumps(text, ensure_ascii=False)}\n" for key, text in table.items())
     return "".join(lines)
 
@@ -263,6 +270,7 @@ def _about(name: str, recipe: Recipe) -> str:
             "line": recipe.line,
             "mode": recipe.mode,
             "shows": recipe.shows,
+            "healthy": recipe.healthy,
             "recorded_with": f"{', '.join(tools)}, {python}, tests/support/ptybus.py on Linux ptys "
             "(paced like the line above; a pty carries no parity bit)",
             "expected_source": EXPECTED_SOURCE,

@@ -138,7 +138,7 @@ def main() -> None:
     frames = record(folder)
     (folder / "frames.jsonl").write_text(frame_lines(frames), encoding="ascii")
     python = f"{platform.python_implementation()} {platform.python_version()}"
-    about = {
+    about: dict[str, str | bool] = {
         "name": NAME,
         "file": "recording.pcap",
         "format": "pcap",
@@ -146,6 +146,7 @@ def main() -> None:
         "licence": "MIT, as modlens",
         "mode": "tcp",
         "shows": SHOWS,
+        "healthy": True,
         "recorded_with": f"pymodbus {version('pymodbus')}, {python}, tcpdump on the loopback"
         " interface of Linux",
         "expected_source": "what each participant's own pymodbus handed to its socket (hook"
