@@ -108,7 +108,7 @@ def add_decoding(parser: argparse.ArgumentParser) -> None:
         "--timeout",
         metavar="TIME",
         help="response timeout, such as 500ms or 1.5s (default: estimated from the traffic,"
-        " at most 1 s)",
+        " else until the next request)",
     )
     group.add_argument(
         "--profile",

@@ -61,6 +61,8 @@ def describe_driver_errors(bus: Mapping[str, Any]) -> str:
 def explain_timeouts(bus: Mapping[str, Any]) -> Iterator[str]:
     """The time-outs of a bus in words: who, how often, how long the master waits, what was before.
 
+    How long it waits is a bound: the time from a request without response to the next request.
+
     `bus` as in views/stats.py; nothing where nothing timed out.
     """
     found = bus.get("timeouts")
@@ -69,8 +71,8 @@ def explain_timeouts(bus: Mapping[str, Any]) -> Iterator[str]:
     waited = found["waited"]
     if waited:
         yield (
-            f"the master's response timeout: about {cells.milliseconds(waited['p50_us'])} ms"
-            f" ({cells.milliseconds(waited['min_us'])} to"
+            "the master's response timeout: at most about"
+            f" {cells.milliseconds(waited['p50_us'])} ms ({cells.milliseconds(waited['min_us'])} to"
             f" {cells.milliseconds(waited['max_us'])} ms)"
         )
     rows = found["requests"]

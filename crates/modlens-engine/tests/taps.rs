@@ -199,7 +199,7 @@ fn silence_bounds_the_wait_of_a_live_tap() {
     live.poll(START + 100 * MS);
     assert_eq!(live.take().frames.len(), 1, "a part of a frame is emitted after 100 ms of silence");
     live.feed(bus, &Chunk { bytes: &read_request(1, 10, 2), times: Times::Read(START + 200 * MS), ..Chunk::default() });
-    live.poll(START + 1_300 * MS);
+    live.poll(START + 10_300 * MS);
     let statuses: Vec<Status> = live.take().transactions.iter().map(|row| row.status).collect();
     assert_eq!(statuses, [Status::NoResponse]);
 }

@@ -94,7 +94,7 @@ impl Session {
         let mut totals = BatchTotals::default();
         loop {
             let state = &mut self.buses[bus];
-            let request_timeout = if config.has_clock { state.pairing.request_timeout() } else { Ns::MAX };
+            let request_timeout = if config.has_clock { state.pairing.request_timeout(false) } else { Ns::MAX };
             let Some(matched) = match_exchange(state, &self.functions, request_timeout, &mut adus) else { break };
             let wire = &state.lines[0].1.input.bytes()[..matched.lengths[0] + matched.lengths[1]];
             let wires = adjacent_spans(self.batch.store(wire).start as usize, matched.lengths);

@@ -16,10 +16,8 @@ impl Pairing {
     /// request, so that neither the number of copies nor the time can be learned from it.
     #[inline]
     pub fn record_exchange(&mut self, unit: u8, mbap_id: Option<u16>, echoes_request: bool, response_time: Option<Ns>) {
-        match mbap_id {
-            Some(id) => self.remember_id(id),
-            None if echoes_request => {}
-            None => self.echoes.add_request(),
+        if mbap_id.is_none() && !echoes_request {
+            self.echoes.add_request();
         }
         self.history.count_answered();
         self.answering_units[usize::from(unit)] = true;

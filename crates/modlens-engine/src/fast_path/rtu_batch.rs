@@ -31,7 +31,7 @@ impl Session {
         loop {
             let state = &mut self.buses[bus];
             let line = &mut state.lines[0].1;
-            let request_timeout = if config.has_clock { state.pairing.request_timeout() } else { Ns::MAX };
+            let request_timeout = if config.has_clock { state.pairing.request_timeout(false) } else { Ns::MAX };
             let Some(framer) = line.framer.rtu_mut() else { break };
             let pause = |index| state.pairing.timing.timeout_log_odds(line.input.pause_before(index));
             let exchange = framer.next_exchange(&self.functions, &line.input, last_answered, request_timeout, pause);

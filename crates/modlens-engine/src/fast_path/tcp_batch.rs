@@ -27,7 +27,7 @@ fn match_exchange(state: &mut BusState, functions: &Functions, lines: [usize; 2]
     let (answered_at, _) = server.whole_packet(lengths[1])?;
     // The response comes behind the request, in time, and before the next request.
     let is_in_turn = requested_at < answered_at
-        && answered_at - requested_at < state.pairing.request_timeout()
+        && answered_at - requested_at < state.pairing.request_timeout(true)
         && next_request_at.is_none_or(|time| time > answered_at);
     // A packet always has all of its bytes.
     let (request, response) = (&request[..expected.request_bytes], &server.bytes()[..lengths[1]]);

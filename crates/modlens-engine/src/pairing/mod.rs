@@ -9,16 +9,17 @@
 //! | a damaged frame in place of the response, then the next request | `bad_response` |
 //! | the next request, after at least the master's time-out, or the same one | `no_response` |
 //! | another request, too soon for a time-out, though the unit does respond | `not_observed`: the tap has missed the response |
-//! | the time-out, live | `no_response` |
+//! | the end of its waiting time, live or with a transaction identifier | `no_response` |
 //! | bytes missing from the recording, or its end | `not_observed` |
 //! | none; the request is a broadcast | `broadcast` |
 //!
 //! A request with a wrong checksum opens a transaction of status `bad_request`, and a response that no open request fits is
 //! a transaction by itself, `unsolicited`; `history` tells whether it is late or sent twice. On a serial line one request is
-//! open at a time, or two that overlap (`masters`); on a TCP connection as many as there are transaction identifiers.
+//! open at a time, or two that overlap (`masters`); on a TCP connection as many as there are transaction identifiers
+//! (`transaction_ids`), which further requests leave open.
 //!
 //! How long a request waits is decided in `timeouts`: the time-out of the user, else the one that the master's retries have
-//! shown (`timing`). It tells a retry from a response that repeats its request,
+//! shown (`timing`), else until the next request. It tells a retry from a response that repeats its request,
 //! a second master from one that gave up, and a silent unit from a response that the tap has missed.
 //!
 //! Some findings show only after the row of their frame is written (a second master, a response from the wrong unit): these
@@ -37,9 +38,10 @@ mod masters;
 mod requests;
 mod responses;
 pub(crate) mod result;
-mod timeouts;
+pub(crate) mod timeouts;
 mod timing;
 pub(crate) mod transaction;
+mod transaction_ids;
 
 pub use result::{DelayedFinding, FrameLocation, Overlap, PairingResult};
 pub use timing::TimingModel;
@@ -57,6 +59,7 @@ use echo_share::EchoStatistics;
 use history::History;
 use masters::MasterEvidence;
 use transaction::{EarlyResponse, UnitMismatch};
+use transaction_ids::IdHabit;
 
 /// Closed transactions whose buffers are kept for new ones.
 const MAX_REUSABLE: usize = 8;
@@ -98,8 +101,12 @@ pub struct Pairing {
     live: bool,
     /// The side that responds is recorded. Where it is not, its silence means nothing.
     pub response_side_recorded: bool,
-    /// Transaction identifiers of the last requests of a connection.
-    ids: VecDeque<u16>,
+    /// How far time has advanced.
+    now: Option<Ns>,
+    /// On a connection, what the server does with transaction identifiers.
+    id_habit: IdHabit,
+    /// On a connection, a response came behind a further request: that one was no retry.
+    is_pipelined: bool,
 }
 
 impl Pairing {
@@ -126,7 +133,9 @@ impl Pairing {
             order_is_inferred: false,
             live,
             response_side_recorded: true,
-            ids: VecDeque::new(),
+            now: None,
+            id_habit: IdHabit::default(),
+            is_pipelined: false,
         }
     }
 
@@ -208,6 +217,10 @@ impl Pairing {
         if transaction.status != Status::BadRequest {
             transaction.status = if transaction.response.is_present() { Status::BadResponse } else { if_silent };
         }
+        if self.is_pipelined {
+            // The next request says nothing about how long this client waits.
+            transaction.waited = None;
+        }
         let had_no_response = transaction.status == Status::NoResponse;
         if transaction.status == Status::BadRequest {
             self.history.add_damaged(&transaction);
@@ -220,24 +233,28 @@ impl Pairing {
 
     /// When the next open request times out.
     pub fn deadline(&self) -> Option<Ns> {
-        let timeout = self.request_timeout();
         let waiting = self.open.iter().filter(|open| !open.is_timed_out);
-        waiting.filter_map(|open| Some(open.request.end? + timeout)).min()
+        let end_of_wait =
+            |open: &PendingTransaction| Some(open.request.end?.saturating_add(self.request_timeout(open.mbap_id.is_some())));
+        waiting.filter_map(|open| end_of_wait(open)).min()
     }
 
     /// Lets time advance to `now`, so that open requests time out.
     ///
-    /// A live tap closes them at once. In a recording the transaction waits for the next request, to tell how long the
-    /// master has waited.
+    /// A live tap closes them at once, and so is one with a transaction identifier, which no further request closes. In a
+    /// recording without identifiers the transaction waits for the next request, to tell how long the master has waited.
     pub fn advance_time(&mut self, now: Ns, done: &mut Vec<Box<PendingTransaction>>) {
+        self.now = self.now.max(Some(now));
         if self.open.is_empty() {
             return;
         }
-        let timeout = self.request_timeout();
+        let timeouts = [false, true].map(|has_identifier| self.request_timeout(has_identifier));
         for open in &mut self.open {
+            let timeout = timeouts[usize::from(open.mbap_id.is_some())];
             open.is_timed_out |= open.request.end.is_some_and(|end| now - end >= timeout);
         }
-        while self.live && self.open.front().is_some_and(|open| open.is_timed_out) {
+        let is_over = |open: &PendingTransaction, live: bool| open.is_timed_out && (live || open.mbap_id.is_some());
+        while self.open.front().is_some_and(|open| is_over(open, self.live)) {
             self.resolve_unit_mismatch(None, done);
             let transaction = self.open.pop_front().expect("checked above");
             self.close(transaction, Status::NoResponse, done);
@@ -248,8 +265,9 @@ impl Pairing {
     pub fn finish(&mut self, done: &mut Vec<Box<PendingTransaction>>) {
         self.resolve_unit_mismatch(None, done);
         while let Some(transaction) = self.open.pop_front() {
-            let status = if transaction.is_timed_out { Status::NoResponse } else { Status::NotObserved };
-            self.close(transaction, status, done);
+            let waited = timeouts::interval(transaction.request.end, self.now);
+            let is_given_up = transaction.is_timed_out || waited.is_some_and(|waited| self.is_probably_given_up(waited));
+            self.close(transaction, if is_given_up { Status::NoResponse } else { Status::NotObserved }, done);
         }
         let unproven = self.masters.take_undecided().into_iter().filter(|overlap| !overlap.timeout_excluded);
         self.delayed_findings.extend(unproven.map(|overlap| order::unproven_overlap(&overlap)));

@@ -17,9 +17,6 @@ use modlens_protocol::status::Status;
 /// Requests that may be open at once on a TCP connection. A serial line has one or two.
 const MAX_OPEN_REQUESTS: usize = 1024;
 
-/// Transaction identifiers that are remembered, to tell whether a response carries one that was ever requested with.
-const MAX_REMEMBERED_IDS: usize = 64;
-
 impl Pairing {
     /// Pairs a good request: closes the requests that it supersedes and opens a transaction for it, numbered `next_txn`.
     ///
@@ -66,9 +63,10 @@ impl Pairing {
             open.overlap = Some(OverlappingRequest { txn, timeout_excluded, is_answered: false });
         }
         let mut result = PairingResult { txn: Some(txn), ..PairingResult::default() };
-        if let Some(repeated) = self.history.take_repeated(frame) {
-            transaction.retry_of = Some(repeated.txn);
-            order::retry(&mut transaction, &mut result, repeated.txn);
+        let repeated = self.history.take_repeated(frame).map(|repeated| repeated.txn);
+        if let Some(repeated) = repeated.or_else(|| self.repeated_on_connection(frame)) {
+            transaction.retry_of = Some(repeated);
+            order::retry(&mut transaction, &mut result, repeated);
         }
         self.history.last_broadcast = None;
         if transaction.unit == BROADCAST_UNIT && frame.mode != Mode::Tcp {
@@ -93,12 +91,10 @@ impl Pairing {
         done: &mut Vec<Box<PendingTransaction>>,
     ) -> Option<bool> {
         if frame.mode == Mode::Tcp {
-            if let Some(id) = frame.mbap_id {
-                self.remember_id(id);
-            }
-            while self.open.len() >= MAX_OPEN_REQUESTS || self.open.front().is_some_and(|open| open.is_timed_out) {
+            while self.open.len() >= MAX_OPEN_REQUESTS {
                 self.close_oldest(functions, frame, done);
             }
+            self.close_reused(functions, frame, done);
             return None;
         }
         while self.open.len() > 1 {
@@ -111,11 +107,30 @@ impl Pairing {
         overlap
     }
 
-    pub(crate) fn remember_id(&mut self, id: u16) {
-        if self.ids.len() == MAX_REMEMBERED_IDS {
-            self.ids.pop_front();
+    /// On a connection, closes the open requests whose transaction identifier this request uses again, and notes how long
+    /// the client has waited for its last one. Of a client that numbers nothing and does not wait, several stay open.
+    fn close_reused(&mut self, functions: &Functions, frame: &ObservedFrame<'_>, done: &mut Vec<Box<PendingTransaction>>) {
+        let min_waited = 2 * self.resolution;
+        if let Some(last) = self.open.back_mut() {
+            let waited = || interval(last.request.end, frame.start).filter(|&ns| ns >= min_waited);
+            last.waited = last.waited.or_else(waited);
         }
-        self.ids.push_back(id);
+        let is_given_up = |this: &Self, open: &PendingTransaction| {
+            let waited = interval(open.request.end, frame.start);
+            open.mbap_id == frame.mbap_id && waited.is_none_or(|waited| !this.is_before_timeout(waited))
+        };
+        while let Some(at) = self.open.iter().position(|open| is_given_up(self, open)) {
+            self.close_at(at, functions, frame, done);
+        }
+    }
+
+    /// On a connection, the open request that this one repeats: the same content again, from a client that was never seen to
+    /// ask before it had its response, after a time at which it may have given up.
+    fn repeated_on_connection(&self, frame: &ObservedFrame<'_>) -> Option<u64> {
+        let open = self.open.back().filter(|_| frame.mode == Mode::Tcp && !self.is_pipelined)?;
+        let is_same = open.unit == frame.unit() && open.request.pdu() == frame.pdu();
+        let waited = interval(open.request.end, frame.start)?;
+        (is_same && !self.is_before_timeout(waited)).then_some(open.txn)
     }
 
     /// Whether a request to another unit leaves the open one waiting for its response, since a second master may have sent
@@ -187,7 +202,12 @@ impl Pairing {
         next: &ObservedFrame<'_>,
         done: &mut Vec<Box<PendingTransaction>>,
     ) {
-        let Some(mut transaction) = self.open.pop_front() else { return };
+        self.close_at(0, functions, next, done);
+    }
+
+    /// As `close_oldest`, for the open request with this index.
+    fn close_at(&mut self, at: usize, functions: &Functions, next: &ObservedFrame<'_>, done: &mut Vec<Box<PendingTransaction>>) {
+        let Some(mut transaction) = self.open.remove(at) else { return };
         let waited = transaction.waited.or(interval(transaction.request.end, next.start));
         transaction.waited = waited.filter(|&ns| ns >= 2 * self.resolution);
         let is_retried = transaction.unit == next.unit() && transaction.request.pdu() == next.pdu();

@@ -43,7 +43,10 @@ impl Pairing {
         let at = at.or_else(|| self.open_truncated_if_answered(functions, truncated, frame, next_txn, done));
         let Some(at) = at else { return self.add_unrequested(functions, frame, next_txn, done) };
         self.early_response = None;
+        self.is_pipelined |= frame.mode == Mode::Tcp && at + 1 < self.open.len();
         let mut transaction = self.open.remove(at).expect("found above");
+        // The master's waiting time is that of a request without response.
+        transaction.waited = None;
         transaction.confirms_unit = !frame.unconfirmed;
         self.history.add_answered(&transaction, frame);
         transaction.response.fill(frame);
@@ -98,19 +101,16 @@ impl Pairing {
     }
 
     /// Index of the oldest open request that the response answers, at least in unit and function. On a connection the
-    /// transaction identifier must be equal, too, unless none of the last requests has carried the response's. A request that
-    /// has timed out is not answered any more.
-    fn find_request(&self, functions: &Functions, frame: &ObservedFrame<'_>) -> Option<usize> {
+    /// transaction identifier counts, too (`find_by_id`). A request that has timed out is not answered any more.
+    fn find_request(&mut self, functions: &Functions, frame: &ObservedFrame<'_>) -> Option<usize> {
+        if frame.mbap_id.is_some() {
+            return self.find_by_id(functions, frame);
+        }
         let fits = |transaction: &PendingTransaction| {
             let request = RequestRef { unit: transaction.unit, pdu: transaction.request.pdu() };
             !transaction.is_timed_out && match_response(functions, request, frame.unit(), frame.pdu()) != ResponseMatch::No
         };
-        // Serial frames carry no transaction identifier: theirs are all `None`, hence equal.
-        let by_id = self.open.iter().position(|transaction| transaction.mbap_id == frame.mbap_id && fits(transaction));
-        // Some devices respond with an identifier of their own, always the same one. An identifier that a request has
-        // carried is not of that kind.
-        let is_foreign_id = || frame.mbap_id.is_some_and(|id| !self.ids.contains(&id));
-        by_id.or_else(|| if is_foreign_id() { self.open.iter().position(|transaction| fits(transaction)) } else { None })
+        self.open.iter().position(|transaction| fits(transaction))
     }
 
     /// Counts the overlap of this answered transaction with another, once both are answered, as evidence of two masters. It

@@ -148,6 +148,11 @@ impl TimingModel {
         Some((timeout as f64 * TIMEOUT_FACTOR).max(self.longest_response * LONGEST_RESPONSE_FACTOR) as Ns)
     }
 
+    /// Twice the longest response time, in ns; 0 before any was seen.
+    pub(super) fn twice_the_longest_response(&self) -> Ns {
+        (self.longest_response * LONGEST_RESPONSE_FACTOR) as Ns
+    }
+
     /// Log-odds in bits that a silence after a request is the master's time-out rather than a unit's response time.
     /// Positive for a time-out, negative for a response, 0 where there is no evidence.
     ///

@@ -19,6 +19,9 @@ use modlens_readers::chunk::{Chunk, Side, Times};
 use modlens_readers::pcap::metadata::{PortMetadata, RecordingSegment};
 use modlens_readers::pcap::{Capture, Endpoint, Event, Interface, SerialContent, StreamChunk};
 
+/// Requests of quiet connections are given up at most so much later than their waiting time says.
+const SWEEP_NS: Ns = 1_000_000_000;
+
 /// Times before March 1973 are not dates: the clock started with the recording.
 const MIN_DATE_NS: Ns = 100_000_000 * 1_000_000_000;
 
@@ -33,6 +36,7 @@ impl Session {
             reimport: ReimportState::new(self.next_frame - 1, self.next_txn - 1),
             clock: Clock::None,
             resolution: 0,
+            last_sweep: None,
         }));
         self.captures.len() - 1
     }
@@ -78,7 +82,10 @@ impl Session {
             self.decide_waiting();
         }
         match event {
-            Event::Time(time, interface) => self.note_time(state, time, interface),
+            Event::Time(time, interface) => {
+                self.note_time(state, time, interface);
+                self.sweep_connections(state, time);
+            }
             Event::Opened { slot, client, server, mode } => self.add_connection(state, slot, client, server, mode),
             Event::Bytes { slot, from_client, chunk, is_whole_message, server_side_recorded } => {
                 if let Some(&Some(bus)) = state.slots.get(slot) {
@@ -126,6 +133,22 @@ impl Session {
         state.resolution = state.resolution.max(interface.resolution);
         if interface.own.is_none() {
             self.origin.get_or_insert(time);
+        }
+    }
+
+    /// Gives up the requests of all connections whose waiting time is over, once in `SWEEP_NS`: a connection on which nothing
+    /// happens any more must not hold back the rows of the others.
+    fn sweep_connections(&mut self, state: &mut CaptureState, now: Ns) {
+        if self.live || state.last_sweep.is_some_and(|last| (now - last).abs() < SWEEP_NS) {
+            return;
+        }
+        state.last_sweep = Some(now);
+        let is_due = |session: &Self, bus: usize| session.buses[bus].pairing.deadline().is_some_and(|due| due <= now);
+        for bus in state.slots.iter().flatten().copied() {
+            if is_due(self, bus) {
+                self.decide_waiting();
+                self.advance_pairing(bus, now);
+            }
         }
     }
 

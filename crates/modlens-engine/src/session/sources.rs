@@ -41,6 +41,8 @@ pub(super) struct CaptureState {
     pub(super) clock: Clock,
     /// The coarsest step of the interfaces' clocks.
     pub(super) resolution: Ns,
+    /// When requests of all connections were last given up whose waiting time was over.
+    pub(super) last_sweep: Option<Ns>,
 }
 
 impl CaptureState {

@@ -3,6 +3,8 @@
 // Each test program uses a part of these.
 #![allow(dead_code)]
 
+pub mod tcp;
+
 use std::sync::Arc;
 
 use modlens_engine::records::Batch;

@@ -1,0 +1,99 @@
+//! The transaction identifiers of a connection (messaging on TCP/IP, 3.1.3): which open request a response belongs to.
+//!
+//! A response belongs to the request with its identifier. Some servers do not repeat it: they send one of their own,
+//! always the same, or that of a request before. A response with another identifier is paired by its content only once
+//! the server has shown such a habit; before that it may as well answer a request that the capture has lost.
+
+use crate::pairing::{ObservedFrame, Pairing, PendingTransaction};
+use modlens_protocol::direction::{match_response, RequestRef, ResponseMatch};
+use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
+
+/// Responses in a row by which a server shows that it does not repeat identifiers.
+const MIN_CONSISTENT_RESPONSES: u8 = 2;
+
+/// How the identifiers of a server's responses differ from those of the requests that they fit.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct IdHabit {
+    /// The identifier of the last such response, and by how much it exceeds that of the request.
+    last: Option<(u16, u16)>,
+    /// Responses in a row with the same identifier ...
+    same_id: u8,
+    /// ... and with the same difference.
+    same_difference: u8,
+}
+
+impl IdHabit {
+    /// Counts a response that fits a request with another identifier; whether the habit is known by now.
+    fn observe(&mut self, response_id: u16, request_id: u16) -> bool {
+        let difference = response_id.wrapping_sub(request_id);
+        // Zero is what servers send that ignore the field.
+        let before = self.last.replace((response_id, difference)).unwrap_or((0, difference.wrapping_add(1)));
+        let count = |is_same: bool, count: u8| if is_same { count.saturating_add(1) } else { 1 };
+        self.same_id = count(before.0 == response_id, self.same_id.max(1));
+        self.same_difference = count(before.1 == difference, self.same_difference);
+        self.is_known(response_id, request_id)
+    }
+
+    /// Whether a response with this identifier to a request with that one is what the server does.
+    fn is_known(self, response_id: u16, request_id: u16) -> bool {
+        let Some((id, difference)) = self.last else { return false };
+        (self.same_id >= MIN_CONSISTENT_RESPONSES && id == response_id)
+            || (self.same_difference >= MIN_CONSISTENT_RESPONSES && difference == response_id.wrapping_sub(request_id))
+    }
+}
+
+impl Pairing {
+    /// Index of the open request that a response on a connection answers.
+    ///
+    /// It is the oldest with the same identifier whose content fits, fully if any does. If its content contradicts it, or if
+    /// no request has the identifier, the response may belong to the last request, provided that it fits that fully and that
+    /// the server has a habit (`IdHabit`). Without one, it is paired with none; that the last request had no response is then
+    /// not certain.
+    pub(super) fn find_by_id(&mut self, functions: &Functions, frame: &ObservedFrame<'_>) -> Option<usize> {
+        let fit = |open: &PendingTransaction| {
+            let request = RequestRef { unit: open.unit, pdu: open.request.pdu() };
+            match_response(functions, request, frame.unit(), frame.pdu())
+        };
+        let with_id = |wanted: ResponseMatch| {
+            // A gateway's log may print requests without the MBAP header and responses with it.
+            let has_id = |open: &PendingTransaction| open.mbap_id.is_none_or(|id| frame.mbap_id == Some(id));
+            self.open.iter().position(|open| !open.is_timed_out && has_id(open) && fit(open) == wanted)
+        };
+        if let Some(at) = with_id(ResponseMatch::Fully) {
+            return Some(at);
+        }
+        let by_id = with_id(ResponseMatch::Partly);
+        let last = self.open.len().checked_sub(1)?;
+        let open = &self.open[last];
+        let is_exception = frame.pdu().first().is_some_and(|code| code & EXCEPTION_BIT != 0);
+        let ids = frame.mbap_id.zip(open.mbap_id).filter(|(response, request)| response != request);
+        let Some((response_id, request_id)) = ids.filter(|_| !open.is_timed_out && fit(open) == ResponseMatch::Fully) else {
+            return by_id;
+        };
+        let is_habit = if is_exception {
+            self.id_habit.is_known(response_id, request_id)
+        } else {
+            self.id_habit.observe(response_id, request_id)
+        };
+        if !is_habit {
+            self.open[last].silence_is_inconclusive = true;
+        }
+        is_habit.then_some(last)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_server_shows_its_habit_by_two_responses_or_by_zero() {
+        let mut habit = IdHabit::default();
+        assert!(habit.observe(0, 17), "servers that ignore the field send zero");
+        let mut habit = IdHabit::default();
+        assert!(!habit.observe(9, 17) && habit.observe(9, 18) && habit.is_known(9, 25) && !habit.is_known(8, 25));
+        let mut habit = IdHabit::default();
+        assert!(!habit.observe(16, 17) && habit.observe(17, 18) && habit.is_known(24, 25));
+        assert!(!habit.observe(3, 26), "another one altogether");
+    }
+}
