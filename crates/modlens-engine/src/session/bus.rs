@@ -220,29 +220,19 @@ impl BusState {
     }
 
     /// The next frame and the index of its line; `adu` gets its unit and PDU. `None` if more bytes or time are needed: while
-    /// the survey is open, while it is not known which line is next, or as long as that line's framer decides nothing. The
-    /// bytes of the frame are left in the input.
+    /// it is not known which line is next (`next_line`), or as long as that line's framer decides nothing. The bytes of the
+    /// frame are left in the input.
     ///
-    /// Of two lines, the frame that was on the wire first is returned first: by inferred order if no clock tells it, else by
-    /// `turn`. The framer looks ahead in recordings only. What it has learned of the framing may change the silence that ends
-    /// frames of this line (`break_ns`).
+    /// Where no clock tells the order of two lines, `next_merged` says which frame is next. The framer looks ahead in
+    /// recordings only. What it has learned of the framing may change the silence that ends frames of this line (`break_ns`).
     pub(crate) fn next_frame(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, FrameResult)> {
         if self.lines.first().is_some_and(|(_, line)| line.unmerged.is_some()) {
             return self.next_merged(functions, live, adu);
         }
-        let settings = self.options.line;
-        if self.survey_is_open(functions, live) {
-            return None;
-        }
-        let at = match self.lines.len() {
-            1 if self.lines[0].1.input.bytes().is_empty() => return None,
-            1 => 0,
-            _ => self.turn(functions)?,
-        };
+        let at = self.next_line(functions, live)?;
         // On a two-line tap the silence on one line says nothing about the other's, so it is no evidence.
         let is_single_line = self.lines.len() == 1;
-        let timing = &self.pairing.timing;
-        let side_votes = self.side_votes;
+        let (timing, side_votes) = (&self.pairing.timing, self.side_votes);
         let context = FramerContext {
             functions,
             outstanding_request: self.pairing.outstanding_request(),
@@ -257,8 +247,21 @@ impl BusState {
         };
         let state = &mut self.lines[at].1;
         let result = state.framer.next(&state.input, &context, adu);
-        state.input.break_ns = state.framer.break_ns(settings.as_ref());
+        state.input.break_ns = state.framer.break_ns(self.options.line.as_ref());
         Some((at, result?))
+    }
+
+    /// The index of the line that has the next frame: the only line if it has bytes; of two lines with a clock, the one whose
+    /// frame was on the wire first (`turn`). `None` if that is not known yet, and while the survey is open.
+    #[inline]
+    fn next_line(&mut self, functions: &Functions, live: bool) -> Option<usize> {
+        if self.survey_is_open(functions, live) {
+            return None;
+        }
+        match &self.lines[..] {
+            [(_, only)] => (!only.input.bytes().is_empty()).then_some(0),
+            _ => self.turn(functions),
+        }
     }
 }
 

@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use crate::findings;
 use crate::pairing::Pairing;
-use crate::records::{Bus, FindingRow, Network};
+use crate::records::{Bus, Network};
 use crate::session::bus::{BusState, FROM_CLIENT, FROM_SERVER};
 use crate::session::profiles::Profiles;
+use crate::session::rows::FindingPlace;
 use crate::session::sources::{CaptureOptions, CaptureReport, CaptureState, ReimportState};
 use crate::session::{BusOptions, Session};
 use modlens_protocol::finding::Finding;
@@ -89,35 +90,40 @@ impl Session {
             Event::Opened { slot, client, server, mode } => self.add_connection(state, slot, client, server, mode),
             Event::Bytes { slot, from_client, chunk, is_whole_message, server_side_recorded } => {
                 if let Some(&Some(bus)) = state.slots.get(slot) {
-                    if self.buses[bus].pairing.response_side_recorded != server_side_recorded || chunk.missing > 0 {
-                        self.decide_waiting();
-                    }
-                    self.buses[bus].pairing.response_side_recorded = server_side_recorded;
+                    self.note_recorded_side(bus, server_side_recorded);
                     self.feed_stream(bus, from_client, &chunk, is_whole_message);
                 }
             }
             Event::Repetition { slot, kind, packet, time } => {
                 if let Some(&Some(bus)) = state.slots.get(slot) {
-                    let finding = findings::connection::repetition(kind, packet);
-                    self.emit_connection_finding(bus, finding, packet, time);
+                    self.emit_connection_finding(bus, findings::connection::repetition(kind, packet), packet, time);
                 }
             }
-            Event::Closed { slot } => {
-                if let Some(bus) = state.slots.get_mut(slot).and_then(Option::take) {
-                    self.flush_bus(bus);
-                    self.retired.push(bus);
-                }
-            }
+            Event::Closed { slot } => self.close_connection(state, slot),
             Event::Line { interface: index, by: interface, content, errors, packet, time } => {
                 let bus = self.serial_bus(state, index, interface);
-                let line = interface.own.as_ref().map_or(0, |port| port.line);
-                // A tap of modlens receives everything, so that its word `received` does not tell who has sent the bytes.
-                let side = content.side.filter(|_| interface.own.is_none());
-                self.feed_serial(bus, line, &SerialContent { side, ..content }, &errors, packet, time);
+                self.feed_serial(bus, interface, content, &errors, packet, time);
             }
             Event::Reimported { by: interface, metadata, packet, time, .. } => {
                 self.reimport_packet(&mut state.reimport, &state.options, interface, &metadata, packet, time);
             }
+        }
+    }
+
+    /// Notes whether the server's side of a connection is recorded, which its next bytes depend on. A change has what was fed
+    /// before decided first.
+    fn note_recorded_side(&mut self, bus: usize, is_recorded: bool) {
+        if self.buses[bus].pairing.response_side_recorded != is_recorded {
+            self.decide_waiting();
+        }
+        self.buses[bus].pairing.response_side_recorded = is_recorded;
+    }
+
+    /// Ends the connection in this slot, if it has one: its bus is flushed, and becomes free once no row names it any more.
+    fn close_connection(&mut self, state: &mut CaptureState, slot: usize) {
+        if let Some(bus) = state.slots.get_mut(slot).and_then(Option::take) {
+            self.flush_bus(bus);
+            self.retired.push(bus);
         }
     }
 
@@ -168,11 +174,19 @@ impl Session {
             network: Some(network),
         };
         let options = BusOptions { bus, mode: Some(mode), line: None, resolution: Some(state.resolution.max(1)), rule: None };
+        if state.slots.len() <= slot {
+            state.slots.resize(slot + 1, None);
+        }
+        state.slots[slot] = Some(self.add_connection_bus(options));
+    }
+
+    /// Adds a bus with these options in place of one that is free, if there is one; gives its index.
+    fn add_connection_bus(&mut self, options: BusOptions) -> usize {
         let counts = self.stats.bus_named(&options.bus.name);
         let pairing = Pairing::new(self.timeout, self.live);
         let profiles = Profiles::of_bus(&self.assignments, &options.bus.name);
         let rows = Arc::make_mut(&mut self.bus_rows);
-        let bus = if let Some(bus) = self.free.pop() {
+        if let Some(bus) = self.free.pop() {
             rows[bus] = options.bus.clone();
             self.buses[bus] = BusState::new(options, pairing, counts, profiles);
             bus
@@ -180,17 +194,15 @@ impl Session {
             rows.push(options.bus.clone());
             self.buses.push(BusState::new(options, pairing, counts, profiles));
             self.buses.len() - 1
-        };
-        if state.slots.len() <= slot {
-            state.slots.resize(slot + 1, None);
         }
-        state.slots[slot] = Some(bus);
     }
 
     /// Feeds bytes of a connection, in order. `missing` bytes in front of them are a finding on the connection; they may have
-    /// held the responses to the open requests, so that their silence proves nothing, but these stay open.
+    /// held the responses to the open requests, so that their silence proves nothing, but these stay open. What was fed
+    /// before the gap is decided first.
     fn feed_stream(&mut self, bus: usize, from_client: bool, received: &StreamChunk<'_>, is_whole_message: bool) {
         if received.missing > 0 {
+            self.decide_waiting();
             self.buses[bus].pairing.note_missing_bytes();
             let finding = findings::connection::missing_bytes(received.missing, received.packet);
             self.emit_connection_finding(bus, finding, received.packet, received.time);
@@ -209,12 +221,21 @@ impl Session {
     }
 
     /// Feeds the bytes of a packet of a serial interface.
-    fn feed_serial(&mut self, bus: usize, line: u8, content: &SerialContent<'_>, errors: &[u32], packet: u64, time: Option<Ns>) {
+    fn feed_serial(
+        &mut self,
+        bus: usize,
+        interface: &Interface,
+        content: SerialContent<'_>,
+        errors: &[u32],
+        packet: u64,
+        time: Option<Ns>,
+    ) {
         let chunk = Chunk {
             bytes: content.bytes,
-            line,
+            line: interface.own.as_ref().map_or(0, |port| port.line),
             times: time.map_or(Times::None, Times::Read),
-            side: content.side,
+            // A tap of modlens receives everything, so that its word `received` does not tell who has sent the bytes.
+            side: content.side.filter(|_| interface.own.is_none()),
             starts_record: content.is_whole_frame,
             follows_loss: content.follows_loss,
             // Marks on single bytes say more than a mark on the whole packet.
@@ -285,19 +306,9 @@ impl Session {
     fn emit_connection_finding(&mut self, bus: usize, (finding, detail): (Finding, String), packet: u64, time: Option<Ns>) {
         self.stats.finding(finding);
         if self.wanted.findings {
-            let elapsed = super::rows::elapsed(self.origin, time);
-            let row = FindingRow {
-                frame: None,
-                txn: None,
-                bus: bus as u32,
-                start: time,
-                elapsed,
-                unit: None,
-                finding,
-                detail,
-                origin: packet,
-            };
-            self.batch.findings.push(row);
+            let recording_start = self.origin;
+            let place = FindingPlace { frame: None, txn: None, bus, start: time, recording_start, unit: None, origin: packet };
+            self.batch.findings.push(place.row(finding, detail));
         }
     }
 

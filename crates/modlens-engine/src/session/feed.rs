@@ -50,28 +50,13 @@ impl Session {
     }
 
     /// Appends the bytes of a chunk to the input of its line, which is added if it is new, and notes the time of the chunk,
-    /// which it gives back: that of its last byte, or `None` without a clock. Frames in these bytes are not decided here.
+    /// which it gives back: that of its last byte, or `None` without a clock. Frames in these bytes are not decided here;
+    /// what lies before the chunk may be (`decide_before`).
     ///
-    /// What lies before the chunk may be decided: all that is open on a serial bus if the tap was away, and, in a live
-    /// session, everything on all buses that time alone decides up to just before the chunk. The first chunk with a time sets
-    /// the beginning of the recording, unless the source has.
+    /// The first chunk with a time sets the beginning of the recording, unless the source has.
     fn buffer_chunk(&mut self, bus: usize, chunk: &Chunk<'_>) -> Option<Ns> {
         let time = chunk.time();
-        // A hole on a serial line means that the tap was away: no response to an open request will come. A connection goes
-        // on behind lost segments.
-        let tap_was_away = chunk.follows_loss && self.buses[bus].options.bus.network.is_none();
-        // If bytes follow, it is unknown when the tap went away, so the bus is flushed before time advances. A chunk
-        // without bytes says that the tap goes away at this moment.
-        if tap_was_away && !chunk.bytes.is_empty() {
-            self.flush_bus(bus);
-        }
-        if let Some(time) = time.filter(|_| self.live) {
-            // Everything that time alone decides is decided now, so that the result does not depend on earlier polls.
-            self.poll(time - 1);
-        }
-        if tap_was_away {
-            self.flush_bus(bus);
-        }
+        self.decide_before(bus, chunk, time);
         let state = &mut self.buses[bus];
         let line = state.line_for(chunk);
         line.input.push(chunk);
@@ -87,6 +72,26 @@ impl Session {
             self.origin.get_or_insert(start);
         }
         time
+    }
+
+    /// Decides what is known before a chunk comes: all that is open on a serial bus if the tap was away, and, in a live
+    /// session, everything on all buses that time alone decides up to just before `time`, that of the chunk.
+    ///
+    /// A hole on a serial line means that the tap was away: no response to an open request will come. (A connection goes on
+    /// behind lost segments.) If bytes follow the hole, it is unknown when the tap went away, so the bus is flushed before
+    /// time advances. A chunk without bytes says that the tap goes away at this moment, so it is flushed afterwards.
+    fn decide_before(&mut self, bus: usize, chunk: &Chunk<'_>, time: Option<Ns>) {
+        let tap_was_away = chunk.follows_loss && self.buses[bus].options.bus.network.is_none();
+        if tap_was_away && !chunk.bytes.is_empty() {
+            self.flush_bus(bus);
+        }
+        if let Some(time) = time.filter(|_| self.live) {
+            // Not at `time` itself, so that the result does not depend on earlier polls.
+            self.poll(time - 1);
+        }
+        if tap_was_away {
+            self.flush_bus(bus);
+        }
     }
 
     /// Lets time advance to `now` on all buses without bytes, in a live session: silences end frames, open requests time out,

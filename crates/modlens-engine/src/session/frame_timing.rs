@@ -65,20 +65,21 @@ impl FrameTiming {
         }
     }
 
-    /// The times and the place of the first `length` bytes (at least one) of the input. Nothing is changed.
+    /// The times in ns and the place of the first `length` bytes (at least one) of the input. Nothing is changed.
     ///
-    /// Without a clock, `start`, `end` and `gap` are `None`. The start is one character before the end of the first byte, or
-    /// the end itself where the line settings are not known. `gap` is `None`, too, where the frame begins inside a read, and
-    /// where the silence is shorter than two steps of the clock.
+    /// Without a clock, `start`, `end` and `gap` are `None`. The start is one character before the time at which the first byte
+    /// had arrived, or that time itself where the line settings are not known; but not before `last_end`, unless the clock
+    /// jumped. `end` is the time at which the last byte had arrived. `gap` is `None`, too, where the frame begins inside a read
+    /// (but not on TCP), and where the silence is shorter than two steps of the clock, or not above 0.
     #[inline(always)]
     #[allow(clippy::inline_always)] // The result is large and mostly empty; inlined, the empty parts are never built.
     pub(crate) fn of(input: &Input, length: usize, setting: &TimingConfig) -> Self {
         let has_clock = setting.has_clock && input.has_times;
         let time_of = |index: usize| if has_clock { input.byte_time(index) } else { None };
-        let counted_back = time_of(0).map(|ns| ns - input.char_ns.unwrap_or(0));
         // The start is counted back from the time of the read. It cannot lie before the end of the frame before.
-        let start =
-            counted_back.map(|ns| if setting.clock_jumped { ns } else { setting.last_end.map_or(ns, |last| ns.max(last)) });
+        let counted_back = time_of(0).map(|ns| ns - input.char_ns.unwrap_or(0));
+        let earliest = if setting.clock_jumped { None } else { setting.last_end };
+        let start = counted_back.map(|ns| earliest.map_or(ns, |last| ns.max(last)));
         // All messages in a TCP segment arrived with it.
         let clean_start = setting.mode == Mode::Tcp || input.starts_read(0);
         let gap = if has_clock && clean_start { input.pause_before(0) } else { None };

@@ -5,11 +5,11 @@ use crate::framer::silence::SilenceRule;
 use crate::framer::FrameResult;
 use crate::input::Input;
 use crate::pairing::ObservedFrame;
-use crate::records::{FindingRow, Frame, Span};
+use crate::records::{Batch, Frame, Span};
 use crate::session::bus::{learn, BusState};
 use crate::session::frame_timing::{FrameTiming, TimingConfig};
 use crate::session::line::add_vote;
-use crate::session::rows::elapsed;
+use crate::session::rows::{elapsed, FindingPlace};
 use crate::session::Session;
 use crate::stats::Stats;
 use modlens_protocol::framing::{Mode, Verdict};
@@ -52,29 +52,25 @@ impl Session {
         if let Some(finding) = result.finding {
             self.found.push((finding, words::order(finding, &result, &frame)));
         }
-        let elapsed = elapsed(self.origin, timing.start);
+        let place = FindingPlace {
+            frame: Some(number),
+            txn: result.txn,
+            bus,
+            start: timing.start,
+            recording_start: self.origin,
+            unit: adu.first().copied(),
+            origin: timing.origin,
+        };
         for (finding, detail) in &self.found {
             self.stats.finding(*finding);
             if self.wanted.findings {
-                self.batch.findings.push(FindingRow {
-                    frame: Some(number),
-                    txn: result.txn,
-                    bus: bus as u32,
-                    start: timing.start,
-                    elapsed,
-                    unit: adu.first().copied(),
-                    finding: *finding,
-                    detail: detail.clone(),
-                    origin: timing.origin,
-                });
+                self.batch.findings.push(place.row(*finding, detail.clone()));
             }
         }
         if self.wanted.frames {
-            let codes = self.batch.store_findings(&self.codes);
-            // The finding of pairing, if any, stands behind those on the frame itself.
-            self.batch.codes.extend(self.found[self.codes.len()..].iter().map(|(finding, _)| *finding));
-            let findings = Span { length: self.found.len() as u32, ..codes };
+            let findings = store_codes(&mut self.batch, &self.found);
             let wire = self.batch.store(wire);
+            let elapsed = elapsed(self.origin, timing.start);
             let row = frame_row(framed, &frame, &timing, wire, findings);
             self.batch.frames.push(Frame { bus: bus as u32, line: state.lines[at].0, elapsed, txn: result.txn, ..row });
         }
@@ -103,6 +99,14 @@ impl BusState {
         line.consume(framed.length);
         line.last_end = end.or(line.last_end);
     }
+}
+
+/// Copies the codes of these findings into the batch: first those on the frame itself, behind them that of pairing, if any.
+#[inline]
+fn store_codes(batch: &mut Batch, found: &Found) -> Span {
+    let start = batch.codes.len() as u32;
+    batch.codes.extend(found.iter().map(|(finding, _)| *finding));
+    Span { start, length: found.len() as u32 }
 }
 
 /// The frame as pairing and the checks get it; its findings are not known yet.

@@ -11,6 +11,15 @@ use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Times};
 use modlens_readers::logic::{Analyser, Character, DetectedLine, Wiring};
 
+/// The options of the bus of a recording; `None` before its lines are detected, and if there are none.
+fn bus_options(state: &LogicState) -> Option<BusOptions> {
+    let line = state.analyser.lines()?.first()?.settings.line;
+    let sample_ns = state.analyser.ns(1.0);
+    let (name, source) = (state.source.clone(), state.source.clone());
+    let bus = Bus { name, source, place: Place::Offset, clock: Clock::Relative, line: Some(line), network: None };
+    Some(BusOptions { bus, mode: state.mode, line: Some(line), resolution: Some(sample_ns.max(1)), rule: None })
+}
+
 impl Session {
     /// Adds a recording of a logic analyser; these are numbered from 0.
     pub fn add_logic(&mut self, source: String, mode: Option<Mode>, wiring: Wiring) -> usize {
@@ -30,14 +39,7 @@ impl Session {
             state.analyser.finish(&functions, &mut characters);
         }
         if state.bus.is_none() {
-            if let Some(found) = state.analyser.lines().filter(|found| !found.is_empty()) {
-                let (line, sample_ns) = (found[0].settings.line, state.analyser.ns(1.0));
-                let (name, source) = (state.source.clone(), state.source.clone());
-                let bus = Bus { name, source, place: Place::Offset, clock: Clock::Relative, line: Some(line), network: None };
-                let options =
-                    BusOptions { bus, mode: state.mode, line: Some(line), resolution: Some(sample_ns.max(1)), rule: None };
-                state.bus = Some(self.add_bus(options));
-            }
+            state.bus = bus_options(&state).map(|options| self.add_bus(options));
         }
         if let Some(bus) = state.bus {
             self.origin.get_or_insert(0);

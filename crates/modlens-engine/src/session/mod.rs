@@ -209,22 +209,11 @@ impl Session {
 
     /// The rows emitted since the last call.
     ///
-    /// In a recording, transactions come in the order of their requests: rows behind an open transaction are kept for a
-    /// later call. Transaction numbers are given in that order. In a live session, and in a recording where too many rows
-    /// would have to be kept, all of them are given out as they were emitted. The bytes of rows that are kept move to the
-    /// next batch. Buses of closed connections that no kept row names become free.
+    /// Rows of transactions that `ready_rows` does not release are kept for a later call; their bytes move to the next batch.
+    /// Buses of closed connections that no kept row names become free.
     pub fn take(&mut self) -> Batch {
-        let reimported = self.captures.iter().flatten().filter_map(CaptureState::oldest);
-        let open = self.buses.iter().filter_map(|bus| bus.pairing.oldest_open_txn());
-        let oldest = open.chain(reimported).min().unwrap_or(u64::MAX);
+        let ready = self.ready_rows();
         let mut batch = std::mem::replace(&mut self.batch, self.pool.batch());
-        let mut ready = self.held.len();
-        if ready <= MAX_HELD_TRANSACTIONS && !self.live {
-            if !self.held.is_sorted_by_key(|row| row.number) {
-                self.held.sort_by_key(|row| row.number);
-            }
-            ready = self.held.partition_point(|row| row.number < oldest);
-        }
         std::mem::swap(&mut batch.transactions, &mut self.held);
         self.held.extend(batch.transactions.drain(ready..));
         self.copy_held_bytes(&batch);
@@ -232,6 +221,24 @@ impl Session {
         batch.buses = Arc::clone(&self.bus_rows);
         batch.functions = Some(Arc::clone(&self.functions));
         batch
+    }
+
+    /// How many of the first transactions in `held` may be given out.
+    ///
+    /// In a recording `held` is sorted by number, in the order of the requests, and those in front of the oldest transaction
+    /// that is still open are ready. In a live session, and in a recording where more than `MAX_HELD_TRANSACTIONS` are held,
+    /// all of them are, as they were emitted.
+    fn ready_rows(&mut self) -> usize {
+        if self.live || self.held.len() > MAX_HELD_TRANSACTIONS {
+            return self.held.len();
+        }
+        let reimported = self.captures.iter().flatten().filter_map(CaptureState::oldest);
+        let open = self.buses.iter().filter_map(|bus| bus.pairing.oldest_open_txn());
+        let oldest = open.chain(reimported).min().unwrap_or(u64::MAX);
+        if !self.held.is_sorted_by_key(|row| row.number) {
+            self.held.sort_by_key(|row| row.number);
+        }
+        self.held.partition_point(|row| row.number < oldest)
     }
 
     /// Copies the bytes and findings of the transactions that are kept for a later call to the next batch, and lets the rows

@@ -57,21 +57,14 @@ impl Profiles {
         transaction: &PendingTransaction,
         found: &mut Found,
     ) -> Option<Arc<PlanInstance>> {
-        let unit = transaction.unit;
-        let read = || registers_read(functions, transaction).filter(|_| transaction.status == Status::Ok);
-        if self.by_unit.get(usize::from(unit)).is_none_or(Option::is_none) {
-            let (_, first, bytes) = read().filter(|(space, ..)| *space == Space::Holding)?;
-            self.discover(unit, first, bytes)?;
-        } else if !self.sunspec_chains.is_empty() && self.sunspec_chains.contains_key(&unit) {
-            if let Some((Space::Holding, first, bytes)) = read() {
-                self.discover(unit, first, bytes);
-            }
-        }
-        let instance = self.by_unit.get_mut(usize::from(unit))?.as_mut()?;
+        let unit = usize::from(transaction.unit);
+        let read = registers_read(functions, transaction).filter(|_| transaction.status == Status::Ok);
+        self.discover_models(transaction.unit, read);
+        let instance = self.by_unit.get_mut(unit)?.as_mut()?;
         findings::profile::function(&instance.plan, transaction, found);
-        let order_check = &mut self.order_checks[usize::from(unit)];
-        if instance.has_factors() || !order_check.done(&instance.plan) {
-            if let Some((space, first, bytes)) = read() {
+        if let Some((space, first, bytes)) = read {
+            let order_check = &mut self.order_checks[unit];
+            if instance.has_factors() || !order_check.done(&instance.plan) {
                 for mismatch in order_check.add_and_judge(&instance.plan, space, first, bytes) {
                     findings::profile::order(&instance.plan, &mismatch, found);
                 }
@@ -81,6 +74,16 @@ impl Profiles {
             }
         }
         Some(Arc::clone(instance))
+    }
+
+    /// Looks for `SunSpec` models in the registers that were read of a unit without profile, or of one whose profile they are;
+    /// a profile that the user gave stays. Only holding registers are looked at.
+    fn discover_models(&mut self, unit: u8, read: Option<(Space, u16, &[u8])>) {
+        let Some((Space::Holding, first, bytes)) = read else { return };
+        let has_profile = self.by_unit.get(usize::from(unit)).is_some_and(Option::is_some);
+        if !has_profile || self.sunspec_chains.contains_key(&unit) {
+            self.discover(unit, first, bytes);
+        }
     }
 
     /// Learns from a transaction on the fast path; `false` if it would give a finding or change the profile, so that it
@@ -123,14 +126,14 @@ impl Profiles {
         self.order_checks.resize_with(256, OrderCheck::default);
     }
 
-    /// Looks for `SunSpec` models in a block of holding registers: `bytes`, from the address `first` on. `None` if the unit
-    /// has no profile by then. Without the marker, blocks of a unit that has not shown it before are passed over.
+    /// Looks for `SunSpec` models in a block of holding registers: `bytes`, from the address `first` on. Without the marker,
+    /// blocks of a unit that has not shown it before are passed over.
     ///
     /// A device begins its models with a marker in a fixed register, and each model gives the length to the next one. What
     /// has been read of them so far is compiled to a profile, again whenever a further model is found.
-    fn discover(&mut self, unit: u8, first: u16, bytes: &[u8]) -> Option<()> {
+    fn discover(&mut self, unit: u8, first: u16, bytes: &[u8]) {
         if marker(first, bytes).is_none() && (self.sunspec_chains.is_empty() || !self.sunspec_chains.contains_key(&unit)) {
-            return None;
+            return;
         }
         if self.sunspec_chains.entry(unit).or_default().follow(first, bytes) {
             let plan = Arc::new(Plan::new(self.sunspec_chains[&unit].profile()));
@@ -141,7 +144,6 @@ impl Profiles {
             *slot = Some(Arc::new(instance));
             self.order_checks[usize::from(unit)] = OrderCheck::default();
         }
-        self.by_unit.get(usize::from(unit))?.as_ref().map(|_| ())
     }
 }
 

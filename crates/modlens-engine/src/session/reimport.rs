@@ -5,10 +5,11 @@
 //! behind a pause, the requests before a response. The metadata of each packet give its verdict, direction and transaction;
 //! only the bytes are decoded again.
 
+use crate::findings::Found;
 use crate::pairing::{BufferedFrame, ObservedFrame, PendingTransaction};
-use crate::records::{Bus, FindingRow, Frame, Network};
+use crate::records::{Bus, Frame, Network, Span};
 use crate::session::bus::{FROM_CLIENT, FROM_SERVER};
-use crate::session::rows::elapsed;
+use crate::session::rows::{elapsed, FindingPlace};
 use crate::session::sources::{CaptureOptions, ReimportState, WaitingFrame};
 use crate::session::{BusOptions, Session};
 use modlens_protocol::direction::Direction;
@@ -41,6 +42,141 @@ fn finding_in(comment: &str) -> Option<(Finding, String)> {
     Some((finding, detail.to_owned()))
 }
 
+/// Unit and PDU of a good frame.
+fn adu_of<'a>(metadata: &'a PacketMetadata<'_>, scratch: &'a mut Vec<u8>) -> &'a [u8] {
+    unwrap(metadata.fields.mode, metadata.fields.verdict, &metadata.bytes, scratch).0
+}
+
+/// The line of a connection on which frames of this direction come.
+fn connection_line(direction: Direction) -> u8 {
+    if direction == Direction::Response {
+        FROM_SERVER
+    } else {
+        FROM_CLIENT
+    }
+}
+
+/// A frame as the statistics get it. `number` is its number in this session, `adu` has unit and PDU if it is a good one;
+/// `packet` and `time`, in ns, are those of its packet. It ends `char_ns` for each of its bytes behind its start.
+fn observed<'a>(
+    metadata: &'a PacketMetadata<'_>,
+    number: u64,
+    adu: &'a [u8],
+    char_ns: Ns,
+    (packet, time): (u64, Option<Ns>),
+) -> ObservedFrame<'a> {
+    let (text, fields) = (metadata.frame, &metadata.fields);
+    let start = time.filter(|_| !text.split(' ').any(|word| word == "no_time"));
+    ObservedFrame {
+        number,
+        wire: &metadata.bytes,
+        adu,
+        verdict: fields.verdict,
+        direction: fields.direction,
+        mode: fields.mode,
+        start,
+        end: start.map(|start| start + metadata.bytes.len() as Ns * char_ns),
+        clean_start: true,
+        gap: micros(text, "gap_us"),
+        mbap_id: metadata::number(text, "mbap_id").map(|id| id as u16),
+        origin: packet,
+        unconfirmed: text.split(' ').any(|word| current(Vocabulary::Column, word) == "unconfirmed"),
+        codes: &[],
+    }
+}
+
+/// The row of a frame, as far as its metadata alone tell it: the caller adds bus, line, transaction, and the places of its
+/// bytes and findings in the batch.
+///
+/// Unit and function of a good frame are read from its bytes, those of a damaged one from the metadata, since its bytes do
+/// not tell them. Only a good frame has an exception code.
+fn frame_row(metadata: &PacketMetadata<'_>, observed: &ObservedFrame<'_>) -> Frame {
+    let (text, adu) = (metadata.frame, observed.adu);
+    let byte_of = |key: &str| number(text, key).map(|value| value as u8);
+    let is_good = observed.verdict.is_good();
+    let code = if is_good { adu.get(1).copied() } else { byte_of("code") };
+    let is_exception = is_good && code.is_some_and(|code| code & EXCEPTION_BIT != 0);
+    Frame {
+        number: observed.number,
+        offset: number(text, "offset").unwrap_or(0),
+        start: observed.start,
+        gap: observed.gap,
+        mode: observed.mode,
+        direction: observed.direction,
+        unit: if is_good { adu.first().copied() } else { byte_of("unit") },
+        code,
+        exception: adu.get(2).copied().filter(|_| is_exception),
+        verdict: observed.verdict,
+        unconfirmed: observed.unconfirmed,
+        confidence: byte_of("confidence").unwrap_or(metadata::DEFAULTS.confidence),
+        delimited_by: metadata.fields.delimited_by,
+        mbap_id: observed.mbap_id,
+        origin: observed.origin,
+        last_origin: observed.origin,
+        bus: 0,
+        line: 0,
+        wire: Span::default(),
+        elapsed: None,
+        txn: None,
+        findings: Span::default(),
+    }
+}
+
+/// Takes the frame out of the waiting ones that the metadata of a transaction name by this `key`, `request` or `response`. Its
+/// PDU is replaced if the metadata have one (`request_pdu`). `None` if they name none or it does not wait.
+fn take_half(reimport: &mut ReimportState, text: &str, key: &str) -> Option<WaitingFrame> {
+    let found = reimport.waiting.remove(&(reimport.frames_before + number(text, key)?))?;
+    Some(match value(text, &format!("{key}_pdu")).and_then(unhex) {
+        Some(pdu) => WaitingFrame { frame: found.frame.clone().with_pdu(&pdu), ..found },
+        None => found,
+    })
+}
+
+/// The transaction in these metadata, without its frames; `None` if its status is unknown. `first` is its first frame, from
+/// which unit, function and framing are taken. Numbers of transactions are counted on from `txns_before`.
+fn transaction_in(text: &str, txns_before: u64, first: &WaitingFrame) -> Option<Box<PendingTransaction>> {
+    let status = metadata::value_or_default(text, "status", metadata::DEFAULTS.status, |name| {
+        named(&Status::ALL, Status::text, name.map(|name| current(Vocabulary::Status, name)))
+    });
+    let other = |key: &str| number(text, key).map(|txn| txns_before + txn);
+    Some(Box::new(PendingTransaction {
+        status: status?,
+        exception: number(text, "exception").map(|code| code as u8),
+        response_time: micros(text, "response_us"),
+        waited: micros(text, "waited_us"),
+        late_response: micros(text, "late_us"),
+        retry_of: other("retry_of"),
+        late_for: other("late_response_to"),
+        gap: micros(text, "gap_us"),
+        mbap_id: number(text, "mbap_id").map(|id| id as u16),
+        findings: finding_codes(text),
+        ..transaction_of(first, txns_before + number(text, "transaction").unwrap_or(0))
+    }))
+}
+
+/// A transaction that is read back, as far as its first frame tells it.
+fn transaction_of(first: &WaitingFrame, txn: u64) -> PendingTransaction {
+    PendingTransaction {
+        txn,
+        unit: first.adu.first().copied().unwrap_or(0),
+        function: first.adu.get(1).map_or(0, |code| code & !EXCEPTION_BIT),
+        origin: first.packet,
+        is_reimported: true,
+        ..PendingTransaction::new(first.mode)
+    }
+}
+
+/// The findings in the comments of a packet: those on the frame itself, as its metadata name them, and the others. If the
+/// metadata name a finding once, only the first comment on it is on the frame.
+fn commented_findings(metadata: &PacketMetadata<'_>) -> (Found, Found) {
+    let mut codes = finding_codes(metadata.frame);
+    let findings = metadata.comments.iter().filter_map(|comment| finding_in(comment));
+    findings.partition(|(finding, _)| {
+        let named = codes.iter().position(|code| code == finding);
+        named.map(|at| codes.remove(at)).is_some()
+    })
+}
+
 impl Session {
     /// Imports a packet with our metadata: one frame, and the transactions that are complete with it. `packet` is its number,
     /// `time` its time in ns.
@@ -64,15 +200,9 @@ impl Session {
         }
         let bus = self.reimport_bus(reimport, options, interface, metadata.frame);
         let frame = self.reimport_frame(reimport, (bus, port.line), metadata, packet, time);
-        let mut codes = finding_codes(metadata.frame);
-        let mut other_findings = Vec::new();
-        for (finding, detail) in metadata.comments.iter().filter_map(|comment| finding_in(comment)) {
-            if let Some(at) = codes.iter().position(|code| *code == finding) {
-                codes.remove(at);
-                self.emit_frame_finding(&frame, (finding, detail));
-            } else {
-                other_findings.push((finding, detail));
-            }
+        let (on_frame, other_findings) = commented_findings(metadata);
+        for finding in on_frame {
+            self.emit_frame_finding(&frame, finding);
         }
         self.wait_for_transaction(reimport, &frame, metadata, other_findings);
         if self.wanted.frames {
@@ -113,8 +243,7 @@ impl Session {
     /// The row of a frame, from its bytes and metadata. It is counted in the statistics, but not yet added to the batch; only
     /// its bytes and findings are. Frames get the numbers in the file, counted on from those given before it.
     ///
-    /// Unit and function of a good frame are read from its bytes, those of a damaged one from the metadata, since its bytes
-    /// do not tell them. `line_number` is the line of a serial interface; on a connection the direction gives the line.
+    /// `line_number` is the line of a serial interface; on a connection the direction gives the line.
     fn reimport_frame(
         &mut self,
         reimport: &ReimportState,
@@ -123,65 +252,23 @@ impl Session {
         packet: u64,
         time: Option<Ns>,
     ) -> Frame {
-        let (text, fields) = (metadata.frame, &metadata.fields);
         let mut scratch = Vec::new();
-        let adu =
-            if fields.verdict.is_good() { unwrap(fields.mode, fields.verdict, &metadata.bytes, &mut scratch).0 } else { &[][..] };
-        let byte_of = |key: &str| number(text, key).map(|value| value as u8);
-        let (unit, code) = if fields.verdict.is_good() {
-            (adu.first().copied(), adu.get(1).copied())
-        } else {
-            (byte_of("unit"), byte_of("code"))
-        };
-        let exception =
-            code.filter(|code| code & EXCEPTION_BIT != 0 && fields.verdict.is_good()).and_then(|_| adu.get(2).copied());
-        let start = time.filter(|_| !text.split(' ').any(|word| word == "no_time"));
-        let number = reimport.frames_before + fields.number;
+        let adu = if metadata.fields.verdict.is_good() { adu_of(metadata, &mut scratch) } else { &[][..] };
+        let number = reimport.frames_before + metadata.fields.number;
         self.next_frame = self.next_frame.max(number + 1);
-        let line = self.bus_rows[bus].line;
-        let connection_line = || if fields.direction == Direction::Response { FROM_SERVER } else { FROM_CLIENT };
-        let line_of = if self.bus_rows[bus].network.is_some() { connection_line() } else { line_number };
-        let length = metadata.bytes.len() as Ns;
-        let observed = ObservedFrame {
-            number,
-            wire: &metadata.bytes,
-            adu,
-            verdict: fields.verdict,
-            direction: fields.direction,
-            mode: fields.mode,
-            start,
-            end: start.map(|start| start + length * line.map_or(0, |line| line.char_ns())),
-            clean_start: true,
-            gap: micros(text, "gap_us"),
-            mbap_id: metadata::number(text, "mbap_id").map(|id| id as u16),
-            origin: packet,
-            unconfirmed: text.split(' ').any(|word| current(Vocabulary::Column, word) == "unconfirmed"),
-            codes: &[],
-        };
-        self.stats.frame(self.buses[bus].counts, fields.mode, &observed);
+        let char_ns = self.bus_rows[bus].line.map_or(0, |line| line.char_ns());
+        let observed = observed(metadata, number, adu, char_ns, (packet, time));
+        self.stats.frame(self.buses[bus].counts, observed.mode, &observed);
+        let is_connection = self.bus_rows[bus].network.is_some();
+        let line = if is_connection { connection_line(observed.direction) } else { line_number };
         Frame {
-            number,
             bus: bus as u32,
-            line: line_of,
-            offset: metadata::number(text, "offset").unwrap_or(0),
+            line,
             wire: self.batch.store(&metadata.bytes),
-            start,
-            elapsed: elapsed(self.origin, start),
-            gap: observed.gap,
-            mode: fields.mode,
-            direction: fields.direction,
-            unit,
-            code,
-            exception,
-            verdict: fields.verdict,
-            unconfirmed: observed.unconfirmed,
-            confidence: byte_of("confidence").unwrap_or(metadata::DEFAULTS.confidence),
-            delimited_by: fields.delimited_by,
-            txn: metadata::number(text, "txn").map(|txn| reimport.txns_before + txn),
-            mbap_id: observed.mbap_id,
-            findings: self.batch.store_findings(&finding_codes(text)),
-            origin: packet,
-            last_origin: packet,
+            elapsed: elapsed(self.origin, observed.start),
+            txn: metadata::number(metadata.frame, "txn").map(|txn| reimport.txns_before + txn),
+            findings: self.batch.store_findings(&finding_codes(metadata.frame)),
+            ..frame_row(metadata, &observed)
         }
     }
 
@@ -190,17 +277,16 @@ impl Session {
     fn emit_frame_finding(&mut self, frame: &Frame, (finding, detail): (Finding, String)) {
         self.stats.finding(finding);
         if self.wanted.findings {
-            self.batch.findings.push(FindingRow {
+            let place = FindingPlace {
                 frame: Some(frame.number),
                 txn: frame.txn,
-                bus: frame.bus,
+                bus: frame.bus as usize,
                 start: frame.start,
-                elapsed: frame.elapsed,
+                recording_start: self.origin,
                 unit: frame.unit,
-                finding,
-                detail,
                 origin: frame.origin,
-            });
+            };
+            self.batch.findings.push(place.row(finding, detail));
         }
     }
 
@@ -224,7 +310,7 @@ impl Session {
         self.next_txn = self.next_txn.max(txn + 1);
         let mut scratch = Vec::new();
         let adu = if fields.verdict.is_good() {
-            unwrap(fields.mode, fields.verdict, &metadata.bytes, &mut scratch).0.to_vec()
+            adu_of(metadata, &mut scratch).to_vec()
         } else {
             frame.unit.into_iter().chain(frame.code).collect()
         };
@@ -239,76 +325,44 @@ impl Session {
 
     /// Emits a transaction with the frames that it names, as far as they wait in `reimport`. `text` is its metadata.
     ///
-    /// A transaction of which no frame waits is left out, and so is one with an unknown status. The findings that waited with
-    /// its frames become those of the transaction if its metadata name them; the others showed only after the frame's row was
-    /// written, and are emitted as such. Other frames of this transaction, such as an echo, stop waiting.
+    /// A transaction of which no frame waits is left out, and so is one with an unknown status. Other frames of this
+    /// transaction, such as an echo, stop waiting.
     fn reimport_transaction(&mut self, reimport: &mut ReimportState, text: &str) {
         let txn = reimport.txns_before + number(text, "transaction").unwrap_or(0);
-        let mut half = |key: &str| {
-            let found = reimport.waiting.remove(&(reimport.frames_before + number(text, key)?))?;
-            Some(match value(text, &format!("{key}_pdu")).and_then(unhex) {
-                Some(pdu) => WaitingFrame { frame: found.frame.clone().with_pdu(&pdu), ..found },
-                None => found,
-            })
-        };
-        let (request, response) = (half("request"), half("response"));
-        let Some(first) = request.as_ref().or(response.as_ref()) else { return };
-        let status = metadata::value_or_default(text, "status", metadata::DEFAULTS.status, |name| {
-            named(&Status::ALL, Status::text, name.map(|name| current(Vocabulary::Status, name)))
-        });
-        let Some(status) = status else { return };
-        let other = |key: &str| number(text, key).map(|txn| reimport.txns_before + txn);
-        let mut transaction = Box::new(PendingTransaction {
-            txn,
-            unit: first.adu.first().copied().unwrap_or(0),
-            function: first.adu.get(1).map_or(0, |code| code & !EXCEPTION_BIT),
-            status,
-            exception: number(text, "exception").map(|code| code as u8),
-            response_time: micros(text, "response_us"),
-            waited: micros(text, "waited_us"),
-            late_response: micros(text, "late_us"),
-            retry_of: other("retry_of"),
-            late_for: other("late_response_to"),
-            gap: micros(text, "gap_us"),
-            mbap_id: number(text, "mbap_id").map(|id| id as u16),
-            findings: finding_codes(text),
-            origin: first.packet,
-            is_reimported: true,
-            ..PendingTransaction::new(first.mode)
-        });
+        let halves = ["request", "response"].map(|key| take_half(reimport, text, key));
+        let Some(first) = halves.iter().flatten().next() else { return };
         let bus = first.bus;
-        for (half, is_request) in [(request, true), (response, false)] {
-            let Some(half) = half else { continue };
-            let is_on_transaction = |(code, _): &(Finding, String)| transaction.findings.contains(code);
-            let (on_transaction, delayed): (Vec<_>, Vec<_>) = half.other_findings.into_iter().partition(is_on_transaction);
-            transaction.imported_findings.extend(on_transaction);
-            for (finding, detail) in delayed {
-                self.emit_delayed_finding(bus, &half.frame, (txn, transaction.unit, half.packet), finding, detail);
-            }
-            *(if is_request { &mut transaction.request } else { &mut transaction.response }) = half.frame;
-        }
+        let Some(mut transaction) = transaction_in(text, reimport.txns_before, first) else { return };
+        let [request, response] = halves.map(|half| half.map(|half| self.emit_delayed_findings_of(half, &mut transaction)));
+        (transaction.request, transaction.response) = (request.unwrap_or_default(), response.unwrap_or_default());
         self.done.push(transaction);
         self.emit_transactions(bus);
         reimport.waiting.retain(|_, waiting| waiting.txn != txn);
     }
 
-    /// Emits a finding that had shown only after the row of its frame was written. `of`: transaction, unit and packet.
-    fn emit_delayed_finding(&mut self, bus: usize, frame: &BufferedFrame, of: (u64, u8, u64), finding: Finding, detail: String) {
-        self.stats.finding(finding);
-        if self.wanted.findings {
-            let (txn, unit, origin) = of;
-            self.batch.findings.push(FindingRow {
-                frame: Some(frame.number),
-                txn: Some(txn),
-                bus: bus as u32,
-                start: frame.start,
-                elapsed: elapsed(self.origin, frame.start),
-                unit: Some(unit),
-                finding,
-                detail,
-                origin,
-            });
+    /// Gives the findings that waited with a frame to its transaction if that names them in its metadata; the others showed
+    /// only after the frame's row was written, and are emitted as such. Returns the frame without its findings.
+    fn emit_delayed_findings_of(&mut self, half: WaitingFrame, transaction: &mut PendingTransaction) -> BufferedFrame {
+        let place = FindingPlace {
+            frame: Some(half.frame.number),
+            txn: Some(transaction.txn),
+            bus: half.bus,
+            start: half.frame.start,
+            recording_start: self.origin,
+            unit: Some(transaction.unit),
+            origin: half.packet,
+        };
+        for (finding, detail) in half.other_findings {
+            if transaction.findings.contains(&finding) {
+                transaction.imported_findings.push((finding, detail));
+                continue;
+            }
+            self.stats.finding(finding);
+            if self.wanted.findings {
+                self.batch.findings.push(place.row(finding, detail));
+            }
         }
+        half.frame
     }
 
     /// Ends the import of a file. Transactions of which only frames were read were open when the file was written: each is
@@ -318,14 +372,9 @@ impl Session {
         while let Some((_, first)) = reimport.waiting.pop_first() {
             reimport.waiting.retain(|_, other| other.txn != first.txn);
             let mut transaction = Box::new(PendingTransaction {
-                txn: first.txn,
-                unit: first.adu.first().copied().unwrap_or(0),
-                function: first.adu.get(1).map_or(0, |code| code & !EXCEPTION_BIT),
                 status: if first.direction == Direction::Response { Status::Unsolicited } else { Status::NotObserved },
                 gap: first.gap,
-                origin: first.packet,
-                is_reimported: true,
-                ..PendingTransaction::new(first.mode)
+                ..transaction_of(&first, first.txn)
             });
             let is_response = first.direction == Direction::Response;
             *(if is_response { &mut transaction.response } else { &mut transaction.request }) = first.frame;

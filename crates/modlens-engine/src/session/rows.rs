@@ -1,7 +1,8 @@
-//! Parts that several kinds of rows share: times since the beginning, and copies of frames in a batch.
+//! Parts that several kinds of rows share: times since the beginning, the place of a finding, and copies of frames in a batch.
 
 use crate::pairing::BufferedFrame;
-use crate::records::{Batch, FrameRef, Span};
+use crate::records::{Batch, FindingRow, FrameRef, Span};
+use modlens_protocol::finding::Finding;
 use modlens_protocol::Ns;
 
 /// Time since the beginning of the recording.
@@ -20,4 +21,40 @@ pub(super) fn store_frame(batch: &mut Batch, frame: &BufferedFrame) -> FrameRef 
         None => batch.store(frame.pdu()),
     };
     FrameRef { frame: frame.number, wire, pdu, start: frame.start }
+}
+
+/// What the row of a finding says of the place where it was found.
+#[derive(Clone, Copy)]
+pub(super) struct FindingPlace {
+    /// Number of the frame.
+    pub frame: Option<u64>,
+    /// Number of the transaction.
+    pub txn: Option<u64>,
+    /// Index of the bus.
+    pub bus: usize,
+    /// Start of the frame or transaction.
+    pub start: Option<Ns>,
+    /// Start of the recording.
+    pub recording_start: Option<Ns>,
+    /// Unit.
+    pub unit: Option<u8>,
+    /// Line, packet or offset in the recording.
+    pub origin: u64,
+}
+
+impl FindingPlace {
+    /// The row of a finding at this place.
+    pub(super) fn row(&self, finding: Finding, detail: String) -> FindingRow {
+        FindingRow {
+            frame: self.frame,
+            txn: self.txn,
+            bus: self.bus as u32,
+            start: self.start,
+            elapsed: elapsed(self.recording_start, self.start),
+            unit: self.unit,
+            finding,
+            detail,
+            origin: self.origin,
+        }
+    }
 }

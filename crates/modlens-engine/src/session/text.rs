@@ -22,16 +22,15 @@ impl Session {
     pub fn feed_text(&mut self, bus: usize, data: &[u8], last: bool) {
         let Some(mut reader) = self.buses[bus].reader.take() else { return };
         reader.push(data);
-        let resolution = self.buses[bus].options.resolution;
         while let Some((entry, bytes)) = reader.next(last) {
             // The bytes borrow the reader, which is needed for the names of devices, so they are copied.
             let mut copied = std::mem::take(&mut self.text);
             copied.clear();
             copied.extend_from_slice(bytes);
             let to = self.device_bus(bus, &entry, &reader);
-            let stamps = if resolution.is_none() { reader.resolution() } else { self.buses[to].stamps_resolution };
+            let is_stated = self.buses[bus].options.resolution.is_some();
+            let stamps = if is_stated { self.buses[to].stamps_resolution } else { reader.resolution() };
             if self.buses[to].stamps_resolution != stamps || !self.has_clock_of(to, &entry) {
-                // The records before had another clock.
                 self.decide_waiting();
             }
             self.buses[to].stamps_resolution = stamps;
@@ -95,19 +94,25 @@ impl Session {
             return known;
         }
         let name = String::from_utf8_lossy(&reader.keys()[entry.key - 1]).into_owned();
+        let to = self.add_device_bus(bus, &name);
+        self.buses[bus].devices.push((entry.key, to));
+        to
+    }
+
+    /// Adds the bus of the device of this name in the recording of `bus`, or renames that bus if it has neither devices nor
+    /// bytes yet; gives its index.
+    fn add_device_bus(&mut self, bus: usize, name: &str) -> usize {
         let own = &self.buses[bus].options;
         let row = crate::records::Bus { name: format!("{}:{name}", own.bus.source), ..own.bus.clone() };
         let options = BusOptions { bus: row.clone(), ..own.clone() };
-        let is_unused = self.buses[bus].devices.is_empty() && self.buses[bus].lines.is_empty();
-        let side_votes = self.buses[bus].side_votes;
-        let to = if is_unused { bus } else { self.add_bus(options) };
-        self.buses[to].side_votes = side_votes;
-        if is_unused {
+        if self.buses[bus].devices.is_empty() && self.buses[bus].lines.is_empty() {
             Arc::make_mut(&mut self.bus_rows)[bus] = row.clone();
             self.stats.rename_bus(self.buses[bus].counts, &row.name);
             self.buses[bus].options.bus = row;
+            return bus;
         }
-        self.buses[bus].devices.push((entry.key, to));
+        let to = self.add_bus(options);
+        self.buses[to].side_votes = self.buses[bus].side_votes;
         to
     }
 

@@ -4,18 +4,15 @@ use std::sync::Arc;
 
 use crate::findings::{self, words};
 use crate::pairing::PendingTransaction;
-use crate::records::{FindingRow, Transaction};
-use crate::session::rows::{elapsed, store_frame};
+use crate::records::Transaction;
+use crate::session::rows::{elapsed, store_frame, FindingPlace};
 use crate::session::Session;
 use modlens_profiles::points::PlanInstance;
 use modlens_protocol::status::Status;
 
 impl Session {
     /// Emits the transactions in `self.done`, all of which are of this bus, and the delayed findings of its pairing.
-    ///
-    /// For each transaction: times below twice the coarsest clock step of the bus become `None`; its findings are completed
-    /// and emitted; its unit counts as paired if a response that is not unconfirmed answered it; it is counted; and it gets a
-    /// row, if transactions are wanted. `self.done` is empty afterwards, and pairing has the buffers back.
+    /// `self.done` is empty afterwards, and pairing has the buffers back.
     pub(super) fn emit_transactions(&mut self, bus: usize) {
         self.emit_delayed_findings(bus);
         let mut done = std::mem::take(&mut self.done);
@@ -26,18 +23,24 @@ impl Session {
             for time in [&mut transaction.response_time, &mut transaction.waited, &mut transaction.late_response] {
                 *time = time.filter(|&ns| ns >= min_measurable_ns);
             }
-            let points = self.find_on_transaction(bus, &mut transaction);
-            self.emit_findings(bus, &mut transaction);
-            if transaction.confirms_unit && matches!(transaction.status, Status::Ok | Status::Exception) {
-                self.buses[bus].paired_units[transaction.unit as usize] = true;
-            }
-            self.stats.transaction(self.buses[bus].counts, &self.functions, &transaction);
-            if self.wanted.transactions {
-                self.emit_row(bus, &transaction, points);
-            }
+            self.emit_transaction(bus, &mut transaction);
             self.buses[bus].pairing.recycle(transaction);
         }
         self.done = done;
+    }
+
+    /// Emits one transaction: its findings are completed and emitted; its unit counts as paired if a response that is not
+    /// unconfirmed answered it; it is counted; and it gets a row, if transactions are wanted.
+    fn emit_transaction(&mut self, bus: usize, transaction: &mut PendingTransaction) {
+        let points = self.find_on_transaction(bus, transaction);
+        self.emit_findings(bus, transaction);
+        if transaction.confirms_unit && matches!(transaction.status, Status::Ok | Status::Exception) {
+            self.buses[bus].paired_units[transaction.unit as usize] = true;
+        }
+        self.stats.transaction(self.buses[bus].counts, &self.functions, transaction);
+        if self.wanted.transactions {
+            self.emit_row(bus, transaction, points);
+        }
     }
 
     /// Emits findings that have shown only now, on frames whose rows are already written. They are counted in any case, but
@@ -47,17 +50,16 @@ impl Session {
             self.stats.finding(delayed.finding);
             if self.wanted.findings {
                 let location = delayed.location;
-                self.batch.findings.push(FindingRow {
+                let place = FindingPlace {
                     frame: Some(location.frame),
                     txn: Some(location.txn),
-                    bus: bus as u32,
+                    bus,
                     start: location.start,
-                    elapsed: elapsed(self.origin, location.start),
+                    recording_start: self.origin,
                     unit: Some(location.unit),
-                    finding: delayed.finding,
-                    detail: words::delayed(&delayed),
                     origin: location.origin,
-                });
+                };
+                self.batch.findings.push(place.row(delayed.finding, words::delayed(&delayed)));
             }
         }
     }
@@ -86,26 +88,23 @@ impl Session {
     /// and gets a row if findings are wanted. The row names the response, or the request where there is no response; its time
     /// is the start of the request, or of the response where there is no request.
     fn emit_findings(&mut self, bus: usize, transaction: &mut PendingTransaction) {
-        let start = transaction.request.start.or(transaction.response.start);
-        let elapsed = elapsed(self.origin, start);
+        let response = Some(transaction.response.number).filter(|_| transaction.response.is_present());
+        let place = FindingPlace {
+            frame: response.or(Some(transaction.request.number)),
+            txn: Some(transaction.txn),
+            bus,
+            start: transaction.request.start.or(transaction.response.start),
+            recording_start: self.origin,
+            unit: Some(transaction.unit),
+            origin: transaction.origin,
+        };
         for (finding, detail) in self.found.drain(..) {
             self.stats.finding(finding);
             if !transaction.findings.contains(&finding) {
                 transaction.findings.push(finding);
             }
             if self.wanted.findings {
-                let response = Some(transaction.response.number).filter(|_| transaction.response.is_present());
-                self.batch.findings.push(FindingRow {
-                    frame: response.or(Some(transaction.request.number)),
-                    txn: Some(transaction.txn),
-                    bus: bus as u32,
-                    start,
-                    elapsed,
-                    unit: Some(transaction.unit),
-                    finding,
-                    detail,
-                    origin: transaction.origin,
-                });
+                self.batch.findings.push(place.row(finding, detail));
             }
         }
     }

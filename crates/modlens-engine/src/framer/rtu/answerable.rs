@@ -4,7 +4,7 @@
 //! in a pool, and paths refer to them by number. Room of requests that no path refers to any more is used again: nothing is
 //! allocated while a line talks.
 
-use crate::framer::rtu::side::RESPONSE;
+use crate::framer::rtu::side::REQUEST;
 use modlens_protocol::direction::RequestRef;
 use modlens_protocol::framing::BROADCAST_UNIT;
 
@@ -206,11 +206,10 @@ impl RequestPool {
     }
 
     /// What may be answered behind this frame, given what might have been answered before it. `make_room` has to be called
-    /// before.
+    /// before. `frame` includes the CRC.
     ///
     /// A response that answers clears the outstanding request and is remembered; any other changes nothing. A request becomes the
-    /// outstanding one (a broadcast leaves none) and the one before it superseded. It is marked as repeated if it equals that
-    /// one and that one is not repeated itself, and as damaged if its CRC is invalid. `frame` includes the CRC.
+    /// outstanding one and the one before it superseded (`after_request`).
     pub fn after(
         &mut self,
         before: Answerable,
@@ -219,20 +218,24 @@ impl RequestPool {
         answers_outstanding: bool,
         is_crc_valid: bool,
     ) -> Answerable {
-        if direction == RESPONSE {
-            return match before.outstanding {
-                Some(request) if answers_outstanding => {
-                    let last_answered = Some((request, fingerprint(frame)));
-                    Answerable { outstanding: None, superseded: before.superseded, last_answered }
-                }
-                _ => before,
-            };
+        match before.outstanding {
+            _ if direction == REQUEST => self.after_request(before, frame, is_crc_valid),
+            Some(request) if answers_outstanding => {
+                let last_answered = Some((request, fingerprint(frame)));
+                Answerable { outstanding: None, superseded: before.superseded, last_answered }
+            }
+            _ => before,
         }
+    }
+
+    /// What may be answered behind a request. It is outstanding itself, unless it is a broadcast, which is never answered: then
+    /// nothing is. It is marked as repeated if it equals the one outstanding before and that one is not repeated itself, and as
+    /// damaged if its CRC is invalid.
+    fn after_request(&mut self, before: Answerable, frame: &[u8], is_crc_valid: bool) -> Answerable {
         let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
         let last_answered = self.if_asked_again(before.last_answered, unit, pdu);
         let previous = before.outstanding.map(|id| self.get(id));
         let is_repeated = previous.is_some_and(|request| request.unit == unit && request.pdu == pdu && !request.is_repeated);
-        // A broadcast is never answered.
         let outstanding = (unit != BROADCAST_UNIT).then(|| {
             let id = self.add(unit, pdu);
             let request = self.get_mut(id);
@@ -246,7 +249,7 @@ impl RequestPool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::framer::rtu::side::REQUEST;
+    use crate::framer::rtu::side::RESPONSE;
 
     #[test]
     fn room_is_used_again_and_requests_referred_to_stay() {

@@ -31,11 +31,13 @@ pub fn judged_header_bytes(context: &FramerContext<'_>, frame: &[u8]) -> u64 {
     2 + leading.max(judged) as u64
 }
 
-/// An upper bound of the score of an unfinished frame by its header, in the better direction; `None` if no frame can go on beyond
-/// the bytes `seen`, of which there is at least one.
+/// An upper bound of the score in bits of an unfinished frame by its header, in the better direction; `None` if no frame can go
+/// on beyond the bytes `seen`, of which there is at least one. `outstanding` is the request that it may answer.
 ///
-/// `outstanding` is the request that it may answer. A length that the header leaves open counts only where unit and function are
-/// familiar. While only the unit has come, the bound is the unit's score and `OPEN_LENGTH_BITS` for what may follow.
+/// A direction counts only if the length that it announces, or the least one, is more than the bytes seen, or is open and
+/// unit and function are familiar; an open length costs `OPEN_LENGTH_BITS`. The bound holds until as many bytes are seen as the
+/// shorter of the announced lengths has, but no longer than until the next byte while the header is not complete
+/// (`judged_header_bytes`). While only the unit has come, it is the unit's score and `OPEN_LENGTH_BITS` for what may follow.
 pub fn header_bound(
     model: &TrafficModel,
     context: &FramerContext<'_>,
@@ -46,8 +48,8 @@ pub fn header_bound(
         let bits = model.bits(seen[0]) - model.unit_cost(seen[0]) + weights::OPEN_LENGTH_BITS;
         return Some(HeaderBound { bits, until_bytes: 2 });
     }
-    let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
-    let row = context.functions.row(code & !EXCEPTION_BIT, body);
+    let (unit, code) = (seen[0], seen[1]);
+    let row = context.functions.row(code & !EXCEPTION_BIT, &seen[2..]);
     let mut best: Option<f32> = None;
     // With an open length the bound holds for ever, but a stream offset can still be added.
     let mut until_bytes = u64::MAX >> 1;
@@ -62,8 +64,8 @@ pub fn header_bound(
             Extent::Open(_) if !model.is_familiar(unit, code, direction) => continue,
             Extent::Open(_) => weights::OPEN_LENGTH_BITS,
         };
-        let due = if direction == RESPONSE { due_header_score(model, context, row, outstanding, seen) } else { 0.0 };
-        let bits = header_score(model, context, row, seen, direction) - length_cost + due;
+        let bits = header_score(model, context, row, seen, direction) - length_cost
+            + if direction == RESPONSE { due_header_score(model, context, row, outstanding, seen) } else { 0.0 };
         best = Some(best.map_or(bits, |best| best.max(bits)));
     }
     if (seen.len() as u64) < judged_header_bytes(context, seen) {
@@ -115,25 +117,35 @@ impl TrafficModel {
     /// its fields hold. It is the sum of a bound of the unit and one of the function code. Both come from `score_bounds`, and are
     /// computed anew, for somewhat more frames, once more frames were seen than they hold for.
     pub fn max_header_score(&mut self, functions: &Functions, unit: u8, code: u8) -> f32 {
+        self.cached_unit_bound(unit) + self.cached_code_bound(functions, code)
+    }
+
+    /// The bound of a unit: what its byte is worth less its cost, if it had been seen as often as the bound holds for.
+    #[inline]
+    fn cached_unit_bound(&mut self, unit: u8) -> f32 {
         let count = self.unit_count(unit);
         let bound = &self.score_bounds.units[usize::from(unit)];
-        let of_unit = if count <= bound.observations[0] {
-            bound.bits
-        } else {
-            let count = OBSERVATION_HEADROOM * count;
-            let bits = usual_bits(unit) - self.unit_cost_if_seen(unit, count);
-            self.score_bounds.units[usize::from(unit)] = CachedBound { bits, observations: [count; 2] };
-            bits
-        };
+        if count <= bound.observations[0] {
+            return bound.bits;
+        }
+        let count = OBSERVATION_HEADROOM * count;
+        let bits = usual_bits(unit) - self.unit_cost_if_seen(unit, count);
+        self.score_bounds.units[usize::from(unit)] = CachedBound { bits, observations: [count; 2] };
+        bits
+    }
+
+    /// The bound of a function code and the fields behind it (`max_code_score`).
+    #[inline]
+    fn cached_code_bound(&mut self, functions: &Functions, code: u8) -> f32 {
         let counts = [REQUEST, RESPONSE].map(|direction| self.function_count(code, direction));
         let bound = &self.score_bounds.codes[usize::from(code)];
         if counts[0] <= bound.observations[0] && counts[1] <= bound.observations[1] {
-            return of_unit + bound.bits;
+            return bound.bits;
         }
         let observations = counts.map(|count| OBSERVATION_HEADROOM * count);
         let bits = self.max_code_score(functions, code, observations);
         self.score_bounds.codes[usize::from(code)] = CachedBound { bits, observations };
-        of_unit + bits
+        bits
     }
 
     /// An upper bound of what a function code and the fields behind it are worth, in bits, in the better direction, if the

@@ -113,36 +113,59 @@ impl RtuFramer {
     /// Whether an unambiguous frame stands behind one to three stray bytes of a recording: then the search commits it, and it
     /// becomes `decision`, which the caller gives out.
     ///
-    /// `NoFrame` at once where something else may declare the direction, where bytes are committed but not given out yet, or
-    /// where the outstanding request is doubtful. Any other `NoFrame` is remembered, for the reason that `try_fast_path` gives.
-    /// After `NeedsMoreBytes` it is tried again when more have come.
+    /// `NoFrame` is remembered, for the reason that `try_fast_path` gives, unless the question does not arise at all
+    /// (`may_follow_strays`). After `NeedsMoreBytes` it is tried again when more have come.
     fn try_fast_path_after_strays(&mut self, input: &Input, context: &FramerContext<'_>) -> FrameCheck {
+        if !self.may_follow_strays(input, context) {
+            return FrameCheck::NoFrame;
+        }
+        let (stray_bytes, check) = check_frame_behind_strays(&self.search, input, context);
+        match check {
+            FrameCheck::Frame(length) if self.is_accepted_after_strays(input, context, stray_bytes, length) => {
+                self.commit_frame_after_strays(input, context, stray_bytes, length);
+                check
+            }
+            FrameCheck::NeedsMoreBytes => check,
+            _ => {
+                self.fast_path_failed_after_strays_at = Some(input.offset());
+                FrameCheck::NoFrame
+            }
+        }
+    }
+
+    /// Whether a frame behind stray bytes is looked for at the first byte: in a recording of a single line, with nothing that
+    /// declares a direction or starts a record there, with all committed bytes given out, with a sound outstanding request or
+    /// none, and not where it has failed before.
+    fn may_follow_strays(&self, input: &Input, context: &FramerContext<'_>) -> bool {
         let is_single_line = context.line_direction.is_none() && context.connection_side.is_none() && !context.is_multi_line;
         let is_plain_read = input.first_read().is_some_and(|read| read.side.is_none() && !read.starts_record);
         let has_failed = self.fast_path_failed_after_strays_at == Some(input.offset());
         let all_is_given_out = self.search.committed_offset() == input.offset();
         let is_possible = context.may_look_ahead && is_single_line && is_plain_read && !has_failed && all_is_given_out;
-        if !(is_possible && self.search.has_sound_outstanding_request()) {
-            return FrameCheck::NoFrame;
-        }
-        let (stray_bytes, check) = check_frame_behind_strays(&self.search, input, context);
-        if matches!(check, FrameCheck::NoFrame) {
-            self.fast_path_failed_after_strays_at = Some(input.offset());
-        }
-        if let FrameCheck::Frame(length) = check {
-            let unit = input.bytes()[stray_bytes];
-            let is_known = self.search.outstanding_request().is_some() || context.paired_units[usize::from(unit)];
-            if !(is_known && self.search.allows_fast_path(stray_bytes, length)) {
-                self.fast_path_failed_after_strays_at = Some(input.offset());
-                return FrameCheck::NoFrame;
-            }
-            let start = input.offset() + stray_bytes as u64;
-            self.search.commit_fast_path_frame(context, input.bytes(), stray_bytes, length);
-            let (end, direction) = (self.search.committed_offset(), self.search.last_direction());
-            let confidence = MAX_CONFIDENCE_BITS;
-            self.decision = Some(Decision::Frame { start, end, direction, confidence, unconfirmed: false });
-        }
-        check
+        is_possible && self.search.has_sound_outstanding_request()
+    }
+
+    /// Whether the unambiguous frame behind these stray bytes needs no search: a request is outstanding or its unit took part
+    /// in a paired transaction, and the search has no other frame in mind.
+    fn is_accepted_after_strays(
+        &self,
+        input: &Input,
+        context: &FramerContext<'_>,
+        stray_bytes: usize,
+        length: FrameLength,
+    ) -> bool {
+        let unit = input.bytes()[stray_bytes];
+        let is_known = self.search.outstanding_request().is_some() || context.paired_units[usize::from(unit)];
+        is_known && self.search.allows_fast_path(stray_bytes, length)
+    }
+
+    /// Lets the search commit the unambiguous frame behind these stray bytes, and makes it the decision.
+    fn commit_frame_after_strays(&mut self, input: &Input, context: &FramerContext<'_>, stray_bytes: usize, length: FrameLength) {
+        let start = input.offset() + stray_bytes as u64;
+        self.search.commit_fast_path_frame(context, input.bytes(), stray_bytes, length);
+        let (end, direction) = (self.search.committed_offset(), self.search.last_direction());
+        let confidence = MAX_CONFIDENCE_BITS;
+        self.decision = Some(Decision::Frame { start, end, direction, confidence, unconfirmed: false });
     }
 
     /// The row of the frame that the fast path found at the first byte; `adu` gets its unit and PDU. The search commits the
@@ -175,8 +198,9 @@ impl RtuFramer {
     /// The first frame or noise row, by search where the fast path does not find it; `None` if more bytes, a silence or the
     /// end are needed. A record without checksum is a row as it is.
     ///
-    /// Each round gives out the next row of `decision`, or else decides: a decision is a frame and all unframed bytes before
-    /// it, and each call gives out one row of these. Apart from `next`, which has to be short: nearly all frames are unambiguous.
+    /// Each round gives out the next row of `decision`, or else decides (`next_decision`): a decision is a frame and all
+    /// unframed bytes before it, and each call gives out one row of these. Apart from `next`, which has to be short: nearly all
+    /// frames are unambiguous.
     #[inline(never)]
     fn next_by_search(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         if let Some(row) = self.record_without_checksum(input, context, adu) {
@@ -197,21 +221,24 @@ impl RtuFramer {
             match self.try_fast_path(input, context) {
                 FrameCheck::Frame(length) => return Some(self.emit_fast_path_frame(input, context, length, adu)),
                 FrameCheck::NeedsMoreBytes => return None,
-                FrameCheck::NoFrame => {}
+                FrameCheck::NoFrame => self.decision = Some(self.next_decision(input, context)?),
             }
-            match self.try_fast_path_after_strays(input, context) {
-                FrameCheck::Frame(_) => continue,
-                FrameCheck::NeedsMoreBytes => return None,
-                FrameCheck::NoFrame => {}
-            }
-            let committed = self.search.committed_offset();
-            self.decision = match self.search.advance(input, context, self.frame_gap_ns(input)) {
-                // Unframed bytes were held back, and no frame will follow them.
-                None if input.is_closed && committed > input.offset() => Some(Decision::UnframedTo(committed)),
-                None => return None,
-                decision => decision,
-            };
         }
+    }
+
+    /// What is decided next, by the fast path behind stray bytes, else by the search; `None` if more bytes, a silence or the end
+    /// are needed. Once the input is closed, committed unframed bytes that were held back are a decision, as no frame will
+    /// follow them.
+    fn next_decision(&mut self, input: &Input, context: &FramerContext<'_>) -> Option<Decision> {
+        match self.try_fast_path_after_strays(input, context) {
+            FrameCheck::Frame(_) => return self.decision,
+            FrameCheck::NeedsMoreBytes => return None,
+            FrameCheck::NoFrame => {}
+        }
+        let committed = self.search.committed_offset();
+        let held_back = input.is_closed && committed > input.offset();
+        let decision = self.search.advance(input, context, self.frame_gap_ns(input));
+        decision.or(held_back.then_some(Decision::UnframedTo(committed)))
     }
 
     /// The next row of `decision`: one of the unframed bytes before the frame, else the frame. `None` if nothing was decided,
@@ -229,10 +256,8 @@ impl RtuFramer {
         self.decision = None;
         match decision {
             Decision::Frame { start, end, direction, confidence, unconfirmed } => {
-                self.last_was_damaged = false;
                 let length = (end - start) as usize;
-                self.learn_inner_pause(input, length);
-                self.recovery.truncation.learn_reaction(&mut self.search.model, context, &input.bytes()[..length], direction);
+                self.learn_from_valid_frame(input, context, length, direction);
                 let row = self.emit_frame(input, context, length, direction, confidence, adu);
                 Some(FrameResult { unconfirmed, ..row })
             }
@@ -242,6 +267,14 @@ impl RtuFramer {
             }
             Decision::UnframedTo(_) => None,
         }
+    }
+
+    /// Notes a committed frame with a valid CRC at the first byte: that no damaged one stands in front of the next bytes, whether
+    /// it has a pause inside, and what it says of a truncated response before it.
+    fn learn_from_valid_frame(&mut self, input: &Input, context: &FramerContext<'_>, length: usize, direction: Direction) {
+        self.last_was_damaged = false;
+        self.learn_inner_pause(input, length);
+        self.recovery.truncation.learn_reaction(&mut self.search.model, context, &input.bytes()[..length], direction);
     }
 
     /// The first row of the bytes up to stream offset `to`, which no valid frame claims: a damaged frame, or noise. `recovery`
@@ -280,9 +313,6 @@ impl RtuFramer {
     }
 
     /// The row of a frame with a valid CRC at the first byte; `adu` gets its unit and PDU.
-    ///
-    /// It is delimited by its length if its header announces exactly that in either direction; else by silence if a pause
-    /// follows or the input is closed; else by its CRC.
     fn emit_frame(
         &self,
         input: &Input,
@@ -295,16 +325,20 @@ impl RtuFramer {
         let frame = &input.bytes()[..length];
         adu.clear();
         adu.extend_from_slice(&frame[..length - 2]);
-        let announced = announced_lengths(context, frame);
-        let has_announced_length = announced.iter().flatten().any(|(_, extent)| *extent == Extent::Exactly(length));
-        let ends_in_silence =
-            || input.is_closed || input.pause_before(length).is_some_and(|pause| pause >= self.frame_gap_ns(input));
-        let delimited_by = match has_announced_length {
-            true => DelimitedBy::Length,
-            false if ends_in_silence() => DelimitedBy::Silence,
-            false => DelimitedBy::Checksum,
-        };
+        let delimited_by = self.delimited_by(input, context, length);
         FrameResult { verdict: Verdict::Ok, direction, confidence, ..FrameResult::noise(length, delimited_by) }
+    }
+
+    /// What ends a frame with a valid CRC that has `length` bytes: its length if its header announces exactly that in either
+    /// direction; else silence if a pause follows or the input is closed; else its CRC.
+    fn delimited_by(&self, input: &Input, context: &FramerContext<'_>, length: usize) -> DelimitedBy {
+        let announced = announced_lengths(context, &input.bytes()[..length]);
+        let follows_pause = || input.pause_before(length).is_some_and(|pause| pause >= self.frame_gap_ns(input));
+        match announced.iter().flatten().any(|(_, extent)| *extent == Extent::Exactly(length)) {
+            true => DelimitedBy::Length,
+            false if input.is_closed || follows_pause() => DelimitedBy::Silence,
+            false => DelimitedBy::Checksum,
+        }
     }
 
     /// The row of the first record, if it comes without checksum: then it is one frame, or noise if it has less than two bytes.
@@ -322,14 +356,9 @@ impl RtuFramer {
             return Some(FrameResult::noise(length, DelimitedBy::Record));
         }
         let pause = (context.timeout_log_odds)(input.pause_before(0));
-        let direction = infer_direction(
-            context.functions,
-            context.outstanding_request,
-            bytes[0],
-            &bytes[1..],
-            context.declared_direction_at(input, 0),
-            pause,
-        );
+        let (functions, outstanding) = (context.functions, context.outstanding_request);
+        let declared = context.declared_direction_at(input, 0);
+        let direction = infer_direction(functions, outstanding, bytes[0], &bytes[1..], declared, pause);
         Some(FrameResult { verdict: Verdict::NoChecksum, direction, ..FrameResult::noise(length, DelimitedBy::Record) })
     }
 }

@@ -49,6 +49,11 @@ impl Default for RequestPrefilter {
     }
 }
 
+/// All values whose one bits are among those of the byte, from the byte itself down to 0.
+fn values_covered_by(byte: u8) -> impl Iterator<Item = u8> {
+    std::iter::successors(Some(byte), move |&value| (value > 0).then(|| (value - 1) & byte))
+}
+
 impl RequestPrefilter {
     /// Adds a request under a number that is free.
     pub fn add(&mut self, number: usize, frame: &[u8]) {
@@ -77,15 +82,7 @@ impl RequestPrefilter {
                 *set = change(*set, one);
             };
             put(&mut self.equal[place], byte);
-            // All values whose one bits are among those of the byte, from the byte itself down to 0.
-            let mut part = byte;
-            loop {
-                put(&mut self.covering[place], part);
-                if part == 0 {
-                    break;
-                }
-                part = (part - 1) & byte;
-            }
+            values_covered_by(byte).for_each(|value| put(&mut self.covering[place], value));
         }
     }
 
@@ -108,7 +105,9 @@ impl RequestPrefilter {
 
     /// Those of `among` that may reach `need` bits in one of the ways in which `damage::alignment` (`align`) looks for a damaged
     /// frame at the first of these bytes: flipped bits only, bytes missing in front, damage inside, or a collision. None is left
-    /// out wrongly: the sums are upper bounds.
+    /// out wrongly: the sums are upper bounds. For each way there is a set of requests that may be damaged so, and a set of
+    /// those that may agree with a byte (`equal`, `later`, `around`, `covering`: at its own place, up to `MAX_LOST_BYTES` places
+    /// further back in the request, at either or the place in front, or with ones pulled to 0).
     fn filter(&self, among: FrameSet, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &DamageCosts) -> FrameSet {
         let Some(&first) = bytes.first().filter(|_| among != 0) else { return 0 };
         let observed = ObservedBytes::of(bytes, bits);
@@ -174,21 +173,7 @@ impl<'a> ObservedBytes<'a> {
         if among == 0 || self.total() < need {
             return 0;
         }
-        // Nearly everywhere too few rare bytes agree, even if all common ones do: one, two or three have to.
-        let rare_need = need - self.common_bits;
-        let (mut one, mut two, mut three) = (0, 0, 0);
-        for &at in &self.rare[..self.rare_count] {
-            let agree = agreeing(usize::from(at), self.bytes[usize::from(at)]);
-            three |= two & agree;
-            two |= one & agree;
-            one |= agree;
-        }
-        let enough = match rare_need {
-            _ if rare_need <= ROUNDING_BITS => FrameSet::MAX,
-            _ if rare_need <= self.max_bits + ROUNDING_BITS => one,
-            _ if rare_need <= 2.0 * self.max_bits + ROUNDING_BITS => two,
-            _ => three,
-        };
+        let enough = self.with_enough_rare_bytes(need - self.common_bits, &agreeing);
         if among & enough == 0 {
             return 0;
         }
@@ -198,6 +183,25 @@ impl<'a> ObservedBytes<'a> {
             sums.add(agreeing(at, byte), (STEPS_PER_BIT * self.bits[at]) as u32 + 1);
         }
         among & enough & sums.at_least(need)
+    }
+
+    /// The requests with which so many rare bytes agree that these may be worth `need` bits together, each being worth
+    /// `max_bits` at most: none, one, two, or at least three. Nearly everywhere too few do.
+    #[inline]
+    fn with_enough_rare_bytes(&self, need: f32, agreeing: impl Fn(usize, u8) -> FrameSet) -> FrameSet {
+        let (mut one, mut two, mut three) = (0, 0, 0);
+        for &at in &self.rare[..self.rare_count] {
+            let agree = agreeing(usize::from(at), self.bytes[usize::from(at)]);
+            three |= two & agree;
+            two |= one & agree;
+            one |= agree;
+        }
+        match need {
+            _ if need <= ROUNDING_BITS => FrameSet::MAX,
+            _ if need <= self.max_bits + ROUNDING_BITS => one,
+            _ if need <= 2.0 * self.max_bits + ROUNDING_BITS => two,
+            _ => three,
+        }
     }
 }
 

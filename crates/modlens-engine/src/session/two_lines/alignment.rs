@@ -82,37 +82,10 @@ fn lines_of(steps: &[Step]) -> Vec<usize> {
 /// The alignment of these frames with the greatest score in bits, from the first frame on. Unless `is_complete`, it ends
 /// where half as many frames of either line are placed as the first line has, and the frames left over at the end of a line
 /// cost nothing.
-///
-/// In cell (i, j), i frames of the first line and j of the second are placed. Equal scores go to the pair, then to the first
-/// line.
 fn align(functions: &Functions, lines: [&[LineFrame]; 2], is_complete: bool) -> Vec<Step> {
-    let (rows, columns) = (lines[0].len(), lines[1].len());
-    let cell = |i: usize, j: usize| i * (columns + 1) + j;
-    // For each cell, from the last one back: the score of the best way to the end, and its first step.
-    let mut best = vec![(0.0f32, None); (rows + 1) * (columns + 1)];
-    for i in (0..=rows).rev() {
-        for j in (0..=columns).rev() {
-            // What follows the window is not known, so frames at its edge cost nothing.
-            if !is_complete && (i == rows || j == columns) {
-                continue;
-            }
-            let mut steps: [Option<(f32, Step)>; 3] = [None; 3];
-            if j < columns {
-                steps[0] = Some((best[cell(i, j + 1)].0 - single_cost(lines[1], j), Step::Single(1)));
-            }
-            if i < rows {
-                steps[1] = Some((best[cell(i + 1, j)].0 - single_cost(lines[0], i), Step::Single(0)));
-            }
-            if i < rows && j < columns {
-                steps[2] = pair_score(functions, &lines[0][i], &lines[1][j])
-                    .map(|(bits, request_line)| (best[cell(i + 1, j + 1)].0 + bits, Step::Pair(request_line)));
-            }
-            let step = steps.into_iter().flatten().max_by(|a, b| a.0.total_cmp(&b.0));
-            best[cell(i, j)] = step.map_or((0.0, None), |(bits, step)| (bits, Some(step)));
-        }
-    }
+    let grid = best_ways(functions, lines, is_complete);
     let (mut i, mut j, mut steps) = (0, 0, Vec::new());
-    while let Some(step) = best[cell(i, j)].1.filter(|_| is_complete || i.max(j) < rows / 2) {
+    while let Some(step) = grid.at(i, j).first_step.filter(|_| is_complete || i.max(j) < lines[0].len() / 2) {
         (i, j) = match step {
             Step::Single(line) => (i + usize::from(line == 0), j + line),
             Step::Pair(_) => (i + 1, j + 1),
@@ -120,6 +93,56 @@ fn align(functions: &Functions, lines: [&[LineFrame]; 2], is_complete: bool) -> 
         steps.push(step);
     }
     steps
+}
+
+/// The best way from a cell of the grid to its end.
+#[derive(Clone, Copy)]
+struct Way {
+    /// Sum of the scores of its steps in bits.
+    score: f32,
+    /// `None` at the end.
+    first_step: Option<Step>,
+}
+
+/// The best way from every cell. In cell (i, j), i frames of the first line and j of the second are placed.
+struct Grid {
+    /// Cells in a row: one more than the second line has frames.
+    columns: usize,
+    ways: Vec<Way>,
+}
+
+impl Grid {
+    fn at(&self, i: usize, j: usize) -> Way {
+        self.ways[i * self.columns + j]
+    }
+}
+
+/// Computes the best way from every cell, from the last one back. If more frames may come (not `is_complete`), the frames
+/// left over at the edge cost nothing, since what follows the window is not known.
+fn best_ways(functions: &Functions, lines: [&[LineFrame]; 2], is_complete: bool) -> Grid {
+    let (rows, columns) = (lines[0].len() + 1, lines[1].len() + 1);
+    let mut grid = Grid { columns, ways: vec![Way { score: 0.0, first_step: None }; rows * columns] };
+    for i in (0..rows).rev() {
+        for j in (0..columns).rev() {
+            if is_complete || (i + 1 < rows && j + 1 < columns) {
+                grid.ways[i * columns + j] = best_way(functions, lines, &grid, i, j);
+            }
+        }
+    }
+    grid
+}
+
+/// The best way from cell (i, j), given those of the cells behind it. Equal scores go to the pair, then to the first line.
+fn best_way(functions: &Functions, lines: [&[LineFrame]; 2], grid: &Grid, i: usize, j: usize) -> Way {
+    let (in_first, in_second) = (i < lines[0].len(), j < lines[1].len());
+    let way = |behind: Way, bits: f32, step| Way { score: behind.score + bits, first_step: Some(step) };
+    let second = in_second.then(|| way(grid.at(i, j + 1), -single_cost(lines[1], j), Step::Single(1)));
+    let first = in_first.then(|| way(grid.at(i + 1, j), -single_cost(lines[0], i), Step::Single(0)));
+    let score = if in_first && in_second { pair_score(functions, &lines[0][i], &lines[1][j]) } else { None };
+    let pair = score.map(|(bits, request_line)| way(grid.at(i + 1, j + 1), bits, Step::Pair(request_line)));
+    // Of equal scores, `max_by` gives the last one.
+    let ways = [second, first, pair].into_iter().flatten();
+    ways.max_by(|a, b| a.score.total_cmp(&b.score)).unwrap_or(Way { score: 0.0, first_step: None })
 }
 
 /// The cost in bits of the frame at index `at` of a line, if it has no counterpart: none for noise and broadcasts; less for a

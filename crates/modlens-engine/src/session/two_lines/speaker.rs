@@ -56,25 +56,33 @@ impl BusState {
         if self.is_surveyed || self.lines.is_empty() {
             return false;
         }
+        let is_two_line_tap = self.lines[0].0 != 0 && self.options.bus.network.is_none();
+        let is_needed = is_two_line_tap && self.options.mode != Some(Mode::Ascii);
+        let has_lead = is_needed && self.take_survey(functions);
+        self.is_surveyed = !is_needed || has_lead || self.has_survey_ended(live);
+        !self.is_surveyed
+    }
+
+    /// Whether a survey must not go on, whatever the votes are: one line has ended, has enough bytes, has no times, or has
+    /// records or a side; or, live, its time is over.
+    fn has_survey_ended(&self, live: bool) -> bool {
         let lacks_side =
             |input: &Input| input.has_times && input.first_read().is_some_and(|read| !read.starts_record && read.side.is_none());
         let is_full = |input: &Input| input.is_ended || input.bytes().len() >= weights::SURVEY_BYTES || !lacks_side(input);
-        let is_two_line_tap = self.lines[0].0 != 0 && self.options.bus.network.is_none();
-        let is_needed = is_two_line_tap && self.options.mode != Some(Mode::Ascii);
         let mut with_bytes = self.lines.iter().filter(|(_, line)| !line.input.bytes().is_empty());
-        let is_over = with_bytes.any(|(_, line)| is_full(&line.input));
         let until = self.survey_deadline().filter(|_| live);
-        let is_too_late = until.zip(self.now).is_some_and(|(until, now)| now >= until);
-        self.is_surveyed = !is_needed || is_over || is_too_late;
-        if is_needed {
-            let votes: Vec<i32> = self.lines.iter().map(|(_, line)| survey(functions, &line.input)).collect();
-            let lead: i32 = votes.iter().enumerate().map(|(at, &votes)| if at == 0 { votes } else { -votes }).sum();
-            if lead.abs() >= weights::SPEAKER_LEAD_FRAMES {
-                self.is_surveyed = true;
-                self.lines.iter_mut().zip(votes).for_each(|((_, line), votes)| line.request_votes = votes);
-            }
+        with_bytes.any(|(_, line)| is_full(&line.input)) || until.zip(self.now).is_some_and(|(until, now)| now >= until)
+    }
+
+    /// Counts the votes of both lines; if they have a lead, the lines start with them, and the answer is `true`.
+    fn take_survey(&mut self, functions: &Functions) -> bool {
+        let votes: Vec<i32> = self.lines.iter().map(|(_, line)| survey(functions, &line.input)).collect();
+        let lead: i32 = votes.iter().enumerate().map(|(at, &votes)| if at == 0 { votes } else { -votes }).sum();
+        let has_lead = lead.abs() >= weights::SPEAKER_LEAD_FRAMES;
+        if has_lead {
+            self.lines.iter_mut().zip(votes).for_each(|((_, line), votes)| line.request_votes = votes);
         }
-        !self.is_surveyed
+        has_lead
     }
 
     /// When the survey ends in a live session, whatever has come: a second after the first byte. `None` once it is over, on

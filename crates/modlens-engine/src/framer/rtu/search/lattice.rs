@@ -89,18 +89,22 @@ impl Search {
             self.lattice.truncate(1);
             self.lattice[ROOT].parent = ROOT;
         } else {
-            let mut keep = vec![false; self.lattice.len()];
-            keep[new_root] = true;
-            // Parents stand before their children.
-            for i in new_root + 1..self.lattice.len() {
-                keep[i] = keep[self.lattice[i].parent];
-            }
-            self.retain(&keep);
+            self.retain(&self.is_behind(new_root));
         }
         for hypothesis in &mut self.lattice {
             hypothesis.path_score -= score;
         }
         self.update_after_new_root();
+    }
+
+    /// For each hypothesis, whether this one is on its path, itself included. Parents stand before their children.
+    fn is_behind(&self, first: usize) -> Vec<bool> {
+        let mut is_behind = vec![false; self.lattice.len()];
+        is_behind[first] = true;
+        for i in first + 1..self.lattice.len() {
+            is_behind[i] = is_behind[self.lattice[i].parent];
+        }
+        is_behind
     }
 
     /// Computes anew what depends on the root.
