@@ -84,8 +84,8 @@ def test_damaged_frames_are_reported_as_damaged(name: str) -> None:
 def test_frames_tile_the_recording(name: str) -> None:
     places: dict[str | None, int] = {}
     for row in decoded(name):
-        # each direction of a connection is a stream
-        stream = row["direction"] if row["mode"] == "tcp" else row["line"]
+        # each direction of each connection is a stream
+        stream = f"{row['connection']} {row['direction']}" if row["mode"] == "tcp" else row["line"]
         assert row["byte_offset"] == places.get(stream, 0)
         assert row["byte_length"] == len(row["hex"])
         places[stream] = row["byte_offset"] + row["byte_length"]

@@ -20,7 +20,7 @@ from functools import partial
 from pathlib import Path
 
 from tests.conftest import CAPTURES
-from tests.doctor.captured import healthy_captures
+from tests.doctor.captured import TROUBLED, Capture, captures, healthy_captures
 from tests.doctor.cases import COUNTER_CASES, KINDS, Case, make
 from tests.doctor.examine import Outcome, diagnose, examine, written
 from tests.doctor.healthy import LINES, healthy_line
@@ -124,13 +124,28 @@ def _nothing_expected(name: str, seed: int, outcome: Outcome) -> bool:
     return make(name, seed).expected is None and not outcome.confused
 
 
+def score_captures() -> bool:
+    """Recordings of one trouble each from real masters and units."""
+    wrong = 0
+    for capture in captures():
+        expected = TROUBLED.get(capture.name)
+        if expected is None:
+            continue
+        said = [str(row["code"]) for row in diagnose(capture.file, capture.words, CAPTURES)]
+        if said[:1] != [expected.code]:
+            wrong += 1
+            _say(f"captures/{capture.name}: {expected.code} expected, {said}")
+    _say(f"captures of one trouble: {len(TROUBLED) - wrong} of {len(TROUBLED)} right")
+    return not wrong
+
+
 def score_healthy(workers: int) -> bool:
     """Healthy lines and captures: a line for each that is called ill."""
     jobs: dict[str, Callable[[], list[str]]] = {}
     for number in range(1, LINES + 1):
         jobs[f"healthy line {number}"] = partial(_errors_of_case, healthy_line, number)
-    for folder, file, words in healthy_captures():
-        jobs[folder] = partial(_errors_of_capture, file, words)
+    for capture in healthy_captures():
+        jobs[capture.name] = partial(_errors_of_capture, capture)
     with ThreadPoolExecutor(workers) as pool:
         found = dict(zip(jobs, pool.map(_called, jobs.values()), strict=True))
     for name, errors in found.items():
@@ -149,8 +164,8 @@ def _errors_of_case(maker: Callable[[int], Case], number: int) -> list[str]:
     return list(examine(maker(number)).errors)
 
 
-def _errors_of_capture(file: str, words: tuple[str, ...]) -> list[str]:
-    rows = diagnose(file, words, CAPTURES)
+def _errors_of_capture(capture: Capture) -> list[str]:
+    rows = diagnose(capture.file, capture.words, CAPTURES)
     return [str(row["code"]) for row in rows if row["severity"] == "error"]
 
 
@@ -170,7 +185,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--kinds", nargs="*", default=list(KINDS), metavar="KIND")
     parser.add_argument("--seeds", type=_seeds, default=_seeds("1-5"), metavar="1-5")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--only", choices=["kinds", "confusions", "healthy"])
+    parser.add_argument("--only", choices=["kinds", "confusions", "captures", "healthy"])
     parser.add_argument("--write", type=Path, metavar="FOLDER")
     options = parser.parse_args(arguments)
     if options.write:
@@ -179,6 +194,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parts: dict[str, Callable[[], bool]] = {
         "kinds": lambda: score_kinds(options.kinds, options.seeds, options.workers),
         "confusions": lambda: score_counter_cases(options.seeds, options.workers),
+        "captures": score_captures,
         "healthy": lambda: score_healthy(options.workers),
     }
     met = [part() for name, part in parts.items() if options.only in (None, name)]

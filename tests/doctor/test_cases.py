@@ -10,6 +10,7 @@ import pytest
 
 from analyzer import decode
 from analyzer.line import Line
+from tests.doctor.captured import TROUBLED, captures
 from tests.doctor.cases import COUNTER_CASES, KINDS, make
 from tests.doctor.examine import written
 from tests.doctor.frames import read_answer, read_request, rtu
@@ -32,6 +33,12 @@ CODES = """
 def test_each_of_the_30_kinds_has_a_generator() -> None:
     assert sorted(KINDS) == sorted(CODES)
     assert len(set(CODES)) == 30
+
+
+def test_recorded_troubles_are_kinds_and_no_healthy_line() -> None:
+    ill = {capture.name for capture in captures() if not capture.healthy}
+    assert set(TROUBLED) <= ill
+    assert {expected.code for expected in TROUBLED.values()} <= set(CODES)
 
 
 @pytest.mark.parametrize("name", [*KINDS, *COUNTER_CASES])

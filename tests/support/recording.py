@@ -16,7 +16,6 @@ import logging
 import platform
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
 from itertools import count
@@ -28,10 +27,12 @@ from pymodbus.simulator import SimDevice
 
 from tests.support import master_scripts
 from tests.support.devices import ANY_ADDRESS, PROFILE_ADDRESS, Behaviour, demo_device
-from tests.support.expected import DisagreementError, Frame, Mode, expected_frames
+from tests.support.expected import DisagreementError, Frame, expected_frames
 from tests.support.ptybus import flip_bit
 from tests.support.pymodbus_buses import BusScenario, run_scenario
 from tests.support.random_devices import RandomDevice
+from tests.support.recipe import Recipe
+from tests.support.trouble_recipes import TROUBLE_RECIPES
 from tests.support.typed_device import poll_types, typed_device
 
 CAPTURES = Path(__file__).parents[2] / "captures"
@@ -40,17 +41,6 @@ EXPECTED_SOURCE = (
     "master's bytes are requests, a unit's are responses; checked against what the bus carried"
 )
 FOUR_WIRE = {"unit1": ["master"], "unit2": ["master"]}
-
-
-@dataclass(frozen=True, slots=True)
-class Recipe:
-    """A recording: what it shows, in words, and the play, made anew for each recording."""
-
-    shows: str
-    run_scenario: Callable[[], BusScenario]
-    line: str = "19200-8E1"
-    mode: Mode = "rtu"
-    healthy: bool = False
 
 
 def _all_functions() -> BusScenario:
@@ -221,6 +211,7 @@ RECIPES: Mapping[str, Recipe] = {
         _two_units,
         healthy=True,
     ),
+    **TROUBLE_RECIPES,
 }
 
 
