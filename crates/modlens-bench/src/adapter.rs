@@ -100,7 +100,7 @@ impl ModlensRun {
                 line: None,
                 network: None,
             },
-            mode: Some(if case.framing == Framing::Rtu { Mode::Rtu } else { Mode::Ascii }),
+            mode: (!case.hides_framing).then_some(if case.framing == Framing::Rtu { Mode::Rtu } else { Mode::Ascii }),
             rule: Some(rule(case.settings)).filter(|_| how.textbook),
             line: Some(line(case.settings)),
             resolution: None,
@@ -173,6 +173,7 @@ impl ModlensRun {
             direction::Direction::Unknown => Direction::Unknown,
         };
         frame.unconfirmed = row.unconfirmed;
+        frame.confidence = row.confidence;
         frame.txn = row.txn;
         frame.emitted_ns = self.now.filter(|_| self.live);
         self.index_of_frame.insert(row.number, self.frames.len());

@@ -41,6 +41,7 @@ fn run(arguments: &[String]) -> Result<(), String> {
     match command.as_str() {
         "accuracy" => accuracy(&options),
         "noise" => noise(&options),
+        "calibration" => print(&tables::calibration(&options.plan.run(MAKERS))),
         "differences" => show_differences(&options, differences),
         "damaged" => show_differences(&options, damaged_differences),
         "speed" => show_speed(&options),

@@ -10,6 +10,7 @@ use crate::speed::MeasuredLayer;
 pub const HELP: &str = "\
 modlens-bench accuracy [options]   scenarios x tap modes, for the rivals and for modlens
 modlens-bench noise [options]      false frames per MB of noise only
+modlens-bench calibration [options]  stated odds of frames against counted errors
 modlens-bench differences [options]  the bytes around every missed, false or mislabelled frame
 modlens-bench damaged [options]    the bytes around every damaged frame missed or invented
 modlens-bench speed [options]      MB a CPU second, and memory over noise
@@ -25,7 +26,8 @@ modlens-bench scenarios            names of the scenarios
   --frames N                   per case, default 3000
   --noise-mb N                 MB of each noise, 0 for none; default 1
   --noise-mode MODE            how noise is tapped; default none
-  --patterns a,b               uniform 00_ff bus13 single_bit wrong_baud inverted; default: all
+  --patterns a,b               uniform 00_ff bus13 single_bit wrong_baud inverted runs slow_squares floating
+                               repeating_poll foreign; default: all
   --threads N                  default 1
   --out PATH                   write: PATH.jsonl and PATH.truth.jsonl; bulk: the file
   --bytes N                    bulk: default 64000000; speed: of each load
@@ -131,6 +133,7 @@ fn number(key: &str, value: &str) -> Result<usize, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::scenario::LOOK_ALIKES;
 
     fn parse(text: &str) -> Result<Options, String> {
         Options::parse(&text.split_whitespace().map(String::from).collect::<Vec<_>>())
@@ -142,7 +145,7 @@ mod tests {
         assert_eq!(options.plan.seeds, [11, 12]);
         assert_eq!((options.plan.scenarios.len(), options.plan.modes[0], options.plan.frames), (2, TapMode::None, 100));
         assert_eq!(parse("").unwrap().plan.scenarios.len(), 20);
-        assert_eq!(parse("--scenarios all").unwrap().plan.scenarios.len(), 35);
+        assert_eq!(parse("--scenarios all").unwrap().plan.scenarios.len(), 35 + LOOK_ALIKES.len());
     }
 
     #[test]

@@ -16,6 +16,8 @@ pub struct ReportedFrame {
     pub is_whole: bool,
     /// The claim is marked as unconfirmed.
     pub unconfirmed: bool,
+    /// Stated odds that the report is right, as log2.
+    pub confidence: u8,
     /// Number of the transaction, which a request and its response share.
     pub txn: Option<u64>,
     /// 0 for the only line; 1 and 2 for the lines A and B of a two-line tap.
@@ -35,6 +37,7 @@ impl ReportedFrame {
             direction: Direction::Unknown,
             is_whole,
             unconfirmed: false,
+            confidence: 0,
             txn: None,
             line,
             emitted_ns: None,

@@ -118,3 +118,26 @@ pub fn noise(names: &[&str], rows: &[NoiseRow]) -> String {
     text.push('\n');
     text
 }
+
+/// Stated odds against counted errors, one row per value of the confidence and one per decade of the odds.
+pub fn calibration(outcome: &RunOutcome) -> String {
+    let mut text = String::new();
+    for (at, name) in outcome.names.iter().enumerate().filter(|(at, _)| outcome.gives_labels[*at]) {
+        let calibration = outcome.total(at, None).calibration;
+        for (what, rows) in [("firm", calibration.rows), ("unconfirmed", calibration.unconfirmed)] {
+            write!(text, "\n{name}, {what} rows\nconfidence     rows   wrong  expected  counted log2 odds\n")
+                .expect("text can grow");
+            for (bits, &(all, wrong)) in rows.iter().enumerate().filter(|(_, (all, _))| *all > 0) {
+                let expected = all as f64 * chance_of_error(bits);
+                let odds = ((all - wrong).max(1) as f64 / wrong.max(1) as f64).log2();
+                writeln!(text, "{bits:>10} {all:>8} {wrong:>7} {expected:>9.1} {odds:>8.1}").expect("text can grow");
+            }
+        }
+    }
+    text
+}
+
+/// The probability that a row of this confidence is wrong, as it states it.
+fn chance_of_error(bits: usize) -> f64 {
+    1.0 / (1.0 + (bits as f64).exp2())
+}

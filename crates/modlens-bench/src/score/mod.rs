@@ -4,12 +4,14 @@
 //! V in start and end. Recall is M/V and precision is M/O. The headline figure (`frames_with_direction`) counts a match only
 //! if its direction is right, too.
 
+mod calibration;
 pub(crate) mod labels;
 mod latency;
 pub(crate) mod matching;
 pub(crate) mod pairs;
 mod tally;
 
+pub use calibration::Calibration;
 pub use labels::LabelScore;
 pub use latency::Latency;
 pub use tally::Tally;
@@ -38,6 +40,8 @@ pub struct Score {
     pub labels: [LabelScore; 8],
     /// In live runs the time from the read of a frame's last byte to the report.
     pub latency: Latency,
+    /// Reported frames that claim to be whole by their stated odds, and how many of them are wrong.
+    pub calibration: Calibration,
 }
 
 impl Score {
@@ -72,6 +76,7 @@ impl Score {
             mine.0.add(&theirs.0);
         }
         self.latency.add(&other.latency);
+        self.calibration.add(&other.calibration);
     }
 }
 
@@ -85,6 +90,7 @@ pub fn score(case: &Case, reported: &[ReportedFrame]) -> Score {
         damaged: matching::damaged(case, reported),
         labels: labels::score(case, reported, &matching),
         latency: Latency::of(case, reported),
+        calibration: Calibration::of(case, reported, &matching),
         ..Score::default()
     };
     for (frame, truth) in reported.iter().zip(&matching.truth_of) {

@@ -233,6 +233,7 @@ impl Bulk {
             mode: TapMode::None,
             settings: LINE,
             framing: Framing::Rtu,
+            hides_framing: false,
             lines: vec![CaseLine { id: 0, bytes: self.bytes, reads }],
             truth,
             losses: Vec::new(),

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 
 use crate::model::{Framing, Label, Settings};
 use crate::rng::Rng;
+use crate::sim::look_alikes;
 use crate::sim::master::Simulation;
 use crate::sim::scenario::Scenario;
 use crate::sim::tap::{TapMode, TapRead};
@@ -31,6 +32,8 @@ pub struct Traffic {
     pub settings: Settings,
     /// RTU or ASCII.
     pub framing: Framing,
+    /// The analyzer has to find the framing.
+    pub hides_framing: bool,
     /// The lines.
     pub lines: Vec<TrafficLine>,
     /// The frames that were sent.
@@ -63,6 +66,8 @@ pub struct Case {
     pub settings: Settings,
     /// RTU or ASCII.
     pub framing: Framing,
+    /// The analyzer has to find the framing.
+    pub hides_framing: bool,
     /// The lines.
     pub lines: Vec<CaseLine>,
     /// The frames that were sent.
@@ -87,6 +92,10 @@ pub struct TimedRead<'a> {
 impl Traffic {
     /// Simulates a scenario until `frames` frames were sent.
     pub fn new(scenario: &Scenario, seed: u64, frames: usize) -> Self {
+        if let Some(kind) = scenario.look_alike {
+            let mixed = look_alikes::traffic(kind, scenario, seed, frames);
+            return Self { hides_framing: kind.hides_framing(), ..mixed };
+        }
         let simulation = Simulation::new(scenario, seed, frames);
         let (truth, losses) = truth(&simulation.wire, scenario.framing);
         let two = simulation.wire.lines.len() == 2;
@@ -100,6 +109,7 @@ impl Traffic {
             seed,
             settings: simulation.settings(),
             framing: scenario.framing,
+            hides_framing: false,
             lines: lines.collect(),
             truth,
             losses,
@@ -120,6 +130,7 @@ impl Traffic {
             mode,
             settings: self.settings,
             framing: self.framing,
+            hides_framing: self.hides_framing,
             lines: lines.collect(),
             truth: if orderless { without_order(&self.truth) } else { self.truth.clone() },
             losses: self.losses.clone(),

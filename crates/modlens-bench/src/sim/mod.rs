@@ -12,7 +12,9 @@ pub mod tap;
 pub mod truth;
 
 mod bus;
+mod look_alikes;
 mod master;
+mod noise_signals;
 mod reads;
 mod registers;
 mod requests;

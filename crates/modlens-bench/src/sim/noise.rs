@@ -3,6 +3,7 @@
 use crate::model::Framing;
 use crate::rng::Rng;
 use crate::sim::case::{Case, CaseLine, Traffic, TrafficLine};
+use crate::sim::noise_signals::{floating, foreign, repeating_poll, runs, slow_squares};
 use crate::sim::scenario::Scenario;
 use crate::sim::tap::{TapMode, TapRead};
 use crate::sim::uart::receive_with_wrong_settings;
@@ -25,6 +26,16 @@ pub enum Pattern {
     WrongBaud,
     /// Clean traffic received on swapped wires.
     Inverted,
+    /// Runs of one byte.
+    Runs,
+    /// A square wave whose period drifts slowly.
+    SlowSquares,
+    /// A line that nobody drives.
+    Floating,
+    /// A few exchanges again and again, received with a wrong baud rate.
+    RepeatingPoll,
+    /// Another protocol, whose telegrams with constant payload have a substring with a valid CRC.
+    Foreign,
 }
 
 /// Values that a floating or badly biased bus yields, and values that are common in the headers of frames.
@@ -35,7 +46,19 @@ const BAUDS: [u32; 8] = [1200, 2400, 4800, 9600, 19_200, 38_400, 57_600, 115_200
 
 impl Pattern {
     /// All kinds of noise.
-    pub const ALL: [Self; 6] = [Self::Uniform, Self::ZerosOnes, Self::Bus, Self::SingleBit, Self::WrongBaud, Self::Inverted];
+    pub const ALL: [Self; 11] = [
+        Self::Uniform,
+        Self::ZerosOnes,
+        Self::Bus,
+        Self::SingleBit,
+        Self::WrongBaud,
+        Self::Inverted,
+        Self::Runs,
+        Self::SlowSquares,
+        Self::Floating,
+        Self::RepeatingPoll,
+        Self::Foreign,
+    ];
 
     /// The name in tables and on the command line.
     pub fn text(self) -> &'static str {
@@ -46,6 +69,11 @@ impl Pattern {
             Self::SingleBit => "single_bit",
             Self::WrongBaud => "wrong_baud",
             Self::Inverted => "inverted",
+            Self::Runs => "runs",
+            Self::SlowSquares => "slow_squares",
+            Self::Floating => "floating",
+            Self::RepeatingPoll => "repeating_poll",
+            Self::Foreign => "foreign",
         }
     }
 
@@ -56,11 +84,22 @@ impl Pattern {
 
     /// So many bytes of this noise.
     pub fn bytes(self, seed: u64, count: usize) -> Vec<u8> {
-        if matches!(self, Self::WrongBaud | Self::Inverted) {
+        if self.has_own_times() {
             return self.wrongly_received(seed, count).into_iter().map(|(byte, _)| byte).collect();
         }
         let mut rng = Rng::new(seed, self.text());
-        (0..count).map(|_| self.byte(&mut rng)).collect()
+        match self {
+            Self::Runs => runs(&mut rng, count),
+            Self::SlowSquares => slow_squares(&mut rng, count),
+            Self::Floating => floating(&mut rng, count),
+            Self::Foreign => foreign(&mut rng, count),
+            _ => (0..count).map(|_| self.byte(&mut rng)).collect(),
+        }
+    }
+
+    /// Whether the times of the bytes follow from what was sent, and are not made up.
+    fn has_own_times(self) -> bool {
+        matches!(self, Self::WrongBaud | Self::Inverted | Self::RepeatingPoll)
     }
 
     fn byte(self, rng: &mut Rng) -> u8 {
@@ -88,18 +127,39 @@ impl Pattern {
             let chars: Vec<(u8, i64)> = line.bytes.iter().zip(&line.times).map(|(&b, &t)| (b, t + from)).collect();
             let baud = match self {
                 Self::Inverted => traffic.settings.baud,
-                _ => loop {
-                    let baud = rng.pick(&BAUDS);
-                    if baud != traffic.settings.baud {
-                        break baud;
-                    }
-                },
+                _ => other_baud(traffic.settings.baud, &mut rng),
             };
+            if self == Self::RepeatingPoll {
+                let exchanges = some_exchanges(&traffic, &mut rng);
+                let heard = repeating_poll(&exchanges, traffic.settings, baud, 20_000);
+                received.extend(heard.into_iter().map(|(byte, time)| (byte, time + from)));
+                continue;
+            }
             received.extend(receive_with_wrong_settings(&chars, traffic.settings, baud, self == Self::Inverted));
         }
         received.truncate(count);
         received
     }
+}
+
+/// A baud rate that is set by mistake.
+pub(crate) fn other_baud(baud: u32, rng: &mut Rng) -> u32 {
+    loop {
+        let other = rng.pick(&BAUDS);
+        if other != baud {
+            return other;
+        }
+    }
+}
+
+/// The bytes of two to eight successive frames of some traffic, with times from 0 on.
+pub(crate) fn some_exchanges(traffic: &Traffic, rng: &mut Rng) -> Vec<(u8, i64)> {
+    let line = &traffic.lines[0];
+    let first = rng.below(traffic.truth.len() - 10);
+    let (from, to) = (traffic.truth[first].start as usize, traffic.truth[first + rng.range(1, 7)].end as usize);
+    // The first character has begun before its time, which is that of its end.
+    let begin = line.times[from] - 2 * traffic.settings.char_ns() as i64;
+    (from..to).map(|at| (line.bytes[at], line.times[at] - begin)).collect()
 }
 
 /// A recording of noise, alone or after clean traffic.
@@ -147,6 +207,7 @@ fn untimed(traffic: Traffic, noise: Vec<u8>) -> Case {
         mode: TapMode::None,
         settings: traffic.settings,
         framing: Framing::Rtu,
+        hides_framing: false,
         lines: vec![CaseLine { id: 0, bytes, reads }],
         truth: traffic.truth,
         losses: Vec::new(),
@@ -158,7 +219,7 @@ fn timed(traffic: &mut Traffic, pattern: Pattern, seed: u64, count: usize) {
     let char_ns = traffic.settings.char_ns();
     let line = &mut traffic.lines[0];
     let mut now = line.times.last().map_or(1e9, |&last| last as f64 + 50e6);
-    if matches!(pattern, Pattern::WrongBaud | Pattern::Inverted) {
+    if pattern.has_own_times() {
         let received = pattern.wrongly_received(seed, count);
         line.times.extend(received.iter().map(|&(_, time)| time + now as i64));
         line.bytes.extend(received.iter().map(|&(byte, _)| byte));

@@ -1,6 +1,7 @@
 //! The table of scenarios: the probabilities of faults on the bus and at the tap.
 
 use crate::model::Framing;
+use crate::sim::look_alikes::LookAlike;
 
 /// One scenario. Probabilities are per frame unless another unit is given.
 #[derive(Clone, Debug)]
@@ -75,6 +76,8 @@ pub struct Scenario {
     pub lower_case: f64,
     /// ASCII: one pause of U[0.05, 0.95] s inside (up to 1 s is legal, 2.5.2).
     pub pause: f64,
+    /// What is put between the transactions, or in front of them.
+    pub look_alike: Option<LookAlike>,
 }
 
 /// The defaults of all scenarios.
@@ -114,6 +117,7 @@ const BASE: Scenario = Scenario {
     no_crlf: 0.0,
     lower_case: 0.0,
     pause: 0.0,
+    look_alike: None,
 };
 
 /// The defaults of ASCII scenarios.
@@ -224,11 +228,32 @@ pub const FURTHER: [Scenario; 15] = [
     },
 ];
 
+/// The defaults of scenarios with look-alikes.
+const ALIKE: Scenario = Scenario { midstart: false, frames: 2000, ..BASE };
+
+/// Lines that carry more than their own frames.
+pub const LOOK_ALIKES: [Scenario; 13] = [
+    Scenario { name: "alike_file", look_alike: Some(LookAlike::FileWrite), ..ALIKE },
+    Scenario { name: "alike_write", look_alike: Some(LookAlike::RegisterWrite), ..ALIKE },
+    Scenario { name: "alike_loopback", look_alike: Some(LookAlike::Loopback), ..ALIKE },
+    Scenario { name: "alike_vendor", look_alike: Some(LookAlike::Vendor), ..ALIKE },
+    Scenario { name: "alike_read", look_alike: Some(LookAlike::Read), ..ALIKE },
+    Scenario { name: "alike_runs", look_alike: Some(LookAlike::Runs), ..ALIKE },
+    Scenario { name: "alike_squares", look_alike: Some(LookAlike::Squares), ..ALIKE },
+    Scenario { name: "alike_baud", look_alike: Some(LookAlike::WrongBaud), ..ALIKE },
+    Scenario { name: "alike_foreign", look_alike: Some(LookAlike::Foreign), ..ALIKE },
+    Scenario { name: "auto_ascii", look_alike: Some(LookAlike::AsciiInFront), ..ALIKE },
+    Scenario { name: "auto_mbap", look_alike: Some(LookAlike::MbapInFront), ..ALIKE },
+    Scenario { name: "auto_field", look_alike: Some(LookAlike::Nothing), ..FIELD },
+    Scenario { name: "auto_hostile", look_alike: Some(LookAlike::Nothing), ..HOSTILE },
+];
+
 impl Scenario {
     /// All scenarios, those of the headline first.
     pub fn all() -> impl Iterator<Item = &'static Scenario> {
-        static ALL: ([Scenario; 20], [Scenario; 15]) = (HEADLINE, FURTHER);
-        ALL.0.iter().chain(&ALL.1)
+        static HEADLINES: [Scenario; 20] = HEADLINE;
+        static OTHERS: [&[Scenario]; 2] = [&FURTHER, &LOOK_ALIKES];
+        HEADLINES.iter().chain(OTHERS.into_iter().flatten())
     }
 
     /// The scenario of this name.
@@ -244,7 +269,7 @@ mod tests {
     #[test]
     fn names_are_unique_and_found() {
         let names: Vec<&str> = Scenario::all().map(|scenario| scenario.name).collect();
-        assert_eq!(names.len(), 35);
+        assert_eq!(names.len(), 35 + LOOK_ALIKES.len());
         for (at, name) in names.iter().enumerate() {
             assert_eq!(names.iter().position(|other| other == name), Some(at));
             assert!(Scenario::named(name).is_some());
@@ -254,7 +279,8 @@ mod tests {
 
     #[test]
     fn only_clean_ones_begin_at_a_frame() {
-        let whole: Vec<&str> = Scenario::all().filter(|s| !s.midstart).map(|s| s.name).collect();
+        let own = Scenario::all().filter(|scenario| scenario.look_alike.is_none());
+        let whole: Vec<&str> = own.filter(|s| !s.midstart).map(|s| s.name).collect();
         assert_eq!(whole, ["clean", "ascii"]);
     }
 }

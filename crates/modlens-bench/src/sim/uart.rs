@@ -15,6 +15,20 @@ pub(crate) fn receive_with_wrong_settings(chars: &[(u8, i64)], sender: Settings,
     receive(&edges(chars, sender, inverted), 1e9 / f64::from(baud))
 }
 
+/// The values that a receiver decodes from a signal of levels, each with its duration in bits. A break or a wrong stop bit goes
+/// unnoticed.
+pub(crate) fn receive_signal(levels: &[(f64, bool)]) -> Vec<u8> {
+    let mut time = 0.0;
+    let mut edges: Vec<LevelChange> = Vec::with_capacity(levels.len());
+    for &(bits, is_high) in levels {
+        if edges.last().is_none_or(|last| last.is_high != is_high) {
+            edges.push(LevelChange { time, is_high });
+        }
+        time += bits;
+    }
+    receive(&edges, 1.0).into_iter().map(|(byte, _)| byte).collect()
+}
+
 /// The level changes that a sender makes on the line.
 fn edges(chars: &[(u8, i64)], sender: Settings, inverted: bool) -> Vec<LevelChange> {
     let bit_ns = 1e9 / f64::from(sender.baud);
