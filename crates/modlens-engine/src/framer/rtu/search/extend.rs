@@ -6,6 +6,7 @@ use crate::framer::rtu::answerable::Answerable;
 use crate::framer::rtu::crc_scan::{MAX_CANDIDATE_BYTES, MAX_CANDIDATE_SPAN};
 use crate::framer::rtu::score::{self, Preceding};
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
+use crate::framer::rtu::search::nested::Contents;
 use crate::framer::rtu::search::state::Search;
 use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
 use crate::framer::FramerContext;
@@ -25,6 +26,8 @@ struct ValidSubstring<'a> {
     pause: TimeoutLogOdds,
     /// The result of `nested_scores`.
     nested: Vec<f32>,
+    /// What those count for.
+    contents: Option<Contents>,
 }
 
 /// A place in the lattice for a new hypothesis: behind this parent it has these scores, in bits.
@@ -58,8 +61,9 @@ impl Search {
             return;
         }
         let pause = (context.timeout_log_odds)(input.pause_before(start_index));
-        let nested = if self.may_contain_frames(context, frame) { self.nested_scores(start) } else { Vec::new() };
-        let substring = ValidSubstring { start_index, bytes: frame, pause, nested };
+        let contents = self.contents(context, frame);
+        let nested = if contents.is_some() { self.nested_scores(start) } else { Vec::new() };
+        let substring = ValidSubstring { start_index, bytes: frame, pause, nested, contents };
         let timing = timing_score(input, start_index, end_index, frame_gap_ns);
         let declared = context.declared_direction_at(input, start_index);
         for direction in [REQUEST, RESPONSE] {
@@ -107,7 +111,7 @@ impl Search {
         own_score: f32,
         floor: f32,
     ) -> [Option<Placement>; 2] {
-        let &ValidSubstring { start_index, bytes: frame, pause, ref nested } = substring;
+        let &ValidSubstring { start_index, bytes: frame, pause, ref nested, contents } = substring;
         let start = input.offset() + start_index as u64;
         let mut best = [None; 2];
         // A response to no request may have its own, damaged, among the unframed bytes before it.
@@ -139,7 +143,8 @@ impl Search {
             };
             cached = (!after_strays).then_some((key, (context_score, answers)));
             let frame_score = own_score + context_score;
-            let nested_score = nested.get(i).copied().unwrap_or(0.0);
+            let contains = contents == Some(Contents::Copied) || answers;
+            let nested_score = nested.get(i).copied().filter(|_| contains).unwrap_or(0.0);
             let path_score = before.path_score - self.model.unframed_cost(unframed_bytes) + frame_score + nested_score;
             let place: &mut Option<Placement> = &mut best[usize::from(answers)];
             if path_score > floor && place.is_none_or(|known| path_score > known.path_score) {

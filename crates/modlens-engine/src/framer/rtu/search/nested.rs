@@ -9,16 +9,30 @@ use crate::framer::rtu::search::state::Search;
 use crate::framer::FramerContext;
 use crate::weights;
 use modlens_protocol::checksum::CRC_BYTES;
-use modlens_protocol::functions::{Operation, EXCEPTION_BIT};
+use modlens_protocol::functions::{Layout, Operation, EXCEPTION_BIT};
+
+/// Which frames a frame may contain.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Contents {
+    /// It carries what somebody else has written: frames among it are payload.
+    Copied,
+    /// It carries what was read. That may hold frames as well, but only where the response is the one that is due.
+    Read,
+}
 
 impl Search {
-    /// Whether a frame that begins like this may contain others: responses to reads may not, their payload is measured and
-    /// not copied.
-    pub(super) fn may_contain_frames(&self, context: &FramerContext<'_>, frame: &[u8]) -> bool {
-        let &[unit, code, ref body @ ..] = frame else { return false };
-        let copies_payload = |operation| !matches!(operation, Operation::Read);
-        let row = || context.functions.row(code, body).is_some_and(|row| copies_payload(row.operation));
-        code & EXCEPTION_BIT == 0 && self.model.has_unit(unit) && row()
+    /// What a frame that begins like this may contain; `None` if it contains no frames.
+    ///
+    /// Where the specification fixes the layout, a header, its counts and a valid CRC around a frame are no accident, whatever
+    /// unit they name. Where any length and any payload would do, the unit has to be known.
+    pub(super) fn contents(&self, context: &FramerContext<'_>, frame: &[u8]) -> Option<Contents> {
+        let &[unit, code, ref body @ ..] = frame else { return None };
+        let row = context.functions.row(code, body).filter(|_| code & EXCEPTION_BIT == 0)?;
+        let is_specified = matches!((&row.request, &row.response), (Layout::Body(_), Layout::Body(_)));
+        match row.operation {
+            Operation::Read => Some(Contents::Read),
+            _ => (is_specified || self.model.has_unit(unit)).then_some(Contents::Copied),
+        }
     }
 
     /// By index of each hypothesis outside a frame from stream offset `start` to the last byte scanned: what the best path that

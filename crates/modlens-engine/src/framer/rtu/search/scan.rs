@@ -16,6 +16,7 @@ impl Search {
     /// when all bytes are scanned and the input is closed, or paused while a frame leads. Where a look-ahead needs bytes
     /// that have not come (`skip.needs_more_bytes`), it waits for them before it scans on.
     pub fn advance(&mut self, input: &Input, context: &FramerContext<'_>, frame_gap_ns: Ns) -> Option<Decision> {
+        self.frame_gap_ns = frame_gap_ns;
         if !self.is_scanning {
             self.begin_scan();
         }

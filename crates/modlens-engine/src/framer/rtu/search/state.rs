@@ -9,6 +9,7 @@ use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
 use crate::framer::rtu::traffic_model::{FramePosition, RequestCopy, TrafficModel};
 use crate::framer::FramerContext;
 use modlens_protocol::direction::{Direction, RequestRef};
+use modlens_protocol::Ns;
 
 /// The search over one line.
 pub struct Search {
@@ -27,6 +28,8 @@ pub struct Search {
     pub(super) requests: RequestPool,
     /// The last frame committed is unconfirmed, or a piece of noise was committed that goes on.
     pub(super) last_was_doubtful: bool,
+    /// The shortest pause between frames, as the framer knows it.
+    pub(super) frame_gap_ns: Ns,
     /// How many valid frames the search committed last without a byte between them. The fast path does not count here.
     pub(super) adjacent_frames: u8,
     /// What the line has taught.
@@ -44,6 +47,7 @@ impl Default for Search {
             skip: SkipAhead::default(),
             requests: RequestPool::default(),
             last_was_doubtful: false,
+            frame_gap_ns: Ns::MAX,
             adjacent_frames: 0,
             model: TrafficModel::default(),
         }

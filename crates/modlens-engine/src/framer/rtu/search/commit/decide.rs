@@ -6,10 +6,12 @@ use crate::framer::rtu::announced_length::announced_lengths;
 use crate::framer::rtu::crc_scan::MAX_CANDIDATE_SPAN;
 use crate::framer::rtu::search::commit::state::{CommitState, Completion, Decision, Rival, RivalBar};
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
+use crate::framer::rtu::search::nested::Contents;
 use crate::framer::rtu::search::state::Search;
 use crate::framer::FramerContext;
 use crate::input::Input;
 use crate::weights;
+use modlens_protocol::direction::Direction;
 use modlens_protocol::functions::Extent;
 
 impl Search {
@@ -111,28 +113,43 @@ impl Search {
     }
 
     /// The stream offset up to which the frame from `start` to `end` (stream offsets) may turn out to stand inside a longer one
-    /// that begins right behind the root; `None` if it does not. The offset may be scanned already: then it decides nothing.
-    ///
-    /// A longer frame needs a known unit and a few bytes before `start`, and `start` must not begin a timed read. An exact
-    /// length counts only for functions that may contain frames. Live, every such length is awaited, and an open one for
-    /// `MAX_CANDIDATE_SPAN`; in a recording, only where the frame completes, or where that is not known yet.
+    /// that begins right behind the root, or behind a few stray bytes there; `None` if it does not. The offset may be scanned
+    /// already: then it decides nothing. A frame behind a pause stands in no other one.
     fn nested_until(&mut self, input: &Input, context: &FramerContext<'_>, start: u64, end: u64) -> Option<u64> {
-        let base = input.offset();
-        let outer_start = self.committed_offset();
-        let begins_read = || input.has_times && input.starts_read((start - base) as usize);
-        if start - outer_start < weights::MIN_OUTER_HEADER_BYTES || begins_read() {
+        let root_end = self.committed_offset();
+        let pause = input.pause_before((start - input.offset()) as usize);
+        if pause.is_some_and(|pause| pause >= self.frame_gap_ns) {
             return None;
         }
-        let outer = &input.bytes()[(outer_start - base) as usize..];
-        if !self.model.has_unit(outer[0]) {
+        let outer_starts = root_end..=root_end + weights::MAX_SKIPPED_STRAY_BYTES as u64;
+        let outer_starts = outer_starts.filter(|outer| outer + weights::MIN_OUTER_HEADER_BYTES <= start);
+        outer_starts.filter_map(|outer_start| self.nested_in_until(input, context, outer_start, end)).max()
+    }
+
+    /// As `nested_until`, for a longer frame that begins at `outer_start`.
+    ///
+    /// An exact length counts only for functions that may contain frames. Live, every such length is awaited, and an open one
+    /// for `MAX_CANDIDATE_SPAN`; in a recording, only where the frame completes, or where that is not known yet. Behind stray
+    /// bytes the unit has to be known.
+    fn nested_in_until(&mut self, input: &Input, context: &FramerContext<'_>, outer_start: u64, end: u64) -> Option<u64> {
+        let outer = &input.bytes()[(outer_start - input.offset()) as usize..];
+        let is_due = outer_start == self.committed_offset();
+        let (contents, has_unit) = (self.contents(context, outer), self.model.has_unit(outer[0]));
+        if !has_unit && (!is_due || contents.is_none()) {
             return None;
         }
         let mut until = None;
-        for (_, extent) in announced_lengths(context, outer).into_iter().flatten() {
+        for (direction, extent) in announced_lengths(context, outer).into_iter().flatten() {
+            let contains = match contents {
+                Some(Contents::Copied) => true,
+                Some(Contents::Read) => direction == Direction::Response && is_due && self.is_due_response(outer),
+                None => false,
+            };
             let (span, completion) = match extent {
+                Extent::Open(_) if !is_due => continue,
                 Extent::Open(_) if context.may_look_ahead => (MAX_CANDIDATE_SPAN, self.open_length_completion(input, end)),
                 Extent::Open(_) => (MAX_CANDIDATE_SPAN, Completion::Completes),
-                Extent::Exactly(_) if !self.may_contain_frames(context, outer) => continue,
+                Extent::Exactly(_) if !contains => continue,
                 Extent::Exactly(length) if context.may_look_ahead => {
                     (length as u64, self.completion(input, context, outer_start))
                 }
@@ -145,6 +162,11 @@ impl Search {
             }
         }
         until
+    }
+
+    /// Whether a response that begins like this would answer the outstanding request.
+    fn is_due_response(&self, frame: &[u8]) -> bool {
+        self.outstanding_request().is_some_and(|request| request.matches(frame[0], frame[1]))
     }
 
     /// The stream offset up to which an unfinished frame may still outscore the frame `first` (an index of the lattice); `None`
