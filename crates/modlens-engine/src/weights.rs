@@ -120,6 +120,11 @@ weights! {
         LENGTH_DISCOUNT_FRAMES: f32 = 0.5;
         /// Counts of lengths are halved here: devices may be replaced.
         HALVE_LENGTHS_FRAMES: f32 = 64.0;
+        /// A frame that stood alone in noise and comes again behind the same bytes is the same accident of the checksum, unless
+        /// at least one in this many was answered.
+        LONE_FRAMES_PER_ANSWER_FACTOR: u32 = 4;
+        /// Counts of a frame that stood alone in noise are halved here.
+        MAX_LONE_FRAMES: u32 = 64;
         /// A request that is not seen again is dropped from the dictionary after at most this many others for its slot.
         MAX_REQUEST_COUNT_FRAMES: u32 = 15;
     }
@@ -154,6 +159,8 @@ weights! {
     "Score of a frame by itself" {
         /// A rule of the specification that a frame breaks: this happens, but seldom.
         BROKEN_RULE_BITS: f32 = 7.0;
+        /// Each byte of a CRC that continues a pattern: where the bytes before it repeat themselves, it was to be expected.
+        PATTERN_BYTE_BITS: f32 = 0.3;
         /// A frame that lacks the last byte of its layout. If that byte is 00, its CRC is valid with and without it.
         CUT_SHORT_BITS: f32 = 40.0;
         /// Choice of a length where the layout fixes none and nothing was learned of it.
@@ -259,6 +266,9 @@ weights! {
         STRAY_RIVAL_MARGIN_BITS: f32 = 18.0;
         /// A valid frame with this score is not outscored by a header inside it.
         CERTAIN_FRAME_BITS: f32 = 34.0;
+        /// Lead that a frame in the middle of noise needs to be firm, even where its unit is known. Accidents of the checksum
+        /// behind a known unit reach 9 bits in a few megabytes of uniform noise.
+        FIRM_IN_NOISE_BITS: f32 = 12.0;
         /// No header is worth more.
         MAX_HEADER_BITS: f32 = 60.0;
         /// Advantage of an unfinished frame that begins right behind another one: a frame is due there.

@@ -118,3 +118,49 @@ fn runs_of_one_byte_are_noise() {
     }
     assert!(wrong.is_empty(), "{}:\n{}", wrong.len(), wrong.join("\n"));
 }
+
+/// A telegram of another protocol that holds `accident`, a valid frame of unit 1.
+fn telegram(accident: &[u8]) -> Vec<u8> {
+    [&[0x68, 0x10, 0xAA, 0x31, 0x07, 0x5C][..], accident, &[0x2F, 0x90, 0x44, 0x16]].concat()
+}
+
+#[test]
+fn an_accident_of_the_checksum_that_recurs_is_not_believed_for_that() {
+    // A request that is right but never comes; others break a limit or have a wrong length.
+    let accidents = [
+        frame(1, &[6, 0x33, 0x91, 0x5A, 0x27]),
+        frame(1, &[3, 0x33, 0x91, 0x5A, 0x27]),
+        frame(1, &[3, 0x33, 0x91, 0x5A, 0x27, 0x1F]),
+    ];
+    for tap in TAPS {
+        for (number, accident) in accidents.iter().enumerate() {
+            let mut frames = known();
+            for _ in 0..30 {
+                frames.extend([telegram(accident), read_request(1, 0, 2), read_response(1, &[0x1234, 0x5678])]);
+            }
+            let batch = heard(tap, &frames);
+            let good = |unconfirmed: bool| {
+                batch.frames.iter().filter(|frame| frame.verdict == Verdict::Ok && frame.unconfirmed == unconfirmed).count()
+            };
+            // The first time a right request may be one.
+            let firm = good(false) - known().len() - 60;
+            assert!(firm <= usize::from(number == 0), "{tap:?} {number}: {firm} firm, {} unconfirmed", good(true));
+        }
+    }
+}
+
+#[test]
+fn a_request_behind_the_same_stray_bytes_is_believed_for_its_response() {
+    // A driver that takes long to switch: six bytes in front of every frame.
+    let strays = [0xFC, 0xFE, 0xF0, 0xE0, 0x80, 0xFE];
+    for tap in TAPS {
+        let mut frames = known();
+        for value in 0..30u16 {
+            frames.push([&strays[..], &read_request(1, 40, 2)].concat());
+            frames.push([&strays[..], &read_response(1, &[value, 0x5678])].concat());
+        }
+        let batch = heard(tap, &frames);
+        let firm = batch.frames.iter().filter(|frame| frame.verdict == Verdict::Ok && !frame.unconfirmed).count();
+        assert_eq!(firm, frames.len(), "{tap:?}");
+    }
+}

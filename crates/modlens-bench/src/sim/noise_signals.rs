@@ -94,12 +94,11 @@ pub(crate) fn foreign_telegram(unit: u8, rng: &mut Rng) -> Vec<u8> {
     telegram
 }
 
-/// Telegrams of another protocol: some with constant payload, some with a counter in them.
+/// One to three telegrams of another protocol again and again, in spells with and without a counter between them.
 pub(crate) fn foreign(rng: &mut Rng, count: usize) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(count);
+    let telegrams: Vec<Vec<u8>> = (0..rng.range(1, 3)).map(|_| foreign_telegram(rng.range(1, 30) as u8, rng)).collect();
     while bytes.len() < count {
-        let unit = rng.range(1, 30) as u8;
-        let telegrams: Vec<Vec<u8>> = (0..rng.range(1, 4)).map(|_| foreign_telegram(unit, rng)).collect();
         let has_counter = rng.chance(0.5);
         for round in 0..rng.range(20, 300) {
             for telegram in &telegrams {

@@ -10,6 +10,7 @@ pub(crate) mod crc_scan;
 pub(crate) mod header_score;
 pub(crate) mod learned_lengths;
 pub(crate) mod log2;
+pub(crate) mod lone_frames;
 pub(crate) mod poll_cycle;
 pub(crate) mod prefilter;
 pub(crate) mod prefix_index;

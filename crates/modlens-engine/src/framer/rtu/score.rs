@@ -10,12 +10,16 @@ use crate::framer::rtu::side::{REQUEST, RESPONSE};
 use crate::framer::rtu::traffic_model::{FramePosition, TrafficModel};
 use crate::framer::FramerContext;
 use crate::weights;
+use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::direction::{counts_agree, expected_data_bytes, match_response, ResponseMatch, TimeoutLogOdds};
 use modlens_protocol::framing::BROADCAST_UNIT;
 use modlens_protocol::functions::{Extent, FieldLimits, FunctionRow, Layout, Operation, EXCEPTION_BIT};
 
 /// Unit, function code, exception code and CRC.
 const EXCEPTION_RESPONSE_BYTES: usize = 5;
+
+/// The longest pattern that is looked for.
+const MAX_PERIOD: usize = 4;
 
 /// Bytes of a response's PDU that repeat its request: function code, address, and value or quantity.
 const ECHOED_PDU_BYTES: usize = 5;
@@ -35,7 +39,7 @@ pub fn frame_score(model: &TrafficModel, context: &FramerContext<'_>, frame: &[u
     }
     let header =
         model.bits(unit) - model.unit_cost(unit) + model.bits(code) - model.function_cost(context.functions, code, direction);
-    let mut score = model.bits_of(&frame[frame.len() - 2..]) + header;
+    let mut score = crc_score(model, frame) + header;
     if direction == RESPONSE && unit == BROADCAST_UNIT {
         score -= weights::BROADCAST_READ_BITS;
     }
@@ -49,6 +53,23 @@ pub fn frame_score(model: &TrafficModel, context: &FramerContext<'_>, frame: &[u
         score -= weights::BROADCAST_READ_BITS;
     }
     Some(score + layout_score(model, row, body, direction))
+}
+
+/// Score in bits of a valid CRC: the information content of its bytes, of which a pattern that they continue leaves little.
+fn crc_score(model: &TrafficModel, frame: &[u8]) -> f32 {
+    if continues_pattern(frame) {
+        return CRC_BYTES as f32 * weights::PATTERN_BYTE_BITS;
+    }
+    model.bits_of(&frame[frame.len() - CRC_BYTES..])
+}
+
+/// Whether the last bytes of a frame, its CRC among them, repeat one to `MAX_PERIOD` bytes: as many as two periods before the
+/// CRC, and at least two bytes. Runs of one byte and slow square waves do.
+fn continues_pattern(frame: &[u8]) -> bool {
+    (1..=MAX_PERIOD).any(|period| {
+        let length = CRC_BYTES + 2 * period;
+        frame.len() >= length && frame[frame.len() - length..].windows(period + 1).all(|bytes| bytes[0] == bytes[period])
+    })
 }
 
 /// Score in bits of an exception response for its exception code (application protocol, 7).
@@ -94,6 +115,28 @@ fn layout_score(model: &TrafficModel, row: &FunctionRow, body: &[u8], direction:
         score -= weights::BROKEN_RULE_BITS;
     }
     score
+}
+
+/// Whether the specification explains a frame with a valid CRC completely: its length, its counts and all of its limited fields.
+/// Where any length would do, unit and function have to be familiar.
+pub fn is_understood(model: &TrafficModel, context: &FramerContext<'_>, frame: &[u8], direction: usize) -> bool {
+    let (unit, code, body) = (frame[0], frame[1], &frame[2..frame.len() - CRC_BYTES]);
+    if code & EXCEPTION_BIT != 0 {
+        return matches!(body[0], 1..=6 | 8 | 10 | 11);
+    }
+    let is_familiar = || model.is_familiar(unit, code, direction);
+    let Some(row) = context.functions.row(code, body) else { return is_familiar() };
+    let has_length = match if direction == REQUEST { &row.request } else { &row.response } {
+        Layout::NoResponse => false,
+        Layout::Unknown => is_familiar(),
+        Layout::Body(shape) => match shape.extent(body) {
+            Extent::Exactly(length) => length == body.len() && shape.groups_fit(body),
+            Extent::Open(least) => body.len() >= least && is_familiar(),
+            Extent::AtLeast(_) => false,
+        },
+    };
+    let counts_agree = direction == RESPONSE || row.offsets.request_block.is_none() || counts_agree(row, body);
+    has_length && counts_agree && row.field_limits[direction].iter().all(|permit| permit.violated_by(body).is_none())
 }
 
 /// Score in bits of a field with limited values: its information content, less the bits that choose among the values
@@ -169,6 +212,9 @@ fn request_context_score(
         // A retry comes after a timeout; the echo of the tap's own adapter comes once, at once.
         let retry = unanswered - pause.min(0.0);
         let again = if outstanding.is_repeated { retry } else { retry.min(model.echo_costs().0) };
+        if recurs_in_noise(model, unit, preceding) {
+            return polled - again;
+        }
         let known = model.unit_cost(unit) + model.function_cost(context.functions, pdu[0], REQUEST) + model.bits_of(&pdu[1..]);
         return polled.max(known - weights::RETRY_CHOICE_BITS) - again;
     }
@@ -178,6 +224,12 @@ fn request_context_score(
     // No master gives up as soon as responses come. With unframed bytes in between, the response may be among those.
     let too_soon = if preceding.unframed_bytes == 0 { (-pause).clamp(0.0, weights::TOO_SOON_BITS) } else { 0.0 };
     polled.max(known) - unanswered - too_soon
+}
+
+/// Whether the same bytes once more, as a retry or as a response that equals its request, prove nothing: noise that repeats
+/// itself was to be expected to do so, and no frame that teaches has named this unit.
+fn recurs_in_noise(model: &TrafficModel, unit: u8, preceding: Preceding) -> bool {
+    preceding.unframed_bytes >= weights::MAY_HIDE_FRAME_BYTES && !model.has_unit(unit)
 }
 
 /// The part of `context_score` for responses: does it answer the outstanding request, and how much of it was predicted?
@@ -216,7 +268,8 @@ fn response_context_score(
             // The same bytes as the response to the same request before: all of them are predicted.
             score += model.bits_of(&pdu[1..]);
         } else {
-            score += predicted_body_score(model, row, request, pdu);
+            let recurs = request.pdu == pdu && recurs_in_noise(model, unit, preceding);
+            score += if recurs { 0.0 } else { predicted_body_score(model, row, request, pdu) };
         }
     }
     if request.pdu == pdu {

@@ -3,6 +3,7 @@
 use crate::fast_path::frame_check::{expected_response, FrameLength};
 use crate::framer::rtu::answerable::{Answerable, AnswerableRequests, HeldRequest, RequestPool};
 use crate::framer::rtu::crc_scan::CrcScanner;
+use crate::framer::rtu::lone_frames::LoneFrames;
 use crate::framer::rtu::search::commit::SkipAhead;
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
@@ -32,6 +33,10 @@ pub struct Search {
     pub(super) frame_gap_ns: Ns,
     /// How many valid frames the search committed last without a byte between them. The fast path does not count here.
     pub(super) adjacent_frames: u8,
+    /// Frames that stood alone in noise.
+    pub(super) lone_frames: LoneFrames,
+    /// The key of the frame committed last, if it stood alone in noise.
+    pub(super) last_lone_frame: Option<u64>,
     /// What the line has taught.
     pub model: TrafficModel,
 }
@@ -49,6 +54,8 @@ impl Default for Search {
             last_was_doubtful: false,
             frame_gap_ns: Ns::MAX,
             adjacent_frames: 0,
+            lone_frames: LoneFrames::default(),
+            last_lone_frame: None,
             model: TrafficModel::default(),
         }
     }
@@ -162,8 +169,10 @@ impl Search {
         } else {
             // It answers, so it is not late itself; but it may be the response to a retry, which is counted.
             self.learn_late_response(context, frame, true);
+            self.learn_response_to_lone_frame(frame);
             self.lattice[ROOT].answerable.answer(frame);
         }
+        self.last_lone_frame = None;
         let root = &mut self.lattice[ROOT];
         root.direction = direction;
         root.start = root.end + stray_bytes as u64;
@@ -178,6 +187,15 @@ impl Search {
         }
     }
 
+    /// If the outstanding request stood alone in noise: a response that differs from it proves it.
+    #[inline]
+    fn learn_response_to_lone_frame(&mut self, response: &[u8]) {
+        let Some(key) = self.last_lone_frame else { return };
+        if self.outstanding_request().is_some_and(|request| request.pdu != response[1..response.len() - 2]) {
+            self.lone_frames.record_response(key);
+        }
+    }
+
     /// Takes over a transaction that the batch fast path framed and that ends here, as if `commit_fast_path_frame` had
     /// committed both of its frames; the model has learned from them already.
     pub fn sync_after_batch(&mut self, request: &[u8], response: &[u8], end: u64) {
@@ -188,5 +206,6 @@ impl Search {
         let root = &mut self.lattice[ROOT];
         (root.direction, root.start, root.end) = (RESPONSE, end - response.len() as u64, end);
         (self.scanned_to, self.is_scanning, self.last_was_doubtful) = (end, false, false);
+        self.last_lone_frame = None;
     }
 }

@@ -1,6 +1,8 @@
 //! Commits a frame or unframed bytes: the root moves behind them, and the model learns from them.
 
 use crate::framer::rtu::answerable::HeldRequest;
+use crate::framer::rtu::lone_frames::{key_of, SURROUNDING_BYTES};
+use crate::framer::rtu::score;
 use crate::framer::rtu::search::commit::state::Decision;
 use crate::framer::rtu::search::hypothesis::ROOT;
 use crate::framer::rtu::search::state::Search;
@@ -46,7 +48,7 @@ impl Search {
         }
         let unframed_bytes = start - self.committed_offset();
         self.adjacent_frames = if unframed_bytes > 0 { 0 } else { self.adjacent_frames.saturating_add(1) };
-        let unconfirmed = self.is_unconfirmed(context, first, bytes);
+        let unconfirmed = self.is_unconfirmed(input, context, first, bytes, lead);
         // Noise must not teach units. That stray bytes stand before frames, it may.
         if unconfirmed {
             self.model.learn_stray_bytes(unframed_bytes);
@@ -70,18 +72,54 @@ impl Search {
     }
 
     /// Whether the frame `first`, about to be committed, stands alone in noise and nothing vouches for it: a CRC is valid by
-    /// chance once in 65536 places. `bytes` are the frame with its CRC. Never for a unit of a paired transaction.
-    fn is_unconfirmed(&self, context: &FramerContext<'_>, first: usize, bytes: &[u8]) -> bool {
+    /// chance once in 65536 places. `bytes` are the frame with its CRC, `lead` is its lead over all rivals in bits.
+    ///
+    /// A unit of a paired transaction vouches for its frames; in the middle of noise only for those that the specification
+    /// explains, that are far from noise, and that did not come there before.
+    fn is_unconfirmed(&mut self, input: &Input, context: &FramerContext<'_>, first: usize, bytes: &[u8], lead: f32) -> bool {
+        let recurs = self.record_lone_frame(input, context, first, bytes);
         let frame = &self.lattice[first];
         let unframed_bytes = frame.start - self.committed_offset();
         let outstanding = self.outstanding_request();
         let is_vouched = frame.answers_outstanding && outstanding.is_none_or(|request| vouches_for(context, request, bytes));
         // Drivers that are switched leave a stray byte or two in front of every frame.
-        let is_near = is_vouched && unframed_bytes < weights::MAY_HIDE_FRAME_BYTES;
-        let answers_request = frame.answers_outstanding && outstanding.is_some_and(|request| !request.is_unconfirmed || is_near);
+        let is_near = unframed_bytes < weights::MAY_HIDE_FRAME_BYTES;
+        let is_sound = |request: &HeldRequest| !request.is_unconfirmed && (is_near || is_vouched);
+        let answers_request =
+            frame.answers_outstanding && outstanding.is_some_and(|request| is_sound(request) || (is_near && is_vouched));
         // Right behind a chance match there may be another one, but neither its response nor a chain of frames.
         let is_behind_doubt = self.last_was_doubtful && !is_vouched && self.adjacent_frames < weights::CHAIN_FRAMES;
-        (unframed_bytes > 0 || is_behind_doubt) && !answers_request && !context.paired_units[bytes[0] as usize]
+        if answers_request || (unframed_bytes == 0 && !is_behind_doubt) {
+            return false;
+        }
+        let is_in_noise = !is_near || is_behind_doubt;
+        let is_unlikely = || {
+            recurs || lead < weights::FIRM_IN_NOISE_BITS || !score::is_understood(&self.model, context, bytes, frame.direction)
+        };
+        !context.paired_units[bytes[0] as usize] || (is_in_noise && is_unlikely())
+    }
+
+    /// Counts the frame `first` if it stands behind so many unframed bytes that it stands alone; returns whether the same came
+    /// before. A response that vouches for its request is counted for that one instead.
+    fn record_lone_frame(&mut self, input: &Input, context: &FramerContext<'_>, first: usize, bytes: &[u8]) -> bool {
+        let frame = &self.lattice[first];
+        let (answers, start) = (frame.answers_outstanding, frame.start);
+        let last = self.last_lone_frame.take();
+        if answers && self.outstanding_request().is_some_and(|request| vouches_for(context, request, bytes)) {
+            if let Some(key) = last {
+                self.lone_frames.record_response(key);
+            }
+            return false;
+        }
+        if start - self.committed_offset() < weights::MAY_HIDE_FRAME_BYTES {
+            return false;
+        }
+        let at = (start - input.offset()) as usize;
+        let key = key_of(&input.bytes()[at - SURROUNDING_BYTES..at + bytes.len()]);
+        let came_before = self.lone_frames.is_recurring(key);
+        self.lone_frames.record(key);
+        self.last_lone_frame = Some(key);
+        came_before
     }
 
     /// Teaches the model the frame `first`, which is about to become the root; `bytes` are the frame with its CRC.
