@@ -555,6 +555,7 @@ class Session:
     def reading(self, bus: int) -> str:
         """What a text reader saw, as JSON.
 
-        {lines, records, unparsed, first_unparsed: [[line, text]...], dropped: {reason: n},
+        {lines, records, unparsed, unparsed_with_hex, unparsed_hex_bytes,
+        unparsed_examples: [[line, text, bytes of hex]...], dropped: {reason: n},
         left_out: [[line, hex, reason]...] (1000 at most), formats, clock, resolution_ns, mode}.
         """

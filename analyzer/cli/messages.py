@@ -117,8 +117,11 @@ class Messages:
             self.info(f"{status.name}: {count:,} skipped: {reason}")
         if unparsed:
             lines = count_of(details["lines"], "line")
-            self.info(f"{status.name}: {unparsed:,} of {lines} could not be parsed")
-            for number, text in details["first_unparsed"]:
+            hexed = details["unparsed_with_hex"]
+            amount = count_of(details["unparsed_hex_bytes"], "byte")
+            held = f"; {hexed:,} of them hold{'s' * (hexed == 1)} {amount} of hex" if hexed else ""
+            self.info(f"{status.name}: {unparsed:,} of {lines} could not be parsed{held}")
+            for number, text, _ in details["unparsed_examples"]:
                 self.info(f"  line {number}: {fit(visible(text), EXCERPT_COLUMNS).rstrip()}")
 
 

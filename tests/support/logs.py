@@ -94,6 +94,17 @@ def _words(data: bytes, form: str) -> str:
     return " ".join(format(word, form) for (word,) in struct.iter_unpack("<H", padded))
 
 
+def _framed(data: bytes) -> bytes:
+    """A frame of a user-defined function code with this data."""
+    frame = b"\x05\x41" + data
+    register = 0xFFFF
+    for byte in frame:
+        register ^= byte
+        for _ in range(8):
+            register = register >> 1 ^ 0xA001 * (register & 1)
+    return frame + register.to_bytes(2, "little")
+
+
 _NOTATIONS: dict[str, Callable[[bytes], str]] = {
     "HEX": _hex,
     "hex": _low,
@@ -113,6 +124,7 @@ _NOTATIONS: dict[str, Callable[[bytes], str]] = {
     "python": _python,
     "base64": lambda data: base64.b64encode(data).decode(),
     "lrc": lambda data: _hex(data + bytes([-sum(data) & 0xFF]), ""),
+    "crc": lambda data: _low(_framed(data)),
     "names": lambda data: " ".join(f"{_name(byte)} ({byte:02x})" for byte in data),
     "count": lambda data: str(len(data)),
 }
@@ -216,6 +228,10 @@ _LINES: dict[str, tuple[str, str]] = {
     "escaped": ("{day} sent {python}", "{day} received {python}"),
     "base64": ("{day} {base64}",) * 2,
     "ascii-lines": ("{day} Tx :{lrc}", "{day} Rx :{lrc}"),
+    "proved": (
+        '{iso} {{"text": "now sent to unit 5: {crc}", "bytes": {count}}}',
+        "{iso} which is answered by ({crc}) - Read {count}",
+    ),
 }
 
 
@@ -428,6 +444,7 @@ RESOLUTION = {
     ),
     **dict.fromkeys(("umodbus", "j2mod", "docklight", "sscom", "modbus-serial-monitor"), _MS),
     **dict.fromkeys(("mdbus", "words", "escaped", "base64", "ascii-lines", "serial-hexdump"), _MS),
+    "proved": _MS,
     **dict.fromkeys(("esp-idf", "pyserial-spy", "epics", "serialtool"), _MS),
     **dict.fromkeys(("chunks", "strace", "text2pcap", "tcpdump", "socat", "jpnevulator"), _US),
     **dict.fromkeys(("mbusd", "goburrow", "esphome-uart", "esphome-modbus", "eltima"), 1000 * _MS),
@@ -446,6 +463,8 @@ def write(name: str, entries: Sequence[LogEntry]) -> str:
 
 def delivered(name: str, data: bytes) -> bytes:
     """What a reader gives for these bytes: themselves, or the characters that are on the line."""
+    if name == "proved":
+        return _framed(data)
     if name != "ascii-lines":
         return data
     return f":{_NOTATIONS['lrc'](data)}\r\n".encode()

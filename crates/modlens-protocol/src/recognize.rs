@@ -34,7 +34,10 @@ pub fn valid_rtu_bytes(functions: &Functions, bytes: &[u8]) -> usize {
 }
 
 /// The length of the valid RTU frame at the start of these bytes; 0 if there is none.
-fn valid_rtu_frame(functions: &Functions, bytes: &[u8]) -> usize {
+pub fn valid_rtu_frame(functions: &Functions, bytes: &[u8]) -> usize {
+    if bytes.len() < 4 {
+        return 0;
+    }
     let fits = |length: usize| bytes.get(..length + 4).is_some_and(crc_valid);
     let (code, body) = (bytes[1], &bytes[2..]);
     if code & EXCEPTION_BIT != 0 {

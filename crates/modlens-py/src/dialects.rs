@@ -65,7 +65,7 @@ impl Dialects {
             found.push((record.number, record.side.map(|who| side_name(Some(who))), record.time, bytes.to_vec()));
         }
         let left_out = reader.skipped().iter().map(|(line, bytes, reason)| (*line, bytes.clone(), *reason)).collect();
-        Ok((found, left_out, reader.unparsed))
+        Ok((found, left_out, reader.unread_lines().count))
     }
 
     fn detect(&self, sample: &[u8], name: &str) -> Vec<detect::FormatGuess> {

@@ -195,7 +195,7 @@ impl Session {
         let dropped: serde_json::Map<String, serde_json::Value> =
             report.left_out.iter().map(|(reason, count)| (reason.clone(), json!(count))).collect();
         Ok(json!({
-            "lines": 0, "records": report.packets, "unparsed": 0, "first_unparsed": [], "dropped": dropped,
+            "lines": 0, "records": report.packets, "unparsed": 0, "unparsed_with_hex": 0, "unparsed_hex_bytes": 0, "unparsed_examples": [], "dropped": dropped,
             "clock": clock_name(report.clock), "resolution_ns": report.resolution, "mode": null,
         })
         .to_string())
@@ -267,7 +267,7 @@ impl Session {
         let mode = self.core.mode(bus).map(Mode::text);
         let Some(reader) = self.core.reader(bus) else {
             return Ok(json!({
-                "lines": 0, "records": 0, "unparsed": 0, "first_unparsed": [], "dropped": {}, "left_out": [], "clock": null,
+                "lines": 0, "records": 0, "unparsed": 0, "unparsed_with_hex": 0, "unparsed_hex_bytes": 0, "unparsed_examples": [], "dropped": {}, "left_out": [], "clock": null,
                 "mode": mode,
             })
             .to_string());
@@ -277,9 +277,10 @@ impl Session {
         let left_out: Vec<(u64, String, &str)> =
             reader.skipped().iter().map(|(line, bytes, reason)| (*line, hex(bytes), *reason)).collect();
         let formats: Vec<&str> = reader.dialects().iter().map(|dialect| dialect.name.as_str()).collect();
+        let unread = reader.unread_lines();
         Ok(json!({
-            "lines": reader.lines(), "records": reader.records(), "unparsed": reader.unparsed,
-            "first_unparsed": reader.first_unparsed, "dropped": dropped, "left_out": left_out, "formats": formats,
+            "lines": reader.lines(), "records": reader.records(), "unparsed": unread.count,
+            "unparsed_with_hex": unread.with_hex, "unparsed_hex_bytes": unread.hex_bytes, "unparsed_examples": unread.examples, "dropped": dropped, "left_out": left_out, "formats": formats,
             "clock": reader.clock_kind().text(), "resolution_ns": reader.resolution(), "mode": mode,
         })
         .to_string())

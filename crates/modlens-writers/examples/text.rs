@@ -27,7 +27,7 @@ fn main() {
                 size += bytes.len();
             }
         }
-        println!("{records} {size} {}", reader.unparsed);
+        println!("{records} {size} {}", reader.unread_lines().count);
         return;
     }
     let mut session = Session::new(
@@ -47,5 +47,5 @@ fn main() {
     session.flush();
     transactions += session.take().transactions.len();
     let reader = session.reader(bus).expect("it was opened");
-    println!("{} {transactions} {}", reader.records(), reader.unparsed);
+    println!("{} {transactions} {}", reader.records(), reader.unread_lines().count);
 }

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use crate::text::clock::ClockSettings;
 use crate::text::dialect::{Dialect, Dialects};
 use crate::text::notation::{Notation, NotationFlags};
+use crate::text::proved::hex_bytes;
 use crate::text::{foreign_protocols, frame_evidence, Reader};
 
 /// A format that a file may have: its name, the confidence from 0 to 1, and the reason.
@@ -17,6 +18,15 @@ pub const UNPROVED: f64 = 0.2;
 
 /// A more specific row is preferred to the one with the best score if its own score is at least this share of it.
 const MIN_SHARE_OF_BEST: f64 = 0.9;
+
+/// Rows that read at most this share of the bytes which checksums prove anywhere in the text are the wrong ones.
+const MAX_SHARE_OF_PROVED: f64 = 0.7;
+
+/// A text without a known dialect holds at most so many bytes of hex for each byte in a frame.
+const MAX_HEX_PER_PROVED: usize = 100;
+
+/// The same share where the best row is one that any program may write, and the more specific row reads fewer other bytes.
+const MIN_SHARE_OF_GENERIC: f64 = 0.5;
 
 /// A text has at most one control character in so many bytes: a bell, an end-of-file mark, noise at a console's start.
 const MAX_STRAY_PER: usize = 50;
@@ -96,19 +106,32 @@ fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<FormatGuess> {
     let text = sample.iter().rposition(|&b| b == b'\n').map_or(sample, |end| &sample[..=end]);
     let mut scored: Vec<(Arc<Dialect>, RowScore)> = dialects
         .rows()
-        .filter(|row| row.may_match(text))
+        .filter(|row| !row.is_proved && row.may_match(text))
         .map(|row| (Arc::clone(row), score(std::slice::from_ref(row), text)))
         .filter(|(_, score)| score.records > 0)
         .collect();
+    let proved = dialects.proved_row().map(|row| (Arc::clone(row), score(std::slice::from_ref(row), text)));
+    let proved = proved.filter(|(_, score)| is_enough(*score, text));
     let best = scored.iter().map(|(_, score)| score.worth()).fold(0.0, f64::max);
     if best == 0.0 {
+        if let Some((row, score)) = proved {
+            return Some(guess(&[row], score));
+        }
         if let Some((row, score)) = scored.iter().find(|(row, score)| row.has_unique_syntax && score.unparsed == 0) {
             return Some((row.name.clone(), 0.9, format!("{} records in its syntax", score.records)));
         }
         return unproved(&scored, text);
     }
-    // Choose the most specific of the rows that score nearly as well as the best.
-    let chosen = (0..scored.len()).filter(|&i| scored[i].1.worth() >= MIN_SHARE_OF_BEST * best).max_by_key(|&i| {
+    // Choose the most specific of the rows that score nearly as well as the best. A row that any program may write scores well
+    // by reading what a more specific row knows to be a copy.
+    let (best_row, best_score) = scored.iter().max_by(|a, b| a.1.worth().total_cmp(&b.1.worth()))?;
+    let (best_is_generic, best_purity) = (best_row.generic, best_score.purity());
+    let is_good = |(row, score): &(Arc<Dialect>, RowScore)| {
+        let is_purer = best_is_generic && !row.generic && score.purity() >= best_purity;
+        let share = if is_purer { MIN_SHARE_OF_GENERIC } else { MIN_SHARE_OF_BEST };
+        score.worth() >= share * best
+    };
+    let chosen = (0..scored.len()).filter(|&i| is_good(&scored[i])).max_by_key(|&i| {
         let (row, score) = &scored[i];
         let fixed_chars = if row.generic { 0 } else { row.fixed_chars() };
         (!row.generic, !row.no_checksum, Reverse(score.unparsed), fixed_chars, Reverse(i))
@@ -127,12 +150,33 @@ fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<FormatGuess> {
             total = extended;
         }
     }
+    // What no row reads is read where checksums prove it. Rows that lack most of this were the wrong ones.
+    if let Some((row, alone)) = proved.filter(|_| total.unparsed > 0) {
+        let extended = score(&[&rows[..], &[Arc::clone(&row)]].concat(), text);
+        if extended.proven_bytes as f64 <= MAX_SHARE_OF_PROVED * alone.proven_bytes as f64 {
+            (rows, total) = (vec![row], alone);
+        } else if extended.proven_bytes > total.proven_bytes {
+            rows.push(row);
+            total = extended;
+        }
+    }
+    Some(guess(&rows, total))
+}
+
+/// The guess for rows with their score.
+fn guess(rows: &[Arc<Dialect>], score: RowScore) -> FormatGuess {
     let names: Vec<&str> = rows.iter().map(|row| row.name.as_str()).collect();
     let proof = if rows[0].no_checksum { "have the layout of frames" } else { "are in frames confirmed by checksum or length" };
-    let confidence = if rows[0].no_checksum { 0.5 + 0.3 * total.purity() } else { 0.5 + 0.5 * total.purity() };
+    let confidence = if rows[0].no_checksum { 0.5 + 0.3 * score.purity() } else { 0.5 + 0.5 * score.purity() };
     let reason =
-        format!("{} record{}, {:.0} % of their bytes {proof}", total.records, plural(total.records), 100.0 * total.purity());
-    Some((names.join("+"), confidence, reason))
+        format!("{} record{}, {:.0} % of their bytes {proof}", score.records, plural(score.records), 100.0 * score.purity());
+    (names.join("+"), confidence, reason)
+}
+
+/// Whether frames found among other text are more than chance: a checksum fits at one place in 65,536.
+fn is_enough(score: RowScore, text: &[u8]) -> bool {
+    let hex: usize = text.split(|&b| b == b'\n').map(hex_bytes).sum();
+    score.proven_bytes > 0 && score.proven_bytes * MAX_HEX_PER_PROVED >= hex
 }
 
 /// The ending of a noun behind this number.
@@ -195,7 +239,7 @@ fn score(rows: &[Arc<Dialect>], text: &[u8]) -> RowScore {
     if !reader.has_announced_bytes() {
         return RowScore::default();
     }
-    RowScore { records: reader.records(), unparsed: reader.unparsed, ..score }
+    RowScore { records: reader.records(), unparsed: reader.unread_lines().count, ..score }
 }
 
 /// Whether at least half of the lines are a colon and an even number of hex digits, as in a Modbus ASCII frame.

@@ -97,6 +97,8 @@ pub struct Dialect {
     pub(super) has_deltas: bool,
     /// It has header lines, which announce the bytes of the lines behind them.
     pub(super) has_headers: bool,
+    /// It has no syntax: it stands for all bytes that a checksum proves.
+    pub is_proved: bool,
 }
 
 impl Dialect {
@@ -153,6 +155,11 @@ impl Dialects {
     /// The row of this name.
     pub fn get(&self, name: &str) -> Option<&Arc<Dialect>> {
         self.rows.iter().find(|row| row.name == name)
+    }
+
+    /// The row that stands for bytes which checksums prove.
+    pub(super) fn proved_row(&self) -> Option<&Arc<Dialect>> {
+        self.rows.iter().find(|row| row.is_proved)
     }
 
     /// The rows of several names joined by `+`.
@@ -266,6 +273,7 @@ fn parse_row(row: &Json) -> Result<Dialect, String> {
         may_have_short_fractions: flag(row, "short_fractions")?,
         has_deltas: flag(row, "deltas")?,
         anchors: AnchorIndex::of(&rules),
+        is_proved: rules.iter().any(|(_, template)| template.is_proved()),
         has_headers: rules.iter().any(|(role, _)| matches!(role, LineRole::Header(_))),
         rules,
     })

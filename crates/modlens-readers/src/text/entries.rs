@@ -12,6 +12,7 @@ use crate::text::template::LineMatch;
 use crate::text::timestamps::TimestampParser;
 use crate::text::{encapsulation, LogEntry};
 use modlens_protocol::checksum::crc_valid;
+use modlens_protocol::framing::Mode;
 use modlens_protocol::Ns;
 
 /// Bytes that were read but not delivered: the number of the line, the bytes, and the reason.
@@ -29,6 +30,13 @@ const MAX_GROUP_BYTES: usize = 1024;
 /// The most bytes of a frame that is printed over several lines.
 const MAX_MULTI_LINE_BYTES: usize = 1 << 16;
 
+/// A copy of a frame stands at most so many lines behind it.
+const MAX_LINES_TO_COPY: u64 = 10;
+
+/// The functions whose response repeats the request: Write Single Coil and Register, Diagnostics, Mask Write Register
+/// (application protocol, 6.5, 6.6, 6.8, 6.16).
+const ECHOED: [u8; 4] = [5, 6, 8, 22];
+
 /// The reason reported for skipped duplicates.
 const DUPLICATE: &str = "bytes that the program had printed before";
 
@@ -40,6 +48,10 @@ struct DeviceStream {
     is_mid_frame: bool,
     /// All bytes since the last place where a frame could begin.
     group: Vec<u8>,
+    /// How often in a row the same frame was delivered.
+    same_frames: u32,
+    /// Number of the line of the last bytes.
+    number: u64,
 }
 
 /// What a header line says about the bytes in the lines that follow it.
@@ -116,6 +128,12 @@ pub(super) struct EntryAssembler {
     pub number: u64,
 }
 
+/// Whether the frame may be a request or the response that repeats it.
+fn is_echoed(bytes: &[u8]) -> bool {
+    let at = if check_frame(bytes).1 == Some(Mode::Tcp) { 7 } else { 1 };
+    bytes.get(at).is_some_and(|code| ECHOED.contains(code))
+}
+
 impl EntryAssembler {
     pub fn is_empty(&self) -> bool {
         self.ready.is_empty()
@@ -163,12 +181,42 @@ impl EntryAssembler {
                 self.header = Some(Header { side, time: found.time, key, announces_duplicates });
             }
             LineRole::Continuation => self.continuation(dialect, found, bytes, timestamps),
-            LineRole::PossibleDuplicate if self.streams.get(key).is_some_and(|stream| stream.group.ends_with(bytes)) => {
-                self.skip(self.number, bytes, DUPLICATE);
+            LineRole::PossibleDuplicate => {
+                let printed = self.printed_before(key, bytes);
+                if printed > 0 {
+                    self.skip(self.number, &bytes[..printed], DUPLICATE);
+                }
+                if printed < bytes.len() {
+                    self.entry(dialect, found, &bytes[printed..], Some(Side::Received), found.time, key, timestamps);
+                }
             }
-            LineRole::PossibleDuplicate => self.entry(dialect, found, bytes, Some(Side::Received), found.time, key, timestamps),
             LineRole::Bytes(side) => self.entry(dialect, found, bytes, found.side.or(side), found.time, key, timestamps),
         }
+    }
+
+    /// How many of the bytes the log has printed last: all of them, or a part of a frame that they complete.
+    fn printed_before(&self, key: usize, bytes: &[u8]) -> usize {
+        let Some(stream) = self.streams.get(key) else { return 0 };
+        let is_completed = stream.is_mid_frame && stream.side == Some(Side::Received) && bytes.starts_with(&stream.group);
+        match stream.group.ends_with(bytes) {
+            true => bytes.len(),
+            false if is_completed => stream.group.len(),
+            false => 0,
+        }
+    }
+
+    /// Whether this frame is the one that was delivered last, and a few lines ago. A request that its response echoes is no
+    /// copy, unless the log says that the same party sent both.
+    pub fn is_copy(&self, bytes: &[u8], side: Option<Side>) -> bool {
+        let Some(stream) = self.streams.first().filter(|stream| stream.group == bytes) else { return false };
+        let is_known = side.is_some() && stream.side.is_some();
+        let may_be_echo = !is_known && stream.same_frames == 1 && is_echoed(bytes);
+        (!is_known || side == stream.side) && !may_be_echo && self.number <= stream.number + MAX_LINES_TO_COPY
+    }
+
+    /// Counts a frame that was delivered already.
+    pub fn skip_copy(&mut self, bytes: &[u8]) {
+        self.skip(self.number, bytes, DUPLICATE);
     }
 
     /// Takes bytes that a header line announced: duplicates are skipped, parts of a multi-line frame are collected.
@@ -239,6 +287,9 @@ impl EntryAssembler {
         let (is_whole_frame, framing) = check_frame(entry_bytes.bytes);
         let no_checksum = entry_bytes.no_checksum && !is_whole_frame;
         let starts_record = is_whole_frame || no_checksum || !stream.is_mid_frame || stream.side != entry_bytes.side;
+        let is_same = starts_record && stream.group == entry_bytes.bytes;
+        stream.same_frames = if is_same { stream.same_frames + 1 } else { 1 };
+        stream.number = entry_bytes.number;
         if starts_record || stream.group.len() + entry_bytes.bytes.len() > MAX_GROUP_BYTES {
             stream.group.clear();
         }
@@ -355,7 +406,7 @@ impl EntryAssembler {
     }
 
     /// Counts bytes that are not delivered and keeps the first of them for the list shown to users.
-    fn skip(&mut self, number: u64, bytes: &[u8], reason: &'static str) {
+    pub fn skip(&mut self, number: u64, bytes: &[u8], reason: &'static str) {
         *self.counts.entry(reason).or_default() += 1;
         if self.skipped.len() < MAX_LISTED {
             self.skipped.push((number, bytes.to_vec(), reason));

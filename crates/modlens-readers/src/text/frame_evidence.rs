@@ -50,7 +50,7 @@ pub(super) fn direction_evidence(bytes: &[u8], proven_framing: Option<Mode>) -> 
 }
 
 /// Whether the bytes are a colon and hex digits with a valid LRC.
-fn is_ascii_frame(bytes: &[u8]) -> bool {
+pub(super) fn is_ascii_frame(bytes: &[u8]) -> bool {
     let Some(text) = bytes.strip_prefix(b":") else { return false };
     let text = text.trim_ascii_end();
     let sum = text.chunks(2).try_fold(0u8, |sum, two| byte_at(two, 0).map(|byte| sum.wrapping_add(byte)));

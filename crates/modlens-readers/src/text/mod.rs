@@ -6,7 +6,8 @@
 //! rows that a text needs, and `foreign_protocols` names the protocol of a text that is not Modbus. All that this module knows
 //! about Modbus is how to verify that a run of bytes is a whole frame (`frame_evidence`).
 //!
-//! Lines that no row can read are counted and the first three are kept, so that nothing is dropped silently.
+//! Lines that no row can read are read by what checksums prove in them (`proved`). What is left is counted, and the lines
+//! that hold most hex are kept as examples, so that nothing is dropped silently.
 
 mod anchors;
 mod chunk_log;
@@ -21,6 +22,7 @@ pub mod foreign_protocols;
 mod frame_evidence;
 mod notation;
 mod prefix;
+mod proved;
 mod reader;
 mod role;
 mod sample;
@@ -35,7 +37,7 @@ use modlens_protocol::Ns;
 pub use clock::{day_of, ClockKind, ClockSettings};
 pub use dialect::{Dialect, Dialects, TABLE};
 pub use entries::SkippedBytes;
-pub use reader::Reader;
+pub use reader::{Reader, UnreadLines};
 
 /// What a text log says about one run of bytes. The bytes themselves are returned beside it.
 #[derive(Clone, Copy, Debug, Default)]

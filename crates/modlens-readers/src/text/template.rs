@@ -45,6 +45,8 @@ enum Element {
     Bytes(Vec<Notation>, Option<u8>),
     /// A whole line of modlens' own chunk log.
     ChunkLog,
+    /// Bytes anywhere in the line that a checksum proves; `reader::proved_lines` reads them.
+    Proved,
 }
 
 /// What a template found in a line, except for the bytes, which go to `MatchContext::out`.
@@ -154,7 +156,12 @@ impl Template {
 
     /// Whether a match yields bytes.
     pub fn takes_bytes(&self) -> bool {
-        self.elements.iter().any(|element| matches!(element, Element::Bytes(..) | Element::ChunkLog))
+        self.elements.iter().any(|element| matches!(element, Element::Bytes(..) | Element::ChunkLog | Element::Proved))
+    }
+
+    /// Whether it stands for bytes that a checksum proves, wherever they are.
+    pub fn is_proved(&self) -> bool {
+        matches!(self.elements[..], [Element::Proved])
     }
 
     /// Whether a match may begin at `start`: its fixed text stands there, and not inside a word.
@@ -201,8 +208,8 @@ fn inside_word(line: &[u8], start: usize) -> bool {
 
 /// All placeholders, for the error message about an unknown one.
 fn placeholders() -> String {
-    let plain = ["any", "n", "x", "word", "time", "ms", "offset", "octal offset", "key", "front", "chunk"].iter().copied();
-    plain.chain(Notation::PLACEHOLDERS.iter().map(|(word, _)| *word)).collect::<Vec<_>>().join(" ")
+    let plain = ["any", "n", "x", "word", "time", "ms", "offset", "octal offset", "key", "front", "chunk", "proved"];
+    plain.into_iter().chain(Notation::PLACEHOLDERS.iter().map(|(word, _)| *word)).collect::<Vec<_>>().join(" ")
 }
 
 /// The element for the text between two braces; `None` for an unknown placeholder.
@@ -219,6 +226,7 @@ fn parse_element(word: &str) -> Option<Element> {
         "key" => Element::Key(None),
         "front" => Element::Prefix,
         "chunk" => Element::ChunkLog,
+        "proved" => Element::Proved,
         notations => {
             let list: Option<Vec<Notation>> = notations
                 .split('|')
@@ -316,6 +324,7 @@ fn match_elements(
                 rest.len() - behind.len()
             }
             Element::Bytes(notations, stop) => match_bytes(notations, *stop, rest, found, scratch)?,
+            Element::Proved => return None,
             Element::ChunkLog => {
                 let read = super::chunk_log::parse(rest, scratch.timestamps, scratch.out)?;
                 (found.time, found.line) = (read.0, read.1);

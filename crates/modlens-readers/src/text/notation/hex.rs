@@ -94,9 +94,11 @@ fn read_spaced_byte(text: &[u8], allow_single_digits: bool, out: &mut Vec<u8>) -
 /// The most digits of an offset: 64 bits.
 const MAX_OFFSET_DIGITS: usize = 16;
 
-/// Whether this is a line of a dump with its offset in front, as in `0010  05 03 ..`. An offset must not be read as bytes.
+/// Whether this is a line of a dump with its offset in front, as in `0010  05 03 ..` or `[0010] 05 03 ..`. An offset must not
+/// be read as bytes.
 fn begins_with_offset(text: &[u8]) -> bool {
     let text = text.trim_ascii_start();
+    let text = text.strip_prefix(b"[").unwrap_or(text);
     let (prefixed, text) = text.strip_prefix(b"0x").map_or((false, text), |rest| (true, rest));
     // Most text begins with a pair of digits, which settles the question at once.
     if text.get(2).is_none_or(|&b| DIGIT_VALUES[b as usize] == INVALID_DIGIT) {
@@ -107,6 +109,7 @@ fn begins_with_offset(text: &[u8]) -> bool {
         return false;
     }
     let behind = &text[offset.len()..];
+    let behind = behind.strip_prefix(b"]").unwrap_or(behind);
     let bytes = behind.trim_ascii_start();
     let pairs = behind.starts_with(b" ") && byte_at(bytes, 0).is_some() && bytes.get(2).is_none_or(|&b| b == b' ');
     // Offsets count lines of 16 bytes, so their last digit is 0.
@@ -154,6 +157,10 @@ pub(super) fn hex(text: &[u8], allow_single_digits: bool, out: &mut Vec<u8>, fla
         }
         let token = word(text, at);
         if token.is_empty() {
+            return end;
+        }
+        // The letter in front of a string of Python, as in `b'0503'`, is no byte.
+        if allow_single_digits && token.eq_ignore_ascii_case(b"b") && matches!(text.get(at + 1), Some(b'\'' | b'"')) {
             return end;
         }
         let read = !flags.no_checksum && hex_token(token, allow_single_digits, out);

@@ -44,8 +44,9 @@ impl Reader {
         // All of these lines but the last one were counted as unparsed.
         self.assembler.end_announcement(&self.timestamps);
         let lines = std::mem::take(&mut self.unread);
-        self.unparsed -= lines.len() as u64 - 1;
-        self.first_unparsed.retain(|(number, _)| lines.iter().all(|(other, _)| other != number));
+        for (number, line) in lines.iter().take(lines.len() - 1) {
+            self.unread_lines.remove(*number, line);
+        }
         for (number, line) in lines {
             self.assembler.number = number;
             if self.collect_matches(row, &line) {

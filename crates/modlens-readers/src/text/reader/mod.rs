@@ -1,6 +1,8 @@
 //! Reads a text line by line with the dialects that it needs.
 
 mod fallback;
+mod proved_lines;
+mod unread_lines;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -14,18 +16,14 @@ use crate::text::dialect::{Dialect, Dialects};
 use crate::text::entries::{EntryAssembler, SkippedBytes};
 use crate::text::frame_evidence;
 use crate::text::notation::Notation;
+use crate::text::proved::{sender, ProvedHex};
 use crate::text::role::LineRole;
 use crate::text::template::{LineMatch, MatchContext, Template};
 use crate::text::timestamps::{delta, TimestampParser};
 use crate::text::LogEntry;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
-
-/// How many unparsed lines are kept so that users can see examples.
-const MAX_EXAMPLES: usize = 3;
-
-/// How many characters of such a line are kept.
-const MAX_EXAMPLE_CHARS: usize = 120;
+pub use unread_lines::UnreadLines;
 
 /// A file without line end in so many bytes is no text; what was read of the line counts as a line.
 const MAX_LINE_BYTES: usize = 1 << 24;
@@ -63,11 +61,15 @@ pub struct Reader {
     matches: Vec<(LineRole, LineMatch, usize)>,
     /// Bytes of all matches in the current line.
     found: Vec<u8>,
+    /// Where the last match in the current line ends.
+    tail: usize,
     assembler: EntryAssembler,
-    /// How many lines no row could read.
-    pub unparsed: u64,
-    /// The first of these lines, with their numbers.
-    pub first_unparsed: Vec<(u64, String)>,
+    /// The row that stands for bytes which checksums prove, and what finds them; `None` where other rows were named.
+    proved_row: Option<Arc<Dialect>>,
+    proved: Option<Box<ProvedHex>>,
+    /// What stood in front of the last bytes; `None` if a dialect has read them.
+    last_shape: Option<u64>,
+    unread_lines: UnreadLines,
 }
 
 impl Reader {
@@ -76,6 +78,8 @@ impl Reader {
     pub fn new(dialects: Vec<Arc<Dialect>>, others: Option<Arc<Dialects>>, clock: Arc<ClockSettings>) -> Self {
         let mut timestamps = TimestampParser::new(clock);
         timestamps.state.short_fractions = dialects.iter().any(|dialect| dialect.may_have_short_fractions);
+        let named = dialects.iter().find(|row| row.is_proved);
+        let proved_row = named.or_else(|| others.as_ref()?.proved_row()).cloned();
         Self {
             dialects,
             others,
@@ -92,9 +96,12 @@ impl Reader {
             scratch: Vec::new(),
             matches: Vec::new(),
             found: Vec::new(),
+            tail: 0,
             assembler: EntryAssembler::default(),
-            unparsed: 0,
-            first_unparsed: Vec::new(),
+            proved: proved_row.is_some().then(Box::default),
+            proved_row,
+            last_shape: None,
+            unread_lines: UnreadLines::default(),
         }
     }
 
@@ -106,12 +113,16 @@ impl Reader {
         self.timestamps.look_ahead(sample);
         let mut ahead = Self::new(self.dialects.clone(), None, Arc::default());
         ahead.is_quoted_mail = self.is_quoted_mail;
+        (ahead.proved, ahead.proved_row) = (self.proved.clone(), self.proved_row.clone());
         ahead.push(sample);
         let mut sides = [0i32; 2];
         while let Some((record, bytes)) = ahead.next(false) {
             let Some(side) = record.side else { continue };
             let slot = &mut sides[usize::from(side == Side::Received)];
             *slot = (*slot + frame_evidence::direction_evidence(bytes, record.proven_framing)).clamp(-100, 100);
+        }
+        if let (Some(proved), Some(learned)) = (&mut self.proved, &ahead.proved) {
+            proved.learn_from(learned);
         }
         sides
     }
@@ -179,11 +190,18 @@ impl Reader {
         if let Some(row) = row {
             // Plain bytes right behind an unread line may be what that line announced in a dialect not in use yet.
             let may_be_announced = row.generic && self.unread.back().is_some_and(|(number, _)| number + 2 >= self.number);
-            if !(may_be_announced && self.read_with_unread_lines(line)) {
+            let is_read_otherwise = may_be_announced && self.read_with_unread_lines(line);
+            if !is_read_otherwise && !(row.generic && self.prefer_proved(line)) {
+                self.let_words_decide(line);
                 self.deliver_matches(&row);
+                self.read_proved_tail(line, self.tail);
             }
             self.unread.clear();
-        } else if !self.read_with_another_dialect(line) && !is_comment(text) && !self.read_with_unread_lines(line) {
+        } else if !self.read_with_another_dialect(line)
+            && !is_comment(text)
+            && !self.read_with_unread_lines(line)
+            && !self.read_proved(line)
+        {
             if !has_deltas {
                 self.assembler.end_announcement(&self.timestamps);
             }
@@ -203,7 +221,18 @@ impl Reader {
             self.assembler.take(dialect, *role, found, &self.found[from..*end], &self.timestamps);
             from = *end;
         }
+        self.last_shape = None;
         self.matches = matches;
+    }
+
+    /// Lets words in front of bytes in brackets say who sent them: libmodbus gives the two kinds of brackets a meaning, other
+    /// programs do not.
+    fn let_words_decide(&mut self, line: &[u8]) {
+        for (role, found, _) in &mut self.matches {
+            if let (LineRole::Bytes(Some(side)), Some(b'[' | b'<'), 1..) = (role, line.get(found.start), found.start) {
+                *side = sender(&line[..found.start]).unwrap_or(*side);
+            }
+        }
     }
 
     /// Collects all matches of a row in the line. Returns false, and forgets what the timestamps of the line have shown, if
@@ -235,6 +264,7 @@ impl Reader {
             (from, must_reach_line_end) = (found.end.max(from + 1), to_line_end);
             self.matches.push((role, found, self.found.len()));
         }
+        self.tail = from;
         let tail = line.get(from..).unwrap_or(&[]);
         let is_read_to_end =
             if must_reach_line_end { tail.iter().all(|b| b" \t\r.,;*`_|]}\"'".contains(b)) } else { may_follow(tail) };
@@ -305,18 +335,19 @@ impl Reader {
         found.map(|found| (*role, found, template.must_reach_line_end))
     }
 
-    /// Counts the current line as unparsed and keeps the first such lines as examples.
+    /// Counts the current line as unparsed.
     fn note_unparsed(&mut self, line: &[u8]) {
         self.note_unparsed_at(self.number, line);
     }
 
     /// Counts the line of this number as unparsed.
     fn note_unparsed_at(&mut self, number: u64, line: &[u8]) {
-        self.unparsed += 1;
-        if self.first_unparsed.len() < MAX_EXAMPLES {
-            let text: String = String::from_utf8_lossy(line).chars().take(MAX_EXAMPLE_CHARS).collect();
-            self.first_unparsed.push((number, text));
-        }
+        self.unread_lines.add(number, line);
+    }
+
+    /// The lines that nothing could read.
+    pub fn unread_lines(&self) -> &UnreadLines {
+        &self.unread_lines
     }
 
     /// Delivers what waits for a further line, because none is expected for a while.

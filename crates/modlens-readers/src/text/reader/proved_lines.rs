@@ -1,0 +1,138 @@
+//! Reads lines that no dialect can read by what checksums prove in them.
+
+use std::sync::Arc;
+
+use crate::chunk::Side;
+use crate::text::frame_evidence;
+use crate::text::proved::{read_frames, Found, Worth};
+use crate::text::reader::Reader;
+use crate::text::role::LineRole;
+use crate::text::template::LineMatch;
+use modlens_protocol::Ns;
+
+/// The reason reported for bytes that stand beside a frame in a line.
+const BESIDE: &str = "hex beside a frame that no checksum proves";
+
+/// A line has at least so many letters and digits behind its bytes, if these hold a further frame.
+const MIN_TAIL_CHARS: usize = 10;
+
+/// A number of other meaning is read as at most so many bytes.
+const MAX_NUMBER_BYTES: usize = 2;
+
+impl Reader {
+    /// Reads what checksums prove in a line that no dialect reads. Returns whether there was anything.
+    pub(super) fn read_proved(&mut self, line: &[u8]) -> bool {
+        let Some(proved) = &mut self.proved else { return false };
+        let all = proved.read(line, self.number);
+        if all.is_empty() {
+            return false;
+        }
+        self.use_proved();
+        self.deliver_found(line, 0, all);
+        true
+    }
+
+    /// Reads the frames that stand in a line behind what a dialect has read of it, which is the text up to `tail`.
+    pub(super) fn read_proved_tail(&mut self, line: &[u8], tail: usize) {
+        let text = line.get(tail..).unwrap_or(&[]).trim_ascii();
+        if text.len() < MIN_TAIL_CHARS || text.iter().filter(|b| b.is_ascii_hexdigit()).count() < MIN_TAIL_CHARS {
+            return;
+        }
+        if self.proved.is_none() {
+            return;
+        }
+        let mut all = read_frames(line, tail);
+        // Programs print the same bytes in two notations: they count once.
+        all.retain(|one| one.worth == Worth::Frame && !contains(&self.found, &one.bytes));
+        if !all.is_empty() {
+            self.use_proved();
+            self.deliver_found(line, tail, all);
+        }
+    }
+
+    /// Reads the frames of a line instead of the bytes that a dialect of any program has found in it, if these are no frame
+    /// and lack one of the frames. Returns whether it did.
+    pub(super) fn prefer_proved(&mut self, line: &[u8]) -> bool {
+        if self.proved.is_none() || !self.may_lack_something(line) {
+            return false;
+        }
+        let all = read_frames(line, 0);
+        let has_number = self.matches.len() > 1 && self.has_number();
+        let is_frame = |one: &Found| one.worth == Worth::Frame;
+        let says_more = !self.has_side() && all.iter().any(|one| one.side.is_some());
+        let is_better = all.iter().any(|one| is_frame(one) && (has_number || says_more || !contains(&self.found, &one.bytes)));
+        if is_better {
+            self.use_proved();
+            self.deliver_found(line, 0, all);
+        }
+        is_better
+    }
+
+    /// Whether the matches in the line may lack frames of it, or the word in front that says who sent them.
+    fn may_lack_something(&self, line: &[u8]) -> bool {
+        let first = self.matches.first().map_or(0, |(_, found, _)| found.start);
+        let has_words = !self.has_side() && line[..first].iter().any(u8::is_ascii_alphabetic);
+        let is_long = |times: usize| line.len() > times * self.found.len() + MIN_TAIL_CHARS;
+        let is_frame = || frame_evidence::is_whole_frame(&self.found);
+        self.matches.len() > 1 || has_words || (!self.has_side() && is_long(4)) || (is_long(3) && !is_frame())
+    }
+
+    /// Whether the dialect says who sent the bytes.
+    fn has_side(&self) -> bool {
+        self.matches.iter().any(|(role, found, _)| *role != LineRole::Bytes(None) || found.side.is_some())
+    }
+
+    /// Whether one of the matches in the line is so short that it may be a number of other meaning, such as a counter.
+    fn has_number(&self) -> bool {
+        let starts = std::iter::once(0).chain(self.matches.iter().map(|(_, _, end)| *end));
+        self.matches.iter().zip(starts).any(|((_, _, end), start)| end - start <= MAX_NUMBER_BYTES)
+    }
+
+    /// Adds the row of this way of reading to those in use.
+    fn use_proved(&mut self) {
+        if let Some(row) = self.proved_row.clone().filter(|_| !self.dialects.iter().any(|row| row.is_proved)) {
+            self.dialects.push(row);
+        }
+    }
+
+    /// Makes entries of what was found in a line, and in lines before it that were counted as unread.
+    fn deliver_found(&mut self, line: &[u8], start: usize, all: Vec<Found>) {
+        let mut time = self.timestamps.find(&line[..all.first().map_or(start, |first| first.front.end)]);
+        let mut side = None;
+        for (i, one) in all.into_iter().enumerate() {
+            self.assembler.number = self.number;
+            if let Some((number, text)) = &one.earlier {
+                time = self.timestamps.find(&text[..one.front.end]);
+                self.assembler.number = *number;
+                self.unread_lines.remove(*number, text);
+            } else if i > 0 {
+                time = self.timestamps.find(&line[one.front.clone()]).or(time);
+            }
+            // A list of frames behind one word: all of them were sent or received.
+            let has_words = line[one.front.clone()].iter().any(u8::is_ascii_alphabetic);
+            side = one.side.or(side.filter(|_| !has_words));
+            self.deliver_one(&one, side, time);
+        }
+        self.assembler.number = self.number;
+    }
+
+    /// Makes an entry of bytes, unless they were printed before.
+    fn deliver_one(&mut self, one: &Found, side: Option<Side>, time: Option<Ns>) {
+        let Some(row) = self.proved_row.as_ref().map(Arc::clone) else { return };
+        let is_other_shape = self.last_shape.is_none_or(|last| Some(last) != one.shape);
+        if one.worth == Worth::Beside {
+            self.assembler.skip(self.assembler.number, &one.bytes, BESIDE);
+        } else if one.worth == Worth::Frame && is_other_shape && self.assembler.is_copy(&one.bytes, side) {
+            self.assembler.skip_copy(&one.bytes);
+        } else {
+            let found = LineMatch { time, side, ..LineMatch::default() };
+            self.assembler.take(&row, LineRole::Bytes(side), &found, &one.bytes, &self.timestamps);
+            self.last_shape = Some(one.shape.unwrap_or(0));
+        }
+    }
+}
+
+/// Whether `bytes` stand anywhere in `all`.
+fn contains(all: &[u8], bytes: &[u8]) -> bool {
+    memchr::memmem::find(all, bytes).is_some()
+}

@@ -1,0 +1,47 @@
+//! The lines of a text that nothing could read: their number, and those of them that hold most hex.
+
+use crate::text::proved::hex_bytes;
+
+/// How many lines are kept so that users can see examples.
+const MAX_EXAMPLES: usize = 3;
+
+/// How many characters of such a line are kept.
+const MAX_EXAMPLE_CHARS: usize = 120;
+
+/// What could not be read of a text.
+#[derive(Clone, Debug, Default)]
+pub struct UnreadLines {
+    /// How many lines could not be read.
+    pub count: u64,
+    /// How many of these lines hold hex, but for dates and times.
+    pub with_hex: u64,
+    /// How many bytes of hex these lines hold.
+    pub hex_bytes: u64,
+    /// The lines with most hex; of lines with equally many bytes the first. Number, text, bytes of hex.
+    pub examples: Vec<(u64, String, usize)>,
+}
+
+impl UnreadLines {
+    /// Counts a line.
+    pub(super) fn add(&mut self, number: u64, line: &[u8]) {
+        let bytes = hex_bytes(line);
+        self.count += 1;
+        self.with_hex += u64::from(bytes > 0);
+        self.hex_bytes += bytes as u64;
+        let place = self.examples.iter().position(|(_, _, other)| bytes > *other).unwrap_or(self.examples.len());
+        if place < MAX_EXAMPLES {
+            let text: String = String::from_utf8_lossy(line).chars().take(MAX_EXAMPLE_CHARS).collect();
+            self.examples.insert(place, (number, text, bytes));
+            self.examples.truncate(MAX_EXAMPLES);
+        }
+    }
+
+    /// Takes back a line that was read after all, with lines behind it.
+    pub(super) fn remove(&mut self, number: u64, line: &[u8]) {
+        let bytes = hex_bytes(line);
+        self.count = self.count.saturating_sub(1);
+        self.with_hex = self.with_hex.saturating_sub(u64::from(bytes > 0));
+        self.hex_bytes = self.hex_bytes.saturating_sub(bytes as u64);
+        self.examples.retain(|(other, _, _)| *other != number);
+    }
+}
