@@ -238,10 +238,12 @@ fn lines_of_reports_are_read() {
     assert_eq!(frames_of(&in_front), [&request[..], &response, &request]);
 }
 
+/// How a program prints one byte in a line; the first argument says whether it was sent.
+type Print = fn(bool, u8) -> String;
+
 #[test]
 fn a_byte_a_line_is_read() {
     let [request, response] = [rtu(&[5, 3, 0, 0x26, 0, 2]), rtu(&[5, 3, 4, 0, 0x26, 0, 0x41])];
-    type Print = fn(bool, u8) -> String;
     let prints: [Print; 5] = [
         |sent, b| format!("{}  0x{b:02x} ({})", if sent { '<' } else { '>' }, char::from(b & 0x5F)),
         |sent, b| format!("{} Byte {b} (0X{b:X})", if sent { "sent" } else { "received" }),

@@ -190,8 +190,8 @@ impl Reader {
         if let Some(row) = row {
             // Plain bytes right behind an unread line may be what that line announced in a dialect not in use yet.
             let may_be_announced = row.generic && self.unread.back().is_some_and(|(number, _)| number + 2 >= self.number);
-            let is_read_otherwise = may_be_announced && self.read_with_unread_lines(line);
-            if !is_read_otherwise && !(row.generic && self.prefer_proved(line)) {
+            let is_read_with_others = may_be_announced && self.read_with_unread_lines(line);
+            if !(is_read_with_others || row.generic && self.prefer_proved(line)) {
                 self.let_words_decide(line);
                 self.deliver_matches(&row);
                 self.read_proved_tail(line, self.tail);
