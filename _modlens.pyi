@@ -366,6 +366,8 @@ class Inbox:
 
         `char_ns` is what a character takes: a line that is full is read less often then.
         """
+    def unroute(self, port: int) -> None:
+        """Take back what `route` said: `feed` returns this port's reads again."""
     def hole(self, port: int) -> None:
         """Bytes were lost before what is read next at this port."""
     def feed(

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import re
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -22,9 +21,10 @@ from analyzer.session import Settings
 from analyzer.sources.port_listener import IDLE_NS, PortListener, TappedPort
 from analyzer.sources.serial import Chunk
 from analyzer.sources.settings_search import SettingsSearch
+from analyzer.turn import Turn
 from dissectors.errors import UsageError
 
-__all__ = ["LINES", "LiveRun", "Tap", "parse_tap"]
+__all__ = ["LINES", "BusStatus", "LiveRun", "Tap", "parse_tap"]
 
 WAIT_S = 0.05
 """Seconds without rows after which an empty batch is given, so that sinks can look at the clock."""
@@ -39,6 +39,15 @@ READ_LAG_NS = 30_000_000
 
 LINES = ("A", "B")
 """Values of the `line` column for the two directions of a bus with two taps."""
+
+SETTLE_NS = 20_000_000
+"""Bytes that come so soon after a change of the settings may have been received with the old ones:
+an adapter holds them back for up to 16 ms."""
+
+CHECK_NS = 1_000_000_000
+MAX_DAMAGED_BYTES = 500
+"""Settings that were found by listening are searched again after so many bytes without a valid
+frame."""
 
 _NAME = re.compile(r"([\w.-]+)=(.+)")
 _SETTINGS = re.compile(r"(.+)@(\d+-\d[A-Za-z][\d.]+)")
@@ -71,43 +80,40 @@ def parse_tap(text: str) -> Tap:
     return Tap(named[1] if named else place, ports, line)
 
 
-class Turn:
-    """A lock whose waiters get their turn, although the thread that decodes takes it again at once.
+@dataclass(frozen=True, slots=True)
+class BusStatus:
+    """What a tap knows of a bus besides its traffic.
 
-    The thread that has it may take it again: what is notified may ask for statistics.
+    `settings` are its line settings, None where it has none or they are not known yet; `origin` is
+    `given`, `found`, or `searching`, and empty where there are none (raw TCP). `lost_s` is since
+    when a port has been away.
     """
 
-    def __init__(self) -> None:
-        self._queue = threading.Lock()
-        self._lock = threading.Lock()
-        self._owner: int | None = None
-        self._depth = 0
-
-    def __enter__(self) -> None:
-        if self._owner != threading.get_ident():
-            with self._queue:
-                self._lock.acquire()
-            self._owner = threading.get_ident()
-        self._depth += 1
-
-    def __exit__(self, *error: object) -> None:
-        self._depth -= 1
-        if not self._depth:
-            self._owner = None
-            self._lock.release()
+    bus: str
+    settings: str | None
+    origin: str
+    lost_s: float | None
 
 
 @dataclass(slots=True)
 class _Bus:
     """A bus of the run: the numbers of its ports, and its number in the core.
 
-    `number` is None while `search` is still looking for the line settings.
+    `number` is None while the first `search` is still looking for the line settings; `line` are the
+    settings that the core knows, `origin` is that of `BusStatus`. Reads up to `unsettled_ns` belong
+    to the settings before. `valid_frames` and `bad_bytes` are the counts when the last valid frame
+    was seen.
     """
 
     tap: Tap
     ports: tuple[int, ...]
     number: int | None = None
     search: SettingsSearch | None = None
+    line: Line | None = None
+    origin: str = ""
+    unsettled_ns: int = 0
+    valid_frames: int = 0
+    bad_bytes: int = 0
 
 
 class LiveRun:
@@ -145,6 +151,7 @@ class LiveRun:
         self._lines: list[tuple[_Bus, str | None]] = []
         self._turn = Turn()
         self._closed = False
+        self._next_check_ns = 0
         tapped: list[TappedPort] = []
         for tap in taps:
             numbers = tuple(range(len(tapped), len(tapped) + len(tap.ports)))
@@ -162,9 +169,11 @@ class LiveRun:
         )
         for bus in self._buses:
             given = bus.tap.line or settings.line
-            if (detect or given is None) and self._listener.takes_line_settings(bus.ports[0]):
+            takes_settings = self._listener.takes_line_settings(bus.ports[0])
+            if (detect or given is None) and takes_settings:
                 self._awaiting_search.append(bus)
             else:
+                bus.origin = "given" if takes_settings else ""
                 self._add_to_core(bus, given)
 
     @property
@@ -194,9 +203,12 @@ class LiveRun:
         arrivals = self._listener.feed(self._core, WAIT_S, READ_LAG_NS)
         for number, chunk in arrivals:
             self._process_read(number, chunk)
+        now = self._listener.clock.now_ns()
+        if now >= self._next_check_ns:
+            self._next_check_ns = now + CHECK_NS
+            self._check_found_settings()
         if not arrivals and not self._is_searching:
             return 0
-        now = self._listener.clock.now_ns()
         self._advance(now - READ_LAG_NS)
         return now
 
@@ -207,6 +219,9 @@ class LiveRun:
         recording decides the last rows at the same moment.
         """
         now = self._listener.clock.now_ns()
+        for bus in self._buses:
+            if bus.search is not None:
+                self._give_up_search(bus, bus.search)
         for number, (bus, _) in enumerate(self._lines):
             if bus.number is not None:
                 self._feed(number, Chunk(b"", now, hole=True))
@@ -232,6 +247,18 @@ class LiveRun:
                 found["buses"][bus.number]["driver"] = driver
         return found
 
+    def statuses(self) -> list[BusStatus]:
+        """Line settings and lost ports of each bus."""
+        with self._turn:
+            return [self._status(bus) for bus in self._buses]
+
+    def _status(self, bus: _Bus) -> BusStatus:
+        line = self._listener.line(bus.ports[0]) if bus.origin else None
+        away = [self._listener.lost_s(port) for port in bus.ports]
+        lost = max((seconds for seconds in away if seconds is not None), default=None)
+        origin = bus.origin if bus.search is None else "searching"
+        return BusStatus(bus.tap.bus, None if line is None else str(line), origin, lost)
+
     def close(self) -> None:
         """Close the ports, from any thread; `batches` ends."""
         with self._turn:
@@ -251,6 +278,9 @@ class LiveRun:
         """Begin the search for the line settings of a bus."""
         labels = {} if len(bus.ports) == 1 else dict(zip(bus.ports, LINES, strict=True))
         marks_errors = all(self._listener.marks_errors(port) for port in bus.ports)
+        bus.origin = "searching"
+        for port in bus.ports:
+            self._listener.unroute(port)
         bus.search = SettingsSearch(
             lambda text: self._notify(f"{bus.tap.bus}: {text}"),
             marks_errors=marks_errors,
@@ -262,6 +292,36 @@ class LiveRun:
     def _set_line(self, bus: _Bus, line: Line) -> None:
         for port in bus.ports:
             self._listener.set_line(port, line)
+        bus.unsettled_ns = self._listener.clock.now_ns() + SETTLE_NS
+
+    def _check_found_settings(self) -> None:
+        """Begin the search again where settings that were found give nothing but damaged bytes."""
+        doubtful = [bus for bus in self._buses if bus.origin == "found" and bus.search is None]
+        counted = json.loads(self._core.stats())["buses"] if doubtful else []
+        for bus in doubtful:
+            assert bus.number is not None
+            counts = counted[bus.number]
+            valid = counts["frames"]["ok"]
+            bad = sum(counts["bytes"].values()) - counts["bytes"]["ok"]
+            if valid != bus.valid_frames:
+                bus.valid_frames, bus.bad_bytes = valid, bad
+            elif bad - bus.bad_bytes >= MAX_DAMAGED_BYTES:
+                self._notify(
+                    f"{bus.tap.bus}: no valid frame in the last {bad - bus.bad_bytes} bytes at"
+                    f" {self._listener.line(bus.ports[0])}"
+                )
+                bus.bad_bytes = bad
+                self._begin_search(bus)
+                self._is_searching = True
+
+    def _give_up_search(self, bus: _Bus, search: SettingsSearch) -> None:
+        """Report a search that found nothing by the end; what was heard is kept and decoded."""
+        self._notify(f"{bus.tap.bus}: {search.diagnosis()}")
+        bus.search = None
+        for line, reads in search.heard():
+            self._add_to_core(bus, line)
+            for number, chunk in reads:
+                self._feed(number, chunk)
 
     def _process_read(self, number: int, chunk: Chunk) -> None:
         bus, _ = self._lines[number]
@@ -271,7 +331,7 @@ class LiveRun:
                 # records that, so that a replay gives the same rows.
                 self._feed(number, Chunk(b"", chunk.time_ns, hole=True))
             self._feed(number, chunk)
-        else:
+        elif chunk.time_ns > bus.unsettled_ns:
             bus.search.feed(number, chunk)
             self._follow_search(bus, bus.search)
 
@@ -290,15 +350,19 @@ class LiveRun:
             for port in bus.ports:
                 self._listener.reset_error_counts(port)
             self._notify(f"{bus.tap.bus}: found {found.evidence}")
+            bus.origin, bus.valid_frames, bus.bad_bytes = "found", 0, 0
             self._add_to_core(bus, found.line, mode=found.mode)
             for number, chunk in found.chunks:
                 self._feed(number, chunk)
 
     def _add_to_core(self, bus: _Bus, line: Line | None, mode: str | None = None) -> None:
-        mode = mode or bus.tap.mode or self._settings.mode
-        settings = replace(self._settings, line=line, mode=mode)
-        bus.number = settings.add_bus(self._core, bus.tap.bus, clock="utc")
-        self._on_settings(bus.tap, line)
+        """Add a bus, or the same one with other settings, which a later search has found."""
+        if bus.number is None or bus.line != line:
+            mode = mode or bus.tap.mode or self._settings.mode
+            settings = replace(self._settings, line=line, mode=mode)
+            bus.number = settings.add_bus(self._core, bus.tap.bus, clock="utc")
+            bus.line = line
+            self._on_settings(bus.tap, line)
         # Without a recording the reads need not come to Python: the inbox feeds them to the core.
         if self._on_read is None:
             char_ns = 0 if line is None else line.character_ns

@@ -18,12 +18,17 @@ from analyzer.counts import count_of
 from analyzer.filters import parse
 from analyzer.views.live import VIEWS, draw
 from analyzer.views.live.state import LiveState
-from analyzer.views.screen import Part, Screen, fit, visible
+from analyzer.views.live.status import status_line
+from analyzer.views.screen import Part, Screen, fit, visible, width_of
 from dissectors.errors import FilterError
 
 __all__ = ["LiveScreen"]
 
 REFRESH_S = 0.2
+LOG = "log"
+_FRAME_LINES = 3
+"""Lines of the screen besides the view: title, state of the buses, foot."""
+
 _HELP = "l log t table m map h health  p pause / filter k mark q quit"
 
 
@@ -80,15 +85,25 @@ class LiveScreen:
         self._last_drawn_s = time.monotonic()
         self._state.refresh()
         width, height = self._screen.size
-        room = max(height - 2, 1)
+        room = max(height - _FRAME_LINES, 1)
         body = draw(self._view, self._state, width, room)
         self._first_line = max(min(self._first_line, len(body) - room), 0)
         shown = body[self._first_line : self._first_line + room]
-        pages = (
-            f" {self._first_line + 1}-{self._first_line + len(shown)} of {len(body)}, n next b back"
-        )
-        foot = self._footer(width, pages if len(body) > room else "")
-        self._screen.page([self._title(width), *shown, *[[]] * (room - len(shown)), foot])
+        foot = self._footer(width, self._pages(len(shown), len(body), room))
+        head = [self._title(width), status_line(self._state, width)]
+        self._screen.page([*head, *shown, *[[]] * (room - len(shown)), foot])
+
+    def _pages(self, shown: int, lines: int, room: int) -> str:
+        """What part of the view is shown; empty where that is all of it, or its newest end."""
+        if self._view == LOG:
+            history = self._state.history
+            if history.is_at_end:
+                return ""
+            first = history.page(room - 1)[1]
+            return f" {first:,}-{first + room - 2:,} of {len(history):,}, n next b back"
+        if lines <= room:
+            return ""
+        return f" {self._first_line + 1}-{self._first_line + shown} of {lines}, n next b back"
 
     def close(self) -> None:
         """Nothing to do: the terminal is restored when the `with` block ends."""
@@ -121,10 +136,13 @@ class LiveScreen:
 
     def _footer(self, width: int, pages: str) -> list[Part]:
         if self._filter_input is not None:
-            return [(fit(f"filter: {visible(self._filter_input)}_", width), "note")]
+            typed = f"filter: {visible(self._filter_input)}_"
+            error = fit(f"  {visible(self._message)}", max(width - width_of(typed), 0))
+            return [(fit(typed, min(width_of(typed), width)), "note"), (error, "bad")]
         if self._message:
             return [(fit(visible(self._message), width), "odd")]
-        shown = f"filter: {self._state.filter}  " if self._state.filter else ""
+        wanted = self._state.history.filter
+        shown = f"filter: {wanted}  " if wanted else ""
         left = fit(f"{visible(shown)}{_HELP}", max(width - len(pages), 0))
         return [(left, "dim"), (pages[-width:], "note")]
 
@@ -152,25 +170,29 @@ class LiveScreen:
             self._filter_input = text + key
 
     def _apply_filter(self, text: str) -> None:
+        """Filter the log by this text; one that is not valid stays, to be mended."""
         try:
-            self._state.filter = parse(text, "transactions") if text.strip() else None
+            self._state.history.set_filter(parse(text, "transactions") if text.strip() else None)
         except FilterError as error:
-            self._message = error.message
-            return
-        self._state.rows.clear()
+            self._filter_input, self._message = text, error.message
 
     def _turn_pages(self, pages: int) -> None:
-        self._first_line += pages * max(self._screen.size[1] - 2, 1)
+        room = max(self._screen.size[1] - _FRAME_LINES, 1)
+        self._first_line += pages * room
+        if self._view == LOG:
+            rows = max(room - 1, 1)  # below the titles
+            self._state.history.turn(pages * rows, rows)
 
     def _begin_filter_input(self) -> None:
-        self._filter_input = ""
+        wanted = self._state.history.filter
+        self._filter_input = str(wanted) if wanted else ""
 
     def _toggle_pause(self) -> None:
-        self._state.paused = not self._state.paused
+        self._state.pause(paused=not self._state.paused)
 
     def _add_mark(self) -> None:
-        mark = self._state.mark(time.strftime("%H:%M:%S"))
-        self.messages.append(f"mark {mark.number} at {mark.text}")
+        mark = self._state.history.mark(f"at {time.strftime('%H:%M:%S')}")
+        self.messages.append(mark.text)
         sys.stderr.flush()
 
     def _request_quit(self) -> None:

@@ -14,6 +14,7 @@ from analyzer.addresses import BASES
 from analyzer.bus_file import choose_bus
 from analyzer.cli.segmentation import add_segmentation
 from analyzer.columns import TABLES
+from analyzer.durations import parse_duration
 from analyzer.line import EXAMPLE, Line, parse_line
 from analyzer.profiles import parse_binding, with_vendor_functions
 from analyzer.session import MODES, Settings
@@ -31,7 +32,6 @@ __all__ = [
     "add_rows",
     "load_dialects",
     "load_functions",
-    "parse_duration",
     "settings",
 ]
 
@@ -39,14 +39,6 @@ TIMES = ("local", "utc", "elapsed", "delta")
 
 _LAST_PORT = 0xFFFF
 _MAX_TIMEOUT_S = 3600
-_MAX_DURATION_S = 10 * 365 * 24 * 3600
-_DURATION_UNITS_NS = {
-    "us": 1_000,
-    "ms": 1_000_000,
-    "s": 1_000_000_000,
-    "min": 60_000_000_000,
-    "h": 3_600_000_000_000,
-}
 
 
 class Parser(argparse.ArgumentParser):
@@ -266,7 +258,7 @@ def settings(options: argparse.Namespace) -> Settings:
         mode=bus.mode if bus is not None and options.mode == "auto" else options.mode,
         timeout_ns=None
         if options.timeout is None
-        else parse_duration(options.timeout, max_s=_MAX_TIMEOUT_S),
+        else parse_duration(options.timeout, "--timeout", _MAX_TIMEOUT_S),
         functions=with_vendor_functions(load_functions(options.functions), profiles),
         profiles=profiles,
         silence_ns=silence_limits(
@@ -356,25 +348,3 @@ def _ports(words: list[str]) -> tuple[int, ...] | None:
         if not (port.isdecimal() and 0 < int(port) <= _LAST_PORT):
             raise UsageError(f"--port {port}: use port numbers up to {_LAST_PORT}, or any")
     return tuple(map(int, ports)) or None
-
-
-def parse_duration(text: str, option: str = "--timeout", max_s: float = _MAX_DURATION_S) -> int:
-    """Parse `500ms`, `1.5s`, `2h` or `0.3` (seconds); gives nanoseconds.
-
-    `UsageError` names the option if the text is no duration, or is `max_s` or longer.
-
-    >>> parse_duration("500ms"), parse_duration("0.3")
-    (500000000, 300000000)
-    """
-    word = text.strip().lower()
-    unit = next((unit for unit in _DURATION_UNITS_NS if word.endswith(unit)), "")
-    try:
-        value = float(word.removesuffix(unit))
-    except ValueError:
-        value = -1.0
-    found = value * _DURATION_UNITS_NS[unit or "s"]
-    if not 0 < found < max_s * _DURATION_UNITS_NS["s"]:
-        raise UsageError(
-            f"{option} {text}: give a time in ms, s, min or h, such as 500ms, 90s or 24h"
-        )
-    return round(found)

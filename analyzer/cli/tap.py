@@ -13,10 +13,11 @@ from analyzer.cli.limited_run import LimitedRun
 from analyzer.cli.live_screen import LiveScreen
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import DAMAGED, TABLE, Outputs, OutputSink, run_settings, targets
-from analyzer.cli.parser import add_decoding, add_line, add_rows, parse_duration
+from analyzer.cli.parser import add_decoding, add_line, add_rows
 from analyzer.cli.segmentation import report_silence_limits
 from analyzer.cli.stop_signals import StopSignals
-from analyzer.cli.triggers import EventCapture, HourlySummary, StopConditions
+from analyzer.cli.triggers import EventCapture, HourlySummary, SettingsDoubt, StopConditions
+from analyzer.durations import parse_duration
 from analyzer.exports.recorder import RecordedPort, Recorder, parse_retention, parse_rotation
 from analyzer.line import Line
 from analyzer.live_run import LINES, LiveRun, Tap, parse_tap
@@ -106,7 +107,7 @@ def _add_triggers(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("stopping and triggers")
     group.add_argument("--count", type=int, metavar="N", help="stop after this many transactions")
     group.add_argument(
-        "--duration", metavar="TIME", help="stop after this time, such as 90s or 1.5h"
+        "--duration", metavar="TIME", help="stop after this time, such as 90s or 1h30m"
     )
     group.add_argument(
         "--stop-on", metavar="EXPR", help="stop at the first transaction that meets this condition"
@@ -179,6 +180,7 @@ def run(options: argparse.Namespace) -> int:
         outputs.add_observers(
             *[stop_conditions] * stop_conditions.any_set,
             HourlySummary(live.stats, tap_messages.info),
+            SettingsDoubt(live.stats, tap_messages.info),
         )
         at = f" at {settings.line}" if settings.line is not None else ""
         ports = ", ".join(options.ports or map(_port, taps))
@@ -354,7 +356,8 @@ def _sinks(
             raise UsageError(
                 "tap: --view needs a terminal; without it, each transaction is printed as a line"
             )
-        state = LiveState(TableOptions(options.address, options.times, live.buses), live.stats)
+        table_options = TableOptions(options.address, options.times, live.buses)
+        state = LiveState(table_options, live.stats, live.statuses)
         tap_messages.screen = LiveScreen(state, options.view, screen)
         sinks.append(tap_messages.screen)
     if options.around is not None:

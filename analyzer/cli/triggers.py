@@ -17,9 +17,11 @@ from analyzer.counts import count_of
 from analyzer.exports.sink import ExportSink, Target
 from analyzer.filters import parse
 
-__all__ = ["EventCapture", "HourlySummary", "StopConditions"]
+__all__ = ["EventCapture", "HourlySummary", "SettingsDoubt", "StopConditions"]
 
 HOUR_S = 3600.0
+DOUBT_S = 1.0
+MIN_BYTES = 24
 
 
 class StopConditions:
@@ -165,3 +167,45 @@ class HourlySummary:
             " since the last summary"
         )
         self._buffer, self._frames = counts, frames
+
+
+class SettingsDoubt:
+    """Says once for each bus that its line settings are probably wrong.
+
+    That is so where bytes have come for a second and none of them was in a valid frame.
+    """
+
+    name = "the doubt about line settings"
+
+    def __init__(
+        self,
+        stats: Callable[[], Mapping[str, Any]],
+        say: Callable[[str], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._stats, self._say, self._clock = stats, say, clock
+        self._next_s = clock() + DOUBT_S
+        self._bytes_before: dict[str, int] = {}
+        self._settled: set[str] = set()
+
+    def put(self, batch: _modlens.Batch) -> None:
+        """Look once a second at the buses that have shown no valid frame yet."""
+        if self._clock() < self._next_s:
+            return
+        self._next_s = self._clock() + DOUBT_S
+        if self._settled and len(self._settled) == len(self._bytes_before):
+            return
+        for bus in self._stats()["buses"]:
+            name, received = bus["bus"], sum(bus["bytes"].values())
+            before = self._bytes_before.get(name, 0)
+            self._bytes_before[name] = received
+            if name in self._settled:
+                continue
+            if bus["frames"]["ok"]:
+                self._settled.add(name)
+            elif before >= MIN_BYTES and received > before:
+                self._settled.add(name)
+                self._say(
+                    f"{name}: traffic, but no valid frame in {received:,} bytes: the line settings"
+                    " are probably wrong; without --line they are found by listening"
+                )

@@ -21,13 +21,13 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import _modlens
+from analyzer.durations import parse_duration
 from analyzer.exports.output import GrowingFile
 from dissectors.errors import SourceError, UsageError
 
 __all__ = ["RecordedPort", "Recorder", "Retention", "Rotation", "parse_retention", "parse_rotation"]
 
 BYTES_PER_UNIT = {"kb": 10**3, "mb": 10**6, "gb": 10**9, "kib": 2**10, "mib": 2**20, "gib": 2**30}
-SECONDS_PER_UNIT = {"s": 1, "min": 60, "h": 3600, "d": 86_400}
 _AMOUNT = re.compile(r"(\d+(?:\.\d+)?)\s*([a-z]*)")
 
 
@@ -71,12 +71,19 @@ class Read(Protocol):
 
 def parse_rotation(text: str) -> Rotation:
     """Parse `--rotate`: a time such as 10min, 1h, 1d, or a size such as 64MB."""
-    value, unit = _amount("--rotate", text)
-    if unit in SECONDS_PER_UNIT:
-        return Rotation(seconds=round(value * SECONDS_PER_UNIT[unit]))
-    if unit in BYTES_PER_UNIT:
-        return Rotation(bytes=round(value * BYTES_PER_UNIT[unit]))
-    raise UsageError(f"--rotate {text}: write a time such as 10min or 1h, or a size such as 64MB")
+    with contextlib.suppress(UsageError):
+        value, unit = _amount("--rotate", text)
+        if unit in BYTES_PER_UNIT:
+            return Rotation(bytes=round(value * BYTES_PER_UNIT[unit]))
+    try:
+        seconds = round(parse_duration(text, "--rotate") / 1e9)
+    except UsageError:
+        seconds = 0
+    if not seconds or text.strip()[-1:].isdigit():
+        raise UsageError(
+            f"--rotate {text}: write a time such as 10min or 1h30m, or a size such as 64MB"
+        )
+    return Rotation(seconds=seconds)
 
 
 def parse_retention(text: str) -> Retention:

@@ -123,6 +123,15 @@ class PortListener:
         """Let `feed` pass the reads of a port to this bus and side (see `_modlens.Inbox.route`)."""
         self._inbox.route(number, bus, line, char_ns)
 
+    def unroute(self, number: int) -> None:
+        """Let `feed` return the reads of a port again."""
+        self._inbox.unroute(number)
+
+    def lost_s(self, number: int) -> float | None:
+        """For how long a port has been away, in seconds; None while it is there."""
+        slot = self._slots[number]
+        return None if slot.port is not None else (monotonic_ns() - slot.lost_ns) / NS_PER_S
+
     def _arrivals(self, taken: Sequence[_QueuedRead], now: int) -> list[Arrival]:
         arrivals: list[Arrival] = []
         for number, time_ns, data, errors, hole in taken:

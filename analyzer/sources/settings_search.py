@@ -17,8 +17,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from types import MappingProxyType
 
 import _modlens
@@ -84,6 +86,8 @@ _FAILED_TRIAL_COST = 2.0
 _MIN_ANSWERED, _MIN_FRAMES, _MIN_ASCII_FRAMES = 1, 3, 2
 _INVERTED_BURSTS, _INVERTED_SHARE = 6, 0.7
 _TEXT_FACTOR = 3
+_MIN_TO_JUDGE = 200
+_MAX_KEPT_BYTES = 1 << 20
 _NS_PER_S = 1_000_000_000
 _IDLE_NS = 30_000_000
 
@@ -126,6 +130,8 @@ class SettingsSearch:
         self._format_search: CharacterFormatSearch | None = None
         self._reported_swap = False
         self._burst_ends: dict[int, tuple[int, int]] = {}
+        self._heard: deque[tuple[Line, int, Chunk]] = deque()
+        self._heard_bytes = self._kept_bytes = 0
         self._begin(_line(FIRST_BAUD, ELEVEN_BITS))
 
     @property
@@ -137,11 +143,42 @@ class SettingsSearch:
         """Evaluate a read made with the present settings."""
         if self.found is not None or not chunk.data:
             return
+        self._keep(port, chunk)
         self._trial.add(port, chunk)
         for core, mask in self._listeners.values():
             data = bytes(byte & mask for byte in chunk.data)
             core.feed(0, data, chunk.time_ns, line=self._labels.get(port))
         self._decide()
+
+    def heard(self) -> Iterator[tuple[Line, list[tuple[int, Chunk]]]]:
+        """All reads so far, or the newest where they are too many, by the settings of the time."""
+        for line, reads in groupby(self._heard, key=lambda read: read[0]):
+            yield line, [(port, chunk) for _, port, chunk in reads]
+
+    def diagnosis(self) -> str:
+        """What can be said when the search ends without a result."""
+        if not self._heard_bytes:
+            return "nothing was received: check the wires (A, B, ground), and that a master polls"
+        bursts = sum(count for count, _ in self._burst_ends.values())
+        to_zero = sum(count for _, count in self._burst_ends.values())
+        swapped = bursts >= _INVERTED_BURSTS and to_zero >= _INVERTED_SHARE * bursts
+        text = f"no line settings fit the {self._heard_bytes:,} bytes received"
+        if swapped:
+            return f"{text}; most bursts end in 00: A and B (D- and D+) may be swapped"
+        if self._heard_bytes < _MIN_TO_JUDGE:
+            return f"{text}, which are few: listen longer, or give the settings by --line"
+        return (
+            f"{text}: noise, another protocol, or a rate that was not tried; --line gives settings,"
+            " and modlens decode --detect tries them on a recording"
+        )
+
+    def _keep(self, port: int, chunk: Chunk) -> None:
+        """Keep a read for the end of a search without a result; the oldest beyond a bound go."""
+        self._heard.append((self.line, port, chunk))
+        self._heard_bytes += len(chunk.data)
+        self._kept_bytes += len(chunk.data)
+        while self._kept_bytes > _MAX_KEPT_BYTES:
+            self._kept_bytes -= len(self._heard.popleft()[2].data)
 
     def advance(self, now_ns: int) -> None:
         """Tell the search that nothing was received until now: a silence may complete a frame."""

@@ -12,6 +12,7 @@ import time
 
 from analyzer.cli.live_screen import LiveScreen
 from analyzer.line import parse_line
+from analyzer.live_run import BusStatus
 from analyzer.session import FileRun, Settings
 from analyzer.views.live.state import LiveState
 from analyzer.views.row_lines import TableOptions
@@ -24,8 +25,12 @@ def main(path: str, view: str) -> None:
     """Put all of the recording on the board, then obey the keys."""
     run = FileRun([path], Settings(line=parse_line("19200-8E1")))
     ticks = iter([0.0])
+    status = BusStatus(path, "19200-8E1", "given", None)
     state = LiveState(
-        TableOptions("wire", "utc", ("line",)), run.stats, clock=lambda: next(ticks, SECONDS)
+        TableOptions("wire", "utc", (path,)),
+        run.stats,
+        lambda: [status],
+        clock=lambda: next(ticks, SECONDS),
     )
     screen = LiveScreen(state, view, stdout())
     with screen:

@@ -1,4 +1,7 @@
-"""The map view: registers and coils in a grid of addresses; changed values are highlighted."""
+"""The map view: registers and coils in a grid of addresses, with their age.
+
+Changed values are highlighted, old ones dim.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ from itertools import groupby
 
 from analyzer.addresses import SHORT, render
 from analyzer.views.live.state import LiveState, RegisterValue
+from analyzer.views.live.status import age
 from analyzer.views.screen import Part, fit, visible
 
 __all__ = ["lines"]
@@ -14,6 +18,9 @@ __all__ = ["lines"]
 _BIT_CELLS = {"coil": 2, "discrete_input": 2}
 _REGISTER_CELL = 6
 _LABEL = 10
+_AGE = 8
+_OLD_S = 10.0
+"""Values that were not seen for so long are shown dim."""
 
 
 def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
@@ -24,7 +31,10 @@ def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
     out: list[list[Part]] = []
     for (bus, unit, kind), group in groupby(found.items(), key=lambda item: item[0][:3]):
         name = f"{visible(bus)}: " if len(state.table_options.buses) > 1 else ""
-        out.append([(fit(f"{name}unit {unit} {kind.replace('_', ' ')}s", width), "head")])
+        title = f"{name}unit {unit} {kind.replace('_', ' ')}s"
+        dead = _dead(state, bus, unit)
+        room = max(width - len(dead), 0)
+        out.append([(fit(title, room), "head"), (fit(dead, width - room), "bad")])
         values = {place[3]: value for place, value in group}
         out += _block(values, kind, state, width)
     return out
@@ -33,9 +43,12 @@ def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
 def _block(
     values: dict[int, RegisterValue], kind: str, state: LiveState, width: int
 ) -> Iterator[list[Part]]:
-    """The lines of one unit and register type; addresses without a value are dots."""
+    """The lines of one unit and register type, with the age of the oldest value on each.
+
+    Addresses without a value are dots.
+    """
     cell = _BIT_CELLS.get(kind, _REGISTER_CELL)
-    per_line = _addresses_per_line((width - _LABEL) // cell)
+    per_line = _addresses_per_line((width - _LABEL - _AGE) // cell)
     now = state.clock()
     for line in sorted({address // per_line for address in values}):
         first = line * per_line
@@ -46,9 +59,24 @@ def _block(
             if value is None:
                 parts.append((fit("·", cell, right=True), "dim"))
             else:
-                style = "odd" if value.is_highlighted(now) else ""
-                parts.append((fit(str(value.value), cell, right=True), style))
-        yield parts
+                parts.append((fit(str(value.value), cell, right=True), _style(value, now)))
+        seen = min(values[at].seen for at in range(first, first + per_line) if at in values)
+        style = "odd" if now - seen >= _OLD_S else "dim"
+        yield [*parts, (fit(age(now - seen), _AGE, right=True), style)]
+
+
+def _style(value: RegisterValue, now: float) -> str:
+    if value.is_highlighted(now):
+        return "odd"
+    return "dim" if now - value.seen >= _OLD_S else ""
+
+
+def _dead(state: LiveState, bus: str, unit: int) -> str:
+    """How long a unit has been silent that does not answer; empty for one that does."""
+    found = state.age(bus, unit)
+    if not found.is_dead or found.answered is None:
+        return ""
+    return f"  no response for {age(state.clock() - found.answered)}"
 
 
 def _addresses_per_line(room: int) -> int:

@@ -7,41 +7,55 @@ transaction only when the screen is refreshed.
 from __future__ import annotations
 
 import time
-from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import _modlens
-from analyzer.filters import Filter
+from analyzer.live_run import BusStatus
+from analyzer.views.live.activity import Activity
+from analyzer.views.live.history import History
 from analyzer.views.row_lines import TableOptions
 
-__all__ = ["LiveState", "Mark", "RegisterValue"]
+__all__ = ["LiveState", "RegisterValue", "UnitAge"]
 
-MAX_ROWS = 1000
 MAX_REQUESTS = 4096
 HIGHLIGHT_S = 2.0
 """How long a changed value is highlighted."""
 
+DEAD_REQUESTS = 3
+"""A unit is shown as dead when so many requests in a row were not answered."""
 
-@dataclass(frozen=True, slots=True)
-class Mark:
-    """A mark that the user has put into the log."""
-
-    number: int
-    text: str
+_UNANSWERED = ("no_response", "bad_response")
 
 
 @dataclass(slots=True)
 class RegisterValue:
-    """The value of a register or coil, and when it last changed (`time.monotonic`)."""
+    """The value of a register or coil, when it last changed, and when it was last seen.
+
+    Times are those of the state's clock.
+    """
 
     value: int
+    seen: float
     changed: float = float("-inf")
 
     def is_highlighted(self, now: float) -> bool:
         """Whether it changed so recently that it is highlighted."""
         return now - self.changed < HIGHLIGHT_S
+
+
+@dataclass(slots=True)
+class UnitAge:
+    """When a unit last answered, and how many requests it has not answered since."""
+
+    answered: float | None = None
+    unanswered: int = 0
+
+    @property
+    def is_dead(self) -> bool:
+        """Whether it seems to be off."""
+        return self.unanswered >= DEAD_REQUESTS
 
 
 RegisterKey = tuple[str, int, str, int]
@@ -52,22 +66,24 @@ RegisterKey = tuple[str, int, str, int]
 class LiveState:
     """Rows and statistics of a tap.
 
-    `stats` returns the statistics so far. While `paused`, what is shown stays as it is; `filter`
-    limits the log. `seen` counts the transactions.
+    `stats` returns the statistics so far, `statuses` what is known of the buses besides. While
+    `paused`, what is shown stays as it is. `seen` counts the transactions.
     """
 
     table_options: TableOptions
     stats: Callable[[], dict[str, Any]]
+    statuses: Callable[[], Sequence[BusStatus]] = list
     clock: Callable[[], float] = time.monotonic
     paused: bool = False
-    filter: Filter | None = None
-    rows: deque[_modlens.Row | Mark] = field(default_factory=lambda: deque(maxlen=MAX_ROWS))
-    marks: int = 0
+    history: History = field(default_factory=History)
     seen: int = 0
     started: float = 0.0
     _requests: dict[tuple[Any, ...], tuple[_modlens.Row, bool]] = field(default_factory=dict)
     _values: dict[RegisterKey, RegisterValue] = field(default_factory=dict)
+    _ages: dict[tuple[str, int], UnitAge] = field(default_factory=dict)
     _stats: dict[str, Any] = field(default_factory=dict)
+    _statuses: Sequence[BusStatus] = ()
+    _activity: Activity = field(default_factory=Activity)
 
     def __post_init__(self) -> None:
         self.started = self.clock()
@@ -75,28 +91,28 @@ class LiveState:
     def put(self, batch: _modlens.Batch) -> None:
         """Add a batch; see `analyzer.session.Sink`."""
         table = batch.transactions
-        self.seen += len(table)
-        if self.paused or not len(table):
+        if not len(table):
             return
+        self.seen += len(table)
+        self.history.add(table)
+        now = self.clock()
         for row in table:
+            self._record_age(row, now)
             self._record_request(row)
-        if self.filter is not None:
-            table = table.where(self.filter.predicate())
-        self.rows.extend(table)
 
-    def mark(self, text: str) -> Mark:
-        """Add a mark to the log."""
-        self.marks += 1
-        mark = Mark(self.marks, text)
-        self.rows.append(mark)
-        return mark
+    def pause(self, *, paused: bool) -> None:
+        """Hold what is shown, or go on; decoding goes on in any case."""
+        self.paused = paused
+        self.history.hold(held=paused)
 
     def refresh(self) -> None:
         """Update statistics and values, unless paused."""
         if self.paused:
             return
         self._stats = self.stats()
+        self._statuses = self.statuses()
         now = self.clock()
+        self._activity.update(self._stats, now)
         for key, (row, is_new) in self._requests.items():
             if is_new:
                 self._requests[key] = (row, False)
@@ -108,6 +124,16 @@ class LiveState:
         return self._stats
 
     @property
+    def bus_statuses(self) -> Sequence[BusStatus]:
+        """Line settings and lost ports at the last refresh."""
+        return self._statuses
+
+    @property
+    def activity(self) -> Activity:
+        """What each bus has carried lately."""
+        return self._activity
+
+    @property
     def elapsed(self) -> float:
         """Seconds since the tap began."""
         return self.clock() - self.started
@@ -116,6 +142,10 @@ class LiveState:
         """Every register and coil that was seen, sorted."""
         return dict(sorted(self._values.items()))
 
+    def age(self, bus: str, unit: int) -> UnitAge:
+        """When a unit last answered."""
+        return self._ages.get((bus, unit), UnitAge())
+
     def last(self, bus: str, unit: int, function: int) -> _modlens.Row | None:
         """The last transaction with values of a unit and function; None if there is none."""
         found = None
@@ -123,6 +153,13 @@ class LiveState:
             if (name, number, code) == (bus, unit, function):
                 found = row
         return found
+
+    def _record_age(self, row: _modlens.Row, now: float) -> None:
+        age = self._ages.setdefault((row.bus, row.unit), UnitAge())
+        if row.status in _UNANSWERED:
+            age.unanswered += 1
+        elif row.response_frame is not None:
+            age.answered, age.unanswered = now, 0
 
     def _record_request(self, row: _modlens.Row) -> None:
         if row.status != "ok" or row.register_type is None:
@@ -141,6 +178,8 @@ class LiveState:
                 place = (row.bus, row.unit, row.register_type, address)
                 known = self._values.get(place)
                 if known is None:
-                    self._values[place] = RegisterValue(value)
-                elif known.value != value:
+                    self._values[place] = RegisterValue(value, now)
+                    continue
+                known.seen = now
+                if known.value != value:
                     known.value, known.changed = value, now

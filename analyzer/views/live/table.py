@@ -6,7 +6,8 @@ from typing import Any
 
 from analyzer.views import cells
 from analyzer.views.grid import WIDE_COLUMNS, ColumnLayout, Grid, GridColumn, RegisterValues
-from analyzer.views.live.state import LiveState
+from analyzer.views.live.state import LiveState, UnitAge
+from analyzer.views.live.status import age
 from analyzer.views.screen import Part
 
 __all__ = ["lines"]
@@ -18,7 +19,12 @@ def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
     """The column titles and a line for each unit and function."""
     stats = state.statistics
     rows = [
-        {**row, "bus": bus["bus"], "last": state.last(bus["bus"], row["unit"], row["function"])}
+        {
+            **row,
+            "bus": bus["bus"],
+            "last": state.last(bus["bus"], row["unit"], row["function"]),
+            "age": state.age(bus["bus"], row["unit"]),
+        }
         for bus in stats.get("buses", ())
         for row in bus["units"]
     ]
@@ -53,8 +59,15 @@ def _fields(state: LiveState, *, is_wide: bool) -> list[GridColumn]:
     ]
     chosen += [
         GridColumn(ColumnLayout(f"{name} ms", 6, align_right=True), _time(f"{name}_us"))
-        for name in ("p50", "p95", "max")
+        for name in (("p50", "p95", "max") if is_wide else ("p50", "max"))
     ]
+    chosen.append(
+        GridColumn(
+            ColumnLayout("age", 5, align_right=True),
+            lambda row: _age(row["age"], state.clock()),
+            lambda row: "bad" if row["age"].is_dead else "",
+        )
+    )
     chosen.append(
         GridColumn(ColumnLayout("last value", 10, free_share=1), lambda row: _last(row, state))
     )
@@ -75,6 +88,13 @@ def _wrong_style(row: Any) -> str:
 
 def _time(name: str) -> Any:
     return lambda row: cells.milliseconds((row["response_time"] or {}).get(name))
+
+
+def _age(found: UnitAge, now: float) -> str:
+    """How long ago the unit answered; `dead` where it never did and was asked again and again."""
+    if found.answered is None:
+        return "dead" if found.is_dead else ""
+    return age(now - found.answered)
 
 
 def _last(row: Any, state: LiveState) -> RegisterValues | str:

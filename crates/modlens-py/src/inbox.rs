@@ -198,6 +198,12 @@ impl Inbox {
         queue.char_times_ns[port] = char_ns;
     }
 
+    fn unroute(&self, port: usize) {
+        if let Some(route) = self.shared.queue().routes.get_mut(port) {
+            *route = None;
+        }
+    }
+
     #[pyo3(signature = (session, shift_ns, told_ns, timeout, every=0.0))]
     fn feed<'py>(
         &self,

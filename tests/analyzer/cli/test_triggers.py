@@ -11,7 +11,7 @@ import pytest
 
 import _modlens
 from analyzer import FilterError
-from analyzer.cli.triggers import EventCapture, HourlySummary, StopConditions
+from analyzer.cli.triggers import EventCapture, HourlySummary, SettingsDoubt, StopConditions
 from analyzer.exports.sink import Target
 
 ANSWERED = bytes.fromhex("010300000001840a"), bytes.fromhex("0103020007f986")
@@ -97,3 +97,21 @@ def test_an_hour_in_a_line() -> None:
         time.sleep(0.01)
     assert "10 frames, 5 transactions: ok 5 since" in said[0]
     assert "0 frames, 3 transactions: ok 2, no_response 1 since" in said[1]
+
+
+@pytest.mark.parametrize(("damage", "said"), [(1, 1), (0, 0)])
+def test_wrong_settings_are_told_after_a_second(damage: int, said: int) -> None:
+    """Bytes that are no frames, for two seconds: one message; valid frames: none."""
+    now = 0.0
+    core = _modlens.Session(_modlens.Functions(), live=True)
+    bus = core.add_bus("bus", source="bus", mode="rtu", clock="utc")
+    messages: list[str] = []
+    doubt = SettingsDoubt(lambda: json.loads(core.stats()), messages.append, lambda: now)
+    for step in range(50):
+        now = 0.1 * step
+        for half in ANSWERED:
+            core.feed(bus, bytes(byte ^ 0x55 * damage for byte in half), round(now * 1e9) + 10**18)
+        core.poll(round(now * 1e9) + 10**18 + 90 * MS)
+        doubt.put(core.take())
+    assert len(messages) == said
+    assert all("no valid frame" in text for text in messages)

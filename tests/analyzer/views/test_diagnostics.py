@@ -90,6 +90,24 @@ def test_a_bus_without_time_outs_says_nothing() -> None:
     assert bus["cycle"]["requests"] == 1
 
 
+def test_the_poll_cycle_is_that_of_the_loop() -> None:
+    """A loop of 330 ms: four requests each time, others each fifth and each tenth time.
+
+    A unit that is off, asked and asked again each tenth time, changes nothing.
+    """
+    script: list[tuple[int, bytes]] = []
+    for turn in range(60):
+        at = 330 * turn
+        wanted = [0, 1, 2, 3] + [4, 5] * (turn % 5 == 0) + [6, 7, 8] * (turn % 10 == 0)
+        for place, address in enumerate(wanted):
+            begun = at + 30 * place
+            script += [(begun, framed(f"0103{address:04x}0001")), (begun + 10, SOUND[1])]
+        if turn % 10 == 3:
+            script += [(at + 150 + 40 * again, framed("020300100004")) for again in range(3)]
+    cycle = timeouts(*script)["cycle"]
+    assert 320_000 < cycle["p50_us"] < 340_000
+
+
 def test_findings_are_ranked_by_weight_then_number() -> None:
     """Each with its advice; every documented one has its place."""
     counts = {one.code: number for number, one in enumerate(findings(), 1)}

@@ -124,7 +124,7 @@ impl RequestTable {
         if transaction.retry_of.is_none() {
             self.counts[at].add_poll(transaction.request.start);
         } else {
-            self.counts[at].sent += 1;
+            self.counts[at].add_retry();
         }
         if transaction.status == Status::NoResponse {
             self.count_unanswered(at, transaction, previous);
@@ -200,14 +200,21 @@ impl RequestTable {
         }
     }
 
-    /// The poll cycle: the times between polls of one request, the one with the median cycle (of an even number, the longer of
-    /// the middle two) of all that were sent at least three times; `requests` says how many these are. Null without any.
+    /// The poll cycle: the times between polls of one request, of all that were sent at least three times; `requests` says how
+    /// many these are. Null without any. A master asks for some things in every cycle and for others in every tenth one, so
+    /// requests count by how often they were polled: the one chosen has the median cycle of all polls.
     pub fn cycle(&self) -> Json {
         let polled = self.sorted().into_iter().filter(|counts| counts.sent >= MIN_POLLS && counts.cycle.count > 0);
         let mut cycles: Vec<&TimeHistogram> = polled.map(|counts| &counts.cycle).collect();
         // The median of a histogram takes a pass over it, so it is computed once for each.
         cycles.sort_by_cached_key(|cycle| cycle.percentile(0.5));
-        let Some(median) = cycles.get(cycles.len() / 2) else { return Json::Null };
+        let polls: u64 = cycles.iter().map(|cycle| cycle.count).sum();
+        let mut up_to = 0;
+        let median = cycles.iter().find(|cycle| {
+            up_to += cycle.count;
+            2 * up_to >= polls
+        });
+        let Some(median) = median else { return Json::Null };
         let mut found = median.json();
         found["requests"] = cycles.len().into();
         found
@@ -249,6 +256,13 @@ impl RequestCounts {
             self.cycle.add(start - last);
         }
         self.last_start = start.or(self.last_start);
+    }
+
+    /// Counts a retry. The time to the next poll then is that of a cycle with waiting in it, or, where a unit is silent for
+    /// long, of many cycles, so it is not counted.
+    fn add_retry(&mut self) {
+        self.sent += 1;
+        self.last_start = None;
     }
 
     fn json(&self, functions: &Functions) -> Json {
