@@ -292,7 +292,6 @@ class LiveRun:
     def _set_line(self, bus: _Bus, line: Line) -> None:
         for port in bus.ports:
             self._listener.set_line(port, line)
-        bus.unsettled_ns = self._listener.clock.now_ns() + SETTLE_NS
 
     def _check_found_settings(self) -> None:
         """Begin the search again where settings that were found give nothing but damaged bytes."""
@@ -345,6 +344,7 @@ class LiveRun:
         line = search.line if found is None else found.line
         if line != self._listener.line(bus.ports[0]):
             self._set_line(bus, line)
+            bus.unsettled_ns = self._listener.clock.now_ns() + SETTLE_NS
         if found is not None:
             bus.search = None
             for port in bus.ports:
