@@ -34,8 +34,8 @@ class Case:
     """Recordings by name, `main` the one to examine with these words behind the command.
 
     `expected` is None for a healthy line. `forbidden` are the codes that would be a confusion;
-    `beside` those that are true here, too. `views` are other recordings of the same traffic, with
-    their own words.
+    `beside` those that are true here, too. `views` makes other recordings of the same traffic,
+    which need no words.
     """
 
     files: Mapping[str, bytes]
@@ -44,7 +44,7 @@ class Case:
     expected: Expected | None
     forbidden: frozenset[str] = frozenset()
     beside: frozenset[str] = frozenset()
-    views: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    views: Callable[[], Mapping[str, bytes]] = field(default=dict, compare=False)
 
 
 Maker = Callable[[Random, int], Case]

@@ -34,8 +34,9 @@ RECENT = 12
 class Exchange:
     """A request and what is known when it is sent; `outcome` comes afterwards.
 
-    `silence_s` is the pause before the request. `outcome` is `ok`, `silent` or `damaged` as the
-    master saw it; `struck` says that the trouble had its hand in it.
+    `silence_s` is the pause before the request, `answered` what was sent for it with start and
+    end. `outcome` is `ok`, `silent` or `damaged` as the master saw it; `struck` says that the
+    trouble had its hand in it.
     """
 
     number: int
@@ -48,6 +49,7 @@ class Exchange:
     write_s: float = NEVER
     outcome: str = "ok"
     struck: bool = False
+    answered: list[tuple[float, float, bytes]] = field(default_factory=list)
 
     @property
     def unit(self) -> int:
@@ -183,6 +185,7 @@ class Master:
             self.pair.put(start_s, answer.data, answer.pauses, answer.line)
             stop_s = self._end(start_s, answer.data) + sum(answer.pauses.values())
             self._pending.append((start_s, stop_s))
+            exchange.answered.append((start_s, stop_s, answer.data))
             heard = heard or start_s < latest_s
             if answer.right and start_s <= latest_s and good_s is None:
                 good_s = stop_s

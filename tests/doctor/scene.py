@@ -6,19 +6,16 @@ A kind makes a `Scene`, changes what it needs, lets it `run` with its trouble, a
 
 from __future__ import annotations
 
+from functools import partial
 from random import Random
 
 from analyzer.line import Line
 from tests.doctor.case import Case, Expected
 from tests.doctor.line_model import Exchange, Habits, Master, Trouble, random_line
 from tests.doctor.plant import Plant, random_plant
-from tests.doctor.recorded import (
-    chunk_log,
-    client_log,
-    own_bytes_left_out,
-    reads_by_chance,
-)
-from tests.doctor.wire import Heard, Pair, Transmission
+from tests.doctor.recorded import chunk_log, reads_by_chance
+from tests.doctor.views import views_of
+from tests.doctor.wire import Pair, Transmission
 
 __all__ = ["Scene"]
 
@@ -66,18 +63,10 @@ class Scene:
         forbidden: frozenset[str] = frozenset(),
         beside: frozenset[str] = frozenset(),
     ) -> Case:
-        """The tap's recording, with both logs as other views."""
+        """The tap's recording, with a gateway's capture and both sides' logs as other views."""
         heard = self.pair.heard()
         words = ("--line", str(self.line)) if self.rng.random() < 0.8 else ()
         files = {"tap.jsonl": chunk_log(heard, self.reads, self.character_s)}
-        views = {"tap.jsonl": words}
-        if len(self.masters) == 1:
-            files["client.log"] = self._client_log(heard)
-            views["client.log"] = ()
+        views = partial(views_of, self.masters[0].exchanges) if len(self.masters) == 1 else dict
         expected = Expected(code, unit, function, address) if code else None
         return Case(files, "tap.jsonl", words, expected, forbidden, beside, views)
-
-    def _client_log(self, heard: Heard) -> bytes:
-        exchanges = self.masters[0].exchanges
-        received = own_bytes_left_out(exchanges, heard, self.character_s)
-        return client_log(exchanges, received, self.rng.choice(CLIENT_DIALECTS))

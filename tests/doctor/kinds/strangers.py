@@ -33,7 +33,7 @@ def swapped_wires(rng: Random, seed: int) -> Case:
     if seed % 2 == 0:
         scene.run(rng.randint(60, 400))
         made = scene.case("swapped_wires", forbidden=forbidden)
-        return replace(made, words=("--line", str(scene.line)), views={})
+        return replace(made, words=("--line", str(scene.line)))
     exchanges = scene.run(rng.randint(60, 200), Deaf())
     heard: Heard = []
     for exchange in exchanges:
@@ -87,7 +87,7 @@ def _whole_line_at_another_rate(rng: Random) -> Case:
     log = chunk_log(heard, "byte", 0.0)
     forbidden = frozenset({"line_noise", "swapped_wires", "foreign_protocol"})
     words = ("--line", f"{baud}-8{real.parity}1")
-    return replace(made, files={"tap.jsonl": log}, words=words, views={}, forbidden=forbidden)
+    return replace(made, files={"tap.jsonl": log}, words=words, forbidden=forbidden)
 
 
 class Bystander(Trouble):
