@@ -15,6 +15,7 @@ __all__ = ["TROUBLED", "Capture", "captures", "healthy_captures"]
 TROUBLED: Mapping[str, Expected] = {
     "pymodbus_address_off_by_one": Expected("address_off_by_one", unit=1, function=3, address=50),
     "pymodbus_block_too_long": Expected("block_too_long", unit=1, function=3),
+    "pymodbus_connect_each_time": Expected("connection_churn"),
     "pymodbus_dead_unit": Expected("dead_unit_cost", unit=3),
     "pymodbus_device_absent": Expected("device_absent", unit=2),
     "pymodbus_device_busy": Expected("device_busy", unit=2),
@@ -32,6 +33,7 @@ TROUBLED: Mapping[str, Expected] = {
     "pymodbus_two_with_one_address": Expected("duplicate_address", unit=2),
     "pymodbus_value_spikes": Expected("value_spike", unit=2),
     "pymodbus_wrong_function": Expected("wrong_function", unit=1, function=3),
+    "pymodbus_wrong_unit_number": Expected("gateway_unit_id", unit=255),
 }
 """What is wrong on the lines that were recorded because of it; other captures show many things."""
 

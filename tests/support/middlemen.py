@@ -12,7 +12,7 @@ import struct
 import threading
 from collections.abc import Callable
 
-__all__ = ["Idle", "Middleman", "Mixing", "OneBehind", "OneClient"]
+__all__ = ["Idle", "Middleman", "Mixing", "OneBehind", "OneClient", "OnlyKnown"]
 
 HEADER = 6
 Note = Callable[[str, bytes], None]
@@ -97,6 +97,14 @@ class OneBehind(Middleman):
         if self._requests < 10:
             return answer
         return None if self._requests == 10 else kept
+
+
+class OnlyKnown(Middleman):
+    """Drops what the server behind says about a unit that it does not have."""
+
+    def answer(self, who: int, answer: bytes) -> bytes | None:
+        """None instead of an exception of unit 255."""
+        return None if answer[HEADER] == 255 else answer
 
 
 class Mixing(Middleman):

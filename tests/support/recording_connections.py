@@ -26,7 +26,7 @@ from pymodbus.exceptions import ModbusException
 from pymodbus.server import ModbusTcpServer
 
 from tests.support.expected import Frame
-from tests.support.middlemen import Idle, Middleman, Mixing, OneBehind, OneClient
+from tests.support.middlemen import Idle, Middleman, Mixing, OneBehind, OneClient, OnlyKnown
 from tests.support.recording import CAPTURES, frame_lines, toml_text
 from tests.support.sniffer import Sniffer
 from tests.support.trouble_scenarios import Manner, device
@@ -97,6 +97,27 @@ def mixing(connect: Client) -> None:
         client.close()
 
 
+def wrong_number(connect: Client) -> None:
+    """Unit 255 is asked first, then the one that is there."""
+    client = connect()
+    for turn in range(30):
+        client.connect()
+        _read(client, 255, turn % 3 * 10)
+        client.connect()
+        _read(client, 1, turn % 3 * 10)
+    client.close()
+
+
+def connect_each_time(connect: Client) -> None:
+    """A connection for each request."""
+    for turn in range(50):
+        client = connect()
+        client.connect()
+        _read(client, 1, turn % 3 * 10)
+        client.close()
+        time.sleep(0.02)
+
+
 def _read(client: Any, unit: int, address: int) -> None:
     with contextlib.suppress(ModbusException):
         client.read_holding_registers(address, count=6, device_id=unit)
@@ -132,6 +153,17 @@ PLAYS: Mapping[str, Play] = {
         "given the other client's answer, under the right transaction id and the wrong unit.",
         Mixing,
         mixing,
+    ),
+    "pymodbus_wrong_unit_number": Play(
+        "A gateway behind which unit 1 answers and unit 255 does not exist; the client asks for "
+        "both in turn.",
+        OnlyKnown,
+        wrong_number,
+    ),
+    "pymodbus_connect_each_time": Play(
+        "A client that opens a connection for each request and closes it behind the answer.",
+        Middleman,
+        connect_each_time,
     ),
 }
 
