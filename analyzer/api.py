@@ -15,7 +15,7 @@ from analyzer.exports.sink import Target, with_suitable_table
 from analyzer.line import Line, parse_line
 from analyzer.live_run import LiveRun
 from analyzer.profiles import Binding, parse_binding, with_vendor_functions
-from analyzer.row_types import AnyRow, FindingRow, FrameRow, ReadingRow, TransactionRow
+from analyzer.row_types import AnyRow, ConnectionRow, FindingRow, FrameRow, ReadingRow, TransactionRow
 from analyzer.rows import Rows
 from analyzer.session import FileRun, Settings
 from analyzer.silence_limits import silence_limits
@@ -72,6 +72,11 @@ class Decoding:
     def findings(self) -> Rows[FindingRow]:
         """The findings: what is wrong or unusual, and what to check."""
         return Rows(self, "findings")
+
+    @property
+    def connections(self) -> Rows[ConnectionRow]:
+        """The TCP connections of captures, in the order in which they begin."""
+        return Rows(self, "connections")
 
     def table(self, name: str) -> Rows[AnyRow]:
         """The rows of a table by its name; `UsageError` if there is no such table."""

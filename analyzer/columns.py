@@ -1,4 +1,4 @@
-"""The columns of the four tables, as the core has read them from columns.toml.
+"""The columns of the tables, as the core has read them from columns.toml.
 
 >>> [column.key for column in columns("findings")][:4]
 ['frame', 'txn', 'time', 'elapsed_us']
@@ -17,7 +17,7 @@ from dissectors.vocabulary import respelled, vocabulary
 
 __all__ = ["TABLES", "Column", "columns", "pick"]
 
-TABLES = ("transactions", "frames", "readings", "findings")
+TABLES = ("transactions", "frames", "readings", "findings", "connections")
 """The tables; the first one is the default."""
 
 

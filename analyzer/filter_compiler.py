@@ -42,9 +42,14 @@ _ADDRESS_COLUMNS: list[Tree] = [["col", "address"], ["col", "write_address"]]
 _ALWAYS_THERE = frozenset(
     "unit function bus mode status verdict direction delimited_by confidence byte_offset"
     " byte_length elapsed_us time source hex operation raw value_text code severity detail impact"
-    " advice".split()
+    " advice client_port requests answered in_flight_max retransmitted_segments".split()
 )
-_NUMBERS_OF_ROWS = (("transactions", "txn"), ("frames", "frame"), ("readings", "txn"))
+_NUMBERS_OF_ROWS = (
+    ("transactions", "txn"),
+    ("frames", "frame"),
+    ("readings", "txn"),
+    ("connections", "connection"),
+)
 
 
 class Compiler(RegisterQuestions):

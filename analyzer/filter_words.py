@@ -33,6 +33,7 @@ __all__ = [
 
 VOCABULARIES: Mapping[str, Vocabulary] = {
     "status": "status",
+    "first_status": "status",
     "findings": "finding",
     "code": "finding",
 }
@@ -44,10 +45,13 @@ _SETS: Mapping[str, tuple[str, ...]] = {
     "operation": ("read", "write", "read_write", "other"),
     "register_type": REGISTER_TYPES,
     "mode": ("rtu", "ascii", "tcp"),
+    "closed_by": ("client", "server"),
+    "client_framing": ("tcp", "rtu", "ascii", "other"),
+    "server_framing": ("tcp", "rtu", "ascii", "other"),
 }
 
 # The order in which a word that stands alone is looked for.
-_COLUMNS_OF_WORDS = ("status", "verdict", "code", "findings", *_SETS)
+_COLUMNS_OF_WORDS = ("status", "verdict", "code", "findings", "first_status", *_SETS)
 
 _VALUES: Mapping[str, Mapping[str, str]] = {
     "status": {
@@ -105,6 +109,9 @@ _COLUMNS = {
     "bus": "port interface serial_port",
     "register_type": "type kind table reg_type",
     "direction": "dir",
+    "client_port": "port source_port srcport src_port sport",
+    "opened": "time start begin began connected syn",
+    "closed": "end ended fin rst disconnected",
     "code": "finding",
     "value": "val",
 }
@@ -202,7 +209,7 @@ _WITH_MEASURE = re.compile(r"\d[\d.]*(?:ms|us|s|h|m)")
 @cache
 def closed_set(column: str) -> tuple[str, ...]:
     """All values that a column can have; empty for a column that can have any."""
-    if column == "status":
+    if column in ("status", "first_status"):
         return tuple(statuses())
     if column == "verdict":
         return tuple(verdicts())
@@ -215,7 +222,7 @@ def nearest_value(column: str, word: str) -> str | None:
     """The value of a closed set that a word most probably means."""
     known = closed_set(column)
     plain = normalized(word)
-    called = _VALUES.get("findings" if column == "code" else column, {})
+    called = _VALUES.get({"code": "findings", "first_status": "status"}.get(column, column), {})
     for value, names in called.items():
         if plain in map(normalized, names.split()):
             return value

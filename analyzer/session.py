@@ -154,6 +154,7 @@ class PartialBatch:
     transactions: _modlens.Table
     findings: _modlens.Table
     readings: _modlens.Table
+    connections: _modlens.Table
 
 
 class Run(Protocol):

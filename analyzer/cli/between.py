@@ -38,20 +38,26 @@ class _Bound:
     value: Decimal
     literal: str
 
-    @property
-    def column(self) -> str:
-        return "elapsed_us" if self.kind == "seconds" else "time"
+    def column(self, table: str) -> str:
+        if self.kind == "seconds":
+            return "elapsed_us"
+        return "opened" if table == "connections" else "time"
 
 
 def combine_filters(
-    where: str | None, between: Sequence[str] | None, *, zone: Zone = "local"
+    where: str | None,
+    between: Sequence[str] | None,
+    *,
+    zone: Zone = "local",
+    table: str = "transactions",
 ) -> str | None:
     """Combine `--where` and `--between` into one filter text; None where neither is given.
 
     A bound is an ISO time, a time of day as the table shows it (which means every day of the
     recording), or a number of seconds since the first byte of the recording. Times that do not say
     their zone are in `zone`. A time of day after a bound with a date is on that date. `UsageError`
-    if a bound is none of these, or if nothing can be between them.
+    if a bound is none of these, or if nothing can be between them. Of the `table` of connections,
+    those are meant that were opened in between.
     """
     if between is None:
         return where
@@ -66,11 +72,17 @@ def combine_filters(
             f"--between {' '.join(between)}: give two times, two times of day, or two numbers of"
             " seconds, not one of each"
         )
+    if table == "connections" and first.kind == "seconds":
+        raise UsageError(
+            f"--between {' '.join(between)}: connections have times, not seconds since the start;"
+            " give two times"
+        )
     over_midnight = first.kind == "time of day" and last.value < first.value
     if last.value <= first.value and not over_midnight:
         raise UsageError(f"--between {' '.join(between)}: T2 is before T1, or equal")
     word = "or" if over_midnight else "and"
-    low, high = f"{first.column} >= {first.literal}", f"{last.column} < {last.literal}"
+    column = first.column(table)
+    low, high = f"{column} >= {first.literal}", f"{column} < {last.literal}"
     inside = f"({low} {word} {high})"
     return inside if where is None else f"({where}) and {inside}"
 

@@ -104,8 +104,9 @@ def _partial(batch: _modlens.Batch, of_transactions: Tree, of_frames: Tree) -> _
         kept(batch.transactions, of_transactions),
         kept(batch.findings, of_frames),
         kept(batch.readings, of_transactions),
+        batch.connections,
     )
-    # Sinks read the four tables only; those that need the batch itself take `whole`.
+    # Sinks read the tables only; those that need the batch itself take `whole`.
     return cast(_modlens.Batch, found)
 
 

@@ -140,8 +140,9 @@ class Outputs:
         self.partial: list[str] = []
         self._messages = messages
         zone: Literal["local", "utc"] = "utc" if options.times == "utc" else "local"
-        where = combine_filters(options.where, options.between, zone=zone)
-        self._has_times = where is not None and options.between is not None and "(time" in where
+        where = combine_filters(options.where, options.between, zone=zone, table=options.table)
+        by_time = where is not None and ("(time" in where or "(opened" in where)
+        self._has_times = options.between is not None and by_time
         self._filtered = where is not None
         for note in () if where is None else parse(where, options.table).notes:
             messages.info(f"--where: {note}")

@@ -1,4 +1,4 @@
-"""SQLite: the four tables in one file, with views for what is asked most often.
+"""SQLite: all tables in one file, with views for what is asked most often.
 
 Numbers are numbers, times ISO-8601 text, lists joined by single spaces, maps JSON text. `PRAGMA
 user_version` is the version of the columns. Views: `v_latest` (newest value of each register and
@@ -25,7 +25,7 @@ from dissectors.vocabulary import vocabulary
 
 __all__ = ["Format"]
 
-PRIMARY_KEYS = {"frames": "frame", "transactions": "txn"}
+PRIMARY_KEYS = {"frames": "frame", "transactions": "txn", "connections": "connection"}
 SQL_TYPES = {"int": "INTEGER", "bool": "INTEGER", "us": "REAL", "float": "REAL"}
 
 ROWS_PER_INSERT = 4096

@@ -3,8 +3,10 @@
 //! Columns are not stored: `columns` reads them off the rows on demand.
 
 mod buses;
+mod connection;
 
 pub use buses::{Bus, Buses, Network};
+pub use connection::{Connection, End};
 
 use std::sync::{Arc, Mutex};
 
@@ -184,6 +186,8 @@ pub struct Batch {
     pub transactions: Vec<Transaction>,
     /// Findings.
     pub findings: Vec<FindingRow>,
+    /// TCP connections that are over, in the order in which they began.
+    pub connections: Vec<Connection>,
     /// For frames that came in more than two packets: number of the frame, and of a packet that holds neither its first nor
     /// its last byte.
     pub inner_packets: Vec<(u64, u64)>,
@@ -217,7 +221,8 @@ impl MemoryPool {
 
 impl Drop for Batch {
     /// Gives the vectors of the batch, emptied, back to its session, unless that is gone, has enough of them, or the arena is
-    /// too large to be kept. `inner_packets`, mostly empty, is not among them.
+    /// too large to be kept. `connections` and `inner_packets`, mostly empty, are
+    /// not among them.
     fn drop(&mut self) {
         // With one reference, the session is gone, or the batch was not made by one.
         if Arc::strong_count(&self.pool.0) == 1 || self.arena.capacity() > MAX_POOLED_BYTES {

@@ -1,4 +1,4 @@
-//! Batches of decoded rows: four tables over one batch of the core.
+//! Batches of decoded rows: the tables over one batch of the core.
 
 use std::sync::{Arc, OnceLock};
 
@@ -44,5 +44,10 @@ impl Batch {
     #[getter]
     fn findings(&self) -> Table {
         table(&self.core, TableKind::Findings)
+    }
+
+    #[getter]
+    fn connections(&self) -> Table {
+        table(&self.core, TableKind::Connections)
     }
 }

@@ -60,6 +60,8 @@ impl Session {
                 TableKind::Frames => wanted.frames = true,
                 TableKind::Transactions | TableKind::Readings => wanted.transactions = true,
                 TableKind::Findings => wanted.findings = true,
+                // Its rows are always made: they are few.
+                TableKind::Connections => {}
             }
         }
         Ok(Self { core: Core::new(Arc::clone(&functions.core), wanted, live, timeout_ns), buses: 0 })

@@ -8,9 +8,10 @@ use crate::session::Session;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
+use modlens_protocol::Ns;
 
-/// The exchange at the heads of the two lines of a connection, if there is no doubt and no finding about it. `lines`: indices
-/// of the client's line and of the server's.
+/// The exchange at the heads of the two lines of a connection, with the times of its two packets, if there is no doubt and no
+/// finding about it. `lines`: indices of the client's line and of the server's.
 ///
 /// `None` unless the request is a plain read or write in which no self-describing register map can begin, request and
 /// response are a packet each that has a time, the response comes behind the request, within the request time-out and before
@@ -18,7 +19,7 @@ use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
 /// expected one. Last, the profile of the unit learns the data read; if that would change the profile or give a finding,
 /// it learns nothing, and the result is `None`: the slow path does it. Nothing else is changed, and nothing is consumed.
 #[inline]
-fn match_exchange(state: &mut BusState, functions: &Functions, lines: [usize; 2]) -> Option<MatchedExchange> {
+fn match_exchange(state: &mut BusState, functions: &Functions, lines: [usize; 2]) -> Option<(MatchedExchange, [Ns; 2])> {
     let [client, server] = lines.map(|line| &state.lines[line].1.input);
     let (header, request) = client.bytes().split_first_chunk::<MBAP_PREFIX_BYTES>()?;
     let expected = ExpectedExchange::from_request(functions, Mode::Tcp, request).filter(may_hold_no_map)?;
@@ -41,7 +42,8 @@ fn match_exchange(state: &mut BusState, functions: &Functions, lines: [usize; 2]
     }
     let is_settled = state.profiles.learn_quietly(functions, request, expected.read_data(response));
     let mbap_id = Some(u16::from_be_bytes(id));
-    is_settled.then_some(MatchedExchange { expected, mode: Mode::Tcp, mbap_id, lines, lengths })
+    let matched = MatchedExchange { expected, mode: Mode::Tcp, mbap_id, lines, lengths };
+    is_settled.then_some((matched, [requested_at, answered_at]))
 }
 
 impl Session {
@@ -60,7 +62,8 @@ impl Session {
         let mut last_response_bytes = None;
         loop {
             let state = &mut self.buses[bus];
-            let Some(matched) = match_exchange(state, &self.functions, lines) else { break };
+            let Some((matched, times)) = match_exchange(state, &self.functions, lines) else { break };
+            state.connection.note_exchange(self.next_txn, matched.mbap_id, times, &state.pairing);
             let wires = [0, 1].map(|at| self.batch.store(&state.lines[lines[at]].1.input.bytes()[..matched.lengths[at]]));
             self.emit_exchange(bus, &matched, wires, None, &config, min_measurable_ns, &mut totals);
             last_response_bytes = Some(matched.expected.response_bytes);

@@ -49,7 +49,7 @@ impl Pairing {
     }
 
     /// Whether a master that has waited so long for a response cannot have given up yet.
-    pub(super) fn is_before_timeout(&self, waited: Ns) -> bool {
+    pub(crate) fn is_before_timeout(&self, waited: Ns) -> bool {
         let learned = self.timing.master_timeout().map(|timeout| (timeout as f64 * MIN_TIMEOUT_FRACTION) as Ns);
         waited < learned.unwrap_or(MIN_MASTER_TIMEOUT_NS)
     }

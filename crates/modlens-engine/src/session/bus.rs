@@ -8,6 +8,7 @@ use crate::framer::{FrameResult, Framer, FramerContext};
 use crate::input::Input;
 use crate::pairing::{ObservedFrame, Pairing};
 use crate::records::Bus;
+use crate::session::connection_tally::ConnectionTally;
 use crate::session::frame_timing::TimingConfig;
 use crate::session::lateness::Lateness;
 use crate::session::line::{LineState, UnmergedFrames};
@@ -69,6 +70,8 @@ pub(crate) struct BusState {
     /// The clock went back with the last chunk, and no frame was emitted since.
     pub(crate) clock_jumped: bool,
     pub(crate) profiles: Profiles,
+    /// What is counted of a connection.
+    pub(crate) connection: ConnectionTally,
     /// The reader of a recording in text.
     pub(crate) reader: Option<Box<Reader>>,
     /// Device keys of the text reader, and the bus of each.
@@ -112,6 +115,7 @@ impl BusState {
             stamps_resolution: None,
             merged_order: VecDeque::new(),
             profiles,
+            connection: ConnectionTally::default(),
             options,
         }
     }

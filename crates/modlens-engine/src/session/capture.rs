@@ -31,6 +31,7 @@ impl Session {
     pub fn add_capture(&mut self, options: CaptureOptions) -> usize {
         self.captures.push(Some(CaptureState {
             reader: Capture::new(options.ports.clone()),
+            source: options.source.as_str().into(),
             options,
             slots: Vec::new(),
             lines: Vec::new(),
@@ -77,7 +78,8 @@ impl Session {
     /// would change how these are decided, so they are decided first; so would bytes behind a gap, or where the server's side
     /// begins or ceases to be recorded. A time says nothing about them and only teaches the clock.
     ///
-    /// The end of a connection flushes its bus, which a later connection takes once no row names it any more.
+    /// The end of a connection flushes its bus, which a later connection takes once no row names it any more. That one side
+    /// ends it comes before: behind all bytes of that side, and while requests are still open.
     fn handle_event(&mut self, state: &mut CaptureState, event: Event<'_>) {
         if !matches!(event, Event::Time(..) | Event::Bytes { .. }) {
             self.decide_waiting();
@@ -87,19 +89,21 @@ impl Session {
                 self.note_time(state, time, interface);
                 self.sweep_connections(state, time);
             }
+            Event::Begun { slot } => state.slot(slot).connection = Some(self.connections.begin()),
             Event::Opened { slot, client, server, mode } => self.add_connection(state, slot, client, server, mode),
             Event::Bytes { slot, from_client, chunk, is_whole_message, server_side_recorded } => {
-                if let Some(&Some(bus)) = state.slots.get(slot) {
+                if let Some(bus) = state.slot(slot).bus {
                     self.note_recorded_side(bus, server_side_recorded);
                     self.feed_stream(bus, from_client, &chunk, is_whole_message);
                 }
             }
             Event::Repetition { slot, kind, packet, time } => {
-                if let Some(&Some(bus)) = state.slots.get(slot) {
+                if let Some(bus) = state.slot(slot).bus {
                     self.emit_connection_finding(bus, findings::connection::repetition(kind, packet), packet, time);
                 }
             }
-            Event::Closed { slot } => self.close_connection(state, slot),
+            Event::Closing { .. } => {}
+            Event::Closed { slot, connection } => self.close_connection(state, slot, connection.as_ref()),
             Event::Line { interface: index, by: interface, content, errors, packet, time } => {
                 let bus = self.serial_bus(state, index, interface);
                 self.feed_serial(bus, interface, content, &errors, packet, time);
@@ -117,14 +121,6 @@ impl Session {
             self.decide_waiting();
         }
         self.buses[bus].pairing.response_side_recorded = is_recorded;
-    }
-
-    /// Ends the connection in this slot, if it has one: its bus is flushed, and becomes free once no row names it any more.
-    fn close_connection(&mut self, state: &mut CaptureState, slot: usize) {
-        if let Some(bus) = state.slots.get_mut(slot).and_then(Option::take) {
-            self.flush_bus(bus);
-            self.retired.push(bus);
-        }
     }
 
     /// Learns the clock of a capture from the time of a packet, in ns. The first packet that tells it decides its kind: as
@@ -150,7 +146,7 @@ impl Session {
         }
         state.last_sweep = Some(now);
         let is_due = |session: &Self, bus: usize| session.buses[bus].pairing.deadline().is_some_and(|due| due <= now);
-        for bus in state.slots.iter().flatten().copied() {
+        for bus in state.slots.iter().filter_map(|slot| slot.bus) {
             if is_due(self, bus) {
                 self.decide_waiting();
                 self.advance_pairing(bus, now);
@@ -162,9 +158,9 @@ impl Session {
     /// into the `slot` of the reader's table. The bus is named after the server, and counted together with its other
     /// connections.
     fn add_connection(&mut self, state: &mut CaptureState, slot: usize, client: Endpoint, server: Endpoint, mode: Mode) {
-        self.connections += 1;
+        let connection = state.slot(slot).connection.unwrap_or_else(|| self.connections.number());
         let server = server.to_string();
-        let network = Network { client: client.address.to_string(), server: server.clone(), connection: self.connections };
+        let network = Network { client: client.address.to_string(), server: server.clone(), connection };
         let bus = Bus {
             name: server,
             source: state.options.source.clone(),
@@ -174,10 +170,7 @@ impl Session {
             network: Some(network),
         };
         let options = BusOptions { bus, mode: Some(mode), line: None, resolution: Some(state.resolution.max(1)), rule: None };
-        if state.slots.len() <= slot {
-            state.slots.resize(slot + 1, None);
-        }
-        state.slots[slot] = Some(self.add_connection_bus(options));
+        state.slot(slot).bus = Some(self.add_connection_bus(options));
     }
 
     /// Adds a bus with these options in place of one that is free, if there is one; gives its index.
@@ -304,6 +297,7 @@ impl Session {
     /// Emits a finding that is about a connection, not about one of its frames; it is placed at the packet, `time` in ns. It
     /// is counted in any case, but gets a row only if findings are wanted.
     fn emit_connection_finding(&mut self, bus: usize, (finding, detail): (Finding, String), packet: u64, time: Option<Ns>) {
+        self.buses[bus].connection.note_finding(finding);
         self.stats.finding(finding);
         if self.wanted.findings {
             let recording_start = self.origin;

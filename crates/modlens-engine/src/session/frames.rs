@@ -48,6 +48,9 @@ impl Session {
         if let Some(start) = timing.start {
             state.pairing.advance_time(start, &mut self.done);
         }
+        if state.options.bus.network.is_some() && framed.verdict.is_good() {
+            state.connection.note_frame(&frame, &state.pairing);
+        }
         let result = state.pairing.add_frame(&self.functions, &frame, &mut self.next_txn, &mut self.done);
         if let Some(finding) = result.finding {
             self.found.push((finding, words::order(finding, &result, &frame)));

@@ -7,6 +7,7 @@
 //! | which line of a two-line tap is next | `two_lines` |
 //! | when a frame was on the line, and how exact that is | `frame_timing`, `lateness` |
 //! | how a frame or a transaction becomes a row | `frames`, `transactions`, `rows` |
+//! | what is counted of a connection, and how it becomes a row | `connection_tally`, `in_flight`, `connections` |
 //! | how rows of our own captures are read back | `reimport` |
 
 // A transaction is large and changes hands three times; moving its box is cheaper than moving it.
@@ -14,9 +15,12 @@
 
 pub(crate) mod bus;
 mod capture;
+pub(crate) mod connection_tally;
+mod connections;
 mod feed;
 pub(crate) mod frame_timing;
 mod frames;
+pub(crate) mod in_flight;
 pub(crate) mod lateness;
 pub(crate) mod line;
 mod logic;
@@ -46,6 +50,7 @@ pub use bus::BusOptions;
 pub use sources::CaptureOptions;
 
 use bus::BusState;
+use connections::Connections;
 use profiles::{Assignment, Profiles};
 use sources::{CaptureState, LogicState};
 
@@ -113,8 +118,7 @@ pub struct Session {
     retired: Vec<usize>,
     /// Buses of closed connections that a new connection may take.
     free: Vec<usize>,
-    /// Connections so far.
-    connections: u64,
+    connections: Connections,
     /// The bus with bytes that `feed_later` has left undecided.
     waiting: Option<usize>,
     /// The buses of raw recordings, each with the segment that was read last.
@@ -156,7 +160,7 @@ impl Session {
             logics: Vec::new(),
             retired: Vec::new(),
             free: Vec::new(),
-            connections: 0,
+            connections: Connections::default(),
             waiting: None,
             recorded: Vec::new(),
         }
@@ -218,6 +222,7 @@ impl Session {
         self.held.extend(batch.transactions.drain(ready..));
         self.copy_held_bytes(&batch);
         self.release_buses();
+        batch.connections = self.connections.take(self.live);
         batch.buses = Arc::clone(&self.bus_rows);
         batch.functions = Some(Arc::clone(&self.functions));
         batch

@@ -1,6 +1,7 @@
 //! The state of sources that the session itself reads: packet captures and recordings of logic analysers.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use crate::framer::silence::SilenceRule;
 use crate::pairing::BufferedFrame;
@@ -31,9 +32,11 @@ pub struct CaptureOptions {
 /// A capture that is being read.
 pub(super) struct CaptureState {
     pub(super) options: CaptureOptions,
+    /// The file, as the rows of connections share it.
+    pub(super) source: Arc<str>,
     pub(super) reader: Capture,
-    /// For each slot of the reader's table of connections, the bus of the connection in it.
-    pub(super) slots: Vec<Option<usize>>,
+    /// For each slot of the reader's table of connections, the connection in it.
+    pub(super) slots: Vec<SlotState>,
     /// The bus of each serial interface.
     pub(super) lines: Vec<Option<usize>>,
     /// Rows that are read back from a capture that modlens wrote.
@@ -45,7 +48,24 @@ pub(super) struct CaptureState {
     pub(super) last_sweep: Option<Ns>,
 }
 
+/// The connection in a slot of the reader's table.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct SlotState {
+    /// Its number, once it has begun.
+    pub(super) connection: Option<u64>,
+    /// Its bus, once it has turned out to carry Modbus.
+    pub(super) bus: Option<usize>,
+}
+
 impl CaptureState {
+    /// The connection in this slot, which is added if it is new.
+    pub(super) fn slot(&mut self, slot: usize) -> &mut SlotState {
+        if self.slots.len() <= slot {
+            self.slots.resize(slot + 1, SlotState::default());
+        }
+        &mut self.slots[slot]
+    }
+
     /// The smallest number of a transaction that is read back and not complete yet.
     pub(super) fn oldest(&self) -> Option<u64> {
         self.reimport.oldest()

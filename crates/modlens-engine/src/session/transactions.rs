@@ -37,6 +37,9 @@ impl Session {
         if transaction.confirms_unit && matches!(transaction.status, Status::Ok | Status::Exception) {
             self.buses[bus].paired_units[transaction.unit as usize] = true;
         }
+        if self.buses[bus].options.bus.network.is_some() {
+            self.buses[bus].connection.note_transaction(transaction);
+        }
         self.stats.transaction(self.buses[bus].counts, &self.functions, transaction);
         if self.wanted.transactions {
             self.emit_row(bus, transaction, points);

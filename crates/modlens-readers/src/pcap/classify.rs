@@ -74,6 +74,16 @@ pub fn classify(functions: &Functions, held: &[BufferedChunk], is_known_port: bo
     (has_ended || held.len() >= MAX_UNDECIDED_SEGMENTS || bytes >= limit).then_some(Classification::Other)
 }
 
+/// The framing of the whole frame that the bytes of a segment begin with; `None` if they begin with none.
+pub fn framing_of_segment(functions: &Functions, bytes: &[u8]) -> Option<Mode> {
+    let mbap_frame = || {
+        let length = announced_length(bytes).filter(|&length| length <= bytes.len())?;
+        (length == bytes.len() || layout_fits(functions, &bytes[MBAP_BYTES..length])).then_some(Mode::Tcp)
+    };
+    let rtu_frame = parse_rtu(functions, bytes).map(|_| Mode::Rtu);
+    rtu_frame.or_else(mbap_frame).or_else(|| mode_by_valid_frames(functions, bytes))
+}
+
 /// Looks for one whole frame, where the port number already speaks for Modbus.
 fn on_known_port(functions: &Functions, held: &[BufferedChunk]) -> Option<Classification> {
     for side in 0..2 {

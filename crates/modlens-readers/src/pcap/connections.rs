@@ -1,20 +1,22 @@
-//! Keeps the connections of a capture: finds the connection of each segment, decides what it carries, and reports the
-//! bytes of Modbus connections in order.
+//! Keeps the connections of a capture: finds the connection of each segment, and puts its segments in order.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use foldhash::fast::RandomState;
 
-use crate::pcap::classify::{classify, BufferedChunk, Classification};
-use crate::pcap::event::{Event, Repetition, SkipCounts};
+use crate::pcap::conversation::{CaptureContext, ConnectionKey, Conversation, ConversationState};
+use crate::pcap::event::{Event, SkipCounts};
+use crate::pcap::lifecycle::Closing;
 use crate::pcap::net::{Endpoint, Segment};
 use crate::pcap::stream::{ArrivedSegment, SegmentOutcome, Stream, StreamChunk, MAX_DUPLICATE_DELAY_NS};
-use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
 
 /// The most connections that are kept. When there are more, the quarter that has been silent for longest is closed.
 const MAX_CONNECTIONS: usize = 4096;
+
+/// The most servers on ports that are not listed of which connections without bytes are reported.
+const MAX_SERVERS: usize = 4096;
 
 /// The ports on which Modbus is expected.
 #[derive(Clone, Debug)]
@@ -41,27 +43,6 @@ impl Ports {
     }
 }
 
-/// Both ends of a connection, the lower one first, so that both directions have the same key.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-struct ConnectionKey {
-    low: Endpoint,
-    high: Endpoint,
-    is_udp: bool,
-}
-
-/// What is known about the content of a connection.
-#[derive(Debug)]
-enum ConversationState {
-    /// Not enough bytes yet, which are kept until the decision.
-    Undecided(Vec<BufferedChunk>),
-    /// It carries Modbus.
-    Modbus,
-    /// It carries something else.
-    Other,
-    /// It was closed; segments that still come are normally duplicates.
-    Over,
-}
-
 /// A datagram that is remembered to recognise duplicates: the side that sent it, IP identification, payload, time.
 type Datagram = (usize, Option<u16>, Vec<u8>, Option<Ns>);
 
@@ -79,31 +60,6 @@ struct Connection {
     conversation: Conversation,
 }
 
-/// The content of a connection, once its segments are in order.
-#[derive(Debug)]
-struct Conversation {
-    slot: usize,
-    key: ConnectionKey,
-    /// The side of the client: 0 for the lower end of the key, 1 for the higher one.
-    client: usize,
-    /// One of the ports is listed as a port of Modbus.
-    is_known_port: bool,
-    /// The SYN was captured, which shows who the client is.
-    has_seen_opening: bool,
-    state: ConversationState,
-    /// A finding about duplicates has been reported; further ones are only counted.
-    has_reported_duplicates: bool,
-    /// Whether anything of each side was captured.
-    side_recorded: [bool; 2],
-}
-
-/// What a conversation reads from and reports to.
-struct CaptureContext<'a, 'b> {
-    functions: &'a Functions,
-    skipped: &'a mut SkipCounts,
-    each: &'a mut (dyn FnMut(Event<'_>) + 'b),
-}
-
 /// All connections of a capture.
 #[derive(Debug, Default)]
 pub struct ConnectionTable {
@@ -111,6 +67,8 @@ pub struct ConnectionTable {
     index: HashMap<ConnectionKey, usize, RandomState>,
     slots: Vec<Option<Connection>>,
     free: Vec<usize>,
+    /// Servers on ports that are not listed, of which a connection has turned out to carry Modbus.
+    servers: HashSet<Endpoint, RandomState>,
     /// The connection of the last packet, which is mostly that of the next one, too.
     latest: Option<(ConnectionKey, usize)>,
 }
@@ -151,13 +109,14 @@ impl ConnectionTable {
         connection.last_packet = packet;
         connection.packets += 1;
         connection.conversation.side_recorded[side] = true;
-        if it.length == 0 {
+        if it.length == 0 && (it.tcp.is_none() || !connection.conversation.is_expected) {
             context.skipped.without_data += 1;
         }
         match it.tcp {
             Some(tcp) => {
                 let (payload, length, ident) = (it.payload, it.length, it.ident);
                 connection.segment(&ArrivedSegment { side, tcp, payload, length, ident, packet, time }, context);
+                self.note_server(at);
             }
             None if it.length > 0 => connection.datagram(it, side, (packet, time), context),
             None => {}
@@ -192,12 +151,26 @@ impl ConnectionTable {
             // The listed port is that of the server. If both or none are listed, the sender of the first packet counts as
             // the client.
             let client = if listed == [true, false] { 1 - side } else { side };
-            self.slots[at] = Some(Connection::new(Conversation::new(at, key, client, listed != [false; 2])));
+            let is_listed = listed != [false; 2];
+            let is_expected = is_listed || self.servers.contains(&key.low) || self.servers.contains(&key.high);
+            self.slots[at] = Some(Connection::new(Conversation::new(at, key, client, is_listed, is_expected)));
             self.index.insert(key, at);
             at
         };
         self.latest = Some((key, at));
         at
+    }
+
+    /// Remembers the server of a connection that turned out to carry Modbus, on whatever port: it is expected there from now on.
+    fn note_server(&mut self, at: usize) {
+        let Some(connection) = self.slots[at].as_mut().filter(|it| !it.conversation.is_expected) else { return };
+        let conversation = &mut connection.conversation;
+        if matches!(conversation.state, ConversationState::Modbus) {
+            conversation.is_expected = true;
+            if self.servers.len() < MAX_SERVERS {
+                self.servers.insert(conversation.endpoint_of(1 - conversation.client));
+            }
+        }
     }
 
     /// Closes the quarter of the connections that have been silent for longest.
@@ -240,19 +213,31 @@ impl Connection {
         }
     }
 
-    /// Takes a TCP segment.
+    /// Takes a TCP segment. A FIN is noted behind all bytes before it; a RST ends both directions at once.
     fn segment(&mut self, arrival: &ArrivedSegment<'_>, context: &mut CaptureContext<'_, '_>) {
-        let conversation = &mut self.conversation;
-        let mut outcome = self.stream.take(arrival, &mut |chunk| conversation.take_bytes(chunk, context));
+        let mut outcome = self.pass_on(arrival, context);
         if outcome == SegmentOutcome::OtherConnection {
             self.restart(context);
-            let conversation = &mut self.conversation;
-            outcome = self.stream.take(arrival, &mut |chunk| conversation.take_bytes(chunk, context));
+            outcome = self.pass_on(arrival, context);
         }
-        self.conversation.note_repetition(outcome, arrival.packet, arrival.time, context);
+        let conversation = &mut self.conversation;
+        conversation.note_segment(arrival, outcome);
+        conversation.note_repetition(outcome, arrival.packet, arrival.time, context);
+        conversation.note_finished(&self.stream, false, context);
+        if arrival.tcp.rst {
+            self.stream.finish(&mut |chunk| conversation.take_bytes(chunk, context));
+            conversation.note_closing(arrival.side, Closing::Reset, arrival.time, context);
+        }
         if arrival.tcp.rst || self.stream.ended() {
             self.end(context);
         }
+    }
+
+    /// Passes a segment to the stream, and what is in order now to the conversation.
+    fn pass_on(&mut self, arrival: &ArrivedSegment<'_>, context: &mut CaptureContext<'_, '_>) -> SegmentOutcome {
+        let conversation = &mut self.conversation;
+        conversation.begin(arrival.packet, arrival.time, context);
+        self.stream.take(arrival, &mut |chunk| conversation.take_bytes(chunk, context))
     }
 
     /// Takes a UDP datagram, unless it was captured twice.
@@ -283,7 +268,7 @@ impl Connection {
     fn restart(&mut self, context: &mut CaptureContext<'_, '_>) {
         self.end(context);
         let old = &self.conversation;
-        let conversation = Conversation::new(old.slot, old.key, old.client, old.is_known_port);
+        let conversation = Conversation::new(old.slot, old.key, old.client, old.is_known_port, old.is_expected);
         *self = Self { packets: self.packets, last_packet: self.last_packet, ..Self::new(conversation) };
     }
 
@@ -292,124 +277,7 @@ impl Connection {
     fn end(&mut self, context: &mut CaptureContext<'_, '_>) {
         let conversation = &mut self.conversation;
         self.stream.finish(&mut |chunk| conversation.take_bytes(chunk, context));
-        self.conversation.end(context);
-    }
-}
-
-impl Conversation {
-    fn new(slot: usize, key: ConnectionKey, client: usize, is_known_port: bool) -> Self {
-        Self {
-            slot,
-            key,
-            client,
-            is_known_port,
-            has_seen_opening: false,
-            state: ConversationState::Undecided(Vec::new()),
-            has_reported_duplicates: false,
-            side_recorded: [false; 2],
-        }
-    }
-
-    /// Counts a duplicate or a retransmission, and reports it: of the duplicates of a connection only the first.
-    fn note_repetition(&mut self, outcome: SegmentOutcome, packet: u64, time: Option<Ns>, context: &mut CaptureContext<'_, '_>) {
-        let kind = match outcome {
-            SegmentOutcome::Duplicate => {
-                context.skipped.duplicates += 1;
-                if std::mem::replace(&mut self.has_reported_duplicates, true) {
-                    return;
-                }
-                Repetition::Duplicate
-            }
-            SegmentOutcome::Retransmission => {
-                context.skipped.retransmissions += 1;
-                Repetition::Retransmission
-            }
-            _ => return,
-        };
-        if matches!(self.state, ConversationState::Modbus) {
-            (context.each)(Event::Repetition { slot: self.slot, kind, packet, time });
-        }
-    }
-
-    /// Takes bytes in order: they are delivered, counted as other traffic, or kept until the decision.
-    fn take_bytes(&mut self, chunk: StreamChunk<'_>, context: &mut CaptureContext<'_, '_>) {
-        match self.state {
-            ConversationState::Modbus => self.deliver(chunk, context),
-            ConversationState::Other => context.skipped.not_modbus += 1,
-            ConversationState::Undecided(_) | ConversationState::Over => {
-                // Bytes behind a RST or FIN mean that the ports are used again, or that the RST was for another connection.
-                if matches!(self.state, ConversationState::Over) {
-                    self.state = ConversationState::Undecided(Vec::new());
-                }
-                let ConversationState::Undecided(held) = &mut self.state else { return };
-                held.push(BufferedChunk {
-                    side: chunk.side,
-                    bytes: chunk.bytes.to_vec(),
-                    packet: chunk.packet,
-                    time: chunk.time,
-                    missing: chunk.missing,
-                    cut: chunk.cut,
-                });
-                self.decide(false, context);
-            }
-        }
-    }
-
-    /// Decides what the connection carries, once its bytes show it, and delivers those that were kept for that.
-    fn decide(&mut self, ended: bool, context: &mut CaptureContext<'_, '_>) {
-        let ConversationState::Undecided(held) = &mut self.state else { return };
-        let Some(found) = classify(context.functions, held, self.is_known_port, ended) else { return };
-        let held = std::mem::take(held);
-        let Classification::Modbus(mode, client_side) = found else {
-            context.skipped.not_modbus += held.len() as u64;
-            context.skipped.other_connections += u64::from(!held.is_empty());
-            self.state = ConversationState::Other;
-            return;
-        };
-        // A serial device behind TCP may connect to its master, so there only the frames show which side sends requests.
-        let is_client_doubtful = mode != Mode::Tcp || !(self.has_seen_opening || self.is_known_port);
-        if let Some(side) = client_side.filter(|_| is_client_doubtful) {
-            self.client = side;
-        }
-        self.state = ConversationState::Modbus;
-        let (client, server) = (self.endpoint_of(self.client), self.endpoint_of(1 - self.client));
-        (context.each)(Event::Opened { slot: self.slot, client, server, mode });
-        for it in held {
-            let BufferedChunk { side, packet, time, missing, cut, .. } = it;
-            self.deliver(StreamChunk { side, bytes: &it.bytes, packet, time, missing, cut }, context);
-        }
-    }
-
-    /// Address and port of a side.
-    fn endpoint_of(&self, side: usize) -> Endpoint {
-        if side == 0 {
-            self.key.low
-        } else {
-            self.key.high
-        }
-    }
-
-    /// Reports bytes of a Modbus connection.
-    fn deliver(&mut self, chunk: StreamChunk<'_>, context: &mut CaptureContext<'_, '_>) {
-        context.skipped.missing += u64::from(chunk.missing);
-        context.skipped.cut += u64::from(chunk.cut);
-        let from_client = chunk.side == self.client;
-        let server_side_recorded = self.side_recorded[1 - self.client];
-        (context.each)(Event::Bytes {
-            slot: self.slot,
-            from_client,
-            chunk,
-            is_whole_message: self.key.is_udp,
-            server_side_recorded,
-        });
-    }
-
-    /// Decides with what there is, and closes a Modbus connection.
-    fn end(&mut self, context: &mut CaptureContext<'_, '_>) {
-        self.decide(true, context);
-        if matches!(self.state, ConversationState::Modbus) {
-            (context.each)(Event::Closed { slot: self.slot });
-            self.state = ConversationState::Over;
-        }
+        conversation.note_finished(&self.stream, true, context);
+        conversation.end(context);
     }
 }

@@ -1,6 +1,7 @@
 //! What a capture yields: the events of its connections and serial lines, and counts of what was skipped.
 
 use crate::pcap::file::Interface;
+use crate::pcap::lifecycle::{Closing, ConnectionHistory};
 use crate::pcap::metadata::PacketMetadata;
 use crate::pcap::net::Endpoint;
 use crate::pcap::serial::SerialContent;
@@ -17,11 +18,29 @@ pub enum Repetition {
     Retransmission,
 }
 
+/// A TCP connection that is over, or whose capture is.
+#[derive(Clone, Copy, Debug)]
+pub struct EndedConnection<'a> {
+    /// The end that sends requests.
+    pub client: Endpoint,
+    /// The end that sends responses.
+    pub server: Endpoint,
+    /// The side of the client: 0 or 1.
+    pub client_side: usize,
+    /// What its packets have told.
+    pub history: &'a ConnectionHistory,
+}
+
 /// What is found in a capture, in order. A slot is the number of a connection; it is reused once the connection is closed.
 #[derive(Debug)]
 pub enum Event<'a> {
     /// The time of a packet of any kind, which moves the clock of the capture on.
     Time(Ns, &'a Interface),
+    /// The first packet of a TCP connection on a port of Modbus, or, on any other port, of one that turned out to carry it.
+    Begun {
+        /// Slot of the connection.
+        slot: usize,
+    },
     /// A connection turned out to carry Modbus.
     Opened {
         /// Slot of the connection.
@@ -57,10 +76,23 @@ pub enum Event<'a> {
         /// Time of the packet.
         time: Option<Ns>,
     },
-    /// A Modbus connection was closed; its slot will be reused.
+    /// One side of a TCP connection has ended it, behind all bytes that it has sent.
+    Closing {
+        /// Slot of the connection.
+        slot: usize,
+        /// The client has ended it.
+        from_client: bool,
+        /// How.
+        closing: Closing,
+        /// Time of the packet.
+        time: Option<Ns>,
+    },
+    /// A connection that has begun or carried Modbus is over, or the capture is; its slot will be reused.
     Closed {
         /// Slot of the connection.
         slot: usize,
+        /// What is known of the TCP connection; `None` for datagrams.
+        connection: Option<EndedConnection<'a>>,
     },
     /// A frame that modlens has decoded and exported before, which is imported again as it was decoded then.
     Reimported {
@@ -103,7 +135,7 @@ pub struct SkipCounts {
     pub other_connections: u64,
     /// Packets on port 802, Modbus over TLS.
     pub encrypted: u64,
-    /// Packets without payload, such as acknowledgements.
+    /// Packets without payload, such as acknowledgements, that belong to no connection of Modbus.
     pub without_data: u64,
     /// Packets that were captured twice.
     pub duplicates: u64,

@@ -2,23 +2,28 @@
 //!
 //! In the order in which data passes through: `file` cuts the file into packets, `net` finds the TCP or UDP segment in a
 //! packet through all tunnels (`fragments` reassembles IP packets), `connections` finds its connection, `stream` puts the bytes of
-//! TCP in order, and `classify` decides whether a connection carries Modbus and in which framing. `serial` reads the link
-//! types of serial lines, and `metadata` the metadata that modlens itself has written. The engine makes frames of the streams.
+//! TCP in order, `conversation` reports them and the events of the connection, `classify` decides whether it carries Modbus and
+//! in which framing, and `lifecycle` keeps what its packets tell beside their bytes: opened, refused, ended, by whom. `serial`
+//! reads the link types of serial lines, and `metadata` the metadata that modlens itself has written. The engine makes frames of
+//! the streams.
 
 pub mod adu;
 mod classify;
 mod connections;
+mod conversation;
 mod event;
 mod file;
 mod fragments;
+mod lifecycle;
 pub mod metadata;
 mod net;
 mod serial;
 mod stream;
 
 pub use connections::Ports;
-pub use event::{Event, Repetition, SkipCounts};
+pub use event::{EndedConnection, Event, Repetition, SkipCounts};
 pub use file::{signature, Interface};
+pub use lifecycle::{Closing, ConnectionHistory, SideFraming};
 pub use net::Endpoint;
 pub use serial::SerialContent;
 pub use stream::StreamChunk;

@@ -186,7 +186,13 @@ impl Stream {
 
     /// Whether both directions have been delivered up to their FIN.
     pub fn ended(&self) -> bool {
-        self.waiting.is_empty() && self.sides.iter().all(|side| side.end.is_some() && side.end == side.next)
+        self.waiting.is_empty() && self.has_finished(0) && self.has_finished(1)
+    }
+
+    /// Whether everything that a side has sent, up to its FIN, has been delivered.
+    pub fn has_finished(&self, side: usize) -> bool {
+        let direction = &self.sides[side];
+        direction.end.is_some() && direction.end == direction.next
     }
 
     /// Whether the sender of a segment has acknowledged bytes of the other side that have not been delivered yet.

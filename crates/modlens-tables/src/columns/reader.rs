@@ -1,6 +1,6 @@
 //! The compiled readers of columns.
 
-use modlens_engine::records::{FindingRow, Frame};
+use modlens_engine::records::{Connection, FindingRow, Frame};
 
 use crate::columns::row_columns::{Emit, EmitTransaction};
 
@@ -12,6 +12,7 @@ pub(super) enum RowReader<S> {
     Frame(Emit<Frame, S>),
     Transaction(EmitTransaction<S>),
     Finding(Emit<FindingRow, S>),
+    Connection(Emit<Connection, S>),
     /// The index of a column of readings, which are not compiled for each writer.
     Reading(usize),
 }

@@ -1,4 +1,4 @@
-//! The columns of frames, transactions and findings, one line each.
+//! The columns of frames, transactions, findings and connections, one line each.
 //!
 //! The readers are compiled into their callers, so that a `Cell` which a writer matches at once is never built in
 //! memory.
@@ -6,13 +6,15 @@
 
 use crate::columns::bus_cells::{bus, network, utc_time};
 use crate::columns::cell::Cell;
-use crate::columns::column_value::{Codes, ColumnValue, FunctionName, Hex, Ints, Source, Text, Us, Word};
+use crate::columns::column_value::{Codes, ColumnValue, FunctionName, Hex, Ints, Source, Text, Time, Us, Word};
 use crate::columns::function_rows::functions;
 use crate::columns::reading_columns::named;
 use crate::columns::sink::CellSink;
 use crate::columns::transaction_view::{exception_text, TransactionView};
-use modlens_engine::records::{Batch, FindingRow, Frame, FrameRef};
+use modlens_engine::records::{Batch, Connection, End, FindingRow, Frame, FrameRef};
 use modlens_protocol::functions::EXCEPTION_BIT;
+use modlens_protocol::source::{Clock, Place};
+use modlens_protocol::Ns;
 
 /// Columns that have the same value in every row of a bus. Writers format these once per bus.
 pub(super) const BUS_COLUMNS: [&str; 4] = ["bus", "client", "server", "connection"];
@@ -156,6 +158,37 @@ columns! {
     ("impact", |_, f| Text(f.finding.doc().why)),
     ("advice", |_, f| Text(f.finding.doc().advice)),
     ("source", |b, f| source(b, f.bus, f.origin)),
+}
+
+columns! {
+    Connections: Read, Emit<Connection>;
+    ("connection", |_, c| c.number),
+    ("bus", |_, c| Text(&c.server)),
+    ("client", |_, c| Text(&c.client)),
+    ("client_port", |_, c| c.client_port),
+    ("server", |_, c| Text(&c.server)),
+    ("opened", |_, c| utc(c, c.opened)),
+    ("closed", |_, c| utc(c, c.closed)),
+    ("closed_by", |_, c| c.closed_by.map(End::text).map(Word)),
+    ("refused", |_, c| c.is_refused),
+    ("reset", |_, c| c.is_reset),
+    ("requests", |_, c| c.requests),
+    ("answered", |_, c| c.answered),
+    ("first_status", |_, c| c.first_status.map(|status| Word(status.text()))),
+    ("in_flight_max", |_, c| c.in_flight_max),
+    ("lockstep", |_, c| c.lockstep),
+    ("client_framing", |_, c| c.client_framing.map(Word)),
+    ("server_framing", |_, c| c.server_framing.map(Word)),
+    ("retransmitted_segments", |_, c| c.retransmitted_segments),
+    ("lost_bytes", |_, c| c.lost_bytes),
+    ("idle_us", |_, c| c.idle.map(Us)),
+    ("findings", |_, c| Codes(&c.findings)),
+    ("source", |_, c| Source(&c.source, Place::Packet, c.origin)),
+}
+
+/// A time of a connection, if the clock of its capture is set to UTC.
+fn utc(connection: &Connection, time: Option<Ns>) -> Option<Time> {
+    time.filter(|_| connection.clock == Clock::Utc).map(Time)
 }
 
 /// The bytes of a transaction's request or response frame.

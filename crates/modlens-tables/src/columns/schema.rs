@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use serde_json::Value as Json;
 
 use super::reader::{ColumnReader, RowReader};
-use super::row_columns::{Findings, Frames, Transactions, BUS_COLUMNS};
+use super::row_columns::{Connections, Findings, Frames, Transactions, BUS_COLUMNS};
 use super::sink::CellSink;
 use modlens_protocol::renamed::{current, Vocabulary};
 
@@ -13,7 +13,7 @@ use modlens_protocol::renamed::{current, Vocabulary};
 pub const COLUMNS: &str = include_str!("../../../../analyzer/columns.toml");
 
 /// The names of the tables in options.
-pub const TABLES: [&str; 4] = ["frames", "transactions", "readings", "findings"];
+pub const TABLES: [&str; 5] = ["frames", "transactions", "readings", "findings", "connections"];
 
 /// The version of the columns, which is written into file formats that have a field for it.
 pub fn version() -> u64 {
@@ -56,7 +56,7 @@ pub struct Column {
     pub kind: ColumnType,
 }
 
-/// One of the four tables.
+/// One of the tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TableKind {
     /// One row per frame.
@@ -67,13 +67,17 @@ pub enum TableKind {
     Readings,
     /// One row per finding.
     Findings,
+    /// One row per TCP connection of a capture.
+    Connections,
 }
 
 impl TableKind {
+    /// All tables, in the order of their names.
+    pub const ALL: [Self; 5] = [Self::Frames, Self::Transactions, Self::Readings, Self::Findings, Self::Connections];
+
     /// The table of this name.
     pub fn from_name(name: &str) -> Option<Self> {
-        let kinds = [Self::Frames, Self::Transactions, Self::Readings, Self::Findings];
-        TABLES.iter().position(|table| *table == name).map(|i| kinds[i])
+        TABLES.iter().position(|table| *table == name).map(|i| Self::ALL[i])
     }
 
     /// Its name.
@@ -97,13 +101,23 @@ impl TableKind {
             Self::Frames => RowReader::Frame(Frames::emit(column)),
             Self::Transactions => RowReader::Transaction(Transactions::emit(column)),
             Self::Findings => RowReader::Finding(Findings::emit(column)),
+            Self::Connections => RowReader::Connection(Connections::emit(column)),
             Self::Readings => RowReader::Reading(column),
         })
     }
 
     /// Whether all rows of a bus have the same value in this column.
     pub fn is_constant_per_bus(self, column: usize) -> bool {
-        self != Self::Readings && BUS_COLUMNS.contains(&self.columns()[column].key.as_str())
+        !matches!(self, Self::Readings | Self::Connections) && BUS_COLUMNS.contains(&self.columns()[column].key.as_str())
+    }
+
+    /// The column with the time of a row: when it happened, or began.
+    pub fn time_column(self) -> &'static str {
+        if self == Self::Connections {
+            "opened"
+        } else {
+            "time"
+        }
     }
 
     /// The index of a column. The error lists the known names.
@@ -141,11 +155,14 @@ mod tests {
 
     #[test]
     fn columns_of_the_file_and_of_the_code_agree() {
-        let in_code: [Vec<&str>; 4] =
-            [Frames::KEYS.to_vec(), Transactions::KEYS.to_vec(), READINGS.iter().map(|c| c.0).collect(), Findings::KEYS.to_vec()];
-        for (kind, in_code) in
-            [TableKind::Frames, TableKind::Transactions, TableKind::Readings, TableKind::Findings].iter().zip(in_code)
-        {
+        let in_code: [Vec<&str>; 5] = [
+            Frames::KEYS.to_vec(),
+            Transactions::KEYS.to_vec(),
+            READINGS.iter().map(|c| c.0).collect(),
+            Findings::KEYS.to_vec(),
+            Connections::KEYS.to_vec(),
+        ];
+        for (kind, in_code) in TableKind::ALL.iter().zip(in_code) {
             let in_file: Vec<&str> = kind.columns().iter().map(|column| column.key.as_str()).collect();
             assert_eq!(in_code, in_file, "{}", kind.name());
         }

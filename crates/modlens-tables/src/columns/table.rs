@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use modlens_engine::records::{Batch, FindingRow, Frame, Transaction};
+use modlens_engine::records::{Batch, Connection, FindingRow, Frame, Transaction};
 
 use crate::columns::cell::Cell;
 use crate::columns::reader::{ColumnReader, RowReader};
 use crate::columns::reading_columns::READINGS;
 use crate::columns::reading_rows::{ReadingRef, ReadingRows};
-use crate::columns::row_columns::{Findings, Frames, Transactions};
+use crate::columns::row_columns::{Connections, Findings, Frames, Transactions};
 use crate::columns::schema::TableKind;
 use crate::columns::sink::CellSink;
 use crate::columns::transaction_view::TransactionView;
@@ -35,6 +35,7 @@ enum RowOf<'a> {
     Frame(&'a Frame),
     Transaction(TransactionView<'a>),
     Finding(&'a FindingRow),
+    Connection(&'a Connection),
     Reading(ReadingRef<'a>),
 }
 
@@ -46,6 +47,7 @@ impl<'a> RowRef<'a> {
             RowOf::Frame(row) => Frames::READ[column](self.batch, row),
             RowOf::Transaction(row) => Transactions::READ[column](self.batch, row),
             RowOf::Finding(row) => Findings::READ[column](self.batch, row),
+            RowOf::Connection(row) => Connections::READ[column](self.batch, row),
             RowOf::Reading(row) => READINGS[column].1(self.batch, row),
         }
     }
@@ -58,20 +60,22 @@ impl<'a> RowRef<'a> {
             (RowOf::Frame(row), RowReader::Frame(pass)) => pass(self.batch, row, to),
             (RowOf::Transaction(row), RowReader::Transaction(pass)) => pass(self.batch, row, to),
             (RowOf::Finding(row), RowReader::Finding(pass)) => pass(self.batch, row, to),
+            (RowOf::Connection(row), RowReader::Connection(pass)) => pass(self.batch, row, to),
             (RowOf::Reading(row), RowReader::Reading(column)) => to.put_cell(READINGS[*column].1(self.batch, row)),
             // The reader belongs to another table.
             _ => to.put_cell(Cell::Null),
         }
     }
 
-    /// The index of its bus in the batch. `None` for readings, which have the bus of their transaction.
+    /// The index of its bus in the batch. `None` for readings, which have the bus of their transaction, and for connections,
+    /// which carry their ends themselves.
     #[inline]
     pub fn bus(&self) -> Option<u32> {
         match self.of {
             RowOf::Frame(row) => Some(row.bus),
             RowOf::Transaction(row) => Some(row.bus),
             RowOf::Finding(row) => Some(row.bus),
-            RowOf::Reading(_) => None,
+            RowOf::Reading(_) | RowOf::Connection(_) => None,
         }
     }
 }
@@ -91,6 +95,7 @@ impl Table {
             TableKind::Frames => Rows::All(batch.frames.len()),
             TableKind::Transactions => Rows::All(batch.transactions.len()),
             TableKind::Findings => Rows::All(batch.findings.len()),
+            TableKind::Connections => Rows::All(batch.connections.len()),
             TableKind::Readings => Rows::Readings(ReadingRows::new(&batch)),
         };
         Self { batch, kind, rows }
@@ -122,7 +127,7 @@ impl Table {
     /// Splits the rows by day (UTC, if the clock is known) and bus, in the order in which these first occur.
     pub fn partitions(&self) -> Vec<(Option<String>, String, Self)> {
         let key = |name: &str| self.kind.column(name).expect("every table has it");
-        let (time, bus) = (key("time"), key("bus"));
+        let (time, bus) = (key(self.kind.time_column()), key("bus"));
         let day_and_bus = |table: &Self, row: usize| {
             let day = match table.cell(row, time) {
                 Cell::Time(ns) => Some(ns.div_euclid(86_400_000_000_000)),
@@ -186,6 +191,7 @@ impl Table {
             (Rows::Readings(rows), _) => RowOf::Reading(rows.item(batch, row)),
             (_, TableKind::Frames) => RowOf::Frame(&batch.frames[self.index(row)]),
             (_, TableKind::Findings) => RowOf::Finding(&batch.findings[self.index(row)]),
+            (_, TableKind::Connections) => RowOf::Connection(&batch.connections[self.index(row)]),
             _ => RowOf::Transaction(TransactionView::new(batch, &batch.transactions[self.index(row)])),
         };
         RowRef { batch, of }

@@ -1,4 +1,4 @@
-//! The columns of each of the four tables, for a given width.
+//! The columns of each table, for a given width.
 //!
 //! The first rows decide which columns are worth showing: no response times without a clock, no bus if there is only
 //! one.
@@ -18,11 +18,14 @@ type Pieces<'a> = Vec<(CellContent<'a>, Style)>;
 /// The columns of a table except its times. In a narrow terminal some are shorter or merged with their neighbour.
 pub fn columns(kind: TableKind, base: AddressNotation, rows: &[RowRef<'_>], is_wide: bool) -> Vec<GridColumn> {
     let keys = ColumnLookup(kind);
-    let elapsed = keys.at("elapsed_us");
-    let has_times = rows.iter().any(|row| !matches!(row.cell(elapsed), Cell::Null));
+    let has_times = || {
+        let elapsed = keys.at("elapsed_us");
+        rows.iter().any(|row| !matches!(row.cell(elapsed), Cell::Null))
+    };
     match kind {
-        TableKind::Transactions => transactions(keys, base, has_times, is_wide),
-        TableKind::Frames => frames(keys, has_times, is_wide),
+        TableKind::Transactions => transactions(keys, base, has_times(), is_wide),
+        TableKind::Frames => frames(keys, has_times(), is_wide),
+        TableKind::Connections => connections(keys, is_wide),
         TableKind::Readings => readings(keys, base, is_wide),
         TableKind::Findings => findings(keys, is_wide),
     }
@@ -176,6 +179,53 @@ fn findings(keys: ColumnLookup, is_wide: bool) -> Vec<GridColumn> {
     if is_wide {
         chosen.push(text(keys, "advice", ColumnHead::left("what to check", 20).sharing()));
     }
+    chosen
+}
+
+/// The columns of the table of connections.
+fn connections(keys: ColumnLookup, is_wide: bool) -> Vec<GridColumn> {
+    let (client, port) = (keys.at("client"), keys.at("client_port"));
+    let (refused, reset, closed_by) = (keys.at("refused"), keys.at("reset"), keys.at("closed_by"));
+    let (idle, found) = (keys.at("idle_us"), keys.at("findings"));
+    let framing = ["client_framing", "server_framing"].map(|key| keys.at(key));
+    let is_set = |row: &RowRef<'_>, column: usize| matches!(row.cell(column), Cell::Bool(true));
+    let mut chosen = vec![
+        number(keys, "connection", ColumnHead::right("conn", 4)),
+        plain(ColumnHead::left("client", 15).at_most(28), move |row| {
+            let port = cell_texts::number(row, port).unwrap_or_default();
+            format!("{}:{port}", visible(&cell_texts::text(row, client)))
+        }),
+        text(keys, "server", ColumnHead::left("server", 12).at_most(24)),
+        number(keys, "requests", ColumnHead::right("req", 3)),
+        number(keys, "answered", ColumnHead::right("ans", 3)),
+        word(keys, "first_status", ColumnHead::left("first", 8), cell_texts::status_style),
+    ];
+    if is_wide {
+        chosen.push(plain(ColumnHead::left("framing", 7), move |row| {
+            let sides = framing.map(|side| cell_texts::word(row, side).unwrap_or("-"));
+            if sides[0] == sides[1] {
+                sides[0].to_owned()
+            } else {
+                sides.join("/")
+            }
+        }));
+    }
+    chosen.push(GridColumn::new(ColumnHead::left("end, findings", 10).sharing(), move |row| {
+        let end = match (is_set(row, refused), is_set(row, reset), cell_texts::word(row, closed_by)) {
+            (true, _, _) => String::from("refused"),
+            (_, true, Some(by)) => format!("reset, ended by {by}"),
+            (_, _, Some(by)) => format!("closed by {by}"),
+            _ => String::from("open"),
+        };
+        let after = cell_texts::milliseconds(row, idle).map_or_else(String::new, |ms| format!("after {} ms", ms.trim()));
+        let style = if is_set(row, refused) || is_set(row, reset) { Style::Odd } else { Style::Plain };
+        let pieces = vec![
+            (CellContent::Text(end), style),
+            (CellContent::Text(after), Style::Plain),
+            (CellContent::Text(cell_texts::findings(row, found, "")), Style::Odd),
+        ];
+        (CellContent::Run(pieces), Style::Plain)
+    }));
     chosen
 }
 

@@ -31,7 +31,7 @@ pub struct TimeColumn {
     title: String,
     digits: usize,
     time: Option<usize>,
-    elapsed: usize,
+    elapsed: Option<usize>,
     source: Option<usize>,
     zone: Zone,
     /// The last lookup of the time zone: from when on it applies, and its offset from UTC, in ns.
@@ -45,13 +45,12 @@ impl TimeColumn {
     /// if the wanted times are not known.
     pub fn new(wanted: TimeDisplay, table: TableKind, first: &RowRef<'_>, digits: usize, zone: Zone) -> Self {
         let column = |key| table.column(key).ok();
-        let elapsed = column("elapsed_us").expect("every table has it");
         let mut column = Self {
             content: TimeColumnContent::Place,
             title: String::new(),
             digits,
-            time: column("time"),
-            elapsed,
+            time: column(table.time_column()),
+            elapsed: column("elapsed_us"),
             source: column("source"),
             zone,
             cached_offset: None,
@@ -125,8 +124,8 @@ impl TimeColumn {
 
     /// The time of a row since the start, in microseconds.
     fn elapsed_us(&self, row: &RowRef<'_>) -> Option<f64> {
-        match row.cell(self.elapsed) {
-            Cell::Us(ns) => Some(ns as f64 / 1e3),
+        match self.elapsed.map(|column| row.cell(column)) {
+            Some(Cell::Us(ns)) => Some(ns as f64 / 1e3),
             _ => None,
         }
     }

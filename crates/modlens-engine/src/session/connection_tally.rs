@@ -1,0 +1,75 @@
+//! What the frames and transactions of one connection add up to.
+
+use crate::pairing::{ObservedFrame, Pairing, PendingTransaction};
+use crate::session::in_flight::InFlight;
+use modlens_protocol::direction::Direction;
+use modlens_protocol::finding::Finding;
+use modlens_protocol::status::Status;
+use modlens_protocol::Ns;
+
+/// The counters of one connection.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ConnectionTally {
+    /// Requests so far.
+    pub(crate) requests: u64,
+    /// Those with an answer, an exception included.
+    pub(crate) answered: u64,
+    /// The first request by its number, and what came of it.
+    pub(crate) first: Option<(u64, Status)>,
+    /// A good frame of the server was paired.
+    pub(crate) has_response: bool,
+    /// Findings on the connection.
+    pub(crate) findings: Vec<Finding>,
+    pub(crate) in_flight: InFlight,
+}
+
+impl ConnectionTally {
+    /// Counts a transaction that is closed.
+    pub(crate) fn note_transaction(&mut self, transaction: &PendingTransaction) {
+        let has_answer = matches!(transaction.status, Status::Ok | Status::Exception);
+        self.has_response |= has_answer || transaction.status == Status::Unsolicited;
+        if transaction.request.is_present() {
+            self.requests += 1;
+            self.answered += u64::from(has_answer);
+            self.note_outcome(transaction.txn, transaction.status);
+        }
+    }
+
+    /// Counts an exchange of the fast path: a request with its number, identifier and time, and the time of its answer.
+    #[inline]
+    pub(crate) fn note_exchange(&mut self, txn: u64, id: Option<u16>, [asked, answered]: [Ns; 2], pairing: &Pairing) {
+        self.requests += 1;
+        self.answered += 1;
+        self.has_response = true;
+        if self.first.is_none() {
+            self.note_outcome(txn, Status::Ok);
+        }
+        self.in_flight.request(id, Some(asked), |waited| !pairing.is_before_timeout(waited));
+        self.in_flight.answer(id, Some(answered));
+    }
+
+    /// Notes a good frame of the slow path as a request or an answer in flight.
+    pub(crate) fn note_frame(&mut self, frame: &ObservedFrame<'_>, pairing: &Pairing) {
+        match frame.direction {
+            Direction::Request => {
+                self.in_flight.request(frame.mbap_id, frame.start, |waited| !pairing.is_before_timeout(waited));
+            }
+            Direction::Response => self.in_flight.answer(frame.mbap_id, frame.start),
+            Direction::Unknown => {}
+        }
+    }
+
+    /// Notes a finding on the connection itself.
+    pub(crate) fn note_finding(&mut self, finding: Finding) {
+        if !self.findings.contains(&finding) {
+            self.findings.push(finding);
+        }
+    }
+
+    /// Transactions are not closed in the order of their requests, so the lowest number counts.
+    fn note_outcome(&mut self, txn: u64, status: Status) {
+        if self.first.is_none_or(|(first, _)| txn < first) {
+            self.first = Some((txn, status));
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! The rows of TCP connections: each is complete once its connection is over, and rows come in the order in which
+//! connections begin.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use crate::records::{Connection, End};
+use crate::session::connection_tally::ConnectionTally;
+use crate::session::sources::{CaptureState, SlotState};
+use crate::session::Session;
+use modlens_protocol::finding::Finding;
+use modlens_protocol::framing::Mode;
+use modlens_protocol::source::Clock;
+use modlens_readers::pcap::{EndedConnection, SideFraming};
+
+/// Rows that may wait for an older connection that is still open; beyond it they are written all the same, out of order.
+const MAX_HELD_CONNECTIONS: usize = 16_384;
+
+/// The word for a side that writes in no framing of Modbus.
+const OTHER_FRAMING: &str = "other";
+
+/// The connections of all captures of a session.
+#[derive(Debug, Default)]
+pub(super) struct Connections {
+    /// The last number that was given.
+    last: u64,
+    /// Those that have begun and are not over.
+    open: BTreeSet<u64>,
+    /// The rows of those that are over.
+    ended: BTreeMap<u64, Connection>,
+}
+
+impl Connections {
+    /// The number of a connection that has no row: of datagrams, or of rows that are read back.
+    pub(super) fn number(&mut self) -> u64 {
+        self.last += 1;
+        self.last
+    }
+
+    /// The number of a TCP connection that begins.
+    pub(super) fn begin(&mut self) -> u64 {
+        let number = self.number();
+        self.open.insert(number);
+        number
+    }
+
+    /// Ends a TCP connection: its row is complete.
+    pub(super) fn end(&mut self, row: Connection) {
+        self.open.remove(&row.number);
+        self.ended.insert(row.number, row);
+    }
+
+    /// The rows that no open connection holds back; all of them in a live session, or if they are too many.
+    pub(super) fn take(&mut self, live: bool) -> Vec<Connection> {
+        if self.ended.is_empty() {
+            return Vec::new();
+        }
+        let first_open = self.open.first().copied().filter(|_| !live && self.ended.len() <= MAX_HELD_CONNECTIONS);
+        let held = first_open.map_or_else(BTreeMap::new, |first| self.ended.split_off(&first));
+        std::mem::replace(&mut self.ended, held).into_values().collect()
+    }
+}
+
+impl Session {
+    /// Ends the connection in a slot: its bus is flushed, and becomes free once no row names it any more; its row is complete.
+    pub(super) fn close_connection(&mut self, state: &mut CaptureState, slot: usize, ended: Option<&EndedConnection<'_>>) {
+        let SlotState { connection, bus } = std::mem::take(state.slot(slot));
+        let mut tally = ConnectionTally::default();
+        if let Some(bus) = bus {
+            self.flush_bus(bus);
+            self.retired.push(bus);
+            tally = std::mem::take(&mut self.buses[bus].connection);
+        }
+        if let Some((number, ended)) = connection.zip(ended) {
+            let mode = bus.and_then(|bus| self.buses[bus].options.mode);
+            let source = (Arc::clone(&state.source), state.clock);
+            self.connections.end(row(number, ended, source, mode, tally));
+        }
+    }
+}
+
+/// The row of a connection that is over. `mode` is the framing in which its frames were found, if any were.
+fn row(
+    number: u64,
+    ended: &EndedConnection<'_>,
+    (source, clock): (Arc<str>, Clock),
+    mode: Option<Mode>,
+    tally: ConnectionTally,
+) -> Connection {
+    let EndedConnection { client, server, client_side, history } = *ended;
+    let framing = |side: usize, has_frames: bool| side_framing(history.framing[side], mode.filter(|_| has_frames));
+    Connection {
+        number,
+        client: client.address.to_string(),
+        client_port: client.port,
+        server: server.to_string(),
+        clock,
+        begun: history.begun,
+        opened: history.opened,
+        is_accepted: history.is_accepted,
+        closed: history.closed,
+        closed_by: history.closed_by.map(|side| if side == client_side { End::Client } else { End::Server }),
+        is_refused: history.is_refused,
+        is_reset: history.is_reset,
+        requests: tally.requests,
+        answered: tally.answered,
+        first_status: tally.first.map(|(_, status)| status),
+        in_flight_max: tally.in_flight.most,
+        lockstep: tally.in_flight.lockstep,
+        client_framing: framing(client_side, tally.requests > 0),
+        server_framing: framing(1 - client_side, tally.has_response),
+        retransmitted_segments: history.retransmitted,
+        lost_bytes: history.lost_bytes,
+        idle: history.idle(),
+        findings: findings(ended, tally.findings),
+        source,
+        origin: history.packet,
+    }
+}
+
+/// The word for the framing of a side: as its segments begin, or else that of its frames.
+fn side_framing(seen: SideFraming, of_frames: Option<Mode>) -> Option<&'static str> {
+    match seen {
+        SideFraming::Silent => None,
+        SideFraming::Known(mode) => Some(mode.text()),
+        SideFraming::Unknown(_) => Some(of_frames.map_or(OTHER_FRAMING, Mode::text)),
+    }
+}
+
+/// The findings on a connection. Those of its packets are on it even where it carried no Modbus.
+fn findings(ended: &EndedConnection<'_>, mut found: Vec<Finding>) -> Vec<Finding> {
+    let of_packets =
+        [(ended.history.has_duplicates, Finding::DuplicatePacket), (ended.history.retransmitted > 0, Finding::Retransmission)];
+    for (is_seen, finding) in of_packets {
+        if is_seen && !found.contains(&finding) {
+            found.push(finding);
+        }
+    }
+    found
+}
