@@ -15,7 +15,14 @@ from analyzer.exports.sink import Target, with_suitable_table
 from analyzer.line import Line, parse_line
 from analyzer.live_run import LiveRun
 from analyzer.profiles import Binding, parse_binding, with_vendor_functions
-from analyzer.row_types import AnyRow, ConnectionRow, FindingRow, FrameRow, ReadingRow, TransactionRow
+from analyzer.row_types import (
+    AnyRow,
+    ConnectionRow,
+    FindingRow,
+    FrameRow,
+    ReadingRow,
+    TransactionRow,
+)
 from analyzer.rows import Rows
 from analyzer.session import FileRun, Settings
 from analyzer.silence_limits import silence_limits

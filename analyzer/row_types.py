@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 __all__ = [
     "AnyRow",
+    "ConnectionRow",
     "FindingRow",
     "FrameRow",
     "ReadingRow",
@@ -418,3 +419,107 @@ class FindingRow(AnyRow, Protocol):
     @property
     def source(self) -> str:
         """Location: file:line, file#packet or file@offset."""
+
+
+class ConnectionRow(AnyRow, Protocol):
+    """A row of the table `connections`."""
+
+    @property
+    def connection(self) -> int:
+        """Running number from 1, in the order in which connections begin."""
+
+    @property
+    def bus(self) -> str:
+        """Name of the bus: the server endpoint."""
+
+    @property
+    def client(self) -> str:
+        """Address of the client."""
+
+    @property
+    def client_port(self) -> int:
+        """TCP port of the client."""
+
+    @property
+    def server(self) -> str:
+        """Address and port of the server."""
+
+    @property
+    def opened(self) -> datetime | Any:
+        """When the client asked for the connection (its first SYN), UTC.
+
+        empty where it is older than the recording.
+        """
+
+    @property
+    def closed(self) -> datetime | Any:
+        """When the first FIN or RST ended it, UTC.
+
+        empty where it is still open at the end of the recording.
+        """
+
+    @property
+    def closed_by(self) -> str | Any:
+        """Who sent that: client or server."""
+
+    @property
+    def refused(self) -> bool:
+        """The server answered the SYN with a RST."""
+
+    @property
+    def reset(self) -> bool:
+        """A RST ended it, before both sides had sent their FIN."""
+
+    @property
+    def requests(self) -> int:
+        """Requests of the client."""
+
+    @property
+    def answered(self) -> int:
+        """Requests with an answer, exceptions included."""
+
+    @property
+    def first_status(self) -> str | Any:
+        """Status of the first request."""
+
+    @property
+    def in_flight_max(self) -> int:
+        """The most requests that waited for their answers at the same time, at most 64."""
+
+    @property
+    def lockstep(self) -> int:
+        """Answers to a request that was given up.
+
+        on which the client went on as if they answered the one behind it.
+        """
+
+    @property
+    def client_framing(self) -> str | Any:
+        """Framing in which the client writes: tcp, rtu, ascii or other.
+
+        empty where it sent nothing.
+        """
+
+    @property
+    def server_framing(self) -> str | Any:
+        """Framing in which the server writes."""
+
+    @property
+    def retransmitted_segments(self) -> int:
+        """TCP segments that were transmitted again, SYNs included."""
+
+    @property
+    def lost_bytes(self) -> int:
+        """Bytes of both directions that are missing from the recording."""
+
+    @property
+    def idle_us(self) -> float | Any:
+        """Silence before it was closed, in microseconds."""
+
+    @property
+    def findings(self) -> list[str]:
+        """Codes of the findings on the connection itself."""
+
+    @property
+    def source(self) -> str:
+        """Location of its first packet: file#packet."""

@@ -79,6 +79,13 @@ def captures() -> Path:
     return CAPTURES
 
 
+def recording_with(table: str) -> Path:
+    """A recording that has rows in this table: connections are in captures of networks only."""
+    if table == "connections":
+        return CAPTURES / "pymodbus_tcp" / "recording.pcap"
+    return CAPTURES / "pymodbus_disturbed" / "recording.jsonl"
+
+
 def need_program(name: str) -> str:
     """The path of a program; without it the test is skipped by its name, or fails under CI."""
     path = shutil.which(name)

@@ -10,7 +10,8 @@ import pytest
 
 import analyzer
 from analyzer import SourceError, UsageError, decode
-from tests.conftest import ROOT, without
+from analyzer.columns import TABLES
+from tests.conftest import ROOT, recording_with, without
 
 POLLS = "pymodbus_two_units/recording.jsonl"
 
@@ -26,10 +27,10 @@ def test_transactions_of_a_recording(captures: Path) -> None:
     assert first[0] == (1, 1, "ok")
 
 
-@pytest.mark.parametrize("name", ["transactions", "frames", "readings", "findings"])
-def test_each_table_has_its_columns(name: str, captures: Path) -> None:
+@pytest.mark.parametrize("name", TABLES)
+def test_each_table_has_its_columns(name: str) -> None:
     """Rows have the columns as attributes, in order."""
-    rows = getattr(decode(captures / "pymodbus_disturbed" / "recording.jsonl"), name)
+    rows = getattr(decode(recording_with(name)), name)
     assert rows.name == name
     row = next(iter(rows))
     assert tuple(row.as_dict()) == rows.columns
@@ -51,14 +52,14 @@ def test_statistics_of_a_recording(captures: Path) -> None:
 
 
 @pytest.mark.parametrize("library", ["pyarrow", "polars"])
-def test_arrow_streams_are_taken_by_others(library: str, captures: Path) -> None:
-    """The rows of the four tables, by the Arrow PyCapsule interface; a fresh pass each time."""
+def test_arrow_streams_are_taken_by_others(library: str) -> None:
+    """The rows of the tables, by the Arrow PyCapsule interface; a fresh pass each time."""
     try:
         module = __import__(library)
     except ImportError:
         without(library)
-    recording = decode(captures / "pymodbus_disturbed" / "recording.jsonl")
-    for rows in (recording.transactions, recording.frames, recording.readings, recording.findings):
+    for table in TABLES:
+        rows = getattr(decode(recording_with(table)), table)
         read = module.table if library == "pyarrow" else module.DataFrame
         for _ in range(2):
             found = read(rows)

@@ -8,7 +8,7 @@ import pytest
 
 from analyzer import decode
 from analyzer.columns import TABLES, columns
-from tests.conftest import CAPTURES, ROOT
+from tests.conftest import CAPTURES, ROOT, recording_with
 from tests.support import row_types
 
 PATH = ROOT / "analyzer" / "columns.toml"
@@ -35,7 +35,7 @@ def test_the_core_has_the_columns_of_the_file(
     """Read back, in rows, and in CSV: the same keys in the same order."""
     keys = [row["key"] for row in written[table]]
     assert [column.key for column in columns(table)] == keys
-    recording = decode(CAPTURES / "pymodbus_disturbed" / "recording.jsonl")
+    recording = decode(recording_with(table))
     found = next(getattr(recording, table).tables())
     assert found.name == table
     assert list(found[0].as_dict()) == keys
@@ -61,8 +61,9 @@ def test_cells_have_the_type_of_their_column(table: str) -> None:
         "text": "str", "hex": "bytes", "ints": "list", "texts": "list", "map": "dict",
     }  # fmt: skip
     kinds = {column.key: python[column.type] for column in columns(table)}
-    recording = decode(CAPTURES / "pymodbus_all_functions" / "recording.jsonl", line="19200-8E1")
-    for row in getattr(recording, table):
+    path = CAPTURES / "pymodbus_all_functions" / "recording.jsonl"
+    path = recording_with(table) if table == "connections" else path
+    for row in getattr(decode(path, line="19200-8E1"), table):
         for key, value in row.as_dict().items():
             assert value is None or type(value).__name__ == kinds[key], (key, value)
 

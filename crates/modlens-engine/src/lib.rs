@@ -31,8 +31,8 @@
 //! retry, a request is called neither.
 //!
 //! **Memory is bounded.** A `take` empties the batch, and the vectors of a batch that was dropped are filled again: fresh
-//! memory costs more than the rows in it. A noise row ends after 4096 bytes; rows wait for older open ones, 65,536 at
-//! most; statistics are histograms.
+//! memory costs more than the rows in it. A noise row ends after 4096 bytes; rows wait for older open ones, 65,536
+//! transactions and 16,384 connections at most; statistics are histograms.
 
 pub mod damage;
 pub mod fast_path;

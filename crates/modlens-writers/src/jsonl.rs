@@ -30,7 +30,7 @@ pub struct Jsonl {
 }
 
 /// Room for the longest column name with a comma, quotes and a colon around it. A copy of fixed size is faster.
-const KEY_BYTES: usize = 24;
+const KEY_BYTES: usize = 32;
 
 /// The text before a value: a comma, the quoted name of the column, a colon.
 #[derive(Clone, Copy)]

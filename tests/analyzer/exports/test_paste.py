@@ -6,17 +6,19 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import Modlens
+from analyzer.columns import TABLES
+from tests.conftest import Modlens, recording_with
 
 FILE = "captures/pymodbus_disturbed/recording.jsonl"
 
 
-@pytest.mark.parametrize("table", ["transactions", "frames", "readings", "findings"])
+@pytest.mark.parametrize("table", TABLES)
 def test_a_text_file_is_the_table_on_the_screen(
     table: str, tmp_path: Path, modlens: Modlens
 ) -> None:
     """The text file equals the screen's table of the same width."""
-    words = ["decode", FILE, "--line", "19200-8E1", "--table", table, "--times", "utc"]
+    file = str(recording_with(table))
+    words = ["decode", file, "--line", "19200-8E1", "--table", table, "--times", "utc"]
     shown = modlens(*words, COLUMNS="100").out
     path = tmp_path / "reply.txt"
     done = modlens(*words, "-o", path)

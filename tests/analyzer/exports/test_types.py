@@ -10,6 +10,7 @@ import pytest
 from analyzer import decode
 from analyzer.columns import TABLES, columns
 from analyzer.exports.sink import ExportSink, parse_target
+from tests.conftest import recording_with
 
 # By the types of columns.toml: as Arrow (pyarrow), polars, duckdb and pandas name them.
 NAMES = {
@@ -33,8 +34,10 @@ NAMES = {
 @pytest.fixture
 def files(tmp_path: Path, captures: Path) -> Path:
     """All tables of a recording, in both formats."""
-    source = decode(captures / "pymodbus_all_functions" / "recording.jsonl")
     for table in TABLES:
+        source = decode(captures / "pymodbus_all_functions" / "recording.jsonl")
+        if table == "connections":
+            source = decode(recording_with(table))
         for suffix in ("parquet", "arrow"):
             one = parse_target(str(tmp_path / f"{table}.{suffix}"), table)
             sink = ExportSink(one, columns=None, where=None, growing=False)

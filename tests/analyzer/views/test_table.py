@@ -13,6 +13,7 @@ from analyzer.columns import TABLES
 from analyzer.views.row_lines import TableOptions
 from analyzer.views.screen import Screen
 from analyzer.views.table_sink import TableSink
+from tests.conftest import recording_with
 
 
 def shown(  # noqa: PLR0913 - a table can look in so many ways
@@ -63,7 +64,9 @@ def test_lines_fit_the_terminal(
     name: str, table: str, width: int, captures: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """At any width, in any table, whatever happened on the line."""
-    lines = shown(captures / name / "recording.jsonl", monkeypatch, table=table, width=width)
+    path = captures / name / "recording.jsonl"
+    path = recording_with(table) if table == "connections" else path
+    lines = shown(path, monkeypatch, table=table, width=width)
     assert len(lines) > 1
     assert max(map(len, lines)) <= width
 

@@ -113,9 +113,9 @@ impl Conversation {
     /// connection is over, also those of which bytes are missing.
     pub(super) fn note_finished(&mut self, stream: &Stream, is_over: bool, context: &mut CaptureContext<'_, '_>) {
         for side in 0..2 {
-            let finished = self.history.as_ref().and_then(|history| history.finished(side));
-            if let Some(time) = finished.filter(|_| is_over || stream.has_finished(side)) {
-                self.note_closing(side, Closing::Finished, time, context);
+            let fin = self.history.as_ref().and_then(|history| history.fin(side));
+            if let Some(fin) = fin.filter(|_| is_over || stream.has_finished(side)) {
+                self.note_closing(side, Closing::Finished, fin.time, context);
             }
         }
     }

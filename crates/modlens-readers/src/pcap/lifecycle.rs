@@ -31,6 +31,13 @@ pub enum SideFraming {
     Known(Mode),
 }
 
+/// The FIN of a side.
+#[derive(Clone, Copy, Debug)]
+pub struct Fin {
+    /// When it was captured.
+    pub time: Option<Ns>,
+}
+
 /// The history of one TCP connection.
 #[derive(Clone, Debug, Default)]
 pub struct ConnectionHistory {
@@ -64,8 +71,8 @@ pub struct ConnectionHistory {
     pub has_duplicates: bool,
     /// Identification and time of the last SYN.
     syn: (Option<u16>, Option<Ns>),
-    /// For each side that has sent a FIN, its time.
-    fin: [Option<Option<Ns>>; 2],
+    /// The FIN of each side.
+    fin: [Option<Fin>; 2],
     /// For each side, whether its FIN was reported.
     has_finished: [bool; 2],
 }
@@ -81,8 +88,8 @@ impl ConnectionHistory {
         Some((self.closed? - self.last_data.or(self.opened).or(self.begun)?).max(0))
     }
 
-    /// The time of a side's FIN, if it has sent one.
-    pub fn finished(&self, side: usize) -> Option<Option<Ns>> {
+    /// A side's FIN, if it has sent one.
+    pub fn fin(&self, side: usize) -> Option<Fin> {
         self.fin[side]
     }
 
@@ -95,7 +102,7 @@ impl ConnectionHistory {
             SegmentOutcome::Empty | SegmentOutcome::OtherConnection => {}
         }
         if it.tcp.fin {
-            self.fin[it.side].get_or_insert(it.time);
+            self.fin[it.side].get_or_insert(Fin { time: it.time });
         }
         if it.tcp.syn && it.tcp.acknowledged.is_none() {
             self.note_syn(it.ident.filter(|&ident| ident != 0), it.time);

@@ -195,7 +195,6 @@ fn connections(keys: ColumnLookup, is_wide: bool) -> Vec<GridColumn> {
             let port = cell_texts::number(row, port).unwrap_or_default();
             format!("{}:{port}", visible(&cell_texts::text(row, client)))
         }),
-        text(keys, "server", ColumnHead::left("server", 12).at_most(24)),
         number(keys, "requests", ColumnHead::right("req", 3)),
         number(keys, "answered", ColumnHead::right("ans", 3)),
         word(keys, "first_status", ColumnHead::left("first", 8), cell_texts::status_style),
