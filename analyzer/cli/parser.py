@@ -178,7 +178,8 @@ def add_rows(parser: argparse.ArgumentParser) -> None:
         "--table",
         choices=TABLES,
         default=TABLES[0],
-        help="table to print or export (default: transactions)",
+        metavar="TABLE",
+        help=f"table to print or export: {', '.join(TABLES)} (default: {TABLES[0]})",
     )
     group.add_argument(
         "--columns",
