@@ -2,7 +2,7 @@
 
 use crate::findings::words;
 use modlens_protocol::finding::Finding;
-use modlens_readers::pcap::Repetition;
+use modlens_readers::pcap::{ConnectionHistory, Repetition};
 
 /// Bytes of the connection are missing before this packet.
 pub(crate) fn missing_bytes(count: u32, packet: u64) -> (Finding, String) {
@@ -15,4 +15,15 @@ pub(crate) fn repetition(kind: Repetition, packet: u64) -> (Finding, String) {
         Repetition::Duplicate => (Finding::DuplicatePacket, words::packet_twice(packet)),
         Repetition::Retransmission => (Finding::Retransmission, words::retransmission(packet)),
     }
+}
+
+/// The findings on a connection with those of its packets, which are on it even where it carried no Modbus.
+pub(crate) fn with_those_of_packets(mut found: Vec<Finding>, history: &ConnectionHistory) -> Vec<Finding> {
+    let of_packets = [(history.has_duplicates, Finding::DuplicatePacket), (history.retransmitted > 0, Finding::Retransmission)];
+    for (is_seen, finding) in of_packets {
+        if is_seen && !found.contains(&finding) {
+            found.push(finding);
+        }
+    }
+    found
 }

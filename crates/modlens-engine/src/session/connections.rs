@@ -4,11 +4,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use crate::findings;
 use crate::records::{Connection, End};
 use crate::session::connection_tally::ConnectionTally;
 use crate::session::sources::{CaptureState, SlotState};
 use crate::session::Session;
-use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::source::Clock;
 use modlens_readers::pcap::{EndedConnection, SideFraming};
@@ -112,7 +112,7 @@ fn row(
         retransmitted_segments: history.retransmitted,
         lost_bytes: history.lost_bytes,
         idle: history.idle(),
-        findings: findings(ended, tally.findings),
+        findings: findings::connection::with_those_of_packets(tally.findings, history),
         source,
         origin: history.packet,
     }
@@ -125,16 +125,4 @@ fn side_framing(seen: SideFraming, of_frames: Option<Mode>) -> Option<&'static s
         SideFraming::Known(mode) => Some(mode.text()),
         SideFraming::Unknown(_) => Some(of_frames.map_or(OTHER_FRAMING, Mode::text)),
     }
-}
-
-/// The findings on a connection. Those of its packets are on it even where it carried no Modbus.
-fn findings(ended: &EndedConnection<'_>, mut found: Vec<Finding>) -> Vec<Finding> {
-    let of_packets =
-        [(ended.history.has_duplicates, Finding::DuplicatePacket), (ended.history.retransmitted > 0, Finding::Retransmission)];
-    for (is_seen, finding) in of_packets {
-        if is_seen && !found.contains(&finding) {
-            found.push(finding);
-        }
-    }
-    found
 }
