@@ -30,6 +30,7 @@ TROUBLED: Mapping[str, Expected] = {
     "pymodbus_slow_unit": Expected("slow_answers", unit=2),
     "pymodbus_stray_bytes": Expected("no_bias"),
     "pymodbus_too_fast": Expected("polled_too_fast", unit=2),
+    "pymodbus_two_masters": Expected("two_masters"),
     "pymodbus_two_with_one_address": Expected("duplicate_address", unit=2),
     "pymodbus_value_spikes": Expected("value_spike", unit=2),
     "pymodbus_wrong_function": Expected("wrong_function", unit=1, function=3),

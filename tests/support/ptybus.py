@@ -3,7 +3,8 @@
 Every participant gets the path of a pty slave, which it opens like a serial port. What one writes
 is delivered to the others (never back to itself), a character when its last stop bit would have
 ended. Ptys carry no parity and no line errors: `baud` and `char_bits` set the times only, whatever
-the participants ask of their port. Linux only; no collisions (see `tests.support.line`).
+the participants ask of their port. Linux only; no collisions (see `tests.support.line`
+and `tests.support.colliding_line`).
 
     with PtyBus(["master", "unit1", "tap"]) as bus:
         with ChunkLogRecorder(bus.path("tap"), "bus.jsonl") as recorder:
@@ -64,6 +65,8 @@ class PtyBus:
     units of a four-wire line hear the master only. `disturb(sender, written)` returns what the line
     carries instead of `written`: flipped bits, less, or nothing (`b""`); it runs in the bus thread.
 
+    `line` is the model of the line: `CollidingLine` has collisions.
+
     Open all ports before the first byte is sent: a pty keeps what nobody reads. What no longer fits
     into a pty that nobody reads is lost, as in a UART, and counted in `lost`.
     Raises ValueError for names or settings that make no sense.
@@ -79,6 +82,7 @@ class PtyBus:
         turnaround_chars: float = 0.0,
         hears: Mapping[str, Collection[str]] | None = None,
         disturb: Callable[[str, bytes], bytes] | None = None,
+        line: type[HalfDuplexLine] = HalfDuplexLine,
     ) -> None:
         """Describe the line; nothing is opened yet."""
         self.participants = tuple(participants)
@@ -86,7 +90,7 @@ class PtyBus:
         self.lost = dict.fromkeys(self.participants, 0)
         listeners = _listeners(self.participants, hears or {})
         turnaround_ns = round(turnaround_chars * self.char_ns)
-        self._line = HalfDuplexLine(listeners, self.char_ns, trigger, turnaround_ns)
+        self._line = line(listeners, self.char_ns, trigger, turnaround_ns)
         self._disturb = disturb
         self._changed = threading.Condition()
         self._truth: list[Sent] = []
