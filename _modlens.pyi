@@ -406,6 +406,8 @@ class Batch:
     def findings(self) -> Table: ...
     @property
     def connections(self) -> Table: ...
+    @property
+    def diagnoses(self) -> Table: ...
 
 @final
 class Session:
@@ -426,7 +428,7 @@ class Session:
         """A session of no bus yet.
 
         - `live`: rows in order of completion, no hold-back
-        - `tables`: those worth building (readings need transactions); all by default
+        - `tables`: those worth building (readings need transactions); all but diagnoses by default
         """
     def bind(self, profile: Profile, units: Sequence[int], *, bus: str | None = None) -> None:
         """A profile for these units of one bus (by name) or of all; the last one wins.
@@ -554,6 +556,10 @@ class Session:
     def pending_rows(self) -> int:
         """Rows that `take` would return now (frames, transactions and findings together)."""
     def take(self) -> Batch: ...
+    def conclude(self) -> Batch:
+        """The last rows, and the diagnoses of the whole session where these are wanted."""
+    def doctor(self) -> str:
+        """The verdict, the diagnoses and the reserves so far, as JSON; null if not wanted."""
     def stats(self) -> str:
         """Statistics so far, as JSON (see analyzer/views/stats.py for the keys)."""
     def reading(self, bus: int) -> str:

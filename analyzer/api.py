@@ -18,6 +18,7 @@ from analyzer.profiles import Binding, parse_binding, with_vendor_functions
 from analyzer.row_types import (
     AnyRow,
     ConnectionRow,
+    DiagnosisRow,
     FindingRow,
     FrameRow,
     ReadingRow,
@@ -85,6 +86,11 @@ class Decoding:
         """The TCP connections of captures, in the order in which they begin."""
         return Rows(self, "connections")
 
+    @property
+    def diagnoses(self) -> Rows[DiagnosisRow]:
+        """The causes of trouble, which `modlens doctor` tells: a row each, at the end of a pass."""
+        return Rows(self, "diagnoses")
+
     def table(self, name: str) -> Rows[AnyRow]:
         """The rows of a table by its name; `UsageError` if there is no such table."""
         columns(name)
@@ -115,6 +121,16 @@ class Decoding:
         for _ in run.batches():
             pass
         return run.stats()
+
+    def doctor(self) -> dict[str, Any]:
+        """The verdict, the diagnoses and the reserves of a whole pass.
+
+        `analyzer.views.health` documents the keys.
+        """
+        run = self._run(("diagnoses",))
+        for _ in run.batches():
+            pass
+        return run.doctor()
 
     def _run(self, tables: Iterable[str]) -> FileRun:
         settings = replace(self._settings, tables=tuple(tables))

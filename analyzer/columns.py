@@ -17,7 +17,7 @@ from dissectors.vocabulary import respelled, vocabulary
 
 __all__ = ["TABLES", "Column", "columns", "pick"]
 
-TABLES = ("transactions", "frames", "readings", "findings", "connections")
+TABLES = ("transactions", "frames", "readings", "findings", "connections", "diagnoses")
 """The tables; the first one is the default."""
 
 

@@ -20,7 +20,7 @@ from functools import cache
 from analyzer.addresses import REGISTER_TYPES
 from analyzer.columns import TABLES, columns
 from dissectors.function_lookup import normalized, similar_name
-from dissectors.vocabulary import Vocabulary, findings, respelled, statuses, verdicts
+from dissectors.vocabulary import Vocabulary, diagnoses, findings, respelled, statuses, verdicts
 
 __all__ = [
     "VOCABULARIES",
@@ -213,8 +213,11 @@ def closed_set(column: str) -> tuple[str, ...]:
         return tuple(statuses())
     if column == "verdict":
         return tuple(verdicts())
-    if column in ("findings", "code"):
+    if column == "findings":
         return tuple(one.code for one in findings())
+    if column == "code":
+        codes = [*(one.code for one in findings()), *(one.code for one in diagnoses())]
+        return tuple(dict.fromkeys(codes))
     return _SETS.get(column, ())
 
 

@@ -226,7 +226,7 @@ class LiveRun:
             if bus.number is not None:
                 self._feed(number, Chunk(b"", now, hole=True))
         self._core.flush()
-        return self._core.take()
+        return self._core.conclude()
 
     def stats(self) -> dict[str, Any]:
         """Statistics so far, with the drivers' error counts, for any thread.

@@ -14,6 +14,7 @@ from typing import Any, Protocol
 __all__ = [
     "AnyRow",
     "ConnectionRow",
+    "DiagnosisRow",
     "FindingRow",
     "FrameRow",
     "ReadingRow",
@@ -523,3 +524,71 @@ class ConnectionRow(AnyRow, Protocol):
     @property
     def source(self) -> str:
         """Location of its first packet: file#packet."""
+
+
+class DiagnosisRow(AnyRow, Protocol):
+    """A row of the table `diagnoses`."""
+
+    @property
+    def code(self) -> str:
+        """Kind of trouble; modlens explain CODE describes it."""
+
+    @property
+    def severity(self) -> str:
+        """Info, warning or error."""
+
+    @property
+    def bus(self) -> str:
+        """Name of the bus."""
+
+    @property
+    def unit(self) -> int | Any:
+        """Address of the server (slave); empty where the whole line is meant."""
+
+    @property
+    def function(self) -> int | Any:
+        """Function code, where the trouble is of one function."""
+
+    @property
+    def address(self) -> int | Any:
+        """First register or bit, where the trouble is of one request."""
+
+    @property
+    def client(self) -> str | Any:
+        """Address of the client, where the trouble is of one client."""
+
+    @property
+    def failed(self) -> int:
+        """How many transactions bear it; the sentence says if it counts other things."""
+
+    @property
+    def total(self) -> int:
+        """Of how many."""
+
+    @property
+    def since(self) -> datetime | Any:
+        """Start of the first that bears it, UTC."""
+
+    @property
+    def until(self) -> datetime | Any:
+        """Start of the last one, UTC, if the trouble is over."""
+
+    @property
+    def chance(self) -> float | Any:
+        """Corrected probability that the contrast is an accident."""
+
+    @property
+    def sentence(self) -> str:
+        """The cause in words, with how many of how many and since when."""
+
+    @property
+    def advice(self) -> str:
+        """What to check."""
+
+    @property
+    def proof(self) -> str:
+        """The experiment that would prove it."""
+
+    @property
+    def examples(self) -> list[int]:
+        """Numbers of transactions that show it; modlens show FILE --txn N shows one."""

@@ -155,6 +155,7 @@ class PartialBatch:
     findings: _modlens.Table
     readings: _modlens.Table
     connections: _modlens.Table
+    diagnoses: _modlens.Table
 
 
 class Run(Protocol):
@@ -262,13 +263,18 @@ class FileRun:
             yield from self._read_recording(recording)
 
     def finish(self) -> _modlens.Batch:
-        """Decide what is still open, and give those rows."""
+        """Decide what is still open, and give those rows, and the diagnoses if they are wanted."""
         self._core.flush()
-        return self._core.take()
+        return self._core.conclude()
 
     def stats(self) -> dict[str, Any]:
         """Statistics so far; for the keys see analyzer/views/stats.py."""
         found: dict[str, Any] = json.loads(self._core.stats())
+        return found
+
+    def doctor(self) -> dict[str, Any]:
+        """What the doctor says so far, with `diagnoses` among the tables; see views/health.py."""
+        found: dict[str, Any] = json.loads(self._core.doctor())
         return found
 
     def _recordings_of(self, name: str, *, unpack: bool) -> list[RecordingName]:

@@ -74,7 +74,15 @@ _FIELD_TYPE_TEXTS = {
 """Field types of the table (see functions.toml) in words."""
 
 Kind = Literal[
-    "function", "exception", "diagnostic", "mei_type", "object_id", "finding", "status", "verdict"
+    "function",
+    "exception",
+    "diagnostic",
+    "mei_type",
+    "object_id",
+    "finding",
+    "diagnosis",
+    "status",
+    "verdict",
 ]
 
 
@@ -136,6 +144,7 @@ def known_words(*, source: _modlens.Functions | None = None) -> tuple[str, ...]:
     for kind in ("exceptions", "diagnostics", "mei_types", "object_ids"):
         found += [entry.name for entry in vocabulary.names(kind)]
     found += [finding.code for finding in vocabulary.findings()]
+    found += [diagnosis.code for diagnosis in vocabulary.diagnoses()]
     found += [*vocabulary.statuses(), *vocabulary.verdicts()]
     return tuple(dict.fromkeys(found))
 
@@ -162,6 +171,10 @@ def _as_state(text: str) -> Explanation | None:
     finding = vocabulary.finding(word)
     if finding is not None:
         return _finding(finding)
+    diagnosis = vocabulary.diagnosis(word)
+    if diagnosis is not None:
+        title = f"{diagnosis.code} (diagnosis, {diagnosis.severity} at most)"
+        return Explanation("diagnosis", title, "", _diagnosis(diagnosis))
     status = vocabulary.respelled("status", word)
     if status in vocabulary.statuses():
         meaning = _sentence(vocabulary.statuses()[status])
@@ -309,7 +322,25 @@ def _finding(entry: vocabulary.Finding) -> Explanation:
     status = vocabulary.statuses().get(entry.code)
     if status is not None:
         text.append(f"As the status of a transaction: {status}.")
+    diagnosis = vocabulary.diagnosis(entry.code)
+    if diagnosis is not None:
+        text += [f"As a diagnosis of modlens doctor ({diagnosis.severity} at most):"]
+        text += _diagnosis(diagnosis)
     return Explanation("finding", title, _section_text(entry.section), tuple(text))
+
+
+def _diagnosis(entry: vocabulary.Diagnosis) -> tuple[str, ...]:
+    """What shows a kind of trouble, what it may be taken for, and what to do."""
+    confusions = [
+        f"Not to be confused with {code}: {difference}." for code, difference in entry.confusions
+    ]
+    return (
+        _sentence(entry.title),
+        f"Shown by: {entry.contrast}",
+        f"Absent: {entry.absent}",
+        *confusions,
+        f"Needs: {entry.needs}.",
+    )
 
 
 def _layout(row: Function) -> Iterator[str]:

@@ -24,6 +24,8 @@ __all__ = [
     "Name",
     "Vocabulary",
     "conformity_level",
+    "diagnoses",
+    "diagnosis",
     "diagnostic",
     "exception",
     "exception_name",
@@ -68,6 +70,24 @@ class Finding:
     why: str
     advice: str
     section: str
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """A kind of trouble that `modlens doctor` recognizes (dissectors/diagnoses.toml).
+
+    `confusions` has the codes that it may be taken for, with what tells the two apart.
+    """
+
+    code: str
+    severity: str
+    title: str
+    contrast: str
+    absent: str
+    advice: str
+    proof: str
+    needs: str
+    confusions: tuple[tuple[str, str], ...]
 
 
 Kind = Literal[
@@ -168,6 +188,28 @@ def finding(code: str) -> Finding | None:
     """The finding with this code, which may have its former spelling."""
     wanted = respelled("finding", code)
     return next((item for item in findings() if item.code == wanted), None)
+
+
+@functools.cache
+def diagnoses() -> tuple[Diagnosis, ...]:
+    """The kinds of trouble that the doctor recognizes.
+
+    >>> diagnoses()[0].code
+    'slow_answers'
+    """
+    keys = [key for key in Diagnosis.__slots__ if key != "confusions"]
+    return tuple(
+        Diagnosis(
+            **{key: str(row[key]) for key in keys},
+            confusions=tuple((one["code"], one["difference"]) for one in row["confusions"]),
+        )
+        for row in vocabulary()["diagnoses"]
+    )
+
+
+def diagnosis(code: str) -> Diagnosis | None:
+    """The kind of trouble with this code."""
+    return next((item for item in diagnoses() if item.code == code), None)
 
 
 @functools.cache

@@ -25,11 +25,12 @@ from analyzer import (
     decode,
     tap,
 )
-from analyzer.row_types import FindingRow, FrameRow, ReadingRow, TransactionRow
+from analyzer.row_types import DiagnosisRow, FindingRow, FrameRow, ReadingRow, TransactionRow
 
 __all__ = [
     "CaptureError",
     "Decoding",
+    "DiagnosisRow",
     "FilterError",
     "FindingRow",
     "FrameRow",

@@ -28,6 +28,7 @@ COMMANDS = {
     "decode": "decode recordings into a table on the screen, or into files",
     "export": "convert recordings to files without printing a table (for scripts)",
     "show": "show the bytes of one frame or transaction and what they mean",
+    "doctor": "say what is wrong on the line, why, and what to do",
     "stats": "statistics: traffic, errors, response times and findings",
     "ports": "list this computer's serial ports",
     "explain": "explain a function code, exception code, finding or status",

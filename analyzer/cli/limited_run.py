@@ -105,6 +105,7 @@ def _partial(batch: _modlens.Batch, of_transactions: Tree, of_frames: Tree) -> _
         kept(batch.findings, of_frames),
         kept(batch.readings, of_transactions),
         batch.connections,
+        batch.diagnoses,
     )
     # Sinks read the tables only; those that need the batch itself take `whole`.
     return cast(_modlens.Batch, found)

@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex};
 
 use modlens_profiles::points::PlanInstance;
 use modlens_protocol::direction::Direction;
-use modlens_protocol::finding::Finding;
+use modlens_protocol::finding::{Finding, Severity};
 use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
 use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
@@ -167,6 +167,43 @@ pub struct FindingRow {
     pub origin: u64,
 }
 
+/// A cause of trouble, made from the rows of a whole recording.
+#[derive(Clone, Debug)]
+pub struct DiagnosisRow {
+    /// Its code.
+    pub code: &'static str,
+    /// Its severity in this case.
+    pub severity: Severity,
+    /// Name of its bus.
+    pub bus: String,
+    /// Unit.
+    pub unit: Option<u8>,
+    /// Function code.
+    pub function: Option<u8>,
+    /// Address.
+    pub address: Option<u16>,
+    /// Address of the client.
+    pub client: Option<String>,
+    /// How many transactions bear it.
+    pub failed: u64,
+    /// Of how many.
+    pub total: u64,
+    /// Start of the first that bears it, on a clock that is set to UTC.
+    pub since: Option<Ns>,
+    /// Start of the last one, if the trouble is over.
+    pub until: Option<Ns>,
+    /// The corrected probability that the contrast is an accident.
+    pub chance: Option<f64>,
+    /// The cause in words.
+    pub sentence: String,
+    /// What to check.
+    pub advice: String,
+    /// The experiment that would prove it.
+    pub proof: String,
+    /// Numbers of transactions that show it.
+    pub examples: Vec<u64>,
+}
+
 /// Emitted rows, with the bytes and findings that they refer to.
 ///
 /// A batch returns its vectors to the session when it is dropped: to allocate them anew would cost more than most rows.
@@ -188,6 +225,8 @@ pub struct Batch {
     pub findings: Vec<FindingRow>,
     /// TCP connections that are over, in the order in which they began.
     pub connections: Vec<Connection>,
+    /// Diagnoses, at the end of a recording.
+    pub diagnoses: Vec<DiagnosisRow>,
     /// For frames that came in more than two packets: number of the frame, and of a packet that holds neither its first nor
     /// its last byte.
     pub inner_packets: Vec<(u64, u64)>,

@@ -50,4 +50,9 @@ impl Batch {
     fn connections(&self) -> Table {
         table(&self.core, TableKind::Connections)
     }
+
+    #[getter]
+    fn diagnoses(&self) -> Table {
+        table(&self.core, TableKind::Diagnoses)
+    }
 }

@@ -17,6 +17,7 @@ mod stream;
 mod table;
 mod view;
 
+use modlens_diagnosis::table::Diagnosis;
 use modlens_protocol::checksum;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Verdict;
@@ -49,6 +50,7 @@ fn vocabulary() -> PyResult<String> {
         modlens_tables::columns::TABLES.iter().map(|table| ((*table).into(), columns[*table].clone())).collect();
     all.insert("columns".into(), tables.into());
     all.insert("findings".into(), Finding::ALL.iter().map(|finding| finding_json(*finding)).collect());
+    all.insert("diagnoses".into(), modlens_diagnosis::table::diagnoses().iter().map(diagnosis_json).collect());
     all.insert("statuses".into(), Status::ALL.iter().map(|one| json!({"code": one.text(), "meaning": one.meaning()})).collect());
     all.insert("verdicts".into(), Verdict::ALL.iter().map(|one| json!({"code": one.text(), "meaning": one.meaning()})).collect());
     all.insert("renamed".into(), RENAMED.iter().map(renamed_json).collect());
@@ -66,6 +68,14 @@ fn finding_json(finding: Finding) -> Json {
     json!({
         "code": doc.code, "severity": doc.severity.text(), "title": doc.title, "why": doc.why, "advice": doc.advice,
         "section": doc.section,
+    })
+}
+
+fn diagnosis_json(row: &Diagnosis) -> Json {
+    let confusions: Json = row.confusions.iter().map(|one| json!({"code": one.code, "difference": one.difference})).collect();
+    json!({
+        "code": row.code, "severity": row.severity.text(), "title": row.title, "contrast": row.contrast, "absent": row.absent,
+        "confusions": confusions, "advice": row.advice, "proof": row.proof, "needs": row.needs,
     })
 }
 

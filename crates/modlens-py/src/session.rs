@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use modlens_diagnosis::contrast::Contrast;
+use modlens_diagnosis::report::Report;
 use modlens_engine::framer::silence::SilenceRule;
 use modlens_engine::records::Bus;
 use modlens_engine::session::{BusOptions, CaptureOptions, Session as Core, WantedTables};
@@ -46,6 +48,8 @@ fn clock_name(clock: Clock) -> &'static str {
 #[pyclass(module = "_modlens")]
 pub struct Session {
     core: Core,
+    /// What is counted for diagnoses, if these are wanted.
+    contrast: Option<Contrast>,
     buses: usize,
 }
 
@@ -55,6 +59,7 @@ impl Session {
     #[pyo3(signature = (functions, *, live=false, timeout_ns=None, tables=None))]
     fn new(functions: &Functions, live: bool, timeout_ns: Option<i64>, tables: Option<Vec<String>>) -> PyResult<Self> {
         let mut wanted = WantedTables { frames: tables.is_none(), transactions: tables.is_none(), findings: tables.is_none() };
+        let mut contrast = None;
         for name in tables.unwrap_or_default() {
             match TableKind::from_name(&name).ok_or_else(|| value_error(format!("no table {name:?}")))? {
                 TableKind::Frames => wanted.frames = true,
@@ -62,9 +67,13 @@ impl Session {
                 TableKind::Findings => wanted.findings = true,
                 // Its rows are always made: they are few.
                 TableKind::Connections => {}
+                TableKind::Diagnoses => contrast = Some(Contrast::default()),
             }
         }
-        Ok(Self { core: Core::new(Arc::clone(&functions.core), wanted, live, timeout_ns), buses: 0 })
+        if contrast.is_some() {
+            (wanted.frames, wanted.transactions) = (true, true);
+        }
+        Ok(Self { core: Core::new(Arc::clone(&functions.core), wanted, live, timeout_ns), contrast, buses: 0 })
     }
 
     #[pyo3(signature = (profile, units, *, bus=None))]
@@ -255,8 +264,25 @@ impl Session {
         self.core.pending_rows()
     }
 
-    fn take(&mut self) -> Batch {
-        Batch::new(self.core.take())
+    fn take(&mut self, py: Python<'_>) -> Batch {
+        Batch::new(py.detach(|| self.take_counted()))
+    }
+
+    /// The last rows, and the diagnoses of all.
+    fn conclude(&mut self, py: Python<'_>) -> Batch {
+        let batch = py.detach(|| {
+            let mut batch = self.take_counted();
+            if let Some(contrast) = &self.contrast {
+                batch.diagnoses = Report::of(contrast).into_rows();
+            }
+            batch
+        });
+        Batch::new(batch)
+    }
+
+    /// What the doctor says so far, as JSON; null where diagnoses are not wanted.
+    fn doctor(&self) -> String {
+        self.contrast.as_ref().map_or(serde_json::Value::Null, |contrast| Report::of(contrast).json().clone()).to_string()
     }
 
     fn stats(&self) -> String {
@@ -290,6 +316,15 @@ impl Session {
 }
 
 impl Session {
+    /// The rows of the engine, counted for the doctor.
+    fn take_counted(&mut self) -> modlens_engine::records::Batch {
+        let batch = self.core.take();
+        if let Some(contrast) = &mut self.contrast {
+            contrast.observe(&batch);
+        }
+        batch
+    }
+
     /// The engine, for the inbox, which feeds it without the interpreter.
     pub(crate) fn core(&mut self) -> &mut Core {
         &mut self.core

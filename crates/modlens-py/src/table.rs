@@ -265,7 +265,7 @@ impl Row {
             let text = cell_text(&cell);
             (!text.is_empty()).then(|| format!("{}={text}", column.key))
         });
-        format!("<{} {}>", self.table.kind.name().trim_end_matches('s'), shown.collect::<Vec<_>>().join(" "))
+        format!("<{} {}>", self.table.kind.row_name(), shown.collect::<Vec<_>>().join(" "))
     }
 }
 

@@ -38,6 +38,12 @@ pub fn push_items(items: &Items<'_>, separator: u8, out: &mut Vec<u8>) {
             push_int(i64::from(value), out);
             return;
         }
+        Items::Numbers(numbers) => {
+            for number in numbers {
+                push_int(*number as i64, out);
+                out.push(separator);
+            }
+        }
     }
     if count > 0 {
         out.pop();

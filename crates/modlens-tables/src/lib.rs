@@ -1,4 +1,4 @@
-//! The four tables (frames, transactions, readings, findings): how their columns are read from rows, filters over rows,
+//! The tables (frames, transactions, readings, findings, diagnoses): how their columns are read from rows, filters over rows,
 //! and register maps collected from rows.
 //!
 //! - `columns` has one line per column. Writers, filters and the Python border see rows only through it.

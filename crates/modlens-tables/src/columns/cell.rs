@@ -17,6 +17,8 @@ pub enum Items<'a> {
     Bits(&'a [u8], usize),
     /// A single number.
     One(i32),
+    /// Numbers of rows.
+    Numbers(&'a [u64]),
 }
 
 impl Items<'_> {
@@ -26,6 +28,7 @@ impl Items<'_> {
             Self::Words(bytes) => bytes.len() / 2,
             Self::Bits(bytes, count) => (*count).min(bytes.len() * 8),
             Self::One(_) => 1,
+            Self::Numbers(numbers) => numbers.len(),
         }
     }
 
@@ -41,6 +44,7 @@ impl Items<'_> {
             Self::Words(bytes) => i32::from(u16::from_be_bytes([bytes[2 * index], bytes[2 * index + 1]])),
             Self::Bits(bytes, _) => i32::from(bytes[index / 8] >> (index % 8) & 1),
             Self::One(value) => *value,
+            Self::Numbers(numbers) => numbers[index] as i32,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The compiled readers of columns.
 
-use modlens_engine::records::{Connection, FindingRow, Frame};
+use modlens_engine::records::{Connection, DiagnosisRow, FindingRow, Frame};
 
 use crate::columns::row_columns::{Emit, EmitTransaction};
 
@@ -13,6 +13,7 @@ pub(super) enum RowReader<S> {
     Transaction(EmitTransaction<S>),
     Finding(Emit<FindingRow, S>),
     Connection(Emit<Connection, S>),
+    Diagnosis(Emit<DiagnosisRow, S>),
     /// The index of a column of readings, which are not compiled for each writer.
     Reading(usize),
 }

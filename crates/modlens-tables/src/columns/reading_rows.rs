@@ -132,6 +132,7 @@ impl ReadingRows {
                     Items::Bits(bytes, count) => Data::Bits(batch.span_of(bytes), count),
                     Items::One(value) if space.is_some_and(Space::is_bits) => Data::Coil(value),
                     Items::One(value) => Data::Register(value),
+                    Items::Numbers(_) => continue, // Of rows; no transaction carries them.
                 };
                 all.blocks.push(ReadingBlock { txn: txn as u32, is_write, first, data });
                 all.add_block_rows(plan, first, items.len());
@@ -273,6 +274,7 @@ fn bare_numbers(items: &Items<'_>, place: u16, count: usize, buffer: &mut Number
             places.for_each(|place| each(&[bit(place)]));
         }
         Items::One(value) => each(&[f64::from(*value)]),
+        Items::Numbers(_) => {}
     }
 }
 

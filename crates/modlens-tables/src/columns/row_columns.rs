@@ -1,17 +1,17 @@
-//! The columns of frames, transactions, findings and connections, one line each.
+//! The columns of frames, transactions, findings, connections and diagnoses, one line each.
 //!
 //! The readers are compiled into their callers, so that a `Cell` which a writer matches at once is never built in
 //! memory.
 #![allow(clippy::inline_always)]
 
 use crate::columns::bus_cells::{bus, network, utc_time};
-use crate::columns::cell::Cell;
+use crate::columns::cell::{Cell, Items};
 use crate::columns::column_value::{Codes, ColumnValue, FunctionName, Hex, Ints, Source, Text, Time, Us, Word};
 use crate::columns::function_rows::functions;
 use crate::columns::reading_columns::named;
 use crate::columns::sink::CellSink;
 use crate::columns::transaction_view::{exception_text, TransactionView};
-use modlens_engine::records::{Batch, Connection, End, FindingRow, Frame, FrameRef};
+use modlens_engine::records::{Batch, Connection, DiagnosisRow, End, FindingRow, Frame, FrameRef};
 use modlens_protocol::functions::EXCEPTION_BIT;
 use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::Ns;
@@ -184,6 +184,26 @@ columns! {
     ("idle_us", |_, c| c.idle.map(Us)),
     ("findings", |_, c| Codes(&c.findings)),
     ("source", |_, c| Source(&c.source, Place::Packet, c.origin)),
+}
+
+columns! {
+    Diagnoses: Read, Emit<DiagnosisRow>;
+    ("code", |_, d| Word(d.code)),
+    ("severity", |_, d| Word(d.severity.text())),
+    ("bus", |_, d| Text(&d.bus)),
+    ("unit", |_, d| d.unit),
+    ("function", |_, d| d.function),
+    ("address", |_, d| d.address),
+    ("client", |_, d| d.client.as_deref().map(Text)),
+    ("failed", |_, d| d.failed),
+    ("total", |_, d| d.total),
+    ("since", |_, d| d.since.map(Time)),
+    ("until", |_, d| d.until.map(Time)),
+    ("chance", |_, d| d.chance.map(Cell::Float)),
+    ("sentence", |_, d| Text(&d.sentence)),
+    ("advice", |_, d| Text(&d.advice)),
+    ("proof", |_, d| Text(&d.proof)),
+    ("examples", |_, d| Ints(Items::Numbers(&d.examples))),
 }
 
 /// A time of a connection, if the clock of its capture is set to UTC.

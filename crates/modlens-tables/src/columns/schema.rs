@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use serde_json::Value as Json;
 
 use super::reader::{ColumnReader, RowReader};
-use super::row_columns::{Connections, Findings, Frames, Transactions, BUS_COLUMNS};
+use super::row_columns::{Connections, Diagnoses, Findings, Frames, Transactions, BUS_COLUMNS};
 use super::sink::CellSink;
 use modlens_protocol::renamed::{current, Vocabulary};
 
@@ -13,7 +13,7 @@ use modlens_protocol::renamed::{current, Vocabulary};
 pub const COLUMNS: &str = include_str!("../../../../analyzer/columns.toml");
 
 /// The names of the tables in options.
-pub const TABLES: [&str; 5] = ["frames", "transactions", "readings", "findings", "connections"];
+pub const TABLES: [&str; 6] = ["frames", "transactions", "readings", "findings", "connections", "diagnoses"];
 
 /// The version of the columns, which is written into file formats that have a field for it.
 pub fn version() -> u64 {
@@ -69,11 +69,14 @@ pub enum TableKind {
     Findings,
     /// One row per TCP connection of a capture.
     Connections,
+    /// One row per cause of trouble.
+    Diagnoses,
 }
 
 impl TableKind {
     /// All tables, in the order of their names.
-    pub const ALL: [Self; 5] = [Self::Frames, Self::Transactions, Self::Readings, Self::Findings, Self::Connections];
+    pub const ALL: [Self; 6] =
+        [Self::Frames, Self::Transactions, Self::Readings, Self::Findings, Self::Connections, Self::Diagnoses];
 
     /// The table of this name.
     pub fn from_name(name: &str) -> Option<Self> {
@@ -83,6 +86,14 @@ impl TableKind {
     /// Its name.
     pub fn name(self) -> &'static str {
         TABLES[self as usize]
+    }
+
+    /// What one of its rows is called.
+    pub fn row_name(self) -> &'static str {
+        match self {
+            Self::Diagnoses => "diagnosis",
+            _ => self.name().trim_end_matches('s'),
+        }
     }
 
     /// Its columns, in order.
@@ -102,21 +113,23 @@ impl TableKind {
             Self::Transactions => RowReader::Transaction(Transactions::emit(column)),
             Self::Findings => RowReader::Finding(Findings::emit(column)),
             Self::Connections => RowReader::Connection(Connections::emit(column)),
+            Self::Diagnoses => RowReader::Diagnosis(Diagnoses::emit(column)),
             Self::Readings => RowReader::Reading(column),
         })
     }
 
     /// Whether all rows of a bus have the same value in this column.
     pub fn is_constant_per_bus(self, column: usize) -> bool {
-        !matches!(self, Self::Readings | Self::Connections) && BUS_COLUMNS.contains(&self.columns()[column].key.as_str())
+        !matches!(self, Self::Readings | Self::Connections | Self::Diagnoses)
+            && BUS_COLUMNS.contains(&self.columns()[column].key.as_str())
     }
 
     /// The column with the time of a row: when it happened, or began.
     pub fn time_column(self) -> &'static str {
-        if self == Self::Connections {
-            "opened"
-        } else {
-            "time"
+        match self {
+            Self::Connections => "opened",
+            Self::Diagnoses => "since",
+            _ => "time",
         }
     }
 
@@ -155,12 +168,13 @@ mod tests {
 
     #[test]
     fn columns_of_the_file_and_of_the_code_agree() {
-        let in_code: [Vec<&str>; 5] = [
+        let in_code: [Vec<&str>; 6] = [
             Frames::KEYS.to_vec(),
             Transactions::KEYS.to_vec(),
             READINGS.iter().map(|c| c.0).collect(),
             Findings::KEYS.to_vec(),
             Connections::KEYS.to_vec(),
+            Diagnoses::KEYS.to_vec(),
         ];
         for (kind, in_code) in TableKind::ALL.iter().zip(in_code) {
             let in_file: Vec<&str> = kind.columns().iter().map(|column| column.key.as_str()).collect();

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use modlens_engine::records::{Batch, Connection, FindingRow, Frame, Transaction};
+use modlens_engine::records::{Batch, Connection, DiagnosisRow, FindingRow, Frame, Transaction};
 
 use crate::columns::cell::Cell;
 use crate::columns::reader::{ColumnReader, RowReader};
 use crate::columns::reading_columns::READINGS;
 use crate::columns::reading_rows::{ReadingRef, ReadingRows};
-use crate::columns::row_columns::{Connections, Findings, Frames, Transactions};
+use crate::columns::row_columns::{Connections, Diagnoses, Findings, Frames, Transactions};
 use crate::columns::schema::TableKind;
 use crate::columns::sink::CellSink;
 use crate::columns::transaction_view::TransactionView;
@@ -36,6 +36,7 @@ enum RowOf<'a> {
     Transaction(TransactionView<'a>),
     Finding(&'a FindingRow),
     Connection(&'a Connection),
+    Diagnosis(&'a DiagnosisRow),
     Reading(ReadingRef<'a>),
 }
 
@@ -48,6 +49,7 @@ impl<'a> RowRef<'a> {
             RowOf::Transaction(row) => Transactions::READ[column](self.batch, row),
             RowOf::Finding(row) => Findings::READ[column](self.batch, row),
             RowOf::Connection(row) => Connections::READ[column](self.batch, row),
+            RowOf::Diagnosis(row) => Diagnoses::READ[column](self.batch, row),
             RowOf::Reading(row) => READINGS[column].1(self.batch, row),
         }
     }
@@ -61,6 +63,7 @@ impl<'a> RowRef<'a> {
             (RowOf::Transaction(row), RowReader::Transaction(pass)) => pass(self.batch, row, to),
             (RowOf::Finding(row), RowReader::Finding(pass)) => pass(self.batch, row, to),
             (RowOf::Connection(row), RowReader::Connection(pass)) => pass(self.batch, row, to),
+            (RowOf::Diagnosis(row), RowReader::Diagnosis(pass)) => pass(self.batch, row, to),
             (RowOf::Reading(row), RowReader::Reading(column)) => to.put_cell(READINGS[*column].1(self.batch, row)),
             // The reader belongs to another table.
             _ => to.put_cell(Cell::Null),
@@ -68,14 +71,14 @@ impl<'a> RowRef<'a> {
     }
 
     /// The index of its bus in the batch. `None` for readings, which have the bus of their transaction, and for connections,
-    /// which carry their ends themselves.
+    /// which carry their ends themselves, and for diagnoses.
     #[inline]
     pub fn bus(&self) -> Option<u32> {
         match self.of {
             RowOf::Frame(row) => Some(row.bus),
             RowOf::Transaction(row) => Some(row.bus),
             RowOf::Finding(row) => Some(row.bus),
-            RowOf::Reading(_) | RowOf::Connection(_) => None,
+            RowOf::Reading(_) | RowOf::Connection(_) | RowOf::Diagnosis(_) => None,
         }
     }
 }
@@ -96,6 +99,7 @@ impl Table {
             TableKind::Transactions => Rows::All(batch.transactions.len()),
             TableKind::Findings => Rows::All(batch.findings.len()),
             TableKind::Connections => Rows::All(batch.connections.len()),
+            TableKind::Diagnoses => Rows::All(batch.diagnoses.len()),
             TableKind::Readings => Rows::Readings(ReadingRows::new(&batch)),
         };
         Self { batch, kind, rows }
@@ -192,6 +196,7 @@ impl Table {
             (_, TableKind::Frames) => RowOf::Frame(&batch.frames[self.index(row)]),
             (_, TableKind::Findings) => RowOf::Finding(&batch.findings[self.index(row)]),
             (_, TableKind::Connections) => RowOf::Connection(&batch.connections[self.index(row)]),
+            (_, TableKind::Diagnoses) => RowOf::Diagnosis(&batch.diagnoses[self.index(row)]),
             _ => RowOf::Transaction(TransactionView::new(batch, &batch.transactions[self.index(row)])),
         };
         RowRef { batch, of }

@@ -28,6 +28,7 @@ pub fn columns(kind: TableKind, base: AddressNotation, rows: &[RowRef<'_>], is_w
         TableKind::Connections => connections(keys, is_wide),
         TableKind::Readings => readings(keys, base, is_wide),
         TableKind::Findings => findings(keys, is_wide),
+        TableKind::Diagnoses => diagnoses(keys),
     }
 }
 
@@ -226,6 +227,21 @@ fn connections(keys: ColumnLookup, is_wide: bool) -> Vec<GridColumn> {
         (CellContent::Run(pieces), Style::Plain)
     }));
     chosen
+}
+
+/// The columns of the table of diagnoses.
+fn diagnoses(keys: ColumnLookup) -> Vec<GridColumn> {
+    let (severity, code) = (keys.at("severity"), keys.at("code"));
+    vec![
+        GridColumn::new(ColumnHead::left("code", 16), move |row| {
+            let style = cell_texts::severity_style(cell_texts::word(row, severity).unwrap_or_default());
+            (CellContent::Text(cell_texts::text(row, code)), style)
+        }),
+        number(keys, "unit", ColumnHead::right("unit", 4)),
+        number(keys, "failed", ColumnHead::right("failed", 6)),
+        number(keys, "total", ColumnHead::right("of", 6)),
+        text(keys, "sentence", ColumnHead::left("what is wrong", 12).sharing()),
+    ]
 }
 
 /// A column of plain text.

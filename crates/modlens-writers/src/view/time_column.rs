@@ -65,6 +65,7 @@ impl TimeColumn {
             }
             (TimeDisplay::Delta, _) if relative => (column.content, column.title) = (TimeColumnContent::Delta, "delta s".into()),
             _ if relative => (column.content, column.title) = (TimeColumnContent::Elapsed, "elapsed s".into()),
+            _ if table == TableKind::Diagnoses => column.title = "since".into(),
             _ => column.title = column.position(first).map_or("place", |(position, _)| position_name(position)).into(),
         }
         column

@@ -1,0 +1,135 @@
+"""Draws what the doctor says: the verdict, the causes, the reserves, and what could not be judged.
+
+The judgement is the core's (crates/modlens-diagnosis); this file only draws it.
+`FileRun.doctor()` gives one JSON object, which docs/doctor.schema.json describes:
+
+```
+{"verdict": "healthy" | "trouble" | "broken" | "unknown", "sentence": text,
+ "requests": int, "failed": int,              those that tell how the line works
+ "diagnoses": [{"code", "title", "severity", "bus", "unit", "function", "address", "client",
+                "failed", "total", "since", "until", "chance", "sentence", "advice", "proof",
+                "examples": [int]}],          by harm
+ "reserves": [{"bus": text, "unit": int, "requests": int, "answered": int, "damaged": int,
+               "late": int, "response_time_p99_us": float | null,
+               "timeout_us": float | null}],  the master's time-out, where it was seen
+ "not_judged": [{"bus": text, "what": text, "needs": text}]}
+```
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from analyzer.views import cells
+from analyzer.views.grid import ColumnLayout, Grid, GridColumn
+from analyzer.views.screen import Part, Screen, visible
+
+__all__ = ["show_health", "show_verdict"]
+
+_VERDICTS = {"healthy": "ok", "trouble": "odd", "broken": "bad", "unknown": "note"}
+_SEVERITIES = {"error": "bad", "warning": "odd", "info": "note"}
+_WIDEST = 100
+
+
+def show_verdict(doctor: Mapping[str, Any], screen: Screen) -> None:
+    """Print the verdict alone."""
+    style = _VERDICTS[doctor["verdict"]]
+    screen.lines(list(_wrapped(doctor["sentence"], min(screen.width, _WIDEST), style=style)))
+
+
+def show_health(doctor: Mapping[str, Any], screen: Screen) -> None:
+    """Print all that the doctor says."""
+    show_verdict(doctor, screen)
+    screen.lines(list(_lines(doctor, min(screen.width, _WIDEST))))
+
+
+def _lines(doctor: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
+    buses = dict.fromkeys(row["bus"] for row in doctor["reserves"])
+    for number, row in enumerate(doctor["diagnoses"], 1):
+        yield []
+        yield from _diagnosis(number, row, width, names_bus=len(buses) > 1)
+    if doctor["reserves"]:
+        yield []
+        yield [("reserves of the units", "head")]
+        yield from _reserves(doctor["reserves"], width)
+    if doctor["not_judged"]:
+        yield []
+        yield [("not judged", "head")]
+    said: dict[tuple[str, str], list[str]] = {}
+    for row in doctor["not_judged"]:
+        said.setdefault((row["what"], row["needs"]), []).append(row["bus"])
+    for (what, needs), on in said.items():
+        where = f"{cells.labels(on)[on[0]]}: " if len(buses) > 1 and len(on) == 1 else ""
+        yield from _wrapped(f"{where}{what}. It takes {needs}.", width, indent=2)
+
+
+def _diagnosis(
+    number: int, row: Mapping[str, Any], width: int, *, names_bus: bool
+) -> Iterator[list[Part]]:
+    """Its code, the sentence, where to look, what to do, and what would prove it."""
+    where = f", {row['bus']}" if names_bus else ""
+    yield [
+        (f"{number}. ", ""),
+        (row["code"], _SEVERITIES[row["severity"]]),
+        (f" ({row['severity']}{visible(where)})", "dim"),
+    ]
+    examples = ", ".join(map(str, row["examples"]))
+    shown = f" See transactions {examples}." if len(row["examples"]) > 1 else ""
+    if len(row["examples"]) == 1:
+        shown = f" See transaction {examples}."
+    yield from _wrapped(f"{row['sentence']}{shown}", width, indent=3)
+    yield from _wrapped(f"Check: {row['advice']}", width, indent=3)
+    yield from _wrapped(f"Proof: {row['proof']}", width, indent=3)
+
+
+def _reserves(rows: Sequence[Mapping[str, Any]], width: int) -> Iterator[list[Part]]:
+    """A line a unit: answers, the slowest of a hundred against the time-out, damage."""
+    fields = [
+        GridColumn(
+            ColumnLayout("unit", 4, align_right=True), lambda row: cells.number(row["unit"])
+        ),
+        GridColumn(
+            ColumnLayout("requests", 8, align_right=True), lambda row: f"{row['requests']:,}"
+        ),
+        GridColumn(ColumnLayout("answered", 8, align_right=True), _answered, _answered_style),
+        GridColumn(
+            ColumnLayout("p99 ms", 7, align_right=True),
+            lambda row: cells.milliseconds(row["response_time_p99_us"]),
+        ),
+        GridColumn(
+            ColumnLayout("timeout ms", 10, align_right=True),
+            lambda row: cells.milliseconds(row["timeout_us"]),
+        ),
+        GridColumn(ColumnLayout("late", 5, align_right=True), lambda row: _some(row["late"])),
+        GridColumn(ColumnLayout("damaged", 7, align_right=True), lambda row: _some(row["damaged"])),
+    ]
+    buses = tuple(dict.fromkeys(row["bus"] for row in rows))
+    if len(buses) > 1:
+        fields.insert(0, cells.bus_field(buses, lambda row: str(row["bus"])))
+    grid = Grid(fields, rows, width)
+    yield grid.head()
+    for row in rows:
+        yield grid.line(row)
+
+
+def _some(count: int) -> str:
+    return f"{count:,}" if count else ""
+
+
+def _answered(row: Mapping[str, Any]) -> str:
+    if row["answered"] == row["requests"]:
+        return "all"
+    # Never rounded up to 100 %, which would hide the failures.
+    share = min(row["answered"] / row["requests"], 0.999)
+    return f"{share:.1%}"
+
+
+def _answered_style(row: Mapping[str, Any]) -> str:
+    return "" if row["answered"] == row["requests"] else "bad"
+
+
+def _wrapped(text: str, width: int, *, indent: int = 0, style: str = "") -> Iterator[list[Part]]:
+    for line in textwrap.wrap(visible(text), max(width - indent, 20)):
+        yield [(f"{' ' * indent}{line}", style)]

@@ -1,0 +1,46 @@
+"""What the doctor says as Markdown, to be pasted into a ticket.
+
+>>> doctor = {"sentence": "This line is healthy.", "diagnoses": [], "reserves": []}
+>>> doctor["not_judged"] = []
+>>> print("".join(markdown(doctor)), end="")
+**This line is healthy.**
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from analyzer.views import cells
+from analyzer.views.screen import visible
+
+__all__ = ["markdown"]
+
+
+def markdown(doctor: Mapping[str, Any]) -> Iterator[str]:
+    """The document in pieces."""
+    yield f"**{_escaped(doctor['sentence'])}**\n"
+    for number, row in enumerate(doctor["diagnoses"], 1):
+        yield f"\n{number}. `{row['code']}` ({row['severity']}): {_escaped(row['sentence'])}\n"
+        if row["examples"]:
+            yield f"   - Transactions: {', '.join(map(str, row['examples']))}\n"
+        yield f"   - Check: {_escaped(row['advice'])}\n"
+        yield f"   - Proof: {_escaped(row['proof'])}\n"
+    if doctor["reserves"]:
+        yield "\n| bus | unit | requests | answered | p99 ms | timeout ms | late | damaged |\n"
+        yield "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n"
+    for row in doctor["reserves"]:
+        times = [cells.milliseconds(row[key]) for key in ("response_time_p99_us", "timeout_us")]
+        counts = [row[key] for key in ("unit", "requests", "answered")]
+        all_cells = [_escaped(row["bus"]), *counts, *times, row["late"], row["damaged"]]
+        yield f"| {' | '.join(map(str, all_cells))} |\n"
+    if doctor["not_judged"]:
+        yield "\nNot judged:\n\n"
+    for row in doctor["not_judged"]:
+        yield f"- {_escaped(row['bus'])}: {_escaped(row['what'])}. It takes {row['needs']}.\n"
+
+
+def _escaped(text: str) -> str:
+    """The text without anything that Markdown would take for markup."""
+    return re.sub(r"([\\`*_\[\]<>|])", r"\\\1", visible(text))

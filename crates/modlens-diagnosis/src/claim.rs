@@ -1,0 +1,180 @@
+//! What a kind of trouble claims of a bus, before it is put into words.
+
+use crate::contrast::tally::{Place, Tally};
+use crate::contrast::{BusContrast, UnitCounts};
+use crate::statistics::{at_least, greatest_rate, least_rate, Share};
+use crate::MAX_CHANCE;
+use modlens_protocol::finding::Severity;
+
+/// Failures that happen on a healthy line: one request in five hundred.
+pub const ACCIDENT: f64 = 0.002;
+
+/// A bus as the kinds see it.
+pub struct View<'a> {
+    /// Its counters.
+    pub bus: &'a BusContrast,
+    /// How many contrasts are looked at, for the correction of chances.
+    pub hypotheses: f64,
+}
+
+/// Contrasts that are looked at for each unit.
+const CONTRASTS_PER_UNIT: usize = 16;
+
+impl<'a> View<'a> {
+    /// The view of a bus.
+    pub fn new(bus: &'a BusContrast) -> Self {
+        Self { bus, hypotheses: (bus.units.len().max(1) * CONTRASTS_PER_UNIT) as f64 }
+    }
+
+    /// The chance after correction (Bonferroni's), at most 1.
+    pub fn corrected(&self, chance: f64) -> f64 {
+        (chance * self.hypotheses).min(1.0)
+    }
+
+    /// The corrected chance that so many fail where accidents happen as on any line; `None` if it is too great to say
+    /// anything.
+    pub fn beyond_accident(&self, share: Share) -> Option<f64> {
+        self.significant(at_least(share, ACCIDENT))
+    }
+
+    /// The corrected chance, if it is small enough to say something.
+    pub fn significant(&self, chance: f64) -> Option<f64> {
+        Some(self.corrected(chance)).filter(|chance| *chance < MAX_CHANCE)
+    }
+
+    /// The units that were asked, with their counters.
+    pub fn units(&self) -> impl Iterator<Item = (u8, &'a UnitCounts)> {
+        self.bus.units.iter().filter(|(_, counts)| counts.failures.total > 0).map(|(unit, counts)| (*unit, counts))
+    }
+
+    /// The sum of a share over all units but one.
+    pub fn others(&self, unit: u8, share: impl Fn(&UnitCounts) -> Share) -> Share {
+        self.units().filter(|(other, _)| *other != unit).fold(Share::default(), |sum, (_, counts)| sum.with(share(counts)))
+    }
+}
+
+/// What is wrong, of whom, and how much speaks for it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Claim {
+    /// The row of `dissectors/diagnoses.toml`.
+    pub code: &'static str,
+    /// The unit.
+    pub unit: Option<u8>,
+    /// The function.
+    pub function: Option<u8>,
+    /// The address.
+    pub address: Option<u16>,
+    /// The client.
+    pub client: Option<String>,
+    /// So many bear it.
+    pub share: Share,
+    /// The first of them.
+    pub first: Option<Place>,
+    /// The last of them.
+    pub last: Option<Place>,
+    /// It was not there at the beginning.
+    pub has_begun: bool,
+    /// It is over.
+    pub has_ended: bool,
+    /// The corrected chance that it is an accident.
+    pub chance: f64,
+    /// Transactions that show it.
+    pub examples: Vec<u64>,
+    /// At most so severe, whatever the table says.
+    pub at_most: Severity,
+    /// What fills the places of the sentence, besides those that all have.
+    pub facts: Vec<(&'static str, String)>,
+}
+
+impl Claim {
+    /// A claim of what a tally has counted.
+    pub fn new(code: &'static str, tally: &Tally, chance: f64) -> Self {
+        let in_window = Share { failed: tally.failed, total: tally.total - tally.before - tally.after };
+        let none_of = |count: u64| (1.0 - in_window.rate()).max(0.0).powf(count as f64);
+        Self {
+            code,
+            unit: None,
+            function: None,
+            address: None,
+            client: None,
+            share: tally.share(),
+            first: tally.first,
+            last: tally.last,
+            has_begun: tally.before > 0 && none_of(tally.before) < MAX_CHANCE,
+            has_ended: tally.after > 0 && none_of(tally.after) < MAX_CHANCE,
+            chance,
+            examples: tally.examples.numbers(),
+            at_most: severity_of(tally.share()),
+            facts: Vec::new(),
+        }
+    }
+
+    /// Names the unit.
+    #[must_use]
+    pub fn of_unit(mut self, unit: u8) -> Self {
+        self.unit = Some(unit);
+        self
+    }
+
+    /// Names a function and an address.
+    #[must_use]
+    pub fn at(mut self, function: u8, address: u16) -> Self {
+        (self.function, self.address) = (Some(function), Some(address));
+        self
+    }
+
+    /// Fills a place of the sentence.
+    #[must_use]
+    pub fn fact(mut self, name: &'static str, value: impl Into<String>) -> Self {
+        self.facts.push((name, value.into()));
+        self
+    }
+
+    /// Sets how many of how many bear it.
+    #[must_use]
+    pub fn with_share(mut self, share: Share) -> Self {
+        self.share = share;
+        self.at_most = severity_of(share);
+        self
+    }
+
+    /// Sets the greatest severity.
+    #[must_use]
+    pub fn at_most(mut self, severity: Severity) -> Self {
+        self.at_most = severity;
+        self
+    }
+}
+
+/// How severe so many failures can be: what may be less than one in a hundred is no error, and what is surely less is only
+/// worth knowing.
+pub fn severity_of(share: Share) -> Severity {
+    if greatest_rate(share) < 0.01 {
+        Severity::Info
+    } else if least_rate(share) < 0.01 {
+        Severity::Warning
+    } else {
+        Severity::Error
+    }
+}
+
+/// A duration in words: milliseconds up to ten seconds, seconds above.
+pub fn duration(ns: i64) -> String {
+    let ms = ns as f64 / 1e6;
+    if ms < 10.0 {
+        format!("{ms:.1} ms")
+    } else if ms < 10_000.0 {
+        format!("{ms:.0} ms")
+    } else {
+        format!("{:.0} s", ms / 1000.0)
+    }
+}
+
+/// A share in per cent, with a decimal where it is small.
+pub fn percent(rate: f64) -> String {
+    if rate > 0.0 && rate < 0.0995 {
+        format!("{:.1} %", rate * 100.0)
+    } else {
+        format!("{:.0} %", rate * 100.0)
+    }
+}

@@ -1,0 +1,113 @@
+//! Bytes that are no frame: how they look, and whether the same runs come again.
+
+use modlens_protocol::framing::Verdict;
+use modlens_protocol::Ns;
+
+use super::sample::Sample;
+use super::tally::{mix_bytes, Tally};
+use super::times::Durations;
+use crate::observation::FrameObservation;
+
+/// Different runs that are counted one by one.
+const MAX_RUNS: usize = 256;
+
+/// The beginning of a run of noise.
+pub type NoiseKey = Vec<u8>;
+
+/// Bytes of a run by which it is known again.
+const KEY_BYTES: usize = 6;
+
+/// One run that comes again and again.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct NoiseCounts {
+    /// How often it came.
+    pub seen: Tally,
+    /// Its bytes in all.
+    pub bytes: u64,
+    /// From one to the next.
+    pub period: Durations,
+    first: Option<Ns>,
+    last: Option<Ns>,
+}
+
+/// All runs.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct NoiseRuns {
+    /// Runs of three bytes or more; those that end in 00.
+    pub ends_in_zero: Tally,
+    /// Runs of one or two bytes, those of 00, FF and what a driver leaves when it is switched.
+    pub strays: Tally,
+    /// Bytes 00; FF; with high bits set and low ones not, or the other way round (FE, FC, F8, 80, C0, E0); printable; others.
+    pub kinds: [u64; 5],
+    /// Runs of four bytes or more that are no answer.
+    pub compared: u64,
+    /// These by how they begin.
+    pub runs: Sample<NoiseKey, NoiseCounts, MAX_RUNS>,
+}
+
+impl NoiseRuns {
+    /// Counts a run; one right behind a request is its damaged answer and not compared with others.
+    pub(super) fn count(&mut self, seen: &FrameObservation, is_answer: bool) {
+        if seen.length >= 3 {
+            // The last byte is known only where the run is not longer than what is kept of it.
+            if seen.bytes.len() == seen.length as usize {
+                self.ends_in_zero.count(seen.bytes.last() == Some(&0), seen.place);
+            }
+        } else if seen.verdict == Verdict::Noise {
+            self.strays.count(seen.bytes.iter().all(|byte| kind(*byte) < 3), seen.place);
+        }
+        for byte in &seen.bytes {
+            self.kinds[kind(*byte)] += 1;
+        }
+        if seen.length >= 4 && !is_answer {
+            self.compared += 1;
+            let key = seen.bytes[..seen.bytes.len().min(KEY_BYTES)].to_vec();
+            if let Some(counts) = self.runs.entry(mix_bytes(&key), key) {
+                counts.count(seen);
+            }
+        }
+    }
+
+    pub(super) fn merge(&mut self, later: &Self) {
+        self.ends_in_zero.merge(&later.ends_in_zero);
+        self.strays.merge(&later.strays);
+        self.kinds.iter_mut().zip(later.kinds).for_each(|(own, more)| *own += more);
+        self.compared += later.compared;
+        self.runs.merge(&later.runs, NoiseCounts::merge);
+    }
+}
+
+impl NoiseCounts {
+    fn count(&mut self, seen: &FrameObservation) {
+        self.seen.count(true, seen.place);
+        self.bytes += u64::from(seen.length);
+        let Some(time) = seen.place.time else { return };
+        if let Some(last) = self.last.filter(|last| *last < time) {
+            self.period.add(time - last);
+        }
+        self.first.get_or_insert(time);
+        self.last = Some(time);
+    }
+
+    fn merge(&mut self, later: &Self) {
+        self.seen.merge(&later.seen);
+        self.bytes += later.bytes;
+        self.period.merge(&later.period);
+        if let Some((last, first)) = self.last.zip(later.first).filter(|(last, first)| last < first) {
+            self.period.add(first - last);
+        }
+        self.first = self.first.or(later.first);
+        self.last = later.last.or(self.last);
+    }
+}
+
+/// The class of a byte, as in `kinds`.
+fn kind(byte: u8) -> usize {
+    match byte {
+        0 => 0,
+        0xFF => 1,
+        _ if byte.leading_ones() + byte.trailing_zeros() == 8 => 2,
+        b' '..=b'~' | b'\r' | b'\n' => 3,
+        _ => 4,
+    }
+}

@@ -1,0 +1,162 @@
+//! The counters of one distinct request: the same unit, function, address and quantity.
+
+use modlens_protocol::Ns;
+
+use super::tally::Tally;
+use super::times::Durations;
+use crate::observation::{Observation, Outcome};
+
+/// Which request: unit, function, address and quantity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct RequestKey {
+    /// Unit.
+    pub unit: u8,
+    /// Function code.
+    pub function: u8,
+    /// Address.
+    pub address: u16,
+    /// Quantity.
+    pub quantity: u16,
+}
+
+/// What came of one distinct request.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RequestCounts {
+    /// Good answers.
+    pub good: u64,
+    /// Refusals by exception 1, 2 and 3, and others.
+    pub refused: [u64; 4],
+    /// Without an answer.
+    pub silent: u64,
+    /// Answers damaged, or damaged themselves.
+    pub damaged: u64,
+    /// All failures and refusals.
+    pub bad: Tally,
+    /// It writes.
+    pub writes: bool,
+    /// Writes, retries left out.
+    pub written: Tally,
+    /// How often what is written differs from the write before.
+    pub changes: u64,
+    /// From one to the next.
+    pub period: Durations,
+    /// Answers of all FFFF, alone between others.
+    pub all_ones: Lonely,
+    /// Answers of all 0000, alone between others.
+    pub all_zeros: Lonely,
+    first_start: Option<Ns>,
+    last_start: Option<Ns>,
+    first_written: u64,
+    last_written: u64,
+}
+
+/// Odd ones in a series that stand alone: others come right before and right after.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Lonely {
+    /// Odd ones.
+    pub odd: Tally,
+    /// How often the series turns from odd to usual or back.
+    pub turns: u64,
+    first: Option<bool>,
+    last: Option<bool>,
+}
+
+impl Lonely {
+    fn count(&mut self, is_odd: bool, place: super::tally::Place) {
+        self.odd.count(is_odd, place);
+        self.turns += u64::from(self.last.is_some_and(|last| last != is_odd));
+        self.first.get_or_insert(is_odd);
+        self.last = Some(is_odd);
+    }
+
+    fn merge(&mut self, later: &Self) {
+        self.odd.merge(&later.odd);
+        self.turns += later.turns + u64::from(self.last.zip(later.first).is_some_and(|(last, first)| last != first));
+        self.first = self.first.or(later.first);
+        self.last = later.last.or(self.last);
+    }
+
+    /// Whether each odd one stood alone.
+    pub fn are_alone(&self) -> bool {
+        let ends = u64::from(self.first == Some(true)) + u64::from(self.last == Some(true));
+        self.odd.failed > 0 && self.turns + ends >= 2 * self.odd.failed
+    }
+}
+
+impl RequestCounts {
+    pub(super) fn count(&mut self, seen: &Observation) {
+        self.writes = seen.writes;
+        match seen.outcome {
+            Outcome::Good => self.good += 1,
+            Outcome::Refused => self.refused[seen.exception.map_or(3, |code| usize::from(code.wrapping_sub(1)).min(3))] += 1,
+            Outcome::Silent => self.silent += 1,
+            Outcome::Garbled | Outcome::BadRequest => self.damaged += 1,
+            Outcome::Unasked | Outcome::Unknown => {}
+        }
+        self.bad.count(seen.outcome.is_failure() || seen.outcome == Outcome::Refused, seen.place);
+        if seen.outcome == Outcome::Good && seen.data.hash != 0 {
+            self.all_ones.count(seen.data.all_ones, seen.place);
+            self.all_zeros.count(seen.data.all_zeros, seen.place);
+        }
+        if !seen.is_retry {
+            self.count_period(seen.starts[0]);
+            self.count_written(seen);
+        }
+    }
+
+    fn count_period(&mut self, start: Option<Ns>) {
+        let Some(start) = start else { return };
+        if let Some(last) = self.last_start.filter(|last| *last < start) {
+            self.period.add(start - last);
+        }
+        self.first_start.get_or_insert(start);
+        self.last_start = Some(start);
+    }
+
+    fn count_written(&mut self, seen: &Observation) {
+        if seen.written != 0 {
+            self.written.count(true, seen.place);
+            self.changes += u64::from(self.last_written != 0 && self.last_written != seen.written);
+            if self.first_written == 0 {
+                self.first_written = seen.written;
+            }
+            self.last_written = seen.written;
+        }
+    }
+
+    pub(super) fn merge(&mut self, later: &Self) {
+        self.writes |= later.writes;
+        self.good += later.good;
+        self.refused.iter_mut().zip(later.refused).for_each(|(own, more)| *own += more);
+        self.silent += later.silent;
+        self.damaged += later.damaged;
+        self.bad.merge(&later.bad);
+        self.all_ones.merge(&later.all_ones);
+        self.all_zeros.merge(&later.all_zeros);
+        self.written.merge(&later.written);
+        let is_change = self.last_written != 0 && later.first_written != 0 && self.last_written != later.first_written;
+        self.changes += later.changes + u64::from(is_change);
+        self.period.merge(&later.period);
+        if let Some((last, first)) = self.last_start.zip(later.first_start).filter(|(last, first)| last < first) {
+            self.period.add(first - last);
+        }
+        self.first_start = self.first_start.or(later.first_start);
+        self.last_start = later.last_start.or(self.last_start);
+        if self.first_written == 0 {
+            self.first_written = later.first_written;
+        }
+        if later.last_written != 0 {
+            self.last_written = later.last_written;
+        }
+    }
+
+    /// How often it was sent, with a known end.
+    pub fn sent(&self) -> u64 {
+        self.bad.total
+    }
+
+    /// How often it was refused.
+    pub fn refusals(&self) -> u64 {
+        self.refused.iter().sum()
+    }
+}

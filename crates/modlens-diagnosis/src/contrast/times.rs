@@ -1,0 +1,135 @@
+//! Histograms of durations with logarithmic buckets, which merge by addition.
+
+use modlens_protocol::Ns;
+
+use crate::statistics::Share;
+
+/// Buckets for each factor of two: percentiles are right within 5 %.
+const STEPS: usize = 8;
+/// From 2^13 ns (8 us) on ...
+const FIRST_OCTAVE: usize = 13;
+/// ... to 2^41 ns (36 minutes); what is outside counts in the first and last bucket.
+const OCTAVES: usize = 28;
+
+/// Durations.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Durations {
+    /// How many.
+    pub count: u64,
+    /// The longest.
+    pub most: Ns,
+    buckets: Vec<u64>,
+}
+
+impl Durations {
+    /// Counts one.
+    #[inline]
+    pub fn add(&mut self, ns: Ns) {
+        if self.buckets.is_empty() {
+            self.buckets.resize(OCTAVES * STEPS, 0);
+        }
+        self.count += 1;
+        self.most = self.most.max(ns);
+        self.buckets[bucket(ns)] += 1;
+    }
+
+    /// Adds others.
+    pub fn merge(&mut self, other: &Self) {
+        if other.count == 0 {
+            return;
+        }
+        self.buckets.resize(OCTAVES * STEPS, 0);
+        self.count += other.count;
+        self.most = self.most.max(other.most);
+        self.buckets.iter_mut().zip(&other.buckets).for_each(|(own, more)| *own += more);
+    }
+
+    /// The duration that this share does not exceed; `None` of none.
+    pub fn percentile(&self, share: f64) -> Option<Ns> {
+        let rank = ((self.count as f64 * share).ceil() as u64).max(1);
+        let mut below = 0;
+        for (bucket, count) in self.buckets.iter().enumerate() {
+            below += count;
+            if below >= rank {
+                return Some(upper(bucket).min(self.most));
+            }
+        }
+        None
+    }
+
+    /// How many exceed this duration, to the precision of the buckets.
+    pub fn above(&self, ns: Ns) -> u64 {
+        self.buckets.iter().skip(bucket(ns) + 1).sum()
+    }
+}
+
+#[inline]
+fn bucket(ns: Ns) -> usize {
+    let ns = ns.max(1 << FIRST_OCTAVE) as u64;
+    let octave = ns.ilog2() as usize;
+    let step = ((ns << (63 - octave)) >> 60) as usize & (STEPS - 1);
+    ((octave - FIRST_OCTAVE) * STEPS + step).min(OCTAVES * STEPS - 1)
+}
+
+/// The upper end of a bucket.
+fn upper(bucket: usize) -> Ns {
+    let (octave, step) = (FIRST_OCTAVE + bucket / STEPS, bucket % STEPS);
+    ((1u64 << octave) as f64 * (1.0 + (step as f64 + 1.0) / STEPS as f64)) as Ns
+}
+
+/// Failed and all, by a duration: a bucket for each factor of two.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ByDuration([Share; OCTAVES]);
+
+impl ByDuration {
+    /// Counts one.
+    #[inline]
+    pub fn count(&mut self, ns: Ns, failed: bool) {
+        self.0[bucket(ns) / STEPS].count(failed);
+    }
+
+    /// Adds others.
+    pub fn merge(&mut self, other: &Self) {
+        self.0.iter_mut().zip(&other.0).for_each(|(own, more)| *own = own.with(*more));
+    }
+
+    /// Each limit between buckets in ns, with what is below and above it; only where there is something on both sides.
+    pub fn splits(&self) -> Vec<(Ns, Share, Share)> {
+        let all = self.0.iter().fold(Share::default(), |sum, share| sum.with(*share));
+        let mut below = Share::default();
+        let mut found = Vec::new();
+        for (octave, share) in self.0.iter().enumerate() {
+            below = below.with(*share);
+            if share.total > 0 && below.total > 0 && below.total < all.total {
+                found.push((1 << (FIRST_OCTAVE + octave + 1), below, all.without(below)));
+            }
+        }
+        found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_are_right_within_an_eighth() {
+        let mut all = Durations::default();
+        (1..=1000).for_each(|ms| all.add(ms * 1_000_000));
+        for (share, ms) in [(0.5, 500.0), (0.99, 990.0), (1.0, 1000.0)] {
+            let found = all.percentile(share).unwrap() as f64 / 1e6;
+            assert!(found >= ms * 0.99 && found <= ms * 1.13, "{share}: {found}");
+        }
+        assert_eq!(Durations::default().percentile(0.5), None);
+    }
+
+    #[test]
+    fn splits_have_something_on_both_sides() {
+        let mut all = ByDuration::default();
+        (0..10).for_each(|_| all.count(1_000_000, true));
+        (0..90).for_each(|_| all.count(50_000_000, false));
+        let splits = all.splits();
+        assert_eq!(splits.len(), 1);
+        assert_eq!((splits[0].0, splits[0].1.failed, splits[0].2.failed), (1 << 20, 10, 0));
+    }
+}

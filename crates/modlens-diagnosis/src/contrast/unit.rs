@@ -1,0 +1,345 @@
+//! The counters of one unit.
+
+use std::collections::BTreeMap;
+
+use modlens_protocol::finding::Finding;
+
+use super::before::Before;
+use super::tally::Tally;
+use super::times::{ByDuration, Durations};
+use crate::observation::{DamagedPart, Observation, Outcome, DAMAGED_PARTS};
+use crate::statistics::Share;
+
+/// Exception codes that are counted one by one; 0 stands for all others.
+pub const EXCEPTIONS: usize = 12;
+
+/// What came of the requests to one unit, and under which circumstances.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct UnitCounts {
+    /// Requests that failed in any way but by a refusal.
+    pub failures: Tally,
+    /// Requests without any answer, however late.
+    pub silent: Tally,
+    /// Requests whose answers came damaged.
+    pub garbled: Tally,
+    /// Requests that were damaged themselves.
+    pub bad_requests: Tally,
+    /// Answers that came too late.
+    pub late: Tally,
+    /// Answers that nobody asked for and that are not late.
+    pub second_answers: Tally,
+    /// How long after the request the late ones came.
+    pub late_after: Durations,
+    /// Refusals, by exception code.
+    pub exceptions: [Tally; EXCEPTIONS],
+    /// Response times of good answers.
+    pub response_times: Durations,
+    /// How long the master waited where no answer came.
+    pub waited: Durations,
+    /// Damaged answers, by the part that is damaged; those of other framings than RTU are not among them.
+    pub damaged_parts: [Tally; DAMAGED_PARTS],
+    /// Damaged requests, by the part that is damaged.
+    pub request_parts: [Tally; DAMAGED_PARTS],
+    /// Failures by the silence before the request.
+    pub by_gap: ByDuration,
+    /// Silent or garbled ones by the time from the end of the request to the start of the answer.
+    pub garbled_by_response_time: ByDuration,
+    /// Failures by the unit asked before, and whether that one had not answered.
+    pub by_previous: BTreeMap<(u8, bool), Share>,
+    /// Failures by function.
+    pub by_function: BTreeMap<u8, Share>,
+    /// Failures by whether a write, to any unit, was among the four transactions before.
+    pub by_write: [Share; 2],
+    /// Failures by the hour of the day (UTC, or of the recording's clock).
+    pub by_hour: [Share; 24],
+    /// Failures by pauses inside of the request or the answer.
+    pub by_pause: [Share; 2],
+    /// Runs of failures.
+    pub runs: Runs,
+    /// Answers with stray bytes in front of them, and behind them.
+    pub strays: [Tally; 2],
+    /// Answers of other units to requests of this one, by the unit that answered.
+    pub answered_by: BTreeMap<u8, Tally>,
+    /// Answers to other functions than were asked.
+    pub other_functions: Tally,
+    /// Transaction identifiers that are not those of the requests.
+    pub other_ids: Tally,
+    /// Requests heard twice.
+    pub echoes: Tally,
+    /// Requests sent while another master's was open.
+    pub crossings: Tally,
+    /// Values that make sense in another order only.
+    pub order_mismatches: Tally,
+    /// Bytes of garbled answers against those of the answers expected, in per cent: 50 is half as long.
+    pub length_ratios: LengthRatios,
+}
+
+/// How long runs of failures are.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Runs {
+    /// Runs of three failures or more that have ended, by success before and after.
+    pub long: u64,
+    /// Failures in them.
+    pub failures_in_long: u64,
+    /// The longest run.
+    pub longest: u64,
+    first: u64,
+    open: u64,
+    total: u64,
+}
+
+/// A run of so many failures is a long one.
+const LONG_RUN: u64 = 3;
+
+impl Runs {
+    fn count(&mut self, failed: bool) {
+        self.total += 1;
+        if failed {
+            self.open += 1;
+            self.longest = self.longest.max(self.open);
+        } else {
+            self.close();
+        }
+        if self.open == self.total {
+            self.first = self.total;
+        }
+    }
+
+    /// Ends the open run; one that has begun before the first success is not counted yet, since a part before may end in one.
+    fn close(&mut self) {
+        if self.open >= LONG_RUN && self.open != self.total - 1 {
+            self.long += 1;
+            self.failures_in_long += self.open;
+        }
+        self.open = 0;
+    }
+
+    fn merge(&mut self, later: &Self) {
+        if later.first == later.total {
+            // The later part is one run.
+            if self.first == self.total {
+                self.first += later.total;
+            }
+            self.open += later.total;
+        } else {
+            let joined = self.open + later.first;
+            self.longest = self.longest.max(joined);
+            if self.first == self.total {
+                self.first = joined;
+            } else if joined >= LONG_RUN {
+                self.long += 1;
+                self.failures_in_long += joined;
+            }
+            self.open = later.open;
+        }
+        self.long += later.long;
+        self.failures_in_long += later.failures_in_long;
+        self.total += later.total;
+        self.longest = self.longest.max(later.longest).max(self.open);
+    }
+
+    /// Failures in runs of three or more, whether these have ended or not.
+    pub fn in_long(&self) -> u64 {
+        let ends = if self.first == self.total { [self.first, 0] } else { [self.first, self.open] };
+        self.failures_in_long + ends.into_iter().filter(|run| *run >= LONG_RUN).sum::<u64>()
+    }
+
+    /// Number of runs of three or more failures.
+    pub fn count_of_long(&self) -> u64 {
+        let ends = if self.first == self.total { [self.first, 0] } else { [self.first, self.open] };
+        self.long + ends.into_iter().filter(|run| *run >= LONG_RUN).count() as u64
+    }
+}
+
+/// Sums over the ratios of lengths.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LengthRatios {
+    /// How many.
+    pub count: u64,
+    /// Bytes that came.
+    pub came: u64,
+    /// Bytes that were expected.
+    pub expected: u64,
+}
+
+impl UnitCounts {
+    /// Counts a transaction.
+    pub(super) fn count(&mut self, seen: &Observation, before: Before) {
+        self.count_oddities(seen);
+        if seen.outcome == Outcome::Unasked {
+            self.count_late(seen);
+            return;
+        }
+        if !seen.outcome.counts() {
+            return;
+        }
+        let (place, failed) = (seen.place, seen.outcome.is_failure());
+        self.failures.count(failed, place);
+        self.silent.count(seen.outcome == Outcome::Silent, place);
+        self.garbled.count(seen.outcome == Outcome::Garbled, place);
+        self.bad_requests.count(seen.outcome == Outcome::BadRequest, place);
+        self.runs.count(failed);
+        self.count_exception(seen);
+        self.count_times(seen);
+        self.count_damage(seen);
+        self.count_circumstances(seen, before, failed);
+    }
+
+    fn count_oddities(&mut self, seen: &Observation) {
+        let place = seen.place;
+        let has = |finding| seen.findings.has(finding);
+        self.other_functions.count(has(Finding::WrongFunction), place);
+        self.other_ids.count(has(Finding::TransactionId), place);
+        self.echoes.count(has(Finding::LocalEcho), place);
+        self.crossings.count(has(Finding::TwoMasters), place);
+        self.order_mismatches.count(has(Finding::OrderMismatch), place);
+        if let Some(unit) = seen.answered_by {
+            self.answered_by.entry(unit).or_default().count(true, place);
+        }
+    }
+
+    fn count_late(&mut self, seen: &Observation) {
+        let Some(request) = seen.late_for else {
+            self.second_answers.count(true, seen.place);
+            return;
+        };
+        self.late.count(true, super::tally::Place { number: request, ..seen.place });
+        if let Some(after) = seen.late {
+            self.late_after.add(after);
+        }
+    }
+
+    fn count_exception(&mut self, seen: &Observation) {
+        let code = seen.exception.map(|code| if usize::from(code) < EXCEPTIONS { usize::from(code) } else { 0 });
+        if let Some(code) = code {
+            self.exceptions[code].count(true, seen.place);
+        }
+    }
+
+    fn count_times(&mut self, seen: &Observation) {
+        if let (Outcome::Good | Outcome::Refused, Some(time)) = (seen.outcome, seen.response_time) {
+            self.response_times.add(time);
+        }
+        if let (Outcome::Silent, Some(waited)) = (seen.outcome, seen.waited) {
+            self.waited.add(waited);
+        }
+    }
+
+    fn count_damage(&mut self, seen: &Observation) {
+        let Some(part) = seen.damage else { return };
+        let parts = if seen.outcome == Outcome::BadRequest { &mut self.request_parts } else { &mut self.damaged_parts };
+        for (index, tally) in parts.iter_mut().enumerate() {
+            tally.count(index == part as usize, seen.place);
+        }
+        if let (Outcome::Garbled, DamagedPart::Whole, 1.., Some((_, quantity))) =
+            (seen.outcome, part, seen.lengths[1], seen.range)
+        {
+            let expected = match seen.function {
+                3 | 4 | 23 => 5 + 2 * u64::from(quantity),
+                1 | 2 => 5 + u64::from(quantity).div_ceil(8),
+                _ => 8,
+            };
+            self.length_ratios.count += 1;
+            self.length_ratios.came += u64::from(seen.lengths[1]);
+            self.length_ratios.expected += expected;
+        }
+    }
+
+    fn count_circumstances(&mut self, seen: &Observation, before: Before, failed: bool) {
+        if let Some(gap) = seen.gap {
+            self.by_gap.count(gap, failed);
+        }
+        if let ([Some(request), Some(answer)], Outcome::Good | Outcome::Garbled) = (seen.starts, seen.outcome) {
+            self.garbled_by_response_time.count(seen.response_time.unwrap_or(answer - request), seen.outcome == Outcome::Garbled);
+        }
+        if let Some((unit, was_silent)) = before.previous {
+            self.by_previous.entry((unit, was_silent)).or_default().count(failed);
+        }
+        self.by_function.entry(seen.function).or_default().count(failed);
+        self.by_write[usize::from(before.written)].count(failed);
+        if let Some(time) = seen.place.time {
+            self.by_hour[(time.div_euclid(3_600_000_000_000) % 24) as usize].count(failed);
+        }
+        self.by_pause[usize::from(seen.findings.has(Finding::GapInFrame))].count(failed);
+    }
+
+    /// Adds what came later.
+    pub(super) fn merge(&mut self, later: &Self) {
+        let pairs = [
+            (&mut self.failures, &later.failures),
+            (&mut self.silent, &later.silent),
+            (&mut self.garbled, &later.garbled),
+            (&mut self.bad_requests, &later.bad_requests),
+            (&mut self.late, &later.late),
+            (&mut self.second_answers, &later.second_answers),
+            (&mut self.other_functions, &later.other_functions),
+            (&mut self.other_ids, &later.other_ids),
+            (&mut self.echoes, &later.echoes),
+            (&mut self.crossings, &later.crossings),
+            (&mut self.order_mismatches, &later.order_mismatches),
+        ];
+        for (own, more) in pairs {
+            own.merge(more);
+        }
+        merge_each(&mut self.exceptions, &later.exceptions);
+        merge_each(&mut self.damaged_parts, &later.damaged_parts);
+        merge_each(&mut self.request_parts, &later.request_parts);
+        merge_each(&mut self.strays, &later.strays);
+        self.late_after.merge(&later.late_after);
+        self.response_times.merge(&later.response_times);
+        self.waited.merge(&later.waited);
+        self.by_gap.merge(&later.by_gap);
+        self.garbled_by_response_time.merge(&later.garbled_by_response_time);
+        merge_shares(&mut self.by_previous, &later.by_previous);
+        merge_shares(&mut self.by_function, &later.by_function);
+        for (own, more) in [
+            (&mut self.by_write[..], &later.by_write[..]),
+            (&mut self.by_hour[..], &later.by_hour[..]),
+            (&mut self.by_pause[..], &later.by_pause[..]),
+        ] {
+            own.iter_mut().zip(more).for_each(|(own, more)| *own = own.with(*more));
+        }
+        self.runs.merge(&later.runs);
+        for (unit, more) in &later.answered_by {
+            self.answered_by.entry(*unit).or_default().merge(more);
+        }
+        self.length_ratios.count += later.length_ratios.count;
+        self.length_ratios.came += later.length_ratios.came;
+        self.length_ratios.expected += later.length_ratios.expected;
+    }
+}
+
+fn merge_each(own: &mut [Tally], later: &[Tally]) {
+    own.iter_mut().zip(later).for_each(|(own, more)| own.merge(more));
+}
+
+fn merge_shares<K: Ord + Copy>(own: &mut BTreeMap<K, Share>, later: &BTreeMap<K, Share>) {
+    for (key, share) in later {
+        let sum = own.entry(*key).or_default();
+        *sum = sum.with(*share);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn runs(failures: &str) -> Runs {
+        let mut all = Runs::default();
+        failures.chars().for_each(|c| all.count(c == 'x'));
+        all
+    }
+
+    #[test]
+    fn runs_merge_to_the_whole() {
+        for text in ["xxx.xx.xxxx..xxxxx.x", "xxxxxxxx", "....", ".xxx", "xxx.", "x.xxx.x"] {
+            for cut in 0..=text.len() {
+                let mut merged = runs(&text[..cut]);
+                merged.merge(&runs(&text[cut..]));
+                assert_eq!(merged, runs(text), "{text} cut at {cut}");
+            }
+        }
+        let all = runs("xxx.xx.xxxx..xxxxx.x");
+        assert_eq!((all.in_long(), all.count_of_long(), all.longest), (12, 3, 5));
+    }
+}

@@ -1,0 +1,94 @@
+//! The kinds of trouble: each is a function of the contrast of one bus that claims what it sees, or nothing.
+//!
+//! Thresholds come from statistics (`claim::ACCIDENT`, `MAX_CHANCE`), not from examples. A kind that another one explains
+//! better gives way to it: that is `claims`' last step, so that no kind has to know the others.
+
+mod answers;
+mod damage;
+mod exceptions;
+mod masters;
+mod network;
+mod pace;
+mod values;
+mod wires;
+
+use crate::claim::{Claim, View};
+
+/// A kind: its code and what recognizes it.
+pub type Kind = (&'static str, fn(&View<'_>) -> Vec<Claim>);
+
+/// All kinds; `dissectors/diagnoses.toml` has a row for each, in the same words.
+pub const KINDS: &[Kind] = &[
+    ("slow_answers", answers::slow_answers),
+    ("lockstep", network::lockstep),
+    ("no_bias", damage::no_bias),
+    ("polled_too_fast", pace::polled_too_fast),
+    ("swapped_wires", wires::swapped_wires),
+    ("address_off_by_one", exceptions::address_off_by_one),
+    ("word_order", values::word_order),
+    ("connection_limit", network::connection_limit),
+    ("two_masters", masters::two_masters),
+    ("line_noise", damage::line_noise),
+    ("framing_mismatch", network::framing_mismatch),
+    ("driver_enable", damage::driver_enable),
+    ("dead_unit_cost", answers::dead_unit_cost),
+    ("register_hole", exceptions::register_hole),
+    ("block_too_long", exceptions::block_too_long),
+    ("gateway_unit_id", network::gateway_unit_id),
+    ("value_spike", values::value_spike),
+    ("bystander", masters::bystander),
+    ("connection_churn", network::connection_churn),
+    ("wrong_line_settings", wires::wrong_line_settings),
+    ("gateway_mixup", network::gateway_mixup),
+    ("own_echo", masters::own_echo),
+    ("device_busy", exceptions::device_busy),
+    ("wrong_function", exceptions::wrong_function),
+    ("gaps_in_frames", pace::gaps_in_frames),
+    ("duplicate_address", damage::duplicate_address),
+    ("foreign_protocol", wires::foreign_protocol),
+    ("unexpected_writer", masters::unexpected_writer),
+    ("device_absent", answers::device_absent),
+    ("bus_saturated", pace::bus_saturated),
+];
+
+/// A kind that explains the failures of another one, of the same unit or of the whole line.
+const EXPLAINS: &[(&str, &[&str])] = &[
+    ("two_masters", &["line_noise", "duplicate_address", "polled_too_fast", "slow_answers", "bystander"]),
+    ("swapped_wires", &["wrong_line_settings", "foreign_protocol", "line_noise", "dead_unit_cost"]),
+    ("wrong_line_settings", &["line_noise", "dead_unit_cost", "duplicate_address", "driver_enable"]),
+    ("duplicate_address", &["line_noise", "driver_enable"]),
+    ("driver_enable", &["line_noise"]),
+    ("gateway_unit_id", &["dead_unit_cost", "device_busy"]),
+    ("polled_too_fast", &["bystander"]),
+    ("lockstep", &["slow_answers", "gateway_mixup"]),
+];
+
+/// What all kinds claim of a bus, without what another claim explains.
+pub fn claims(view: &View<'_>) -> Vec<Claim> {
+    let all: Vec<Claim> = KINDS.iter().flat_map(|(_, recognize)| recognize(view)).collect();
+    let is_explained = |claim: &Claim| {
+        EXPLAINS.iter().any(|(by, what)| {
+            what.contains(&claim.code)
+                && all
+                    .iter()
+                    .any(|other| other.code == *by && (other.unit.is_none() || claim.unit.is_none() || other.unit == claim.unit))
+        })
+    };
+    all.iter().filter(|claim| !is_explained(claim)).cloned().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::table::diagnoses;
+
+    #[test]
+    fn each_row_has_its_kind_and_each_kind_its_row() {
+        let rows: Vec<&str> = diagnoses().iter().map(|row| row.code.as_str()).collect();
+        let kinds: Vec<&str> = KINDS.iter().map(|(code, _)| *code).collect();
+        assert_eq!(rows, kinds);
+        for (by, what) in EXPLAINS {
+            assert!(kinds.contains(by) && what.iter().all(|code| kinds.contains(code) && code != by), "{by}");
+        }
+    }
+}

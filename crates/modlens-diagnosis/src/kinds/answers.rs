@@ -1,0 +1,104 @@
+//! Answers that come late, for a while not at all, or never.
+
+use crate::claim::{duration, percent, Claim, View, ACCIDENT};
+use crate::contrast::UnitCounts;
+use crate::statistics::{at_least, fisher, Share};
+use crate::MAX_CHANCE;
+
+/// Answers that come after the master has given up, or that press against its time-out.
+pub(super) fn slow_answers(view: &View<'_>) -> Vec<Claim> {
+    view.units().filter_map(|(unit, counts)| late(view, unit, counts).or_else(|| pressing(view, unit, counts))).collect()
+}
+
+fn late(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
+    let share = Share { failed: counts.late.failed.min(counts.failures.total), total: counts.failures.total };
+    let chance = view.beyond_accident(share)?;
+    let mut late = counts.late.clone();
+    (late.total, late.before, late.after) = (share.total, 0, 0);
+    let mut claim = Claim::new("slow_answers", &late, chance).of_unit(unit).with_share(share);
+    if let Some(waited) = counts.waited.percentile(0.5) {
+        claim = claim.fact("timeout", format!(", after {}", duration(waited)));
+    }
+    if let Some(needed) = counts.late_after.percentile(1.0) {
+        claim = claim
+            .fact("needed", format!("; the slowest answer took {}", duration(needed)))
+            .fact("suggestion", format!(": {} or more", duration(needed + needed / 2)));
+    }
+    Some(claim)
+}
+
+/// No late answer is seen, but many good ones come shortly before the time-out: those that failed were later still.
+fn pressing(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
+    let chance = view.beyond_accident(counts.silent.share())?;
+    let timeout = counts.waited.percentile(0.1)?;
+    let (median, high) = (counts.response_times.percentile(0.5)?, counts.response_times.percentile(0.9)?);
+    let presses = high > timeout / 2 && high < timeout * 2 && median * 3 > timeout;
+    (presses && counts.response_times.count >= 10).then(|| {
+        Claim::new("slow_answers", &counts.silent, chance)
+            .of_unit(unit)
+            .fact("timeout", format!(", after {}", duration(timeout)))
+            .fact("needed", format!("; of the answers in time, one in ten took more than {}", duration(high)))
+            .fact("suggestion", format!(": {} or more", duration(2 * timeout)))
+    })
+}
+
+/// A unit that never answers.
+pub(super) fn dead_unit_cost(view: &View<'_>) -> Vec<Claim> {
+    view.units().filter_map(|(unit, counts)| dead(view, unit, counts)).collect()
+}
+
+fn dead(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
+    if unit == 0 || counts.silent.failed < counts.failures.total || counts.late.failed > 0 {
+        return None;
+    }
+    // As if it failed as often as the others do, and at least once in twenty.
+    let usual = view.others(unit, |other| other.silent.share()).rate().clamp(0.05, 0.5);
+    let chance = view.significant(at_least(counts.silent.share(), usual))?;
+    let mut claim = Claim::new("dead_unit_cost", &counts.silent, chance).of_unit(unit);
+    if let (Some(waited), Some((first, last))) = (counts.waited.percentile(0.5), view.bus.frames.span) {
+        let lost = waited as f64 * counts.silent.failed as f64 / (last - first).max(1) as f64;
+        let words = format!("; the master waits {} for each, {} of its time", duration(waited), percent(lost.min(1.0)));
+        claim = claim.fact("cost", words);
+    }
+    if let Some((poisoned, inside)) = poisoned(view, unit) {
+        let words = format!(", and unit {poisoned} fails {} of {} times right after it", inside.failed, inside.total);
+        claim = claim.fact("poison", words).fact("poison_proof", format!(", and unit {poisoned} answers"));
+    }
+    Some(claim)
+}
+
+/// The unit that fails right after the silence of this one, and how often it does.
+fn poisoned(view: &View<'_>, dead: u8) -> Option<(u8, Share)> {
+    view.units().filter(|(unit, _)| *unit != dead).find_map(|(unit, counts)| {
+        let inside = *counts.by_previous.get(&(dead, true))?;
+        let outside = counts.failures.share().without(inside);
+        view.significant(fisher(inside, outside))?;
+        Some((unit, inside))
+    })
+}
+
+/// A unit that answers, and was silent in one or several long runs.
+pub(super) fn device_absent(view: &View<'_>) -> Vec<Claim> {
+    view.units().filter_map(|(unit, counts)| absent(view, unit, counts)).collect()
+}
+
+fn absent(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
+    let silent = counts.silent.share();
+    let answered = counts.failures.total - counts.failures.failed;
+    let in_runs = counts.runs.in_long();
+    if answered < 2 || in_runs * 10 < counts.failures.failed * 8 || silent.failed * 10 < counts.failures.failed * 8 {
+        return None;
+    }
+    // How likely is a run so long, if failures were spread by accident? Retries double every failure.
+    let rate = silent.rate().max(ACCIDENT);
+    let independent = counts.runs.longest.div_ceil(2) as f64;
+    let chance = view.corrected(rate.powf(independent) * silent.total as f64);
+    if chance >= MAX_CHANCE || view.beyond_accident(silent).is_none() || counts.late.failed * 4 > silent.failed {
+        return None;
+    }
+    let runs = match counts.runs.count_of_long() {
+        1 => String::from("one run"),
+        many => format!("{many} runs"),
+    };
+    Some(Claim::new("device_absent", &counts.silent, chance).of_unit(unit).fact("runs", runs))
+}

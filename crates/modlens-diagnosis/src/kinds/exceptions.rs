@@ -1,0 +1,230 @@
+//! Refusals: which requests are refused, and which ones beside them are answered.
+#![allow(clippy::trivially_copy_pass_by_ref)] // Keys stay in their map.
+
+use crate::claim::{Claim, View};
+use crate::contrast::{RequestCounts, RequestKey};
+use crate::statistics::{at_least, Share};
+
+/// A request that has a range, with what came of it.
+type Request<'a> = (&'a RequestKey, &'a RequestCounts);
+
+/// Requests that were refused with exception 2 or 3 each time, twice at least.
+fn refused<'a>(all: &[Request<'a>]) -> Vec<Request<'a>> {
+    let is_refused = |counts: &RequestCounts| counts.good == 0 && counts.refused[1] + counts.refused[2] >= 2;
+    all.iter().filter(|(_, counts)| is_refused(counts)).copied().collect()
+}
+
+/// Good answers to requests of the same unit and function as this one.
+fn answered<'a>(all: &[Request<'a>], key: &RequestKey) -> Vec<&'a RequestKey> {
+    let is_like = |other: &RequestKey, counts: &RequestCounts| {
+        other.unit == key.unit && other.function == key.function && counts.good > counts.refusals()
+    };
+    all.iter().filter(|(other, counts)| is_like(other, counts)).map(|(other, _)| *other).collect()
+}
+
+fn end(key: &RequestKey) -> u32 {
+    u32::from(key.address) + u32::from(key.quantity)
+}
+
+/// The block in words.
+fn block(key: &RequestKey) -> String {
+    if key.quantity == 1 {
+        format!("address {}", key.address)
+    } else {
+        format!("addresses {} to {}", key.address, end(key) - 1)
+    }
+}
+
+fn claim(view: &View<'_>, code: &'static str, request: Request<'_>) -> Option<Claim> {
+    let (key, counts) = request;
+    let share = Share { failed: counts.refusals() + counts.silent, total: counts.sent() };
+    let chance = view.corrected(at_least(share, 0.01));
+    (chance < 0.05).then(|| {
+        Claim::new(code, &counts.bad, chance)
+            .of_unit(key.unit)
+            .at(key.function, key.address)
+            .with_share(share)
+            .fact("block", block(key))
+    })
+}
+
+/// What a refused request is, as far as those beside it tell.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Reason {
+    OffByOne(u16),
+    TooLong { good: u16 },
+    Hole,
+    Unknown,
+}
+
+fn reason(all: &[Request<'_>], request: Request<'_>) -> Reason {
+    let key = request.0;
+    let good = answered(all, key);
+    let shifted = good.iter().find(|other| other.quantity == key.quantity && other.address.abs_diff(key.address) == 1);
+    if let Some(neighbour) = shifted {
+        return Reason::OffByOne(neighbour.address);
+    }
+    let longest = good.iter().map(|other| other.quantity).max();
+    let shortest_bad = refused(all)
+        .iter()
+        .filter(|(other, _)| other.unit == key.unit && other.function == key.function)
+        .map(|(other, _)| other.quantity)
+        .min();
+    let is_limit = longest.zip(shortest_bad).is_some_and(|(longest, shortest)| longest < shortest);
+    let parts: Vec<&&RequestKey> = good.iter().filter(|other| other.address >= key.address && end(other) <= end(key)).collect();
+    let covered: u32 = covered(key, &parts);
+    if let (true, Some(longest)) =
+        (is_limit && (covered == u32::from(key.quantity) || request.1.refused[2] > request.1.refused[1]), longest)
+    {
+        return Reason::TooLong { good: longest };
+    }
+    if covered > 0 {
+        return Reason::Hole;
+    }
+    Reason::Unknown
+}
+
+/// How many addresses of a block its parts cover.
+fn covered(key: &RequestKey, parts: &[&&RequestKey]) -> u32 {
+    let mut ranges: Vec<(u32, u32)> = parts.iter().map(|part| (u32::from(part.address), end(part))).collect();
+    ranges.sort_unstable();
+    let (mut sum, mut at) = (0, u32::from(key.address));
+    for (from, to) in ranges {
+        sum += to.saturating_sub(from.max(at));
+        at = at.max(to);
+    }
+    sum
+}
+
+/// An address that is refused while its neighbour is answered.
+pub(super) fn address_off_by_one(view: &View<'_>) -> Vec<Claim> {
+    let all = view.bus.requests.sorted();
+    let claims = refused(&all).into_iter().filter_map(|request| match reason(&all, request) {
+        Reason::OffByOne(neighbour) => {
+            let shifted = RequestKey { address: neighbour, ..*request.0 };
+            Some(claim(view, "address_off_by_one", request)?.fact("neighbour", block(&shifted)))
+        }
+        _ => None,
+    });
+    claims.collect()
+}
+
+/// A block of which parts are answered.
+pub(super) fn register_hole(view: &View<'_>) -> Vec<Claim> {
+    let all = view.bus.requests.sorted();
+    let claims = refused(&all).into_iter().filter_map(|request| {
+        if is_function_refused(&all, request.0) {
+            return None;
+        }
+        let parts = match reason(&all, request) {
+            Reason::Hole => ", and parts of it were answered",
+            Reason::Unknown => "",
+            _ => return None,
+        };
+        Some(claim(view, "register_hole", request)?.fact("parts", parts))
+    });
+    claims.collect()
+}
+
+/// Blocks that fail above a quantity.
+pub(super) fn block_too_long(view: &View<'_>) -> Vec<Claim> {
+    let all = view.bus.requests.sorted();
+    let mut found: Vec<Claim> = Vec::new();
+    for request in failing(&all) {
+        let Reason::TooLong { good } = reason_of_length(&all, request) else { continue };
+        let key = request.0;
+        if found.iter().any(|other| (other.unit, other.function) == (Some(key.unit), Some(key.function))) {
+            continue;
+        }
+        let of_kind = failing(&all).into_iter().filter(|(other, _)| other.unit == key.unit && other.function == key.function);
+        let least = of_kind.map(|(other, _)| other.quantity).min().unwrap_or(key.quantity);
+        let Some(claim) = claim(view, "block_too_long", request) else { continue };
+        found.push(claim.fact("good_quantity", good.to_string()).fact("bad_quantity", least.to_string()));
+    }
+    found
+}
+
+/// Requests that are refused each time, or never answered while shorter ones are.
+fn failing<'a>(all: &[Request<'a>]) -> Vec<Request<'a>> {
+    let is_failing = |counts: &RequestCounts| counts.good == 0 && counts.refused[1] + counts.refused[2] + counts.silent >= 2;
+    all.iter().filter(|(_, counts)| is_failing(counts)).copied().collect()
+}
+
+fn reason_of_length(all: &[Request<'_>], request: Request<'_>) -> Reason {
+    if request.1.silent == 0 {
+        return reason(all, request);
+    }
+    let good = answered(all, request.0);
+    let parts: Vec<&&RequestKey> =
+        good.iter().filter(|other| other.address >= request.0.address && end(other) <= end(request.0)).collect();
+    let longest = good.iter().map(|other| other.quantity).max().unwrap_or(0);
+    if longest > 0 && longest < request.0.quantity && covered(request.0, &parts) == u32::from(request.0.quantity) {
+        Reason::TooLong { good: longest }
+    } else {
+        Reason::Unknown
+    }
+}
+
+/// Whether no request of this function to this unit was answered, and one of another function was.
+fn is_function_refused(all: &[Request<'_>], key: &RequestKey) -> bool {
+    let of_unit = |other: &&Request<'_>| other.0.unit == key.unit;
+    let same = all.iter().filter(of_unit).filter(|(other, _)| other.function == key.function).all(|(_, counts)| counts.good == 0);
+    let other = all.iter().filter(of_unit).any(|(other, counts)| other.function != key.function && counts.good > 0);
+    same && other
+}
+
+/// A function that is refused throughout while another one is answered.
+pub(super) fn wrong_function(view: &View<'_>) -> Vec<Claim> {
+    let all = view.bus.requests.sorted();
+    let mut found: Vec<Claim> = Vec::new();
+    for (key, counts) in &all {
+        let refusals = counts.refused[0] + counts.refused[1];
+        let is_new = !found.iter().any(|claim| (claim.unit, claim.function) == (Some(key.unit), Some(key.function)));
+        if counts.good > 0 || refusals < 2 || !is_new || !is_function_refused(&all, key) {
+            continue;
+        }
+        let same = |other: &&Request<'_>| other.0.unit == key.unit && other.0.function == key.function;
+        let share = all
+            .iter()
+            .filter(same)
+            .fold(Share::default(), |sum, (_, counts)| sum.with(Share { failed: counts.refusals(), total: counts.sent() }));
+        let chance = view.corrected(at_least(share, 0.01));
+        if chance >= 0.05 {
+            continue;
+        }
+        let instead = instead(&all, key).map_or(String::new(), |other| format!("; function {other} answers there"));
+        let claim = Claim::new("wrong_function", &counts.bad, chance).of_unit(key.unit).at(key.function, key.address);
+        found.push(claim.with_share(share).fact("function", key.function.to_string()).fact("instead", instead));
+    }
+    found
+}
+
+/// Another function that is answered at an address of this block.
+fn instead(all: &[Request<'_>], key: &RequestKey) -> Option<u8> {
+    let overlaps = |other: &RequestKey| u32::from(other.address) < end(key) && u32::from(key.address) < end(other);
+    let is_other = |other: &RequestKey| other.unit == key.unit && other.function != key.function && overlaps(other);
+    all.iter().find(|(other, counts)| is_other(other) && counts.good > 0).map(|(other, _)| other.function)
+}
+
+/// What the exceptions of a busy device or gateway say, and what to check.
+const BUSY: [(u8, &str, &str); 4] = [
+    (5, "Acknowledge", "What keeps the device busy: it has accepted the request and wants to be asked again later."),
+    (6, "Server Device Busy", "How many clients ask, and how often: a longer cycle, or one client instead of several."),
+    (10, "Gateway Path Unavailable", "The gateway's table of units, its serial port and its load."),
+    (11, "Gateway Target Device Failed to Respond", "The serial side of the gateway: wiring, address and rate of the unit, and the gateway's own timeout, which has to be longer than the unit takes."),
+];
+
+/// Refusals that ask for patience.
+pub(super) fn device_busy(view: &View<'_>) -> Vec<Claim> {
+    let mut found = Vec::new();
+    for (unit, counts) in view.units() {
+        for (code, name, advice) in BUSY {
+            let refused = &counts.exceptions[usize::from(code)];
+            let share = Share { failed: refused.failed, total: counts.failures.total };
+            let Some(chance) = view.beyond_accident(share) else { continue };
+            let claim = Claim::new("device_busy", refused, chance).of_unit(unit).with_share(share);
+            found.push(claim.fact("exception", code.to_string()).fact("name", name).fact("what_to_check", advice));
+        }
+    }
+    found
+}

@@ -1,0 +1,45 @@
+//! Trouble with values whose checksum is right.
+
+use crate::claim::{Claim, View};
+use crate::contrast::{Lonely, RequestKey};
+
+/// Values that make sense in another order only.
+pub(super) fn word_order(view: &View<'_>) -> Vec<Claim> {
+    let claims = view.units().filter(|(_, counts)| counts.order_mismatches.failed > 0).map(|(unit, counts)| {
+        // The engine names an order only where it is sure of it.
+        Claim::new("word_order", &counts.order_mismatches, 0.0)
+            .of_unit(unit)
+            .at_most(modlens_protocol::finding::Severity::Warning)
+    });
+    claims.collect()
+}
+
+/// Odd answers among so many are a jump; more of them are a habit of the device.
+const RARE: u64 = 10;
+
+/// Single answers of all FFFF or all 0000.
+pub(super) fn value_spike(view: &View<'_>) -> Vec<Claim> {
+    let requests = view.bus.requests.sorted();
+    let claims = requests.into_iter().filter(|(_, counts)| !counts.writes).flat_map(|(key, counts)| {
+        let ones = spike(*key, &counts.all_ones, "FFFF");
+        // A single register of 0 is a value like any other.
+        let zeros = (key.quantity > 1).then(|| spike(*key, &counts.all_zeros, "0000")).flatten();
+        [ones, zeros].into_iter().flatten()
+    });
+    claims.collect()
+}
+
+fn spike(key: RequestKey, series: &Lonely, value: &'static str) -> Option<Claim> {
+    let share = series.odd.share();
+    if !series.are_alone() || share.failed * RARE > share.total || share.total < 2 * RARE {
+        return None;
+    }
+    // Registers that are not of the device hold anything: the chance that all of them are just this.
+    let chance = share.total as f64 * (-16.0 * f64::from(key.quantity) * std::f64::consts::LN_2).exp();
+    let block = match key.quantity {
+        1 => format!("address {}", key.address),
+        _ => format!("addresses {} to {}", key.address, u32::from(key.address) + u32::from(key.quantity) - 1),
+    };
+    let claim = Claim::new("value_spike", &series.odd, chance.min(1.0)).of_unit(key.unit).at(key.function, key.address);
+    Some(claim.fact("block", block).fact("value", value).at_most(modlens_protocol::finding::Severity::Warning))
+}

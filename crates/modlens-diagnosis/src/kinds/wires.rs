@@ -1,0 +1,96 @@
+//! What is not Modbus: inverted bits, another rate, another protocol.
+
+use crate::claim::{duration, percent, Claim, View};
+use crate::contrast::UnitCounts;
+use crate::statistics::{at_least, Share};
+use modlens_protocol::framing::{Mode, Verdict};
+
+/// Fewer bytes of noise say nothing.
+const LEAST_BYTES: u64 = 50;
+
+/// Bytes of the recording by frame: those of good frames, and those of all others.
+fn bytes(view: &View<'_>) -> (u64, u64) {
+    let bytes = &view.bus.frames.bytes;
+    let good = bytes[Verdict::Ok as usize] + bytes[Verdict::NoChecksum as usize];
+    (good, bytes.iter().sum::<u64>() - good)
+}
+
+/// Whether nothing on the line can be read.
+fn is_unreadable(view: &View<'_>) -> bool {
+    let (good, other) = bytes(view);
+    other >= LEAST_BYTES && good * 20 < other && !view.bus.facts.is_network && view.bus.facts.mode != Some(Mode::Tcp)
+}
+
+/// Share of the noise whose bytes are 00, FF or a run of equal bits at one end.
+fn inverted_share(view: &View<'_>) -> f64 {
+    let kinds = &view.bus.noise.kinds;
+    kinds[..3].iter().sum::<u64>() as f64 / kinds.iter().sum::<u64>().max(1) as f64
+}
+
+/// A burst of random bytes ends in 00 once in 256 times; of values of registers, much more often.
+const ENDS_IN_ZERO: f64 = 0.3;
+
+fn is_inverted(view: &View<'_>) -> bool {
+    let ends = view.bus.noise.ends_in_zero.share();
+    ends.total >= 5 && view.significant(at_least(ends, ENDS_IN_ZERO)).is_some() && ends.rate() > 0.6
+}
+
+/// No valid frame, and bursts that end in 00.
+pub(super) fn swapped_wires(view: &View<'_>) -> Vec<Claim> {
+    if !is_unreadable(view) || !is_inverted(view) {
+        return Vec::new();
+    }
+    let ends = &view.bus.noise.ends_in_zero;
+    let chance = view.corrected(at_least(ends.share(), ENDS_IN_ZERO));
+    vec![Claim::new("swapped_wires", ends, chance).fact("zeros", percent(inverted_share(view)))]
+}
+
+/// No valid frame at all, or no valid answer of one unit and a wrong length throughout.
+pub(super) fn wrong_line_settings(view: &View<'_>) -> Vec<Claim> {
+    if is_unreadable(view) {
+        if is_inverted(view) || is_text(view) {
+            return Vec::new();
+        }
+        let (good, other) = bytes(view);
+        let share = Share { failed: other, total: good + other };
+        let chance = view.corrected(at_least(share, 0.5));
+        let claim = Claim::new("wrong_line_settings", &view.bus.noise.ends_in_zero, chance).with_share(share);
+        return vec![claim.fact("what", "bytes belong to no valid frame")];
+    }
+    view.units().filter_map(|(unit, counts)| at_another_rate(view, unit, counts)).collect()
+}
+
+/// A unit none of whose answers is valid, and all of whose answers are too short or too long by the same ratio.
+fn at_another_rate(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
+    let ratios = counts.length_ratios;
+    let answered = counts.failures.total - counts.failures.failed;
+    let ratio = ratios.came as f64 / ratios.expected.max(1) as f64;
+    if answered > 0 || ratios.count < 5 || (0.85..1.2).contains(&ratio) || counts.bad_requests.failed > 0 {
+        return None;
+    }
+    let chance = view.beyond_accident(counts.garbled.share())?;
+    let what = format!("answers are garbled, with {} of the bytes expected", percent(ratio));
+    Some(Claim::new("wrong_line_settings", &counts.garbled, chance).of_unit(unit).fact("what", what))
+}
+
+fn is_text(view: &View<'_>) -> bool {
+    let kinds = &view.bus.noise.kinds;
+    kinds[3] * 10 > kinds.iter().sum::<u64>() * 9
+}
+
+/// Runs that are no Modbus and come again.
+pub(super) fn foreign_protocol(view: &View<'_>) -> Vec<Claim> {
+    let noise = &view.bus.noise;
+    let repeated = noise.runs.sorted().into_iter().max_by_key(|(key, counts)| (counts.seen.failed, (*key).clone()));
+    let Some((key, counts)) = repeated.filter(|(_, counts)| counts.seen.failed >= 4) else { return Vec::new() };
+    // How likely is it that so many runs begin with these very bytes, if bytes are 00 or FF every third time?
+    let chance = at_least(Share { failed: counts.seen.failed, total: noise.compared }, (1.0f64 / 3.0).powi(key.len() as i32));
+    let Some(chance) = view.significant(chance) else { return Vec::new() };
+    if key.iter().all(|byte| matches!(byte, 0 | 0xFF)) || counts.seen.failed * 4 < noise.compared {
+        return Vec::new();
+    }
+    let share = Share { failed: counts.seen.failed, total: noise.compared };
+    let text = if is_text(view) { ", and are text" } else { "" };
+    let period = counts.period.percentile(0.5).map_or(String::new(), |period| format!(", one each {}", duration(period)));
+    vec![Claim::new("foreign_protocol", &counts.seen, chance).with_share(share).fact("text", text).fact("period", period)]
+}

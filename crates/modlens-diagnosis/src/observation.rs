@@ -1,0 +1,255 @@
+//! What the contrast needs to know of a transaction and of a frame: a few numbers each, without the bytes.
+
+mod damage;
+
+use modlens_engine::records::{Batch, Frame, Transaction};
+use modlens_protocol::direction::Direction;
+use modlens_protocol::finding::Finding;
+use modlens_protocol::framing::{Mode, Verdict};
+use modlens_protocol::functions::{Functions, Operation};
+use modlens_protocol::status::Status;
+use modlens_protocol::Ns;
+
+pub(crate) use damage::response_part;
+pub use damage::{DamagedPart, DAMAGED_PARTS};
+
+use crate::contrast::tally::{mix_bytes, Place};
+
+/// The findings of a row, one bit each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FindingSet(u64);
+
+impl FindingSet {
+    fn of(findings: &[Finding]) -> Self {
+        Self(findings.iter().fold(0, |set, finding| set | 1 << (*finding as u64)))
+    }
+
+    /// Whether a finding is among them.
+    #[inline]
+    pub fn has(self, finding: Finding) -> bool {
+        self.0 >> (finding as u64) & 1 == 1
+    }
+}
+
+/// How a request fared, from the view of its master.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// A valid answer, in time.
+    Good,
+    /// Refused with an exception.
+    Refused,
+    /// No answer.
+    Silent,
+    /// An answer came, but damaged.
+    Garbled,
+    /// The request itself was damaged.
+    BadRequest,
+    /// An answer without a request, or too late for it.
+    Unasked,
+    /// Nothing can be said: a broadcast, or the recording does not show the answer.
+    Unknown,
+}
+
+impl Outcome {
+    /// Whether the master did not get what it asked for, other than by a refusal.
+    #[inline]
+    pub fn is_failure(self) -> bool {
+        matches!(self, Self::Silent | Self::Garbled | Self::BadRequest)
+    }
+
+    /// Whether it tells how the line works: neither an answer alone nor something unknown.
+    #[inline]
+    pub fn counts(self) -> bool {
+        !matches!(self, Self::Unasked | Self::Unknown)
+    }
+}
+
+/// What the data of an answer look like, for comparison with other answers to the same request.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Data {
+    /// Hash of the data; 0 where there are none.
+    pub hash: u64,
+    /// All registers are FFFF.
+    pub all_ones: bool,
+    /// All registers are 0000.
+    pub all_zeros: bool,
+    /// How many bytes.
+    pub length: u16,
+}
+
+/// One transaction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Observation {
+    /// Its number and time.
+    pub place: Place,
+    /// Unit asked, or, of an answer alone, answering.
+    pub unit: u8,
+    /// Function code without the exception bit.
+    pub function: u8,
+    /// How it fared.
+    pub outcome: Outcome,
+    /// Exception code of a refusal.
+    pub exception: Option<u8>,
+    /// Address and quantity that it reads, or writes.
+    pub range: Option<(u16, u16)>,
+    /// Whether it writes.
+    pub writes: bool,
+    /// What was written.
+    pub written: u64,
+    /// What was read.
+    pub data: Data,
+    /// From the end of the request to the start of the answer.
+    pub response_time: Option<Ns>,
+    /// How long the master waited for nothing.
+    pub waited: Option<Ns>,
+    /// How long after the request its answer came, where that was too late.
+    pub late: Option<Ns>,
+    /// It is the late answer to this transaction.
+    pub late_for: Option<u64>,
+    /// Silence before the request.
+    pub gap: Option<Ns>,
+    /// It repeats an earlier request.
+    pub is_retry: bool,
+    /// Its findings.
+    pub findings: FindingSet,
+    /// The unit that answered, where it is another one.
+    pub answered_by: Option<u8>,
+    /// Which part of the damaged frame is damaged.
+    pub damage: Option<DamagedPart>,
+    /// Number of the frame of its request; 0 without one.
+    pub request_frame: u64,
+    /// Bytes of the request and of the answer.
+    pub lengths: [u32; 2],
+    /// Start of the request, and of the answer.
+    pub starts: [Option<Ns>; 2],
+}
+
+impl Observation {
+    /// What a row shows.
+    pub fn of(batch: &Batch, functions: &Functions, row: &Transaction) -> Self {
+        let request = row.request.pdu.of(&batch.arena);
+        let response = row.response.pdu.of(&batch.arena);
+        let body = if request.is_empty() { response } else { request }.get(1..).unwrap_or(&[]);
+        let shape = functions.row(row.function, body);
+        let operation = shape.map_or(Operation::Other, |shape| shape.operation);
+        let is_intact = !request.is_empty() && row.status != Status::BadRequest;
+        let u16_at = |at: usize| Some(u16::from_be_bytes([*body.get(at)?, *body.get(at + 1)?]));
+        let range = shape.filter(|_| is_intact).and_then(|shape| {
+            let address = u16_at(shape.offsets.address?)?;
+            Some((address, shape.offsets.quantity.map_or(Some(1), u16_at)?))
+        });
+        let writes = matches!(operation, Operation::Write | Operation::ReadWrite);
+        let findings = FindingSet::of(row.findings.of(&batch.codes));
+        let data = match shape.and_then(|shape| shape.offsets.response_block) {
+            Some((at, bits)) if row.status == Status::Ok => data(response.get(1 + at..).unwrap_or(&[]), bits),
+            _ => Data::default(),
+        };
+        Self {
+            place: Place { number: row.number, elapsed: row.elapsed, time: row.start },
+            unit: row.unit,
+            function: row.function,
+            outcome: outcome(row.status),
+            exception: row.exception,
+            range,
+            writes,
+            written: if writes && is_intact { mix_bytes(request) } else { 0 },
+            data,
+            response_time: row.response_time,
+            waited: row.waited,
+            late: row.late_response,
+            late_for: row.late_for,
+            gap: row.gap,
+            is_retry: row.retry_of.is_some(),
+            findings,
+            answered_by: findings
+                .has(Finding::WrongUnit)
+                .then(|| answering_unit(row.mode, row.response.wire.of(&batch.arena)))
+                .flatten(),
+            damage: damage::damaged_part(batch, row),
+            request_frame: row.request.frame,
+            lengths: [row.request.wire.length, row.response.wire.length],
+            starts: [row.request.start, row.response.start],
+        }
+    }
+}
+
+fn outcome(status: Status) -> Outcome {
+    match status {
+        Status::Ok => Outcome::Good,
+        Status::Exception => Outcome::Refused,
+        Status::NoResponse => Outcome::Silent,
+        Status::BadResponse => Outcome::Garbled,
+        Status::BadRequest => Outcome::BadRequest,
+        Status::Unsolicited => Outcome::Unasked,
+        Status::Broadcast | Status::NotObserved => Outcome::Unknown,
+    }
+}
+
+/// The unit in an answer of this framing.
+fn answering_unit(mode: Mode, wire: &[u8]) -> Option<u8> {
+    match mode {
+        Mode::Rtu => wire.first().copied(),
+        Mode::Tcp => wire.get(6).copied(),
+        Mode::Ascii => None,
+    }
+}
+
+fn data(block: &[u8], bits: bool) -> Data {
+    Data {
+        hash: mix_bytes(block),
+        all_ones: !bits && !block.is_empty() && block.iter().all(|byte| *byte == 0xFF),
+        all_zeros: !bits && !block.is_empty() && block.iter().all(|byte| *byte == 0),
+        length: block.len() as u16,
+    }
+}
+
+/// One frame, or one run of noise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameObservation {
+    /// Number of its transaction, or of the one before, and its time.
+    pub place: Place,
+    /// Number of the frame.
+    pub number: u64,
+    /// What it is worth.
+    pub verdict: Verdict,
+    /// Who sent it.
+    pub direction: Direction,
+    /// Framing.
+    pub mode: Mode,
+    /// Unit.
+    pub unit: Option<u8>,
+    /// Its findings.
+    pub findings: FindingSet,
+    /// Its length.
+    pub length: u32,
+    /// Number of its transaction.
+    pub txn: Option<u64>,
+    /// The first bytes of what is damaged or noise.
+    pub bytes: Vec<u8>,
+    /// Silence before it.
+    pub gap: Option<Ns>,
+}
+
+/// Bytes of a run of noise that are looked at.
+const NOISE_BYTES: usize = 64;
+
+impl FrameObservation {
+    /// What a row shows.
+    pub fn of(batch: &Batch, row: &Frame) -> Self {
+        let wire = row.wire.of(&batch.arena);
+        let kept = if row.verdict.is_good() { 0 } else { wire.len().min(NOISE_BYTES) };
+        Self {
+            place: Place { number: row.txn.unwrap_or(0), elapsed: row.elapsed, time: row.start },
+            number: row.number,
+            verdict: row.verdict,
+            direction: row.direction,
+            mode: row.mode,
+            unit: row.unit,
+            findings: FindingSet::of(row.findings.of(&batch.codes)),
+            length: row.wire.length,
+            txn: row.txn,
+            bytes: wire[..kept].to_vec(),
+            gap: row.gap,
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! Which part of a damaged frame is damaged: the checksum tells, if the rest is right.
+
+use modlens_engine::records::{Batch, Transaction};
+use modlens_protocol::checksum::{correctable_bit, crc16, crc_valid};
+use modlens_protocol::framing::Mode;
+use modlens_protocol::status::Status;
+
+/// The damaged part of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DamagedPart {
+    /// Its first one or two bytes, or they are missing: with the right ones, the checksum fits.
+    Start,
+    /// Its last one or two bytes are missing or wrong, and everything before fits.
+    End,
+    /// One bit.
+    Bit,
+    /// Somewhere behind an intact beginning.
+    Inside,
+    /// From the first byte on, and not only there.
+    Whole,
+}
+
+/// How many there are.
+pub const DAMAGED_PARTS: usize = 5;
+
+/// The longest beginning that a driver cuts off.
+const MOST_LOST: usize = 2;
+
+/// The damaged part of the request or answer of a row; `None` where neither is damaged, or the framing has no checksum that
+/// could tell.
+pub(super) fn damaged_part(batch: &Batch, row: &Transaction) -> Option<DamagedPart> {
+    if row.mode != Mode::Rtu {
+        return None;
+    }
+    match row.status {
+        Status::BadResponse => {
+            let wire = row.response.wire.of(&batch.arena);
+            let request = row.request.pdu.of(&batch.arena);
+            Some(response_part(wire, row.unit, row.function, request))
+        }
+        Status::BadRequest => Some(request_part(row.request.wire.of(&batch.arena))),
+        _ => None,
+    }
+}
+
+/// The damaged part of an answer to this request.
+pub(crate) fn response_part(wire: &[u8], unit: u8, function: u8, request: &[u8]) -> DamagedPart {
+    if correctable_bit(wire).is_some() {
+        return DamagedPart::Bit;
+    }
+    let head = [unit, function];
+    if fits_with_start(wire, head) {
+        return DamagedPart::Start;
+    }
+    if !wire.starts_with(&head) {
+        return DamagedPart::Whole;
+    }
+    if is_cut_at_end(wire, response_length(wire, request)) {
+        return DamagedPart::End;
+    }
+    DamagedPart::Inside
+}
+
+fn request_part(wire: &[u8]) -> DamagedPart {
+    if correctable_bit(wire).is_some() {
+        DamagedPart::Bit
+    } else if is_cut_at_end(wire, Some(8)) {
+        DamagedPart::End
+    } else {
+        DamagedPart::Inside
+    }
+}
+
+/// Whether the checksum fits if the first bytes are replaced, or preceded, by what they should be.
+fn fits_with_start(wire: &[u8], head: [u8; 2]) -> bool {
+    (1..=MOST_LOST).any(|lost| {
+        let preceded = [&head[..lost], wire].concat();
+        let replaced = wire.get(lost..).map(|rest| [&head[..lost], rest].concat());
+        crc_valid(&preceded) || replaced.is_some_and(|bytes| crc_valid(&bytes))
+    })
+}
+
+/// Length of an answer: as its byte count says, or eight bytes where a write is confirmed (section 6 of the application
+/// protocol).
+fn response_length(wire: &[u8], request: &[u8]) -> Option<usize> {
+    match request.first()? {
+        1..=4 | 23 => Some(5 + usize::from(*wire.get(2)?)),
+        5 | 6 | 15 | 16 => Some(8),
+        _ => None,
+    }
+}
+
+/// Whether the frame ends one byte early, or in a wrong last byte, and its checksum fits as far as it can be seen.
+fn is_cut_at_end(wire: &[u8], length: Option<usize>) -> bool {
+    let Some(length) = length.filter(|length| *length >= 4) else { return false };
+    if wire.len() + 1 != length && wire.len() != length {
+        return false;
+    }
+    let (body, checksum) = wire.split_at(length - 2);
+    checksum[0] == crc16(body).to_le_bytes()[0]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The answer to `01 03 00 00 00 01`, with the checksum of the specification's algorithm: 01 03 02 00 07 F9 86.
+    const ANSWER: [u8; 7] = [1, 3, 2, 0, 7, 0xF9, 0x86];
+    const REQUEST: [u8; 5] = [3, 0, 0, 0, 1];
+
+    fn part(wire: &[u8]) -> DamagedPart {
+        response_part(wire, 1, 3, &REQUEST)
+    }
+
+    #[test]
+    fn the_damaged_part_is_found() {
+        assert_eq!(part(&ANSWER[1..]), DamagedPart::Start);
+        assert_eq!(part(&ANSWER[2..]), DamagedPart::Start);
+        assert_eq!(part(&[0xC5, 0x30, 2, 0, 7, 0xF9, 0x86]), DamagedPart::Start);
+        assert_eq!(part(&ANSWER[..6]), DamagedPart::End);
+        assert_eq!(part(&[1, 3, 2, 0, 7, 0xF9, 0xFE]), DamagedPart::End);
+        assert_eq!(part(&[1, 3, 2, 0, 6, 0xF9, 0x86]), DamagedPart::Bit);
+        assert_eq!(part(&[1, 3, 2, 0x55, 0x66, 0xF9, 0x86]), DamagedPart::Inside);
+        assert_eq!(part(&[0, 2, 0, 9, 0, 0]), DamagedPart::Whole);
+    }
+}

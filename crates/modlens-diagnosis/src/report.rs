@@ -1,0 +1,83 @@
+//! The verdict, the diagnoses in words, what reserves the units have, and what could not be judged.
+
+mod reserves;
+mod sentences;
+mod unjudged;
+mod verdict;
+
+use modlens_engine::records::DiagnosisRow;
+use modlens_protocol::finding::Severity;
+use serde_json::{json, Value as Json};
+
+use crate::claim::View;
+use crate::contrast::Contrast;
+use crate::kinds;
+
+/// What the doctor says of a recording.
+pub struct Report {
+    rows: Vec<DiagnosisRow>,
+    document: Json,
+}
+
+impl Report {
+    /// Judges what has been counted.
+    pub fn of(contrast: &Contrast) -> Self {
+        let buses: Vec<_> = contrast.buses().collect();
+        let mut rows = Vec::new();
+        let (mut reserves, mut unjudged) = (Vec::new(), Vec::new());
+        for (name, bus) in &buses {
+            let view = View::new(bus);
+            let claims = kinds::claims(&view);
+            rows.extend(claims.iter().map(|claim| sentences::row(name, bus, claim)));
+            reserves.extend(reserves::of_bus(name, bus));
+            unjudged.extend(unjudged::of_bus(name, bus));
+        }
+        rows.sort_by_key(|row| std::cmp::Reverse(harm(row)));
+        let (word, sentence) = verdict::verdict(&buses, &rows);
+        let requests: u64 = buses.iter().map(|(_, bus)| bus.requests_seen.total).sum();
+        let failed: u64 = buses.iter().map(|(_, bus)| bus.requests_seen.failed).sum();
+        let document = json!({
+            "verdict": word.text(), "sentence": sentence, "requests": requests, "failed": failed,
+            "diagnoses": rows.iter().map(row_json).collect::<Vec<_>>(),
+            "reserves": reserves, "not_judged": unjudged,
+        });
+        Self { rows, document }
+    }
+
+    /// The diagnoses, by harm.
+    pub fn into_rows(self) -> Vec<DiagnosisRow> {
+        self.rows
+    }
+
+    /// The whole as JSON; `docs/doctor.schema.json` describes it.
+    pub fn json(&self) -> &Json {
+        &self.document
+    }
+}
+
+/// The order of diagnoses: by severity, then by how many failures they explain, then by how sure they are.
+fn harm(row: &DiagnosisRow) -> (u8, u64, u64, std::cmp::Reverse<String>) {
+    let severity = match row.severity {
+        Severity::Error => 2,
+        Severity::Warning => 1,
+        Severity::Info => 0,
+    };
+    let sureness = row.chance.map_or(0, |chance| (-chance.max(1e-300).log10() * 10.0) as u64);
+    (severity, row.failed, sureness, std::cmp::Reverse(row.code.to_owned()))
+}
+
+fn row_json(row: &DiagnosisRow) -> Json {
+    json!({
+        "code": row.code, "title": crate::table::diagnosis(row.code).map(|known| known.title.as_str()),
+        "severity": row.severity.text(), "bus": row.bus, "unit": row.unit, "function": row.function, "address": row.address,
+        "client": row.client, "failed": row.failed, "total": row.total,
+        "since": row.since.map(time_text), "until": row.until.map(time_text),
+        "chance": row.chance, "sentence": row.sentence, "advice": row.advice, "proof": row.proof, "examples": row.examples,
+    })
+}
+
+fn time_text(ns: i64) -> String {
+    let mut text = Vec::new();
+    modlens_protocol::timestamp::push_time(ns, &mut text);
+    String::from_utf8_lossy(&text).into_owned()
+}

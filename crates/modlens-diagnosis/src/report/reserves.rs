@@ -1,0 +1,25 @@
+//! How much each unit has left before it fails: answers, response time against the master's time-out, damage.
+
+use serde_json::{json, Value as Json};
+
+use crate::contrast::BusContrast;
+
+/// The reserves of the units of a bus.
+pub(super) fn of_bus(name: &str, bus: &BusContrast) -> Vec<Json> {
+    let us = |ns: i64| ns as f64 / 1000.0;
+    // A master mostly has one time-out for all: where a unit has never failed, that of the others is shown.
+    let timeout = bus.units.values().filter_map(|counts| counts.waited.percentile(0.5)).min();
+    let asked = bus.units.iter().filter(|(_, counts)| counts.failures.total > 0);
+    asked
+        .map(|(unit, counts)| {
+            let (requests, failed) = (counts.failures.total, counts.failures.failed);
+            let p99 = counts.response_times.percentile(0.99);
+            let own = counts.waited.percentile(0.5).or(timeout);
+            json!({
+                "bus": name, "unit": unit, "requests": requests, "answered": requests - failed,
+                "damaged": counts.garbled.failed + counts.bad_requests.failed, "late": counts.late.failed,
+                "response_time_p99_us": p99.map(us), "timeout_us": own.map(us),
+            })
+        })
+        .collect()
+}

@@ -1,0 +1,113 @@
+//! Claims put into words: the sentence of the table with its places filled.
+
+use modlens_engine::records::DiagnosisRow;
+use modlens_protocol::finding::Severity;
+
+use crate::claim::{duration, Claim};
+use crate::contrast::tally::Place;
+use crate::contrast::BusContrast;
+use crate::table::diagnosis;
+
+/// The row of a claim.
+pub(super) fn row(bus: &str, contrast: &BusContrast, claim: &Claim) -> DiagnosisRow {
+    let known = diagnosis(claim.code).expect("each kind has a row in the table, which a test walks");
+    let time = |place: Option<Place>| place.and_then(|place| place.time).filter(|_| contrast.facts.is_utc);
+    DiagnosisRow {
+        code: &known.code,
+        severity: least(known.severity, claim.at_most),
+        bus: bus.to_owned(),
+        unit: claim.unit,
+        function: claim.function,
+        address: claim.address,
+        client: claim.client.clone(),
+        failed: claim.share.failed,
+        total: claim.share.total,
+        since: time(claim.first),
+        until: time(claim.last).filter(|_| claim.has_ended),
+        chance: Some(claim.chance),
+        sentence: filled(&known.sentence, contrast, claim),
+        advice: filled(&known.advice, contrast, claim),
+        proof: filled(&known.proof, contrast, claim),
+        examples: claim.examples.clone(),
+    }
+}
+
+fn least(one: Severity, other: Severity) -> Severity {
+    let rank = |severity| match severity {
+        Severity::Info => 0,
+        Severity::Warning => 1,
+        Severity::Error => 2,
+    };
+    if rank(one) <= rank(other) {
+        one
+    } else {
+        other
+    }
+}
+
+/// The text with its places filled. A place is a name in braces.
+fn filled(text: &str, contrast: &BusContrast, claim: &Claim) -> String {
+    let mut out = String::with_capacity(text.len() * 2);
+    let mut rest = text;
+    while let Some((before, behind)) = rest.split_once('{') {
+        let Some((name, behind)) = behind.split_once('}') else { break };
+        out.push_str(before);
+        out.push_str(&place(name, contrast, claim));
+        rest = behind;
+    }
+    out.push_str(rest);
+    let mut letters = out.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
+}
+
+fn place(name: &str, contrast: &BusContrast, claim: &Claim) -> String {
+    match name {
+        "subject" => subject(claim),
+        "unit" => claim.unit.map_or(String::from("the unit"), |unit| format!("unit {unit}")),
+        "failed" => thousands(claim.share.failed),
+        "total" => thousands(claim.share.total),
+        "when" => when(contrast, claim),
+        _ => claim.facts.iter().find(|(fact, _)| *fact == name).map_or(String::new(), |(_, value)| value.clone()),
+    }
+}
+
+fn subject(claim: &Claim) -> String {
+    match (claim.unit, &claim.client) {
+        (Some(unit), _) => format!("unit {unit}"),
+        (None, Some(client)) => format!("client {client}"),
+        (None, None) => String::from("the line"),
+    }
+}
+
+/// Since when, and until when; nothing where it holds from beginning to end.
+fn when(contrast: &BusContrast, claim: &Claim) -> String {
+    let text = |place: Option<Place>| place.and_then(|place| moment(contrast, place));
+    let since = text(claim.first).filter(|_| claim.has_begun).map(|time| format!(" since {time}"));
+    let until = text(claim.last).filter(|_| claim.has_ended).map(|time| format!(" until {time}"));
+    match (since, until) {
+        (Some(since), Some(until)) => format!("{},{until}", since.replace(" since ", " from ")).replace(", until", " to"),
+        (since, until) => since.or(until).unwrap_or_default(),
+    }
+}
+
+fn moment(contrast: &BusContrast, place: Place) -> Option<String> {
+    if let Some(time) = place.time.filter(|_| contrast.facts.is_utc) {
+        let mut text = Vec::new();
+        modlens_protocol::timestamp::push_time(time.div_euclid(1_000_000_000) * 1_000_000_000, &mut text);
+        return Some(String::from_utf8_lossy(&text).replace('T', " "));
+    }
+    place.elapsed.map(|elapsed| format!("{} after the beginning", duration(elapsed)))
+}
+
+/// A number with commas between thousands.
+pub(super) fn thousands(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (at, digit) in digits.chars().enumerate() {
+        if at > 0 && (digits.len() - at).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
