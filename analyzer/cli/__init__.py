@@ -10,6 +10,8 @@ input unreadable or output not writable; 4 port trouble.
 from __future__ import annotations
 
 import importlib
+import os
+import stat
 import sys
 from collections.abc import Sequence
 from typing import TextIO
@@ -54,8 +56,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     if not words or words[0] in ("-h", "--help", "help"):
         return _run_help(words[1:])
-    if words[0] in ("-V", "--version"):
+    if words[0] in ("-V", "--version", "version"):
         return _version()
+    if words[0] not in COMMANDS:
+        words = [*_implied_command(words[0]), *words]
     try:
         return _run(words[0], words[1:])
     except BrokenPipeError:
@@ -63,6 +67,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     except KeyboardInterrupt:
         return INTERRUPTED
+
+
+def _implied_command(name: str) -> list[str]:
+    """The command that a name in its place stands for: a port is tapped, a recording decoded."""
+    if "://" in name:
+        return ["tap"]
+    try:
+        mode = os.stat(name).st_mode
+    except (OSError, ValueError):
+        return ["decode"] if name == "-" else []
+    return ["tap" if stat.S_ISCHR(mode) else "decode"]
 
 
 def _run(command: str, words: list[str]) -> int:
@@ -124,6 +139,7 @@ def _run_help(words: list[str]) -> int:
     out.write("usage: modlens COMMAND ...       modlens COMMAND --help for details\n\n")
     for name, summary in COMMANDS.items():
         out.write(f"  {name:<16} {summary}\n")
+    out.write("\n  modlens FILE decodes a recording, modlens PORT taps a serial port.\n")
     out.write("\n  modlens decode bus.hex                       a recording as a table\n")
     out.write("  modlens tap /dev/ttyUSB0                     a serial line, decoded live\n")
     out.write("  modlens show 01 03 00 6B 00 03 74 17         one frame, byte by byte\n")
@@ -143,6 +159,8 @@ def _unknown(command: str) -> int:
 
     hint = similar_name(command, COMMANDS)
     question = f"did you mean {hint!r}?" if hint else f"choose from {', '.join(COMMANDS)}"
+    if any(mark in command for mark in "./\\"):
+        raise UsageError(f"{command}: no such file, and no command (modlens --help lists them)")
     raise UsageError(f"unknown command {command!r}; {question}")
 
 

@@ -155,12 +155,18 @@ class Outputs:
                 table_options = TableOptions(options.address, options.times, tuple(names))
                 if options.columns is not None and not wanted:
                     raise UsageError("--columns needs --to csv or -o FILE")
-                self._sinks.append(TableSink(options.table, stdout(), table_options, where=where))
+                self._sinks.append(
+                    TableSink(
+                        options.table, stdout(), table_options, where=where, limit=options.limit
+                    )
+                )
             elif to is not None:
                 wanted.insert(0, with_suitable_table(Target(options.table, to, None), named=False))
             check_style(options.style, wanted)
             if options.context < 0:
                 raise UsageError("--context: a number of frames, 0 or more")
+            if options.limit is not None and options.limit < 1:
+                raise UsageError("--limit: a number of rows, 1 or more")
             export_options = ExportOptions(
                 "",
                 (),
@@ -177,6 +183,7 @@ class Outputs:
                     where=where,
                     growing=growing,
                     options=export_options,
+                    limit=options.limit,
                 )
                 opened.callback(sink.rollback)
                 self._sinks.append(sink)
@@ -192,9 +199,13 @@ class Outputs:
         pump(
             run,
             [*self._observers, *self._sinks],
-            stop=lambda: stop() or self._failures >= len(self._sinks),
+            stop=lambda: stop() or self._failures >= len(self._sinks) or self._are_full(),
             on_failure=self._on_failure,
         )
+
+    def _are_full(self) -> bool:
+        """Whether every output has the rows that `--limit` allows it."""
+        return all(getattr(sink, "is_full", False) for sink in self._sinks)
 
     def add_observers(self, *sinks: Sink) -> None:
         """Pass all batches to these sinks, too; they write nothing and need no closing."""

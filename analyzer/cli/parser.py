@@ -199,6 +199,9 @@ def add_rows(parser: argparse.ArgumentParser) -> None:
         " or without a date, in the same zone (--times), or seconds from the start of the"
         " recording",
     )
+    group.add_argument(
+        "--limit", type=int, metavar="N", help="at most N rows in the table and in each file"
+    )
     group = parser.add_argument_group("output")
     group.add_argument(
         "--address",

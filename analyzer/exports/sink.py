@@ -97,10 +97,11 @@ class ExportSink:
 
     `columns` is the text of `--columns`, `where` that of `--where`; both must fit the table
     (`UsageError`, `FilterError`). With `growing` the file grows in place and must be new. `options`
-    are further options; table, columns and `live` are overridden by the other arguments.
+    are further options; table, columns and `live` are overridden by the other arguments. At most
+    `limit` rows are written.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - what can be said of an export, all but the target by keyword
         self,
         target: Target,
         *,
@@ -108,12 +109,14 @@ class ExportSink:
         where: str | None,
         growing: bool,
         options: ExportOptions | None = None,
+        limit: int | None = None,
     ) -> None:
         format_class = load(target.format)
         if columns is not None and not format_class.has_column_choice:
             raise UsageError(f"--columns: {target.format} has columns of its own")
         self.table = target.table
         self.row_count = 0
+        self.limit = limit
         keys = pick(target.table, columns)
         options = replace(
             options or ExportOptions("", ()), table=target.table, columns=keys, live=growing
@@ -126,14 +129,21 @@ class ExportSink:
         self._output: Output = self._format.output(target.path, growing=growing)
         self.name = self._output.name
 
+    @property
+    def is_full(self) -> bool:
+        """Whether `limit` rows have been written."""
+        return self.row_count == self.limit
+
     def put(self, batch: _modlens.Batch) -> None:
         """Write the rows of a batch."""
         table: _modlens.Table = getattr(batch, self.table)
         self.put_rows(batch, None if self._predicate is None else table.where(self._predicate))
 
     def put_rows(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> None:
-        """Write some rows of a batch; None is all rows of its table."""
+        """Write some rows of a batch, as many as `limit` leaves; None is all rows of its table."""
         rows: _modlens.Table = getattr(batch, self.table) if kept is None else kept
+        if self.limit is not None:
+            rows = kept = rows.slice(0, self.limit - self.row_count)
         self.row_count += len(rows)
         if isinstance(self._format, MultiTableFormat):
             pieces = self._format.encode_batch(batch, kept)

@@ -21,16 +21,24 @@ ROWS_PER_WRITE = 1000
 class TableSink:
     """Prints the rows of one table on a screen; see `analyzer.session.Sink`.
 
-    `where` is the text of a filter; `FilterError` if it is not valid.
+    `where` is the text of a filter; `FilterError` if it is not valid. At most `limit` rows are
+    printed.
     """
 
     name = "standard output"
 
     def __init__(
-        self, table: str, screen: Screen, table_options: TableOptions, *, where: str | None = None
+        self,
+        table: str,
+        screen: Screen,
+        table_options: TableOptions,
+        *,
+        where: str | None = None,
+        limit: int | None = None,
     ) -> None:
         self.table = table
         self.row_count = 0
+        self._limit = limit
         self._screen = screen
         self._table_options = table_options
         self._predicate = None if where is None else parse(where, table).predicate()
@@ -41,7 +49,14 @@ class TableSink:
         table: _modlens.Table = getattr(batch, self.table)
         if self._predicate is not None:
             table = table.where(self._predicate)
+        if self._limit is not None:
+            table = table.slice(0, self._limit - self.row_count)
         self.show(table)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether `limit` rows have been printed."""
+        return self.row_count == self._limit
 
     def show(self, table: _modlens.Table) -> None:
         """Print these rows."""

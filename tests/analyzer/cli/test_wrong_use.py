@@ -33,7 +33,7 @@ WRONG: list[tuple[int, str, list[str | Path]]] = [
     (2, "--baud is missing", ["decode", SEED, "--parity", "E"]),
     (2, "--line gives all settings", ["decode", SEED, "--line", "9600-8N1", "--baud", "9600"]),
     (2, "9 data bits", ["decode", SEED, "--baud", "9600", "--bits", "9"]),
-    (2, "--timeout soon: give a time in ms, s, min, h or d,", ["decode", SEED, "--timeout", "soon"]),
+    (2, "--timeout soon: give a time in ms, s, min, h", ["decode", SEED, "--timeout", "soon"]),
     (2, "--timeout -1: give a time", ["decode", SEED, "--timeout=-1"]),
     (2, "--date 1.2.2026: write the date as 2026-", ["decode", SEED, "--date", "1.2.2026"]),
     (2, "--date 20261121: write the date", ["decode", SEED, "--date", "20261121"]),
