@@ -544,7 +544,8 @@ class Session:
     def logic(self, logic: int) -> str:
         """What was found, as JSON.
 
-        {lines: [{channel, line, inverted}], copies: [channel...]}: copies carry what a line does.
+        {lines: [{channel, line, inverted}], copies: [channel...], surplus: [channel...]}: copies
+        carry what a line does; surplus are lines that a bus has no room for.
         """
     def poll(self, now_ns: int) -> None:
         """Time goes on without bytes: ends silences and time-outs of every live bus."""

@@ -368,7 +368,11 @@ class FileRun:
                 )
             descriptions = [_describe_channel(samples.names, line) for line in found["lines"]]
             descriptions += [
-                f"channel {samples.names[copy]} carries the same signal" for copy in found["copies"]
+                f"channel {samples.names[copy]} carries the same bytes" for copy in found["copies"]
+            ]
+            descriptions += [
+                f"channel {samples.names[one]} is left out: a bus has two lines at most"
+                for one in found["surplus"]
             ]
             details = {
                 "clock": "relative",

@@ -34,7 +34,7 @@ from analyzer.sources.pipes import STDIN, WAIT_S, has_bytes, open_unbuffered
 from analyzer.sources.unpack import Archives
 from dissectors.errors import CaptureError, SourceError
 
-__all__ = ["RAW", "Recording", "check_readable"]
+__all__ = ["RAW", "Recording", "check_readable", "printable_name"]
 
 RAW = "raw"
 """The format whose bytes are those of the line, whatever they look like."""
@@ -67,7 +67,7 @@ class Recording:
         archives: Archives | None = None,
         data: bytes | None = None,
     ) -> None:
-        self.name = "stdin" if name == STDIN else name
+        self.name = "stdin" if name == STDIN else printable_name(name)
         self._data = data
         self.damage: str | None = None
         self._path = name
@@ -289,6 +289,17 @@ def _decompression_errors() -> tuple[type[Exception], ...]:
     }
     loaded = {module: name for module, name in kinds.items() if module in sys.modules}
     return EOFError, *(getattr(sys.modules[module], name) for module, name in loaded.items())
+
+
+def printable_name(name: str) -> str:
+    r"""The name of a file as text; bytes that are not UTF-8 are shown as `\xe9`.
+
+    >>> printable_name("caf\udce9.log")
+    'caf\\xe9.log'
+    """
+    if name.isascii():
+        return name
+    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 def check_readable(name: str) -> None:

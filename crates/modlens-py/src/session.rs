@@ -240,15 +240,17 @@ impl Session {
 
     fn logic(&self, logic: usize) -> PyResult<String> {
         let found = self.core.logic(logic);
-        let (found, copies) = found.ok_or_else(|| PyIndexError::new_err(format!("logic analyser {logic} was not added")))?;
+        let found = found.ok_or_else(|| PyIndexError::new_err(format!("logic analyser {logic} was not added")))?;
         let lines: Vec<serde_json::Value> = found
+            .lines()
+            .unwrap_or(&[])
             .iter()
             .map(|it| {
                 let settings = &it.settings;
                 json!({"channel": it.channel, "line": settings.line.to_string(), "inverted": settings.inverted})
             })
             .collect();
-        Ok(json!({"lines": lines, "copies": copies}).to_string())
+        Ok(json!({"lines": lines, "copies": found.copies(), "surplus": found.surplus()}).to_string())
     }
 
     fn poll(&mut self, now_ns: i64) {

@@ -136,3 +136,35 @@ def test_channels_of_the_api(tmp_path: Path) -> None:
     path.write_bytes(session(samples(line, wires), ["TX", "RX"]))
     assert [txn.status for txn in decode(path, channels=["TX", "RX"])] == ["ok"]
     assert [txn.status for txn in decode(path, channels=["TX"])] == ["not_observed"]
+
+
+@pytest.mark.parametrize("names", [None, "BUS,RX,TX", "RX,TX", "BUS"])
+def test_the_bus_beside_its_two_wires_counts_once(
+    names: str | None, tmp_path: Path, modlens: Modlens
+) -> None:
+    """The bus alone or the pair, whatever channels are named, and never the same bytes twice."""
+    line = parse_line("19200-8E1")
+    sent, got = spaced(REQUEST, 0.01, line), spaced(RESPONSE, 0.05, line)
+    path = tmp_path / "bus.sr"
+    wires = [got, sent, sorted([*sent, *got])]
+    path.write_bytes(session(samples(line, wires), ["RX", "TX", "BUS"]))
+    words = ["--channels", names] if names else []
+    done = modlens("decode", path, *words, "--table", "frames", "--to", "csv", "--columns", "hex")
+    assert done.out.split()[1:] == [REQUEST.hex(), RESPONSE.hex()]
+    left_out = {"RX,TX": 0, "BUS": 0}.get(names or "", 2)
+    assert done.err.count("carries the same bytes") == left_out
+
+
+def test_a_third_line_is_said_to_be_left_out(tmp_path: Path, modlens: Modlens) -> None:
+    """Two other buses beside the first one."""
+    line = parse_line("19200-8E1")
+    wires = [
+        [*spaced(REQUEST, start, line), *spaced(RESPONSE, start + 0.03, line)]
+        for start in (0.01, 0.11, 0.21)
+    ]
+    wires[1] += spaced(REQUEST, 0.3, line)
+    wires[2] += spaced(RESPONSE, 0.4, line)
+    path = tmp_path / "three.sr"
+    path.write_bytes(session(samples(line, wires), ["A", "B", "C"]))
+    done = modlens("decode", path, "--channels", "A,B,C")
+    assert "channel A is left out: a bus has two lines at most" in done.err

@@ -11,6 +11,7 @@ use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
 use crate::framer::rtu::traffic_model::TrafficModel;
 use crate::framer::{FrameResult, FramerContext, MAX_NOISE_ROW_BYTES};
 use crate::input::Input;
+use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::{DelimitedBy, Verdict};
 use modlens_protocol::functions::Extent;
@@ -167,7 +168,7 @@ fn burst(at: &Surroundings<'_, '_>, length: usize, adu: &mut Vec<u8>) -> FrameRe
 ///
 /// Its header says what is wrong, by the lengths that it announces (`announced_frames`):
 ///
-/// - exactly `burst_bytes`: a bad checksum;
+/// - exactly `burst_bytes`: a bad checksum, or a right one behind numbers that the search could not believe;
 /// - less, where the unit is familiar and nothing shows that a sender stopped at the end of the burst (`is_bounded` is
 ///   false): the first bytes are a frame of the announced length with a bad checksum, and the caller goes on behind it;
 /// - else the whole burst is a damaged frame or noise (`whole_burst`).
@@ -185,7 +186,12 @@ fn burst_frame(input: &Input, context: &FramerContext<'_>, burst_bytes: usize, d
     let unit = bytes[0];
     let is_familiar = context.known_units[usize::from(unit)] || context.outstanding_request.is_some_and(|it| it.unit == unit);
     match announced_frames(context, bytes) {
-        Announced { exact: Some(direction), .. } => Some(bad_checksum(burst_bytes, DelimitedBy::Length, direction)),
+        Announced { exact: Some(direction), .. } => {
+            let frame = bad_checksum(burst_bytes, DelimitedBy::Length, direction);
+            // Its numbers are so unlikely that the search left it to noise, but its checksum is right.
+            let verdict = if crc_valid(bytes) { Verdict::Ok } else { frame.verdict };
+            Some(FrameResult { verdict, ..frame })
+        }
         Announced { shorter: Some((length, direction)), .. } if is_familiar && !is_bounded => {
             Some(bad_checksum(length, DelimitedBy::Length, direction))
         }

@@ -9,7 +9,7 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Times};
-use modlens_readers::logic::{Analyser, Character, DetectedLine, Wiring};
+use modlens_readers::logic::{Analyser, Character, Wiring};
 
 /// The options of the bus of a recording; `None` before its lines are detected, and if there are none.
 fn bus_options(state: &LogicState) -> Option<BusOptions> {
@@ -49,10 +49,9 @@ impl Session {
         self.logics[logic] = Some(state);
     }
 
-    /// The lines that were detected, and the channels that carry the same signal as one of them.
-    pub fn logic(&self, logic: usize) -> Option<(&[DetectedLine], &[usize])> {
-        let state = self.logics.get(logic)?.as_ref()?;
-        Some((state.analyser.lines().unwrap_or(&[]), state.analyser.copies()))
+    /// What was found in a recording of a logic analyser.
+    pub fn logic(&self, logic: usize) -> Option<&Analyser> {
+        Some(&self.logics.get(logic)?.as_ref()?.analyser)
     }
 
     /// Feeds the characters, each with its own time, in runs of one line, all with or all without a line error. A line's

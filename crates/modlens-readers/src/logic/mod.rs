@@ -75,8 +75,28 @@ pub struct Analyser {
     channels: Vec<Channel>,
     /// The detected lines, once they are decided.
     lines: Option<Vec<DetectedLine>>,
-    /// Channels that carry the same bytes as a line, such as the other wire of a differential pair.
+    /// Channels whose bytes another line carries, too: the other wire of a differential pair, or RX and TX beside the bus.
     copies: Vec<usize>,
+    /// Channels with a line of their own that is left out, because a bus has two at most.
+    surplus: Vec<usize>,
+}
+
+/// A channel is a part of another one if that has so many of a hundred of its characters.
+const MIN_PERCENT_OF_PART: usize = 95;
+
+/// Whether the line `whole` has nearly all characters of another line at the same time. Each line is in the order of time.
+fn is_part_of(part: &[Character], whole: &[Character]) -> bool {
+    let mut at = 0;
+    let mut is_shared = |one: &Character| {
+        // Drivers and level shifters delay a signal, by less than half a character.
+        let tolerance = (one.end - one.start) / 2.0;
+        while whole.get(at).is_some_and(|other| other.start < one.start - tolerance) {
+            at += 1;
+        }
+        whole.get(at).is_some_and(|other| other.byte == one.byte && other.start <= one.start + tolerance)
+    };
+    let shared = part.iter().map(&mut is_shared).filter(|&is_shared| is_shared).count();
+    !part.is_empty() && shared * 100 >= part.len() * MIN_PERCENT_OF_PART
 }
 
 impl Analyser {
@@ -84,7 +104,15 @@ impl Analyser {
     pub fn new(wiring: Wiring) -> Self {
         let channels = (0..CHANNELS).map(|_| Channel::default()).collect();
         let table = (wiring.unit == 0).then(LevelTable::default);
-        Self { edges: EdgeDetector::new(wiring.unit), table, wiring, channels, lines: None, copies: Vec::new() }
+        Self {
+            edges: EdgeDetector::new(wiring.unit),
+            table,
+            wiring,
+            channels,
+            lines: None,
+            copies: Vec::new(),
+            surplus: Vec::new(),
+        }
     }
 
     /// The detected lines; `None` until they are decided.
@@ -92,9 +120,14 @@ impl Analyser {
         self.lines.as_deref()
     }
 
-    /// Channels that carry the same bytes as a detected line.
+    /// Channels whose bytes a detected line carries, too.
     pub fn copies(&self) -> &[usize] {
         &self.copies
+    }
+
+    /// Channels with a line of their own that is left out.
+    pub fn surplus(&self) -> &[usize] {
+        &self.surplus
     }
 
     /// Converts a position in samples to ns since the first sample.
@@ -150,7 +183,7 @@ impl Analyser {
         let decision_sample =
             self.channels.iter().filter_map(|channel| channel.edges.get(DECISION_EDGES - 1)).map(|edge| edge.sample).min();
         let now = decision_sample.unwrap_or_else(|| self.samples());
-        let mut lines: Vec<(DetectedLine, Vec<u8>)> = Vec::new();
+        let mut lines: Vec<(DetectedLine, Vec<Character>)> = Vec::new();
         for (number, channel) in self.channels.iter().enumerate() {
             let count = channel.edges.partition_point(|edge| edge.sample < now);
             let edges = &channel.edges[..count];
@@ -167,23 +200,37 @@ impl Analyser {
             for &edge in edges {
                 uart.push_edge(edge);
             }
-            let bytes: Vec<u8> = std::iter::from_fn(|| uart.next(now)).map(|it| it.byte).collect();
-            if lines.iter().any(|(_, other)| *other == bytes) {
+            let characters: Vec<Character> = std::iter::from_fn(|| uart.next(now)).collect();
+            let has_bytes_of = |other: &[Character]| other.iter().map(|it| it.byte).eq(characters.iter().map(|it| it.byte));
+            if lines.iter().any(|(_, other)| has_bytes_of(other)) {
                 self.copies.push(number);
             } else {
-                lines.push((DetectedLine { channel: number, settings }, bytes));
+                lines.push((DetectedLine { channel: number, settings }, characters));
             }
         }
-        // The two channels with most bytes in valid frames are the lines of the bus.
-        lines.sort_by_key(|(it, _)| (std::cmp::Reverse(it.settings.valid_frame_bytes), it.channel));
-        lines.truncate(MAX_LINES);
-        lines.sort_by_key(|(it, _)| it.channel);
-        let lines: Vec<DetectedLine> = lines.into_iter().map(|(it, _)| it).collect();
+        let lines = self.choose(lines);
         for (line, it) in lines.iter().enumerate() {
             let uart = UartReceiver::new(it.settings.line, self.wiring.rate, it.settings.inverted);
             self.channels[it.channel].uart = Some((line, uart));
         }
         self.lines = Some(lines);
+    }
+
+    /// Chooses the lines of the bus: the two channels with most bytes in valid frames. Where the first of them carries what
+    /// others do, as the bus carries what RX and TX do, these are left out.
+    fn choose(&mut self, mut lines: Vec<(DetectedLine, Vec<Character>)>) -> Vec<DetectedLine> {
+        lines.sort_by_key(|(it, _)| (std::cmp::Reverse(it.settings.valid_frame_bytes), it.channel));
+        let mut chosen: Vec<(DetectedLine, Vec<Character>)> = Vec::new();
+        for (line, characters) in lines {
+            let is_part = chosen.first().is_some_and(|(_, whole)| is_part_of(&characters, whole));
+            match chosen.len() {
+                _ if is_part => self.copies.push(line.channel),
+                MAX_LINES => self.surplus.push(line.channel),
+                _ => chosen.push((line, characters)),
+            }
+        }
+        chosen.sort_by_key(|(it, _)| it.channel);
+        chosen.into_iter().map(|(it, _)| it).collect()
     }
 
     /// Passes new edges to the receivers and appends the characters that they complete, oldest first.

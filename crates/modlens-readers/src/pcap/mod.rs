@@ -14,6 +14,7 @@ mod conversation;
 mod event;
 mod file;
 mod fragments;
+mod frame_parts;
 mod lifecycle;
 pub mod metadata;
 mod net;
@@ -31,6 +32,7 @@ pub use stream::StreamChunk;
 use connections::ConnectionTable;
 use file::{CaptureFile, CapturedPacket};
 use fragments::Fragments;
+use frame_parts::FrameParts;
 use serial::SerialPacket;
 
 use modlens_protocol::functions::Functions;
@@ -42,6 +44,7 @@ pub struct Capture {
     fragments: Fragments,
     table: ConnectionTable,
     skipped: SkipCounts,
+    parts: FrameParts,
     /// The last link type that could not be parsed.
     unknown_link_type: Option<u16>,
 }
@@ -54,7 +57,7 @@ impl Capture {
 
     /// Takes the next block of the file, cut anywhere; `each` is called with everything that it shows.
     pub fn push(&mut self, functions: &Functions, block: &[u8], each: &mut dyn FnMut(Event<'_>)) {
-        let Self { file, fragments, table, skipped, unknown_link_type } = self;
+        let Self { file, fragments, table, skipped, parts, unknown_link_type } = self;
         file.push(block, &mut |packet| {
             if let Some(time) = packet.time {
                 each(Event::Time(time, packet.by));
@@ -68,7 +71,7 @@ impl Capture {
                 });
                 skipped.other += u64::from(!has_segment);
             } else if serial::is_known_link(packet.by.link) {
-                read_serial_packet(functions, table, &packet, skipped, each);
+                read_serial_packet(functions, (&mut *table, &mut *parts), &packet, skipped, each);
             } else {
                 skipped.unknown_link += 1;
                 *unknown_link_type = Some(packet.by.link);
@@ -120,7 +123,7 @@ impl Capture {
 /// Reads a packet of a serial line: an exported frame with its metadata, bytes of the line, or an exported Modbus/TCP frame.
 fn read_serial_packet(
     functions: &Functions,
-    table: &mut ConnectionTable,
+    (table, parts): (&mut ConnectionTable, &mut FrameParts),
     packet: &CapturedPacket<'_>,
     skipped: &mut SkipCounts,
     each: &mut dyn FnMut(Event<'_>),
@@ -132,7 +135,10 @@ fn read_serial_packet(
         return;
     }
     match serial::read(packet) {
-        SerialPacket::Line(content) => {
+        SerialPacket::Line(mut content) => {
+            if packet.by.link == serial::USER0 {
+                content.is_whole_frame = parts.begins_frame(packet.interface, content.bytes, packet.time);
+            }
             skipped.headers += u64::from(content.had_header);
             skipped.cut += u64::from(packet.length > packet.data.len());
             let (interface, by) = (packet.interface, packet.by);

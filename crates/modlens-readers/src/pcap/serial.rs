@@ -11,7 +11,7 @@ use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
 
 /// `LINKTYPE_USER0`, which by convention holds plain RTU frames.
-const USER0: u16 = 147;
+pub const USER0: u16 = 147;
 /// `LINKTYPE_RTAC_SERIAL`: reads with a header that states the sender and errors of the receiver.
 const RTAC: u16 = 250;
 /// `LINKTYPE_WIRESHARK_UPPER_PDU`: tags that name a dissector, followed by the bytes for it.
@@ -30,7 +30,7 @@ pub struct SerialContent<'a> {
     pub bytes: &'a [u8],
     /// Who sent them: the master counts as the logging side, so requests were sent and responses received.
     pub side: Option<Side>,
-    /// The packet is a whole frame.
+    /// The packet is a whole frame, or the first part of one.
     pub is_whole_frame: bool,
     /// The receiver reported a parity, framing or break error.
     pub has_line_error: bool,

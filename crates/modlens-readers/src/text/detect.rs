@@ -28,6 +28,9 @@ const MAX_HEX_PER_PROVED: usize = 100;
 /// The same share where the best row is one that any program may write, and the more specific row reads fewer other bytes.
 const MIN_SHARE_OF_GENERIC: f64 = 0.5;
 
+/// The shortest frame of Modbus ASCII: unit, function code and LRC.
+const MIN_ASCII_BYTES: usize = 3;
+
 /// A text has at most one control character in so many bytes: a bell, an end-of-file mark, noise at a console's start.
 const MAX_STRAY_PER: usize = 50;
 
@@ -245,7 +248,8 @@ fn score(rows: &[Arc<Dialect>], text: &[u8]) -> RowScore {
 /// Whether at least half of the lines are a colon and an even number of hex digits, as in a Modbus ASCII frame.
 fn is_modbus_ascii(sample: &[u8]) -> bool {
     let lines = || sample.split(|&b| b == b'\n' || b == b'\r').filter(|line| !line.is_empty());
-    let frames = lines()
-        .filter(|line| line[0] == b':' && line.len() >= 9 && line.len() % 2 == 1 && line[1..].iter().all(u8::is_ascii_hexdigit));
+    let frames = lines().filter(|line| {
+        line[0] == b':' && line.len() > 2 * MIN_ASCII_BYTES && line.len() % 2 == 1 && line[1..].iter().all(u8::is_ascii_hexdigit)
+    });
     2 * frames.count() >= lines().count().max(1)
 }

@@ -3,10 +3,13 @@
 use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::direction::possible_directions;
 use modlens_protocol::framing::Mode;
-use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
+use modlens_protocol::functions::{Extent, Functions, EXCEPTION_BIT};
 use modlens_protocol::hex::byte_at;
-use modlens_protocol::mbap::announced_length;
+use modlens_protocol::mbap::{announced_length, PREFIX_BYTES};
 use modlens_protocol::recognize::valid_rtu_bytes;
+
+/// Some devices announce, and send, so many bytes more in a frame of Modbus/TCP than its PDU has.
+const MAX_TRAILING_BYTES: usize = 2;
 
 /// The shortest RTU frame: unit, function code and CRC.
 const MIN_RTU_BYTES: usize = 4;
@@ -61,10 +64,27 @@ pub(super) fn is_ascii_frame(bytes: &[u8]) -> bool {
 pub(super) fn proven_bytes(bytes: &[u8]) -> usize {
     match proven_framing(bytes) {
         Some(Mode::Rtu) if has_function_code(bytes) => return bytes.len(),
-        Some(Mode::Tcp | Mode::Ascii) => return bytes.len(),
+        Some(Mode::Tcp) if has_known_function(&bytes[PREFIX_BYTES + 1..]) => return bytes.len(),
+        Some(Mode::Ascii) => return bytes.len(),
         _ => {}
     }
     valid_rtu_bytes(Functions::embedded(), bytes)
+}
+
+/// Whether a PDU has the layout of a known function. Two zeros and a length that fits stand in packets of other protocols,
+/// too, such as those of Bluetooth.
+fn has_known_function(pdu: &[u8]) -> bool {
+    let functions = Functions::embedded();
+    let (code, body) = (pdu[0], &pdu[1..]);
+    if code & EXCEPTION_BIT != 0 {
+        return body.len() == 1 && functions.row(code & !EXCEPTION_BIT, body).is_some();
+    }
+    functions.row(code, body).is_some_and(|row| {
+        [&row.request, &row.response].into_iter().any(|layout| match layout.extent(body) {
+            Extent::Exactly(length) => (length..=length + MAX_TRAILING_BYTES).contains(&body.len()),
+            _ => layout.fits(body),
+        })
+    })
 }
 
 /// Whether bytes that were printed without a checksum have the layout of a request or a response.

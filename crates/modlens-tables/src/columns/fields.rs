@@ -1,5 +1,8 @@
 //! The decoded fields of a transaction, for functions whose content does not fit into other columns.
 
+use serde_json::Value as Json;
+
+use crate::columns::identification::identification;
 use modlens_protocol::hex::push_hex;
 use modlens_protocol::pdu::{self, DecodedField};
 
@@ -31,10 +34,19 @@ impl<'a> Fields<'a> {
         self.nodes.is_empty() && self.bodies.is_empty()
     }
 
-    /// Appends the fields as a JSON object.
+    /// Appends the fields as a JSON object. The objects of Read Device Identification stand in it once more as text, by
+    /// name.
     pub fn push(&self, out: &mut Vec<u8>) {
         if self.bodies.is_empty() {
-            return pdu::push_object(&self.nodes, out);
+            pdu::push_object(&self.nodes, out);
+            let texts = identification(&self.nodes);
+            if !texts.is_empty() {
+                out.pop();
+                out.extend_from_slice(b",\"identification\":");
+                out.extend_from_slice(Json::Object(texts).to_string().as_bytes());
+                out.push(b'}');
+            }
+            return;
         }
         for (at, (key, body)) in self.bodies.iter().enumerate() {
             out.extend_from_slice(if at == 0 { b"{\"" } else { b",\"" });

@@ -8,6 +8,7 @@ mod cell;
 mod column_value;
 mod fields;
 mod function_rows;
+mod identification;
 mod reader;
 mod reading_columns;
 mod reading_rows;

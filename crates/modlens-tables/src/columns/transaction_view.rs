@@ -94,6 +94,16 @@ impl<'a> TransactionView<'a> {
         (!pdu.is_empty() && self.status != Status::BadRequest).then(|| &pdu[1..])
     }
 
+    /// The body of a response without request that repeats address and quantity of the request, as those of Write Multiple
+    /// Coils and Registers do (application protocol, 6.11 and 6.12).
+    fn echoing_body(self, batch: &Batch) -> Option<&[u8]> {
+        let row = self.row.filter(|_| self.status == Status::Unsolicited && self.exception.is_none())?;
+        let shape = row.response.shape()?;
+        let repeats = |name: &str, at: Option<usize>| at.is_some() && shape.offset_of(name) == at;
+        let body = self.response(batch).get(1..)?;
+        (repeats("address", row.offsets.address) && repeats("quantity", row.offsets.quantity) && shape.fits(body)).then_some(body)
+    }
+
     /// Address and quantity in the request; `None` if the function reads nothing.
     #[inline]
     pub(super) fn read_range(self, batch: &Batch) -> Option<(u16, u16)> {
@@ -105,11 +115,11 @@ impl<'a> TransactionView<'a> {
         Some((u16_at(body, row.offsets.address?)?, u16_at(body, row.offsets.quantity?)?))
     }
 
-    /// Address and quantity of what the request writes; `None` if the function writes nothing.
+    /// Address and quantity of what the request writes, or of what a response without request says was written; `None` if the function writes nothing.
     #[inline]
     pub(super) fn write_range(self, batch: &Batch) -> Option<(u16, u16)> {
         let row = self.row?;
-        let (roles, body) = (&row.offsets, self.request_body(batch)?);
+        let (roles, body) = (&row.offsets, self.request_body(batch).or_else(|| self.echoing_body(batch))?);
         let (address, quantity) = match row.operation {
             Operation::Write => (roles.address, roles.quantity),
             Operation::ReadWrite => (roles.write_address, roles.write_quantity),

@@ -170,7 +170,13 @@ impl TransactionValues {
         if let cell @ Cell::Fields(_) = row.cell(self.fields) {
             let fields: serde_json::Map<String, Json> =
                 serde_json::from_str(&modlens_tables::cell_text::cell_text(&cell)).unwrap_or_default();
-            for (key, value) in fields.iter().filter(|(key, _)| *key != "byte_count") {
+            // Texts come first; the objects that they were made of need not be shown again.
+            let names = fields.get("identification").and_then(Json::as_object);
+            for (key, value) in names.into_iter().flatten() {
+                texts.push((visible(&format!("{key}={value}")), 1));
+            }
+            let is_shown = |key: &str| key != "byte_count" && (names.is_none() || !matches!(key, "identification" | "objects"));
+            for (key, value) in fields.iter().filter(|(key, _)| is_shown(key)) {
                 texts.push((visible(&format!("{key}={}", field(value))), 1));
             }
         }
