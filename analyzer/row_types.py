@@ -124,6 +124,14 @@ class TransactionRow(AnyRow, Protocol):
         """
 
     @property
+    def confidence(self) -> int:
+        """Log2 odds that status and pairing are right, not above those of its frames."""
+
+    @property
+    def unconfirmed(self) -> bool:
+        """A frame of it is unconfirmed, or status and pairing have odds below 32 to 1."""
+
+    @property
     def exception(self) -> int | Any:
         """Exception code."""
 

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use modlens_engine::framer::silence::SilenceRule;
-use modlens_engine::records::{Batch, Bus, Frame};
+use modlens_engine::records::{Batch, Bus, Frame, Transaction};
 use modlens_engine::session::{BusOptions, Session, WantedTables};
 use modlens_protocol::direction;
 use modlens_protocol::framing::{Mode, Verdict};
@@ -15,14 +15,14 @@ use modlens_protocol::status::Status;
 use modlens_readers::chunk::{Chunk, Times};
 
 use crate::model::{Direction, Framing, Label, Settings};
-use crate::reported::{Algorithm, ReportedFrame};
+use crate::reported::{Algorithm, ReportedFrame, TransactionClaim};
 use crate::sim::case::Case;
 
 /// The interval at which a live tap polls the clock while no bytes arrive.
 const TICK_NS: i64 = 5_000_000;
 
 /// After a silence of this length no decision is open any more, so the clock is not polled further.
-const MAX_SILENCE_NS: i64 = 2_000_000_000;
+const MAX_SILENCE_NS: i64 = 11_000_000_000;
 
 /// modlens on a recording, or live.
 #[derive(Clone, Copy, Debug)]
@@ -189,6 +189,7 @@ impl ModlensRun {
             if row.status == Status::NoResponse {
                 self.label(row.request.frame, Label::NoResponse);
             }
+            self.claim(row);
             if row.retry_of.is_some() {
                 self.label(row.request.frame, Label::Retry);
             }
@@ -199,6 +200,20 @@ impl ModlensRun {
                     self.frames[place].txn = Some(old);
                 }
             }
+        }
+    }
+
+    /// Takes what a transaction claims, and its confidence.
+    fn claim(&mut self, row: &Transaction) {
+        let (claim, frame) = match row.status {
+            Status::Ok | Status::Exception => (TransactionClaim::Answered, row.response.frame),
+            Status::NoResponse => (TransactionClaim::Silent, row.request.frame),
+            Status::Unsolicited if row.late_for.is_some() => (TransactionClaim::Late, row.response.frame),
+            Status::Unsolicited => (TransactionClaim::Unasked, row.response.frame),
+            _ => return,
+        };
+        if let Some(&place) = self.index_of_frame.get(&frame) {
+            self.frames[place].transaction = Some((claim, row.confidence));
         }
     }
 

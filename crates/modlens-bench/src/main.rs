@@ -9,7 +9,7 @@ use modlens_bench::adapter::Modlens;
 use modlens_bench::differences::{damaged_differences, differences};
 use modlens_bench::options::{Options, HELP};
 use modlens_bench::reported::{Algorithm, ReportedFrame};
-use modlens_bench::score::Score;
+use modlens_bench::score::{odds, Score};
 use modlens_bench::sim::bulk::{Bulk, Mixed};
 use modlens_bench::sim::case::{Case, Traffic};
 use modlens_bench::sim::output::{write_chunk_log, write_truth};
@@ -43,6 +43,7 @@ fn run(arguments: &[String]) -> Result<(), String> {
         "noise" => noise(&options),
         "calibration" => print(&tables::calibration(&options.plan.run(MAKERS))),
         "differences" => show_differences(&options, differences),
+        "odds" => odds(&options),
         "damaged" => show_differences(&options, damaged_differences),
         "speed" => show_speed(&options),
         "write" => write(&options).map_err(|why| why.to_string())?,
@@ -96,6 +97,24 @@ fn noise(options: &Options) {
     let names: Vec<&str> = options.plan.chosen_algorithms(MAKERS).iter().map(|algorithm| algorithm.name()).collect();
     let rows = options.noise.run(&options.plan, MAKERS);
     print(&tables::noise(&names, &rows));
+}
+
+/// Prints how often transactions are wrong, by the odds that they state.
+fn odds(options: &Options) {
+    let plan = &options.plan;
+    let mut odds = odds::Odds::default();
+    for scenario in &plan.scenarios {
+        for &seed in &plan.seeds {
+            let traffic = Traffic::new(scenario, seed, plan.frames);
+            for &mode in &plan.modes {
+                let case = traffic.tap(mode);
+                for mut algorithm in plan.chosen_algorithms(MAKERS) {
+                    odds::count(&case, &algorithm.run(&case), &mut odds);
+                }
+            }
+        }
+    }
+    print(&odds::table(&odds));
 }
 
 /// Prints the differences of every case and algorithm of the plan.

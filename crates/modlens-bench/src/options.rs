@@ -12,6 +12,7 @@ modlens-bench accuracy [options]   scenarios x tap modes, for the rivals and for
 modlens-bench noise [options]      false frames per MB of noise only
 modlens-bench calibration [options]  stated odds of frames against counted errors
 modlens-bench differences [options]  the bytes around every missed, false or mislabelled frame
+modlens-bench odds [options]       how often transactions are wrong, by the odds that they state
 modlens-bench damaged [options]    the bytes around every damaged frame missed or invented
 modlens-bench speed [options]      MB a CPU second, and memory over noise
 modlens-bench write [options]      one case as chunk log and truth (JSON lines)

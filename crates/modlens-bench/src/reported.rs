@@ -26,6 +26,33 @@ pub struct ReportedFrame {
     pub emitted_ns: Option<i64>,
     /// The labels that the algorithm gives it.
     pub labels: Labels,
+    /// What its transaction claims, and how certain it is, in bits: on the response, or on the request without one.
+    pub transaction: Option<(TransactionClaim, u8)>,
+}
+
+/// What a transaction claims about its request and its response.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum TransactionClaim {
+    /// This response answers this request.
+    Answered,
+    /// The request had no response.
+    Silent,
+    /// This response answers this request, too late.
+    Late,
+    /// Nobody asked for the response.
+    Unasked,
+}
+
+impl TransactionClaim {
+    /// Its name in tables.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Answered => "answered",
+            Self::Silent => "no response",
+            Self::Late => "late response",
+            Self::Unasked => "unsolicited",
+        }
+    }
 }
 
 impl ReportedFrame {
@@ -42,6 +69,7 @@ impl ReportedFrame {
             line,
             emitted_ns: None,
             labels: Labels::default(),
+            transaction: None,
         }
     }
 }

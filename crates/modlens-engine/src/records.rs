@@ -118,6 +118,10 @@ pub struct Transaction {
     pub status: Status,
     /// Exception code.
     pub exception: Option<u8>,
+    /// Log2 odds that status and pairing are right.
+    pub confidence: u8,
+    /// A frame of it is unconfirmed, or its odds are low.
+    pub unconfirmed: bool,
     /// From the end of the request to the start of the response.
     pub response_time: Option<Ns>,
     /// From the end of an unanswered request to the next request.

@@ -300,6 +300,45 @@ weights! {
         MBAP_CONFIDENCE_BITS: u8 = 40;
     }
 
+    "Confidence of a transaction" {
+        /// A response with the transaction identifier of its request, which it fits: no line was simulated that shows more.
+        ANSWER_BY_ID_BITS: u8 = 11;
+        /// A response that fits the request before it, on a serial line.
+        ANSWER_IN_TURN_BITS: u8 = 11;
+        /// As above, on two lines whose reads come late: their order is not certain.
+        ANSWER_IN_LATE_READS_BITS: u8 = 9;
+        /// As above, to a retry: it may be the late response to the first request.
+        ANSWER_AFTER_RETRY_BITS: u8 = 10;
+        /// A response that agrees in unit and function, but not in what was requested.
+        ANSWER_PARTLY_BITS: u8 = 8;
+        /// A response to a request that arrived damaged.
+        ANSWER_TO_DAMAGED_BITS: u8 = 6;
+        /// A response with another transaction identifier than its request, from a server that is known for that.
+        ANSWER_BY_HABIT_BITS: u8 = 6;
+        /// A response on the other of two lines without a clock, whose order is inferred.
+        ANSWER_IN_INFERRED_ORDER_BITS: u8 = 7;
+        /// No response, since the same request followed.
+        SILENCE_BEFORE_RETRY_BITS: u8 = 9;
+        /// No response to a retry, since another request followed.
+        SILENCE_OF_RETRY_BITS: u8 = 6;
+        /// No response, since another request followed, from a master that seldom retries or after the time of a time-out.
+        SILENCE_BEFORE_ANOTHER_BITS: u8 = 5;
+        /// As above without that evidence, of a unit that was never heard.
+        SILENCE_OF_UNKNOWN_UNIT_BITS: u8 = 3;
+        /// Evidence in the time before the next request that shows a time-out rather than a response that was not recorded.
+        TIMEOUT_EVIDENCE_BITS: f32 = 3.0;
+        /// No response within the waiting time.
+        SILENCE_TIMED_OUT_BITS: u8 = 7;
+        /// A response that came after the waiting time, or behind a retry.
+        LATE_RESPONSE_BITS: u8 = 7;
+        /// A response that was sent twice.
+        DUPLICATE_RESPONSE_BITS: u8 = 5;
+        /// A response that nobody asked for.
+        UNEXPECTED_RESPONSE_BITS: u8 = 4;
+        /// A transaction with less is unconfirmed.
+        UNCONFIRMED_TRANSACTION_BITS: u8 = 5;
+    }
+
     "Silence" {
         /// Without line settings, or with reads of several bytes, shorter pauses prove nothing.
         COARSE_MIN_GAP_NS: Ns = 5_000_000;

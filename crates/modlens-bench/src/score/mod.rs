@@ -8,6 +8,7 @@ mod calibration;
 pub(crate) mod labels;
 mod latency;
 pub(crate) mod matching;
+pub mod odds;
 pub(crate) mod pairs;
 mod tally;
 

@@ -7,7 +7,7 @@ use crate::framer::ascii;
 use crate::records::{Frame, FrameRef, Span, Transaction};
 use crate::session::frame_timing::FrameTiming;
 use crate::session::rows::elapsed;
-use crate::weights::{MAX_CONFIDENCE_BITS, MBAP_CONFIDENCE_BITS};
+use crate::weights::{ANSWER_BY_ID_BITS, ANSWER_IN_TURN_BITS, MAX_CONFIDENCE_BITS, MBAP_CONFIDENCE_BITS};
 use modlens_profiles::points::PlanInstance;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
@@ -71,6 +71,8 @@ impl ExchangeRows<'_> {
             function: self.matched.expected.code,
             status: Status::Ok,
             exception: None,
+            confidence: self.transaction_confidence(),
+            unconfirmed: false,
             response_time: self.response_time,
             waited: None,
             late_response: None,
@@ -86,6 +88,21 @@ impl ExchangeRows<'_> {
         }
     }
 
+    /// The log2 odds that request and response belong together: as pairing has them, but not above those of the frames.
+    fn transaction_confidence(&self) -> u8 {
+        let pairing = if self.matched.mbap_id.is_some() { ANSWER_BY_ID_BITS } else { ANSWER_IN_TURN_BITS };
+        pairing.min(self.frame_confidence())
+    }
+
+    /// The confidence of both frames, which is that of the mode's framer.
+    fn frame_confidence(&self) -> u8 {
+        match self.matched.mode {
+            Mode::Rtu => MAX_CONFIDENCE_BITS,
+            Mode::Ascii => ascii::VALID_FRAME_BITS,
+            Mode::Tcp => MBAP_CONFIDENCE_BITS,
+        }
+    }
+
     /// The row of the request's frame, or of the response's for any other `direction`. `findings`: an empty place in the batch.
     /// Verdict, confidence and what delimits the frame are those that the framer of the mode would give.
     pub(super) fn frame(&self, direction: Direction, findings: Span) -> Frame {
@@ -93,11 +110,8 @@ impl ExchangeRows<'_> {
             Direction::Request => (self.request_frame, self.lines[0], self.request_wire, &self.request_timing),
             _ => (self.request_frame + 1, self.lines[1], self.response_wire, &self.response_timing),
         };
-        let (confidence, delimited_by) = match self.matched.mode {
-            Mode::Rtu => (MAX_CONFIDENCE_BITS, DelimitedBy::Length),
-            Mode::Ascii => (ascii::VALID_FRAME_BITS, DelimitedBy::Delimiter),
-            Mode::Tcp => (MBAP_CONFIDENCE_BITS, DelimitedBy::Length),
-        };
+        let is_ascii = self.matched.mode == Mode::Ascii;
+        let delimited_by = if is_ascii { DelimitedBy::Delimiter } else { DelimitedBy::Length };
         Frame {
             number,
             bus: self.bus,
@@ -114,7 +128,7 @@ impl ExchangeRows<'_> {
             exception: None,
             verdict: Verdict::Ok,
             unconfirmed: false,
-            confidence,
+            confidence: self.frame_confidence(),
             delimited_by,
             txn: Some(self.txn),
             mbap_id: self.matched.mbap_id,

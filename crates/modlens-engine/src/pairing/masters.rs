@@ -56,6 +56,16 @@ impl MasterEvidence {
         }
     }
 
+    /// Whether unanswered requests are nearly always sent again.
+    pub(super) fn retries_by_habit(&self) -> bool {
+        self.retries >= MIN_RETRIES && self.retries >= MIN_RETRIES_PER_SKIP * self.skips
+    }
+
+    /// Whether unanswered requests are nearly always followed by another request.
+    pub(super) fn skips_by_habit(&self) -> bool {
+        self.skips >= MIN_RETRIES && self.skips >= MIN_RETRIES_PER_SKIP * self.retries
+    }
+
     /// Whether an overlap is by now certain to be the work of two masters. `timeout_excluded`: the clock shows that the
     /// master had not given up yet.
     ///
@@ -63,10 +73,9 @@ impl MasterEvidence {
     /// does not exclude, if the master retries by habit: at least twice, and four times as often as it goes on to another
     /// request.
     fn is_proven(&self, timeout_excluded: bool) -> bool {
-        let retries_by_habit = self.retries >= MIN_RETRIES && self.retries >= MIN_RETRIES_PER_SKIP * self.skips;
         let overlaps = self.timed_overlaps + self.untimed_overlaps;
         self.timed_overlaps >= MIN_TIMED_OVERLAPS
-            || (!timeout_excluded && retries_by_habit && overlaps >= MIN_OVERLAPS_OF_RETRYING_MASTER)
+            || (!timeout_excluded && self.retries_by_habit() && overlaps >= MIN_OVERLAPS_OF_RETRYING_MASTER)
     }
 
     /// The overlaps that are proven by now; each is returned once, and the others go on waiting.

@@ -30,6 +30,7 @@
 
 use std::collections::VecDeque;
 
+mod certainty;
 mod damaged_request;
 mod echo;
 mod echo_share;
@@ -55,6 +56,7 @@ use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
+use certainty::Silence;
 use echo_share::EchoStatistics;
 use history::History;
 use masters::MasterEvidence;
@@ -210,8 +212,13 @@ impl Pairing {
     }
 
     /// Closes a transaction without a good response. `if_silent` is its status if there was no response at all and the
-    /// recording would have shown one.
-    fn close(&mut self, mut transaction: Box<PendingTransaction>, if_silent: Status, done: &mut Vec<Box<PendingTransaction>>) {
+    /// recording would have shown one; `silence` is from what that is concluded.
+    fn close(
+        &mut self,
+        mut transaction: Box<PendingTransaction>,
+        (if_silent, silence): (Status, Silence),
+        done: &mut Vec<Box<PendingTransaction>>,
+    ) {
         let silence_proves_nothing = transaction.silence_is_inconclusive || !self.response_side_recorded;
         let if_silent = if silence_proves_nothing { Status::NotObserved } else { if_silent };
         if transaction.status != Status::BadRequest {
@@ -221,6 +228,7 @@ impl Pairing {
             // The next request says nothing about how long this client waits.
             transaction.waited = None;
         }
+        transaction.note_silence(silence);
         let had_no_response = transaction.status == Status::NoResponse;
         if transaction.status == Status::BadRequest {
             self.history.add_damaged(&transaction);
@@ -257,7 +265,7 @@ impl Pairing {
         while self.open.front().is_some_and(|open| is_over(open, self.live)) {
             self.resolve_unit_mismatch(None, done);
             let transaction = self.open.pop_front().expect("checked above");
-            self.close(transaction, Status::NoResponse, done);
+            self.close(transaction, (Status::NoResponse, Silence::TimedOut), done);
         }
     }
 
@@ -267,7 +275,8 @@ impl Pairing {
         while let Some(transaction) = self.open.pop_front() {
             let waited = timeouts::interval(transaction.request.end, self.now);
             let is_given_up = transaction.is_timed_out || waited.is_some_and(|waited| self.is_probably_given_up(waited));
-            self.close(transaction, if is_given_up { Status::NoResponse } else { Status::NotObserved }, done);
+            let status = if is_given_up { Status::NoResponse } else { Status::NotObserved };
+            self.close(transaction, (status, Silence::TimedOut), done);
         }
         let unproven = self.masters.take_undecided().into_iter().filter(|overlap| !overlap.timeout_excluded);
         self.delayed_findings.extend(unproven.map(|overlap| order::unproven_overlap(&overlap)));

@@ -2,17 +2,20 @@
 //! adapter's echo is decided in `echo`.
 
 use crate::findings::order;
+use crate::pairing::certainty::Silence;
 use crate::pairing::damaged_request::DamagedRequest;
 use crate::pairing::echo::{mirrors_request, SameRequest};
 use crate::pairing::history::PastRequest;
 use crate::pairing::timeouts::interval;
 use crate::pairing::transaction::OverlappingRequest;
 use crate::pairing::{ObservedFrame, Pairing, PairingResult, PendingTransaction};
+use crate::weights::TIMEOUT_EVIDENCE_BITS;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::BROADCAST_UNIT;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::{Functions, Layout};
 use modlens_protocol::status::Status;
+use modlens_protocol::Ns;
 
 /// Requests that may be open at once on a TCP connection. A serial line has one or two.
 const MAX_OPEN_REQUESTS: usize = 1024;
@@ -220,13 +223,26 @@ impl Pairing {
                 self.timing.record_timeout(waited, is_retried);
             }
         }
-        // A master that sends another request long before its time-out has had a response, which the tap has missed.
+        let silence = self.silence_of(&transaction, (waited, is_retried));
+        // A master that sends another request long before its time-out has had a response, which the tap has missed; so has,
+        // probably, one that retries, unless the time says otherwise.
         let is_too_soon = waited.is_some_and(|waited| !is_retried && self.is_before_timeout(waited));
-        let is_missed_by_tap = is_too_soon && self.answering_units[transaction.unit as usize];
+        let is_missed_by_tap = (is_too_soon || silence == Silence::Unproven) && self.answering_units[transaction.unit as usize];
         // On two lines without a clock a lack of response may as well be missing bytes; only a retry proves it.
         let is_unproven = self.order_is_inferred && !is_retried;
         let status = if is_missed_by_tap || is_unproven { Status::NotObserved } else { Status::NoResponse };
-        self.close(transaction, status, done);
+        self.close(transaction, (status, silence), done);
+    }
+
+    /// From what it is concluded that an open request had no response, when another request follows `waited` behind it.
+    fn silence_of(&self, open: &PendingTransaction, (waited, is_retried): (Option<Ns>, bool)) -> Silence {
+        let has_timed_out = || self.timing.timeout_log_odds(waited) > TIMEOUT_EVIDENCE_BITS;
+        match (is_retried, open.retry_of.is_some()) {
+            (true, _) => Silence::BeforeRetry,
+            (false, true) => Silence::OfRetry,
+            (false, false) if self.masters.skips_by_habit() || has_timed_out() => Silence::BeforeAnother,
+            (false, false) => Silence::Unproven,
+        }
     }
 }
 

@@ -6,6 +6,7 @@ use crate::pairing::history::UnexpectedResponse;
 use crate::pairing::result::Overlap;
 use crate::pairing::transaction::{EarlyResponse, UnitMismatch};
 use crate::pairing::{FrameLocation, ObservedFrame, Pairing, PairingResult, PendingTransaction};
+use crate::weights::{DUPLICATE_RESPONSE_BITS, LATE_RESPONSE_BITS, UNEXPECTED_RESPONSE_BITS};
 use modlens_protocol::direction::{match_response, Direction, RequestRef, ResponseMatch};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
@@ -48,6 +49,7 @@ impl Pairing {
         // The master's waiting time is that of a request without response.
         transaction.waited = None;
         transaction.confirms_unit = !frame.unconfirmed;
+        transaction.certainty = self.answer_bits(functions, &transaction, frame);
         self.history.add_answered(&transaction, frame);
         transaction.response.fill(frame);
         transaction.findings.extend_from_slice(frame.codes);
@@ -169,6 +171,7 @@ impl Pairing {
         transaction.response.fill(frame);
         transaction.findings.extend_from_slice(frame.codes);
         transaction.status = Status::Unsolicited;
+        transaction.certainty = UNEXPECTED_RESPONSE_BITS;
         transaction.exception = exception_code(frame);
         transaction.gap = frame.gap;
         let mut result = order::unsolicited(transaction.txn);
@@ -176,11 +179,15 @@ impl Pairing {
         let is_unexplained = matches!(explained, Explanation::None);
         match explained {
             Explanation::Late { txn, request_end } => {
+                transaction.certainty = LATE_RESPONSE_BITS;
                 transaction.late_for = Some(txn);
                 transaction.late_response = self.measurable_interval(request_end, frame.start, frame.clean_start);
                 result = order::late(transaction.txn, txn);
             }
-            Explanation::Duplicate => result = order::duplicate(transaction.txn),
+            Explanation::Duplicate => {
+                transaction.certainty = DUPLICATE_RESPONSE_BITS;
+                result = order::duplicate(transaction.txn);
+            }
             Explanation::Ambiguous | Explanation::None => {
                 if let (true, None, Some(start)) = (is_unexplained && !self.is_wire_order, &self.early_response, frame.start) {
                     self.early_response = Some(EarlyResponse { unit: frame.unit(), pdu: frame.pdu().to_vec(), start });

@@ -1,5 +1,6 @@
 //! The input of pairing (one frame), and a transaction from its first frame until its row is written.
 
+use crate::weights::MAX_CONFIDENCE_BITS;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
@@ -36,6 +37,8 @@ pub struct ObservedFrame<'a> {
     pub origin: u64,
     /// The checksum is right, but the frame stands isolated in noise: it does not prove that its unit exists.
     pub unconfirmed: bool,
+    /// The log2 odds that its bounds and its direction are right.
+    pub confidence: u8,
     /// The findings on the frame itself.
     pub codes: &'a [Finding],
 }
@@ -67,6 +70,10 @@ pub struct BufferedFrame {
     pub start: Option<Ns>,
     /// End of the last character.
     pub end: Option<Ns>,
+    /// The log2 odds that its bounds and its direction are right.
+    pub confidence: u8,
+    /// It stands isolated in noise.
+    pub is_unconfirmed: bool,
 }
 
 /// Where the PDU of a buffered frame is stored.
@@ -95,7 +102,8 @@ impl PduLocation {
 impl BufferedFrame {
     /// A copy of the frame with this running number.
     pub fn new(number: u64, wire: &[u8], pdu: &[u8], start: Option<Ns>) -> Self {
-        Self { number, wire: wire.to_vec(), pdu: PduLocation::of(wire, pdu), start, end: None }
+        let confidence = MAX_CONFIDENCE_BITS;
+        Self { number, wire: wire.to_vec(), pdu: PduLocation::of(wire, pdu), start, end: None, confidence, is_unconfirmed: false }
     }
 
     /// This frame with its PDU replaced.
@@ -132,6 +140,7 @@ impl BufferedFrame {
         self.wire.clear();
         self.pdu = PduLocation::default();
         (self.start, self.end) = (None, None);
+        self.is_unconfirmed = false;
     }
 
     pub(super) fn fill(&mut self, frame: &ObservedFrame<'_>) {
@@ -141,6 +150,7 @@ impl BufferedFrame {
         self.pdu = PduLocation::of(frame.wire, frame.pdu());
         self.start = frame.start;
         self.end = frame.end;
+        (self.confidence, self.is_unconfirmed) = (frame.confidence, frame.unconfirmed);
     }
 }
 
@@ -207,6 +217,10 @@ pub struct PendingTransaction {
     pub(crate) overlap: Option<OverlappingRequest>,
     /// A response that is not unconfirmed answers it: the unit exists.
     pub confirms_unit: bool,
+    /// How certain what was concluded of it is, in bits; its frames may be less certain.
+    pub certainty: u8,
+    /// It was unconfirmed in the file that it is read back from.
+    pub unconfirmed: bool,
     /// The transaction is read back from a file that modlens wrote; it was decided and checked then.
     pub is_reimported: bool,
     /// The findings read back with it, with their details.
@@ -241,6 +255,8 @@ impl PendingTransaction {
             has_late_response: false,
             overlap: None,
             confirms_unit: false,
+            certainty: MAX_CONFIDENCE_BITS,
+            unconfirmed: false,
             is_reimported: false,
             imported_findings: Vec::new(),
         }

@@ -136,6 +136,7 @@ fn observed<'a>(
         mbap_id: framed.mbap_id,
         origin: timing.origin,
         unconfirmed: framed.unconfirmed,
+        confidence: framed.confidence,
         codes: &[],
     }
 }

@@ -80,7 +80,8 @@ fn observed<'a>(
         gap: micros(text, "gap_us"),
         mbap_id: metadata::number(text, "mbap_id").map(|id| id as u16),
         origin: packet,
-        unconfirmed: text.split(' ').any(|word| current(Vocabulary::Column, word) == "unconfirmed"),
+        unconfirmed: is_unconfirmed(text),
+        confidence: confidence_of(text),
         codes: &[],
     }
 }
@@ -108,7 +109,7 @@ fn frame_row(metadata: &PacketMetadata<'_>, observed: &ObservedFrame<'_>) -> Fra
         exception: adu.get(2).copied().filter(|_| is_exception),
         verdict: observed.verdict,
         unconfirmed: observed.unconfirmed,
-        confidence: byte_of("confidence").unwrap_or(metadata::DEFAULTS.confidence),
+        confidence: observed.confidence,
         delimited_by: metadata.fields.delimited_by,
         mbap_id: observed.mbap_id,
         origin: observed.origin,
@@ -150,6 +151,8 @@ fn transaction_in(text: &str, txns_before: u64, first: &WaitingFrame) -> Option<
         gap: micros(text, "gap_us"),
         mbap_id: number(text, "mbap_id").map(|id| id as u16),
         findings: finding_codes(text),
+        certainty: confidence_of(text),
+        unconfirmed: is_unconfirmed(text),
         ..transaction_of(first, txns_before + number(text, "transaction").unwrap_or(0))
     }))
 }
@@ -382,4 +385,14 @@ impl Session {
             self.emit_transactions(first.bus);
         }
     }
+}
+
+/// Whether the row of this frame or transaction was unconfirmed.
+fn is_unconfirmed(text: &str) -> bool {
+    text.split(' ').any(|word| current(Vocabulary::Column, word) == "unconfirmed")
+}
+
+/// The confidence of this frame or transaction.
+fn confidence_of(text: &str) -> u8 {
+    number(text, "confidence").map_or(metadata::DEFAULTS.confidence, |bits| bits as u8)
 }

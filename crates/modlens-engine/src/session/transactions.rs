@@ -130,6 +130,8 @@ impl Session {
             function: transaction.function,
             status: transaction.status,
             exception: transaction.exception,
+            confidence: transaction.confidence(),
+            unconfirmed: transaction.is_unconfirmed(),
             response_time: transaction.response_time,
             waited: transaction.waited,
             late_response: transaction.late_response,

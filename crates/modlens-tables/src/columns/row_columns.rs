@@ -127,6 +127,8 @@ columns! {
     ("fields", |b, t| t.fields(b)),
     ("readings", |b, t| t.points.is_some().then(|| named(b, t.t))),
     ("status", |_, t| Word(t.status.text())),
+    ("confidence", |_, t| t.confidence),
+    ("unconfirmed", |_, t| t.unconfirmed),
     ("exception", |_, t| t.exception),
     ("exception_name", |_, t| t.exception.is_some().then(|| exception_text(t.t))),
     ("response_time_us", |_, t| t.response_time.map(Us)),

@@ -174,6 +174,12 @@ pub fn transaction(batch: &Batch, row: &Transaction, out: &mut Vec<u8>) {
     if let Some(id) = row.mbap_id {
         push_number(" mbap_id=", u64::from(id), out);
     }
+    if row.confidence != DEFAULTS.confidence {
+        push_number(" confidence=", u64::from(row.confidence), out);
+    }
+    if row.unconfirmed {
+        out.extend_from_slice(b" unconfirmed");
+    }
     push_codes(row.findings.of(&batch.codes), out);
 }
 
