@@ -41,11 +41,11 @@ pub fn count(case: &Case, reported: &[ReportedFrame], odds: &mut Odds) {
 
 /// The table: for each claim and confidence how many there were, how many were wrong, and the odds that they had.
 pub fn table(odds: &Odds) -> String {
-    let mut text = String::from("transactions      stated bits    count    wrong  counted bits\n");
-    for ((claim, confidence), (all, wrong)) in odds {
-        let counted = ((all - wrong) as f64 / (*wrong as f64).max(0.5)).log2();
-        let bound = if *wrong == 0 { "at least " } else { "" };
-        text += &format!("{:<18}{confidence:>11}{all:>9}{wrong:>9}  {bound}{counted:.1}\n", claim.text());
-    }
-    text
+    let row = |(&(claim, confidence), &(all, wrong)): (&(TransactionClaim, u8), &(u64, u64))| {
+        let counted = ((all - wrong) as f64 / (wrong as f64).max(0.5)).log2();
+        let bound = if wrong == 0 { "at least " } else { "" };
+        format!("{:<18}{confidence:>11}{all:>9}{wrong:>9}  {bound}{counted:.1}\n", claim.text())
+    };
+    let rows: String = odds.iter().map(row).collect();
+    format!("transactions      stated bits    count    wrong  counted bits\n{rows}")
 }
