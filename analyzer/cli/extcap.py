@@ -150,15 +150,20 @@ def _capture(options: argparse.Namespace) -> int:
         words = ["tap", ports[options.extcap_interface], *words]
     os.dup2(pipe, STDOUT)
     os.close(pipe)
+    # Python's standard output has remembered whether it can seek: a file can, the pipe cannot.
+    sys.stdout = os.fdopen(STDOUT, "w", encoding="utf-8", closefd=False)
     return main(words)
 
 
 def _pipe(path: str) -> int:
-    """Open the named pipe that Wireshark reads from; gives the file descriptor."""
+    """Open the named pipe that Wireshark reads from, or a file; gives the file descriptor."""
     if not path:
         raise UsageError("extcap: --capture needs --fifo")
     try:
-        return os.open(path, os.O_WRONLY)
+        pipe = os.open(path, os.O_WRONLY | os.O_CREAT, 0o666)
+        if stat.S_ISREG(os.fstat(pipe).st_mode) and not path.startswith("/dev/"):
+            os.ftruncate(pipe, 0)
+        return pipe
     except OSError as error:
         raise SourceError(f"{path}: cannot be written: {error.strerror}") from error
 

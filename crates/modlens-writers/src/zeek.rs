@@ -1,25 +1,30 @@
 //! Writes logs in Zeek's format: its `modbus.log`, and the `modbus_detailed.log` of the icsnpp-modbus package.
 //!
-//! Programs that read Zeek's logs identify the fields by the header, in this order. A serial line has no addresses and
-//! no transaction identifiers, so these are invented: unit n of bus b is 10.b.0.n, its master 10.b.255.254, the
-//! identifier is the transaction's number modulo 65536, and each bus is one connection.
+//! Programs that read Zeek's logs identify the fields by the header, in this order. The lines of a TCP connection have its
+//! ends, by which they join a `conn.log` of the same capture; its `uid` is our own, because Zeek draws its own at random. A
+//! serial line has no addresses and no transaction identifiers, so these are invented: unit n of bus b is 10.b.0.n, its master
+//! 10.b.255.254, the identifier is the transaction's number modulo 65536, and each bus is one connection.
+//!
+//! `endpoints` has the ends and the uid, `icsnpp` the fields of `modbus_detailed.log`.
 
-use std::sync::OnceLock;
+mod endpoints;
+mod icsnpp;
 
+use endpoints::identity;
+use icsnpp::detailed;
 use modlens_engine::records::{Batch, Transaction};
 use modlens_protocol::decimal::push_int;
-use modlens_protocol::functions::{EXCEPTION_BIT, VOCABULARY};
-use modlens_protocol::source::Clock;
+use modlens_protocol::functions::EXCEPTION_BIT;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
-use modlens_tables::columns::{read_data, read_range, write_data, write_range, Items, Table};
+use modlens_tables::columns::Table;
 
 /// One of Zeek's logs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Log {
     /// One line per PDU.
     Modbus,
-    /// One line per transaction.
+    /// One line per transaction, or per PDU of a function that icsnpp does not pair.
     Detailed,
 }
 
@@ -108,10 +113,6 @@ const EXCEPTIONS: [(u8, &str); 9] = [
     (0x0B, "GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND"),
 ];
 
-const DIAGNOSTICS: u8 = 0x08;
-const ENCAPSULATED: u8 = 0x2B;
-const READ_DEVICE_IDENTIFICATION: u8 = 14;
-
 /// The value of one field of a log.
 enum LogValue {
     Unset,
@@ -159,7 +160,11 @@ impl Log {
             let Some(transaction) = table.transaction(row) else { continue };
             match self {
                 Self::Modbus => self.pdus(&table.batch, transaction, json, out),
-                Self::Detailed => self.line(&detailed(&table.batch, transaction), json, out),
+                Self::Detailed => {
+                    for values in detailed(&table.batch, transaction) {
+                        self.line(&values, json, out);
+                    }
+                }
             }
         }
     }
@@ -207,69 +212,6 @@ impl Log {
     }
 }
 
-/// The eight fields with which every log begins.
-fn identity(batch: &Batch, t: &Transaction, start: Option<Ns>) -> Vec<LogValue> {
-    let clock = batch.buses[t.bus as usize].clock;
-    let tid = t.mbap_id.map_or(t.number as i64 & 0xFFFF, i64::from);
-    vec![
-        start.filter(|_| clock != Clock::None).map_or(LogValue::Unset, LogValue::Time),
-        LogValue::Text(format!("CMBUS{}", t.bus)),
-        LogValue::Text(format!("10.{}.255.254", t.bus as u8)),
-        LogValue::Count(50_000),
-        LogValue::Text(format!("10.{}.0.{}", t.bus as u8, t.unit)),
-        LogValue::Count(502),
-        LogValue::Count(tid),
-        LogValue::Count(i64::from(t.unit)),
-    ]
-}
-
-/// The fields of a transaction in `modbus_detailed.log`.
-fn detailed(batch: &Batch, t: &Transaction) -> Vec<LogValue> {
-    let range = read_range(batch, t).or_else(|| write_range(batch, t));
-    let counts = |items: Option<Items<'_>>| {
-        items.map_or(LogValue::Unset, |items| LogValue::Counts((0..items.len()).map(|i| items.get(i)).collect()))
-    };
-    let matched = t.request.frame > 0 && t.response.frame > 0 && matches!(t.status, Status::Ok | Status::Exception);
-    let code = if t.exception.is_some() && t.request.frame == 0 { t.function | EXCEPTION_BIT } else { t.function };
-    let body = |pdu: modlens_engine::records::Span| pdu.of(&batch.arena).get(1..).unwrap_or(&[]);
-    let (request, response) = (body(t.request.pdu), body(t.response.pdu));
-    let sub_function = |body: &[u8]| {
-        let code = modlens_protocol::pdu::u16_at(body, 0).filter(|_| t.function == DIAGNOSTICS);
-        code.map_or(LogValue::Unset, |code| LogValue::Text(diagnostic_name(code)))
-    };
-    let diagnostic_data = |body: &[u8]| match t.function {
-        DIAGNOSTICS if body.len() > 2 => LogValue::Text(escaped_bytes(&body[2..])),
-        _ => LogValue::Unset,
-    };
-    let response_body = if t.exception.is_some() { &[] } else { response };
-    let mut values = identity(batch, t, t.start);
-    values.extend([
-        LogValue::Text(function_name(code)),
-        range.map_or(LogValue::Unset, |range| LogValue::Count(i64::from(range.0))),
-        range.map_or(LogValue::Unset, |range| LogValue::Count(i64::from(range.1))),
-        counts(write_data(batch, t)),
-        counts(read_data(batch, t)),
-        LogValue::Unset,
-        LogValue::Yes(matched),
-        sub_function(request),
-        sub_function(response_body),
-        diagnostic_data(request),
-        padding(batch, t).map_or_else(|| diagnostic_data(response_body), LogValue::Text),
-        t.exception.map_or(LogValue::Unset, |code| LogValue::Text(exception_name(code))),
-        request.first().filter(|_| t.function == ENCAPSULATED).map_or(LogValue::Unset, |&mei| LogValue::Text(mei_name(mei))),
-    ]);
-    values
-}
-
-/// The padding bits of a coil response: those after the requested quantity in its last byte, which icsnpp lists
-/// separately.
-fn padding(batch: &Batch, t: &Transaction) -> Option<String> {
-    let Items::Bits(bytes, quantity) = read_data(batch, t)? else { return None };
-    let bits: Vec<&str> =
-        (quantity..bytes.len() * 8).map(|bit| if bytes[bit / 8] >> (bit % 8) & 1 == 1 { "1" } else { "0" }).collect();
-    (!bits.is_empty()).then(|| bits.join(","))
-}
-
 /// Zeek's name of a function code, which may have the exception bit.
 fn function_name(code: u8) -> String {
     let name = |code: u8| FUNCTIONS.iter().find(|(known, _)| *known == code).map(|(_, name)| *name);
@@ -284,27 +226,6 @@ fn function_name(code: u8) -> String {
 fn exception_name(code: u8) -> String {
     let name = EXCEPTIONS.iter().find(|(known, _)| *known == code).map(|(_, name)| (*name).to_owned());
     name.unwrap_or_else(|| format!("unknown-{code}"))
-}
-
-/// The name of a diagnostics sub-function in the specification.
-fn diagnostic_name(code: u16) -> String {
-    static NAMES: OnceLock<Vec<(u64, String)>> = OnceLock::new();
-    let names = NAMES.get_or_init(|| {
-        let file: serde_json::Value = toml::from_str(VOCABULARY).expect("the embedded vocabulary is tested");
-        let rows = file["diagnostic"].as_array().cloned().unwrap_or_default();
-        rows.iter().filter_map(|row| Some((row["code"].as_u64()?, row["name"].as_str()?.to_owned()))).collect()
-    });
-    let found = names.iter().find(|(known, _)| *known == u64::from(code));
-    found.map_or_else(|| format!("unknown-{code}"), |(_, name)| name.clone())
-}
-
-/// The name of a MEI type in icsnpp.
-fn mei_name(code: u8) -> String {
-    if code == READ_DEVICE_IDENTIFICATION {
-        String::from("READ-DEVICE-IDENTIFICATION")
-    } else {
-        format!("unknown-{code}")
-    }
 }
 
 /// Bytes as Zeek prints them: `\xNN` for everything that is not printable ASCII.

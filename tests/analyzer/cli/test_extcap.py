@@ -105,6 +105,29 @@ def test_a_recording_is_captured_like_a_line(tmp_path: Path) -> None:
     assert sum(bool(row[1]) for row in rows) == FRAMES // 2
 
 
+def test_standard_output_may_be_a_file(tmp_path: Path) -> None:
+    """The capture flows into the pipe though standard output was a file, which can seek."""
+    pipe, read = tmp_path / "pipe", tmp_path / "read"
+    os.mkfifo(pipe)
+    words = command(
+        "extcap", "--capture", "--extcap-interface", "modlens-replay", "--file", str(RECORDING)
+    )
+    with (tmp_path / "log.txt").open("w") as log, read.open("wb") as target:
+        reader = subprocess.Popen(["cat", str(pipe)], stdout=target)
+        done = subprocess.run(
+            [*words, "--fifo", str(pipe)], stdout=log, stderr=subprocess.PIPE, text=True,
+            check=False, timeout=TIMEOUT_S,
+        )  # fmt: skip
+        reader.wait(TIMEOUT_S)
+    assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr
+    assert read.read_bytes()[:4] == b"\x0a\x0d\x0d\x0a"
+    # A file in place of the pipe is written anew, however long it was.
+    file = tmp_path / "old.pcapng"
+    file.write_bytes(bytes(1_000_000))
+    subprocess.run([*words, "--fifo", str(file)], check=True, timeout=TIMEOUT_S)
+    assert file.read_bytes() == read.read_bytes()
+
+
 @pytest.mark.parametrize(("file", "said"), [("", "name a recording"), ("/no/such", "no such file")])
 def test_a_replay_of_nothing_ends(file: str, said: str, tmp_path: Path) -> None:
     """What is wrong shows in Wireshark, which does not go on waiting."""

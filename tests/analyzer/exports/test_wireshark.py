@@ -253,6 +253,18 @@ def test_the_style_tcp_is_a_sound_conversation(tmp_path: Path) -> None:
     assert b"frames are not in this file" in path.read_bytes()
 
 
+def test_the_style_tcp_keeps_the_ends_of_a_connection(tmp_path: Path) -> None:
+    """Addresses, ports and identifiers of a captured connection are those of the capture."""
+    source = CAPTURES / "pymodbus_tcp" / "recording.pcap"
+    path = export(decode(source), tmp_path / "tcp.pcapng", options=styled("tcp"))
+    names = ["ip.src", "tcp.srcport", "ip.dst", "tcp.dstport", "mbtcp.trans_id", "mbtcp.unit_id"]
+    names.append("modbus.func_code")
+    assert fields(path, names, "-Y", "mbtcp") == fields(source, names, "-Y", "mbtcp")
+    strict = ("-o", "tcp.check_checksum:TRUE", "-o", "ip.check_checksum:TRUE")
+    assert tshark(path, *strict, "-Y", "tcp.analysis.flags || _ws.malformed") == ""
+    assert tshark(path, *strict, "-Y", "ip.checksum.status == 0 || tcp.checksum.status == 0") == ""
+
+
 def test_classic_pcap_is_decoded_alike(tmp_path: Path, mixed: Path) -> None:
     """A classic pcap has the same packets without names and comments."""
     path = export(recording(*MIXED), tmp_path / "mixed.pcap")

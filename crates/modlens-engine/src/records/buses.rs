@@ -12,6 +12,8 @@ use modlens_protocol::source::{Clock, Place};
 pub struct Network {
     /// Address of the client.
     pub client: String,
+    /// Port of the client; `None` in rows that are read back, which do not have it.
+    pub client_port: Option<u16>,
     /// Address and port of the server.
     pub server: String,
     /// Running number of the connection.

@@ -160,7 +160,8 @@ impl Session {
     fn add_connection(&mut self, state: &mut CaptureState, slot: usize, client: Endpoint, server: Endpoint, mode: Mode) {
         let connection = state.slot(slot).connection.unwrap_or_else(|| self.connections.number());
         let server = server.to_string();
-        let network = Network { client: client.address.to_string(), server: server.clone(), connection };
+        let network =
+            Network { client: client.address.to_string(), client_port: Some(client.port), server: server.clone(), connection };
         let bus = Bus {
             name: server,
             source: state.options.source.clone(),

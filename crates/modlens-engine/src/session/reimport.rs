@@ -231,6 +231,7 @@ impl Session {
             return *bus;
         }
         let network = connection.map(|connection| Network {
+            client_port: None,
             client: value(text, "client").unwrap_or_default().to_owned(),
             server: port.name.clone(),
             connection,

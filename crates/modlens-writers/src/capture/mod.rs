@@ -21,7 +21,7 @@ use blocks::{Interface, LINK_ETHERNET, LINK_UPPER_PDU};
 use payload::Route;
 use pending_annotations::PendingAnnotations;
 use ports::Ports;
-use tcp::{Connections, Segment};
+use tcp::{Connections, Ends, Segment};
 
 use modlens_engine::records::{Batch, Frame, Transaction};
 use modlens_protocol::direction::Direction;
@@ -319,7 +319,13 @@ impl Capture {
         }
         let mut scratch = Vec::new();
         let (adu, _) = unwrap(frame.mode, frame.verdict, frame.wire.of(&batch.arena), &mut scratch);
-        let segment = Segment { bus: frame.bus as u8, unit: adu.first().copied().unwrap_or(0), route, adu };
+        let to_server = frame.direction == Direction::Request;
+        let port = if to_server { route.from } else { route.to };
+        let network = batch.buses[frame.bus as usize].network.as_ref();
+        let captured = network.and_then(|network| Ends::of(network, port));
+        let ends = captured.unwrap_or_else(|| Ends::invented(frame.bus as u8, adu.first().copied().unwrap_or(0), port));
+        let id = frame.mbap_id.filter(|_| captured.is_some()).unwrap_or(route.id);
+        let segment = Segment { ends, to_server, id, adu };
         let mut connections = std::mem::take(&mut self.connections);
         let interface = if self.options.classic { 0 } else { self.interface(batch, frame, out) };
         let classic = self.options.classic;

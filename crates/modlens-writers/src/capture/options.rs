@@ -22,9 +22,10 @@ impl Encapsulation {
             Self::Udp => ("RTU and ASCII frames are shown as Modbus/UDP with their checksum behind", ""),
             Self::Rtu => ("shown by the dissector mbrtu", ""),
             Self::Tcp => (
-                "SYNTHETIC Ethernet, IP and TCP around serial frames",
-                "SYNTHETIC: this is serial traffic dressed as Modbus/TCP. Addresses, ports, handshakes and sequence numbers are \
-                 invented; checksums of the line, damaged frames and noise are left out.",
+                "SYNTHETIC Ethernet, IP and TCP around the frames",
+                "SYNTHETIC: these are decoded frames dressed as Modbus/TCP. Addresses and ports of serial lines are invented, those \
+                 of TCP connections are as captured; handshakes and sequence numbers are invented in any case. Checksums of the \
+                 line, damaged frames and noise are left out.",
             ),
         }
     }

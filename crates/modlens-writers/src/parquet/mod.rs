@@ -328,7 +328,7 @@ mod tests {
     }
 
     fn a_bus(name: &str, connection: u64) -> Bus {
-        let network = Some(Network { client: String::new(), server: name.to_owned(), connection });
+        let network = Some(Network { client: String::new(), client_port: None, server: name.to_owned(), connection });
         Bus { name: name.to_owned(), source: "file".to_owned(), place: Place::Line, clock: Clock::Utc, line: None, network }
     }
 
