@@ -7,9 +7,11 @@ use crate::findings;
 use crate::pairing::Pairing;
 use crate::records::{Bus, Network};
 use crate::session::bus::{BusState, FROM_CLIENT, FROM_SERVER};
+use crate::session::connection_tally::ConnectionTally;
+use crate::session::connections;
 use crate::session::profiles::Profiles;
 use crate::session::rows::FindingPlace;
-use crate::session::sources::{CaptureOptions, CaptureReport, CaptureState, ReimportState};
+use crate::session::sources::{CaptureOptions, CaptureReport, CaptureState, ReimportState, SlotState};
 use crate::session::{BusOptions, Session};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
@@ -18,7 +20,7 @@ use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Side, Times};
 use modlens_readers::pcap::metadata::{PortMetadata, RecordingSegment};
-use modlens_readers::pcap::{Capture, Endpoint, Event, Interface, SerialContent, StreamChunk};
+use modlens_readers::pcap::{Capture, EndedConnection, Endpoint, Event, Interface, SerialContent, StreamChunk};
 
 /// Requests of quiet connections are given up at most so much later than their waiting time says.
 const SWEEP_NS: Ns = 1_000_000_000;
@@ -121,6 +123,22 @@ impl Session {
             self.decide_waiting();
         }
         self.buses[bus].pairing.response_side_recorded = is_recorded;
+    }
+
+    /// Ends the connection in a slot: its bus is flushed, and becomes free once no row names it any more; its row is complete.
+    pub(super) fn close_connection(&mut self, state: &mut CaptureState, slot: usize, ended: Option<&EndedConnection<'_>>) {
+        let SlotState { connection, bus } = std::mem::take(state.slot(slot));
+        let mut tally = ConnectionTally::default();
+        if let Some(bus) = bus {
+            self.flush_bus(bus);
+            self.retired.push(bus);
+            tally = std::mem::take(&mut self.buses[bus].connection);
+        }
+        if let Some((number, ended)) = connection.zip(ended) {
+            let mode = bus.and_then(|bus| self.buses[bus].options.mode);
+            let source = (Arc::clone(&state.source), state.clock);
+            self.connections.end(connections::row(number, ended, source, mode, tally));
+        }
     }
 
     /// Learns the clock of a capture from the time of a packet, in ns. The first packet that tells it decides its kind: as

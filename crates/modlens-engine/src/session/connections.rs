@@ -7,8 +7,6 @@ use std::sync::Arc;
 use crate::findings;
 use crate::records::{Connection, End};
 use crate::session::connection_tally::ConnectionTally;
-use crate::session::sources::{CaptureState, SlotState};
-use crate::session::Session;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::source::Clock;
 use modlens_readers::pcap::{EndedConnection, SideFraming};
@@ -61,26 +59,8 @@ impl Connections {
     }
 }
 
-impl Session {
-    /// Ends the connection in a slot: its bus is flushed, and becomes free once no row names it any more; its row is complete.
-    pub(super) fn close_connection(&mut self, state: &mut CaptureState, slot: usize, ended: Option<&EndedConnection<'_>>) {
-        let SlotState { connection, bus } = std::mem::take(state.slot(slot));
-        let mut tally = ConnectionTally::default();
-        if let Some(bus) = bus {
-            self.flush_bus(bus);
-            self.retired.push(bus);
-            tally = std::mem::take(&mut self.buses[bus].connection);
-        }
-        if let Some((number, ended)) = connection.zip(ended) {
-            let mode = bus.and_then(|bus| self.buses[bus].options.mode);
-            let source = (Arc::clone(&state.source), state.clock);
-            self.connections.end(row(number, ended, source, mode, tally));
-        }
-    }
-}
-
 /// The row of a connection that is over. `mode` is the framing in which its frames were found, if any were.
-fn row(
+pub(super) fn row(
     number: u64,
     ended: &EndedConnection<'_>,
     (source, clock): (Arc<str>, Clock),

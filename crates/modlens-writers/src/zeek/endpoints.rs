@@ -6,7 +6,7 @@ use modlens_engine::records::{Batch, Bus, Network, Transaction};
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 
-use super::LogValue;
+use super::value::LogValue;
 
 /// Ports where there are none: of a serial line's master, and of its units.
 const MASTER_PORT: u16 = 50_000;

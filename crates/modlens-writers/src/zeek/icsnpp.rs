@@ -13,7 +13,8 @@ use modlens_protocol::status::Status;
 use modlens_tables::columns::{read_data, read_range, write_data, write_range, Items};
 
 use super::endpoints::identity;
-use super::{escaped_bytes, exception_name, function_name, LogValue};
+use super::names::{exception_name, function_name};
+use super::value::{escaped_bytes, LogValue};
 
 const WRITE_SINGLE_COIL: u8 = 0x05;
 const WRITE_SINGLE_REGISTER: u8 = 0x06;
