@@ -76,7 +76,7 @@ def line_noise(rng: Random, seed: int) -> Case:
     trouble = Noise(rng, rate)
     if seed % 3 == 0:
         scene = Scene(rng, with_writes(rng, random_plant(rng)))
-        count, trouble = max(count, 400), NoiseAfterWrites(rng, max(rate, 0.4), 0.3)
+        count, trouble = max(count, 800), NoiseAfterWrites(rng, max(rate, 0.4), 0.3)
     scene.run(count, trouble)
     forbidden = frozenset({"duplicate_address", "two_masters", "driver_enable", "no_bias"})
     return scene.case("line_noise", forbidden=forbidden)

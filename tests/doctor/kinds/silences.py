@@ -71,7 +71,7 @@ def polled_too_fast(rng: Random, seed: int) -> Case:
     scene.habits.pauses_s = tuple(
         [short] * shorts + [need * rng.uniform(1.3, 2.5) for _ in range(longs)]
     )
-    scene.habits.retries = 0
+    scene.habits.retries, scene.habits.period_s = 0, 0.0
     scene.run(count, TooFast(unit, need, after_others_only=seed % 2 == 0))
     return scene.case(
         "polled_too_fast", unit=unit, forbidden=frozenset({"dead_unit_cost", "device_absent"})
