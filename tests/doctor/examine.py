@@ -6,7 +6,6 @@ not named at all.
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 import tempfile
@@ -15,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from analyzer import decode
 from tests.conftest import ROOT, environment
 from tests.doctor.case import Case, Expected
 
@@ -60,21 +60,22 @@ def ran(*words: str | Path, cwd: Path) -> str:
     return done.stdout.decode()
 
 
-def diagnose(recording: str | Path, words: Sequence[str], cwd: Path) -> list[Row]:
-    """The diagnoses of a recording, by harm."""
-    document = json.loads(ran("doctor", recording, *words, "--to", "json", cwd=cwd))
-    return _diagnoses(document)
-
-
-def _diagnoses(document: Any) -> list[Row]:
-    """The rows, wherever in the document they stand."""
-    if not isinstance(document, dict):
-        raise TypeError(f"the doctor's document is {type(document).__name__}")
-    for value in (document, document.get("doctor")):
-        if isinstance(value, dict) and isinstance(value.get("diagnoses"), list):
-            rows: list[Row] = value["diagnoses"]
-            return rows
-    raise KeyError(f"no diagnoses among {sorted(document)}")
+def diagnose(recording: str | Path, words: Sequence[str], folder: Path) -> list[Row]:
+    """The diagnoses of a recording, by harm; `words` are those of the command."""
+    given = dict(zip(words[::2], words[1::2], strict=True))
+    profiles = []
+    if "--profile" in given:
+        units, _, name = given["--profile"].partition("=")
+        profiles = [f"{units}={folder / name}"]
+    decoding = decode(
+        folder / recording,
+        line=given.get("--line"),
+        mode=given.get("--mode", "auto"),
+        read_as=given.get("--from"),
+        profiles=profiles,
+    )
+    rows: list[Row] = decoding.doctor()["diagnoses"]
+    return rows
 
 
 def written(case: Case, folder: Path) -> Path:
