@@ -11,6 +11,7 @@ from analyzer.cli.parser import add_decoding, add_input, add_line, settings
 from analyzer.cli.segmentation import report_silence_limits
 from analyzer.cli.stop_signals import StopSignals
 from analyzer.session import FileRun
+from analyzer.views.health import show_verdict
 from analyzer.views.screen import stdout
 from analyzer.views.stats import show_stats
 from analyzer.views.summary import damaged
@@ -34,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Decode the recordings, then print the statistics; gives the exit status."""
     messages = Messages(quiet=False)
-    chosen = replace(settings(options), tables=())
+    chosen = replace(settings(options), tables=("diagnoses",))
     report_silence_limits(chosen, messages)
     files = FileRun(
         options.files, chosen, read_as=options.read_as, on_status=messages.recording_status
@@ -45,6 +46,8 @@ def run(options: argparse.Namespace) -> int:
                 files.finish()
                 break
         stats = files.stats()
+        show_verdict(files.doctor(), stdout())
+        stdout().line("")
         show_stats(stats, stdout())
         if stop_signals.signal is not None:
             return SIGNALLED + stop_signals.signal

@@ -2,6 +2,7 @@
 
 mod before;
 mod bus;
+mod network;
 mod noise;
 mod request;
 pub mod sample;
@@ -15,8 +16,9 @@ use modlens_engine::records::Batch;
 use modlens_protocol::functions::Functions;
 
 pub use bus::{BusContrast, BusFacts, WINDOW};
+pub use network::{ClientCounts, Connections};
 pub use noise::{NoiseCounts, NoiseKey, NoiseRuns};
-pub use request::{Lonely, RequestCounts, RequestKey};
+pub use request::{Lonely, RequestCounts};
 pub use unit::{LengthRatios, Runs, UnitCounts, EXCEPTIONS};
 
 use crate::observation::{FrameObservation, Observation};
@@ -43,6 +45,7 @@ pub struct Contrast {
 impl Contrast {
     /// Counts the rows of a batch. It has to have frames and transactions.
     pub fn observe(&mut self, batch: &Batch) {
+        self.observe_connections(batch);
         let functions = batch.functions.as_deref().unwrap_or_else(|| Functions::embedded());
         let mut rest = &batch.frames[..];
         while let Some(first) = rest.first() {
@@ -61,6 +64,16 @@ impl Contrast {
                 bus.transaction(Observation::of(batch, functions, row));
             }
             rest = &rest[run..];
+        }
+    }
+
+    /// Counts connections; the bus of a connection is its server.
+    fn observe_connections(&mut self, batch: &Batch) {
+        for row in &batch.connections {
+            if !self.buses.contains_key(&row.server) {
+                self.buses.insert(row.server.clone(), BusContrast::default());
+            }
+            self.buses.get_mut(&row.server).expect("just added").connection(row);
         }
     }
 

@@ -60,6 +60,12 @@ const EXPLAINS: &[(&str, &[&str])] = &[
     ("driver_enable", &["line_noise"]),
     ("gateway_unit_id", &["dead_unit_cost", "device_busy"]),
     ("polled_too_fast", &["bystander"]),
+    ("own_echo", &["duplicate_address", "dead_unit_cost", "line_noise", "driver_enable", "wrong_line_settings"]),
+    ("framing_mismatch", &["dead_unit_cost", "polled_too_fast", "device_absent", "gateway_unit_id", "connection_churn"]),
+    ("gateway_mixup", &["slow_answers", "bystander", "device_absent"]),
+    ("connection_limit", &["connection_churn"]),
+    ("bystander", &["duplicate_address"]),
+    ("device_absent", &["polled_too_fast"]),
     ("lockstep", &["slow_answers", "gateway_mixup"]),
 ];
 

@@ -13,7 +13,7 @@ use modlens_protocol::Ns;
 pub(crate) use damage::response_part;
 pub use damage::{DamagedPart, DAMAGED_PARTS};
 
-use crate::contrast::tally::{mix_bytes, Place};
+use crate::contrast::tally::{mix, mix_bytes, Place};
 
 /// The findings of a row, one bit each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -77,6 +77,28 @@ pub struct Data {
     pub length: u16,
 }
 
+/// Which request: unit, function, address and quantity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct RequestKey {
+    /// Unit.
+    pub unit: u8,
+    /// Function code.
+    pub function: u8,
+    /// Address.
+    pub address: u16,
+    /// Quantity.
+    pub quantity: u16,
+}
+
+impl RequestKey {
+    /// A well-mixed hash.
+    pub(crate) fn hash(self) -> u64 {
+        mix(u64::from(u16::from_be_bytes([self.unit, self.function])) << 32
+            | u64::from(self.address) << 16
+            | u64::from(self.quantity))
+    }
+}
+
 /// One transaction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Observation {
@@ -112,6 +134,12 @@ pub struct Observation {
     pub is_retry: bool,
     /// Its findings.
     pub findings: FindingSet,
+    /// The first bytes of the request's frame.
+    pub request_head: Vec<u8>,
+    /// What came as the answer is the request itself, whole or cut.
+    pub is_own_echo: bool,
+    /// The data are those that another request was answered with a moment ago.
+    pub is_of_another: bool,
     /// The unit that answered, where it is another one.
     pub answered_by: Option<u8>,
     /// Which part of the damaged frame is damaged.
@@ -124,7 +152,20 @@ pub struct Observation {
     pub starts: [Option<Ns>; 2],
 }
 
+impl Data {
+    /// Whether all registers are 0000 or FFFF, which many answers are.
+    pub fn is_plain(self) -> bool {
+        self.all_ones || self.all_zeros
+    }
+}
+
 impl Observation {
+    /// The request, if it has an address.
+    pub fn key(&self) -> Option<RequestKey> {
+        let (address, quantity) = self.range?;
+        Some(RequestKey { unit: self.unit, function: self.function, address, quantity })
+    }
+
     /// What a row shows.
     pub fn of(batch: &Batch, functions: &Functions, row: &Transaction) -> Self {
         let request = row.request.pdu.of(&batch.arena);
@@ -161,6 +202,9 @@ impl Observation {
             gap: row.gap,
             is_retry: row.retry_of.is_some(),
             findings,
+            request_head: request_head(batch, row),
+            is_own_echo: row.status == Status::BadResponse && is_echo(batch, row),
+            is_of_another: false,
             answered_by: findings
                 .has(Finding::WrongUnit)
                 .then(|| answering_unit(row.mode, row.response.wire.of(&batch.arena)))
@@ -183,6 +227,21 @@ fn outcome(status: Status) -> Outcome {
         Status::Unsolicited => Outcome::Unasked,
         Status::Broadcast | Status::NotObserved => Outcome::Unknown,
     }
+}
+
+/// Bytes of a request that are kept for comparison, where no answer came.
+const HEAD_BYTES: usize = 8;
+
+fn request_head(batch: &Batch, row: &Transaction) -> Vec<u8> {
+    let wire = row.request.wire.of(&batch.arena);
+    let kept = if row.status == Status::NoResponse { wire.len().min(HEAD_BYTES) } else { 0 };
+    wire[..kept].to_vec()
+}
+
+/// Whether a damaged answer is the request, cut at its end.
+fn is_echo(batch: &Batch, row: &Transaction) -> bool {
+    let answer = row.response.wire.of(&batch.arena);
+    answer.len() >= 3 && row.request.wire.of(&batch.arena).starts_with(answer)
 }
 
 /// The unit in an answer of this framing.

@@ -86,6 +86,24 @@ pub fn at_least(share: Share, probability: f64) -> f64 {
     sum_of_tail((share.failed..=n).map(|k| ln_choose(n, k) + k as f64 * p.ln() + (n - k) as f64 * (1.0 - p).ln()))
 }
 
+/// The chance that failures spread by accident stand in no more runs than these (Wald and Wolfowitz).
+///
+/// ```
+/// use modlens_diagnosis::statistics::{in_runs_at_most, Share};
+/// // Two failures of four: side by side in 3 of 6 ways.
+/// assert!((in_runs_at_most(Share { failed: 2, total: 4 }, 1) - 0.5).abs() < 1e-12);
+/// ```
+pub fn in_runs_at_most(share: Share, runs: u64) -> f64 {
+    let (failed, good) = (share.failed, share.total - share.failed);
+    if failed == 0 {
+        return 1.0;
+    }
+    let all = ln_choose(share.total, failed);
+    let most = runs.min(failed).min(good + 1);
+    // From the likeliest, the greatest number of runs, downwards.
+    sum_of_tail((1..=most).rev().map(|runs| ln_choose(failed - 1, runs - 1) + ln_choose(good + 1, runs) - all))
+}
+
 /// The sum of probabilities given by their logarithms. Beyond their greatest, terms fall; the sum ends where they no longer
 /// count.
 fn sum_of_tail(terms: impl Iterator<Item = f64>) -> f64 {

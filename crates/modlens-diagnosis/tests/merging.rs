@@ -70,7 +70,9 @@ fn batches(exchanges: &[Exchange]) -> Vec<Batch> {
 
 fn observed(batches: &[Batch]) -> Contrast {
     let mut contrast = Contrast::default();
-    batches.iter().for_each(|batch| contrast.observe(batch));
+    for batch in batches {
+        contrast.observe(batch);
+    }
     contrast
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use modlens_engine::records::Bus;
+use modlens_engine::records::{Bus, Connection};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
@@ -10,12 +10,13 @@ use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 
 use super::before::Before;
+use super::network::Connections;
 use super::noise::NoiseRuns;
-use super::request::{RequestCounts, RequestKey};
+use super::request::RequestCounts;
 use super::sample::Sample;
-use super::tally::{mix, Tally};
+use super::tally::Tally;
 use super::unit::UnitCounts;
-use crate::observation::{response_part, FrameObservation, Observation, Outcome};
+use crate::observation::{response_part, FrameObservation, Observation, Outcome, RequestKey};
 
 /// What is counted of a row depends on at most so many rows before it.
 pub const WINDOW: usize = 64;
@@ -28,6 +29,12 @@ const WRITE_MEMORY: usize = 4;
 
 /// Runs of damage and noise are remembered until their transactions come.
 const MAX_RUNS: usize = 1024;
+
+/// Answers that the next one is compared with.
+const RECENT: usize = 8;
+
+/// Shorter answers are alike by accident.
+const LEAST_COMPARED_BYTES: u16 = 4;
 
 /// Fewer bytes than these behind a request are strays, not an answer.
 const LEAST_ANSWER_BYTES: u32 = 3;
@@ -92,6 +99,8 @@ struct Context {
     bad_runs: BTreeMap<u64, BadRun>,
     /// Unit and silence of the last transaction.
     previous: Option<(u8, bool)>,
+    /// The last answers with data: to which request, and their hashes.
+    recent: VecDeque<(RequestKey, u64)>,
     /// Transactions since the last write, if they are few.
     since_write: Option<usize>,
 }
@@ -113,6 +122,8 @@ pub struct BusContrast {
     pub units: BTreeMap<u8, UnitCounts>,
     /// By distinct request.
     pub requests: Sample<RequestKey, RequestCounts, MAX_REQUESTS>,
+    /// TCP connections.
+    pub connections: Connections,
     context: Context,
     /// The first rows, which are counted when it is known what came before.
     first_frames: VecDeque<FrameObservation>,
@@ -141,13 +152,19 @@ impl BusContrast {
         self.transactions_seen += 1;
         self.context.complete(&mut seen);
         if self.first_transactions.len() < WINDOW && self.transactions_seen <= WINDOW as u64 {
-            self.context.transaction(&seen);
+            self.context.transaction(&mut seen);
             self.first_transactions.push_back(seen);
         } else {
             let before = self.context.before();
-            self.context.transaction(&seen);
+            self.context.transaction(&mut seen);
             self.count_transaction(&seen, before);
         }
+    }
+
+    /// Takes a connection that is over.
+    pub(super) fn connection(&mut self, row: &Connection) {
+        (self.facts.is_network, self.facts.is_utc) = (true, row.clock == Clock::Utc);
+        self.connections.count(row);
     }
 
     /// With the first rows counted, as if nothing came before them.
@@ -169,18 +186,20 @@ impl BusContrast {
         self.frames.merge(&later.frames);
         self.noise.merge(&later.noise);
         self.strays.merge(&later.strays);
+        self.connections.merge(&later.connections);
         self.requests_seen.merge(&later.requests_seen);
         for (unit, more) in &later.units {
             self.units.entry(*unit).or_default().merge(more);
         }
         self.requests.merge(&later.requests, RequestCounts::merge);
-        self.facts.mode = later.facts.mode.or(self.facts.mode);
+        self.facts = BusFacts { mode: later.facts.mode.or(self.facts.mode), ..later.facts.clone() };
     }
 
     fn count_frame(&mut self, seen: &FrameObservation, attached: Option<(Direction, Option<u8>)>) {
         self.facts.mode = Some(seen.mode);
         self.frames.count(seen);
         if seen.verdict.is_good() {
+            self.count_pause(seen);
             return;
         }
         self.noise.count(seen, attached.is_some_and(|(direction, _)| direction == Direction::Request));
@@ -195,24 +214,27 @@ impl BusContrast {
         }
     }
 
+    /// Counts whether a frame came in pieces, with the unit that it was from or to.
+    fn count_pause(&mut self, seen: &FrameObservation) {
+        let side = match seen.direction {
+            Direction::Request => 0,
+            Direction::Response => 1,
+            Direction::Unknown => return,
+        };
+        if let Some(unit) = seen.unit.filter(|_| self.facts.char_ns.is_some()) {
+            self.units.entry(unit).or_default().pauses[side].count(seen.findings.has(Finding::GapInFrame), seen.place);
+        }
+    }
+
     fn count_transaction(&mut self, seen: &Observation, before: Before) {
         if seen.outcome.counts() {
             self.requests_seen.count(seen.outcome.is_failure(), seen.place);
         }
         self.units.entry(seen.unit).or_default().count(seen, before);
-        let Some((address, quantity)) = seen.range.filter(|_| seen.outcome.counts()) else { return };
-        let key = RequestKey { unit: seen.unit, function: seen.function, address, quantity };
+        let Some(key) = seen.key().filter(|_| seen.outcome.counts()) else { return };
         if let Some(counts) = self.requests.entry(key.hash(), key) {
             counts.count(seen);
         }
-    }
-}
-
-impl RequestKey {
-    fn hash(self) -> u64 {
-        mix(u64::from(u16::from_be_bytes([self.unit, self.function])) << 32
-            | u64::from(self.address) << 16
-            | u64::from(self.quantity))
     }
 }
 
@@ -274,6 +296,8 @@ impl Context {
         let Some(run) = self.bad_runs.get(&seen.request_frame).filter(|run| run.length >= LEAST_ANSWER_BYTES) else { return };
         seen.outcome = Outcome::Garbled;
         seen.damage = Some(response_part(&run.bytes, seen.unit, seen.function, &[]));
+        let head = run.bytes.len().min(seen.request_head.len());
+        seen.is_own_echo = run.bytes[..head] == seen.request_head[..head];
         seen.lengths[1] = run.length;
     }
 
@@ -281,7 +305,8 @@ impl Context {
         Before { previous: self.previous, written: self.since_write.is_some() }
     }
 
-    fn transaction(&mut self, seen: &Observation) {
+    fn transaction(&mut self, seen: &mut Observation) {
+        self.compare(seen);
         if seen.outcome.counts() {
             self.previous = Some((seen.unit, seen.outcome == Outcome::Silent));
         }
@@ -292,12 +317,23 @@ impl Context {
         };
     }
 
+    /// Notes whether the data are those that another request was answered with a moment ago.
+    fn compare(&mut self, seen: &mut Observation) {
+        let Some(key) = seen.key().filter(|_| seen.data.length >= LEAST_COMPARED_BYTES && !seen.data.is_plain()) else { return };
+        seen.is_of_another = self.recent.iter().any(|(other, hash)| *other != key && *hash == seen.data.hash);
+        if self.recent.len() == RECENT {
+            self.recent.pop_front();
+        }
+        self.recent.push_back((key, seen.data.hash));
+    }
+
     /// What the rows after a later part need to know.
     fn follow(&mut self, later: &Self) {
         self.last_good = later.last_good.or(self.last_good);
         self.last_txn = later.last_txn.max(self.last_txn);
         self.previous = later.previous.or(self.previous);
         self.since_write = later.since_write;
+        self.recent.clone_from(&later.recent);
         for (number, run) in &later.bad_runs {
             self.bad_runs.insert(*number, run.clone());
         }

@@ -6,19 +6,6 @@ use super::tally::Tally;
 use super::times::Durations;
 use crate::observation::{Observation, Outcome};
 
-/// Which request: unit, function, address and quantity.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct RequestKey {
-    /// Unit.
-    pub unit: u8,
-    /// Function code.
-    pub function: u8,
-    /// Address.
-    pub address: u16,
-    /// Quantity.
-    pub quantity: u16,
-}
-
 /// What came of one distinct request.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RequestCounts {
@@ -44,6 +31,8 @@ pub struct RequestCounts {
     pub all_ones: Lonely,
     /// Answers of all 0000, alone between others.
     pub all_zeros: Lonely,
+    /// Answers with the data of another request, alone between others.
+    pub of_another: Lonely,
     first_start: Option<Ns>,
     last_start: Option<Ns>,
     first_written: u64,
@@ -97,6 +86,7 @@ impl RequestCounts {
         if seen.outcome == Outcome::Good && seen.data.hash != 0 {
             self.all_ones.count(seen.data.all_ones, seen.place);
             self.all_zeros.count(seen.data.all_zeros, seen.place);
+            self.of_another.count(seen.is_of_another, seen.place);
         }
         if !seen.is_retry {
             self.count_period(seen.starts[0]);
@@ -133,6 +123,7 @@ impl RequestCounts {
         self.bad.merge(&later.bad);
         self.all_ones.merge(&later.all_ones);
         self.all_zeros.merge(&later.all_zeros);
+        self.of_another.merge(&later.of_another);
         self.written.merge(&later.written);
         let is_change = self.last_written != 0 && later.first_written != 0 && self.last_written != later.first_written;
         self.changes += later.changes + u64::from(is_change);

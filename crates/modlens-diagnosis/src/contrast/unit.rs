@@ -64,8 +64,12 @@ pub struct UnitCounts {
     pub other_functions: Tally,
     /// Transaction identifiers that are not those of the requests.
     pub other_ids: Tally,
-    /// Requests heard twice.
+    /// Answers that are the request itself.
     pub echoes: Tally,
+    /// Answers to requests of other units, by the unit that was asked.
+    pub answers_for: BTreeMap<u8, Tally>,
+    /// Requests to it, and answers of it, with a pause inside.
+    pub pauses: [Tally; 2],
     /// Requests sent while another master's was open.
     pub crossings: Tally,
     /// Values that make sense in another order only.
@@ -86,6 +90,7 @@ pub struct Runs {
     first: u64,
     open: u64,
     total: u64,
+    failed: u64,
 }
 
 /// A run of so many failures is a long one.
@@ -95,6 +100,7 @@ impl Runs {
     fn count(&mut self, failed: bool) {
         self.total += 1;
         if failed {
+            self.failed += 1;
             self.open += 1;
             self.longest = self.longest.max(self.open);
         } else {
@@ -134,8 +140,14 @@ impl Runs {
         }
         self.long += later.long;
         self.failures_in_long += later.failures_in_long;
+        self.failed += later.failed;
         self.total += later.total;
         self.longest = self.longest.max(later.longest).max(self.open);
+    }
+
+    /// All failures.
+    pub fn failures(&self) -> u64 {
+        self.failed
     }
 
     /// Failures in runs of three or more, whether these have ended or not.
@@ -167,7 +179,7 @@ impl UnitCounts {
     pub(super) fn count(&mut self, seen: &Observation, before: Before) {
         self.count_oddities(seen);
         if seen.outcome == Outcome::Unasked {
-            self.count_late(seen);
+            self.count_unasked(seen, before);
             return;
         }
         if !seen.outcome.counts() {
@@ -190,7 +202,7 @@ impl UnitCounts {
         let has = |finding| seen.findings.has(finding);
         self.other_functions.count(has(Finding::WrongFunction), place);
         self.other_ids.count(has(Finding::TransactionId), place);
-        self.echoes.count(has(Finding::LocalEcho), place);
+        self.echoes.count(seen.is_own_echo, place);
         self.crossings.count(has(Finding::TwoMasters), place);
         self.order_mismatches.count(has(Finding::OrderMismatch), place);
         if let Some(unit) = seen.answered_by {
@@ -198,9 +210,12 @@ impl UnitCounts {
         }
     }
 
-    fn count_late(&mut self, seen: &Observation) {
+    fn count_unasked(&mut self, seen: &Observation, before: Before) {
         let Some(request) = seen.late_for else {
-            self.second_answers.count(true, seen.place);
+            match before.previous.filter(|(unit, _)| *unit != seen.unit) {
+                Some((asked, _)) => self.answers_for.entry(asked).or_default().count(true, seen.place),
+                None => self.second_answers.count(true, seen.place),
+            }
             return;
         };
         self.late.count(true, super::tally::Place { number: request, ..seen.place });
@@ -300,8 +315,11 @@ impl UnitCounts {
             own.iter_mut().zip(more).for_each(|(own, more)| *own = own.with(*more));
         }
         self.runs.merge(&later.runs);
-        for (unit, more) in &later.answered_by {
-            self.answered_by.entry(*unit).or_default().merge(more);
+        merge_each(&mut self.pauses, &later.pauses);
+        for (own, more) in [(&mut self.answered_by, &later.answered_by), (&mut self.answers_for, &later.answers_for)] {
+            for (unit, more) in more {
+                own.entry(*unit).or_default().merge(more);
+            }
         }
         self.length_ratios.count += later.length_ratios.count;
         self.length_ratios.came += later.length_ratios.came;

@@ -1,8 +1,8 @@
 //! Answers that come late, for a while not at all, or never.
 
-use crate::claim::{duration, percent, Claim, View, ACCIDENT};
+use crate::claim::{duration, percent, Claim, View};
 use crate::contrast::UnitCounts;
-use crate::statistics::{at_least, fisher, Share};
+use crate::statistics::{at_least, fisher, in_runs_at_most, Share};
 use crate::MAX_CHANCE;
 
 /// Answers that come after the master has given up, or that press against its time-out.
@@ -89,10 +89,11 @@ fn absent(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     if answered < 2 || in_runs * 10 < counts.failures.failed * 8 || silent.failed * 10 < counts.failures.failed * 8 {
         return None;
     }
-    // How likely is a run so long, if failures were spread by accident? Retries double every failure.
-    let rate = silent.rate().max(ACCIDENT);
-    let independent = counts.runs.longest.div_ceil(2) as f64;
-    let chance = view.corrected(rate.powf(independent) * silent.total as f64);
+    // A retry after each failure makes pairs of them by itself: so half of them are counted.
+    let failed = counts.runs.failures().div_ceil(2);
+    let all = Share { failed, total: counts.failures.total - (counts.runs.failures() - failed) };
+    let runs = counts.runs.count_of_long() + (counts.runs.failures() - in_runs);
+    let chance = view.corrected(in_runs_at_most(all, runs));
     if chance >= MAX_CHANCE || view.beyond_accident(silent).is_none() || counts.late.failed * 4 > silent.failed {
         return None;
     }

@@ -133,6 +133,9 @@ fn at_the_edge(view: &View<'_>, edge: &Tally, damaged: Share) -> Option<f64> {
 
 /// The answers of one unit are damaged from the first byte on, and nothing else is.
 pub(super) fn duplicate_address(view: &View<'_>) -> Vec<Claim> {
+    if view.bus.facts.is_network {
+        return Vec::new();
+    }
     view.units().filter_map(|(unit, counts)| duplicate(view, unit, counts)).collect()
 }
 
@@ -159,7 +162,8 @@ fn duplicate(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let clean = match (requests.failed, others.total, others.failed) {
         (0, 0, _) => String::from("its requests are clean"),
         (0, _, 0) => String::from("its requests and all other units are clean"),
-        (bad, _, other) => format!("only {bad} requests and {other} answers of other units are"),
+        (0, _, other) => format!("its requests are clean; of the other units only {other} answers are damaged"),
+        (bad, _, other) => format!("only {bad} of its requests and {other} answers of other units are damaged"),
     };
     Some(Claim::new("duplicate_address", tally, chance).of_unit(unit).with_share(share).fact("clean", clean))
 }

@@ -2,7 +2,8 @@
 #![allow(clippy::trivially_copy_pass_by_ref)] // Keys stay in their map.
 
 use crate::claim::{Claim, View};
-use crate::contrast::{RequestCounts, RequestKey};
+use crate::contrast::RequestCounts;
+use crate::observation::RequestKey;
 use crate::statistics::{at_least, Share};
 
 /// A request that has a range, with what came of it.

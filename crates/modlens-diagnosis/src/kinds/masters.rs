@@ -1,31 +1,56 @@
 //! Who speaks on the line: a second master, an echo, a unit that answers for others, a writer.
 
 use crate::claim::{duration, Claim, View};
+use crate::contrast::tally::Tally;
 use crate::contrast::UnitCounts;
-use crate::statistics::{fisher, Share};
+use crate::statistics::{at_least, fisher, Share};
+use crate::MAX_CHANCE;
 
 /// Requests that were sent while another one was open, and both were answered.
 pub(super) fn two_masters(view: &View<'_>) -> Vec<Claim> {
     if view.bus.facts.is_network {
         return Vec::new();
     }
-    let mut crossings = crate::contrast::tally::Tally::default();
+    let mut crossings = Tally::default();
     view.units().for_each(|(_, counts)| crossings.merge(&counts.crossings));
-    let share = Share { failed: crossings.failed, total: view.bus.requests_seen.total.max(crossings.failed) };
-    let Some(chance) = view.beyond_accident(share) else { return Vec::new() };
+    if crossings.failed == 0 {
+        return Vec::new();
+    }
+    // What only a meeting of two frames brings forth, among all that is odd.
+    let odd = crossings.failed + view.bus.frames.collisions.failed + view.units().map(|(_, counts)| mixed(counts)).sum::<u64>();
+    let failed = view.bus.requests_seen.failed;
+    let total = view.bus.requests_seen.total.max(odd + failed);
+    let Some(chance) = view.beyond_accident(Share { failed: odd + failed, total }) else { return Vec::new() };
+    let is_noise = at_least(Share { failed: odd, total: odd + failed }, ODD_BY_NOISE) > MAX_CHANCE;
+    let late: u64 = view.units().map(|(_, counts)| counts.late.failed).sum();
+    if is_noise || late > odd {
+        return Vec::new();
+    }
+    let share = Share { failed: odd, total };
     (crossings.total, crossings.before, crossings.after) = (share.total, 0, 0);
     let claim = Claim::new("two_masters", &crossings, chance).with_share(share);
     vec![claim.at_most(modlens_protocol::finding::Severity::Error)]
 }
 
+/// Noise makes one damaged frame in so many look like the meeting of two.
+const ODD_BY_NOISE: f64 = 0.05;
+
+/// Answers that fit no open request of their unit.
+fn mixed(counts: &UnitCounts) -> u64 {
+    let others: u64 = counts.answered_by.values().chain(counts.answers_for.values()).map(|tally| tally.failed).sum();
+    counts.other_functions.failed + counts.second_answers.failed + others
+}
+
 /// Requests that are heard twice.
 pub(super) fn own_echo(view: &View<'_>) -> Vec<Claim> {
-    let echoes = &view.bus.frames.echoes;
+    let mut echoes = view.bus.frames.echoes.clone();
+    view.units().for_each(|(_, counts)| echoes.merge(&counts.echoes));
     let requests = Share { failed: echoes.failed, total: view.bus.requests_seen.total.max(echoes.failed) };
     let Some(chance) = view.beyond_accident(requests) else { return Vec::new() };
+    (echoes.total, echoes.before, echoes.after) = (requests.total, 0, 0);
     let failing = view.bus.requests_seen.share();
     let severity = crate::claim::severity_of(failing);
-    vec![Claim::new("own_echo", echoes, chance).at_most(severity)]
+    vec![Claim::new("own_echo", &echoes, chance).at_most(severity)]
 }
 
 /// A unit that answers for others, or fails after the traffic of one of them.
@@ -37,6 +62,15 @@ pub(super) fn bystander(view: &View<'_>) -> Vec<Claim> {
             let Some(chance) = view.beyond_accident(share) else { continue };
             let claim = Claim::new("bystander", tally, chance).of_unit(*unit).with_share(share);
             found.push(claim.fact("what", format!("answers requests to unit {asked}")));
+        }
+    }
+    for (unit, counts) in view.bus.units.iter().filter(|_| !view.bus.facts.is_network) {
+        for (asked, tally) in &counts.answers_for {
+            let total = view.bus.units.get(asked).map_or(0, |counts| counts.failures.total).max(tally.failed);
+            let share = Share { failed: tally.failed, total };
+            let Some(chance) = view.beyond_accident(share) else { continue };
+            let claim = Claim::new("bystander", tally, chance).of_unit(*unit).with_share(share);
+            found.push(claim.fact("what", format!("answers requests to unit {asked}, too")));
         }
     }
     found.extend(view.units().filter_map(|(unit, counts)| upset(view, unit, counts)));

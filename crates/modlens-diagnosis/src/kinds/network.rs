@@ -4,31 +4,92 @@ use crate::claim::{Claim, View};
 use crate::contrast::tally::Tally;
 use crate::contrast::UnitCounts;
 use crate::statistics::{at_least, Share};
-use modlens_protocol::framing::Mode;
 
-/// Answers that come after the next request, from one moment on.
-pub(super) fn lockstep(_view: &View<'_>) -> Vec<Claim> {
-    Vec::new()
+/// Answers that the client takes for those of the next request.
+pub(super) fn lockstep(view: &View<'_>) -> Vec<Claim> {
+    let counts = &view.bus.connections;
+    let share = Share { failed: counts.lockstep.min(counts.answered), total: counts.answered };
+    let Some(chance) = view.beyond_accident(share) else { return Vec::new() };
+    let place = counts.lockstep_since;
+    let tally = Tally { failed: share.failed, total: share.total, first: place, last: place, ..Tally::default() };
+    vec![Claim::new("lockstep", &tally, chance).with_share(share).fact("subject", "the client")]
 }
 
-/// Connections that are refused while others are open.
-pub(super) fn connection_limit(_view: &View<'_>) -> Vec<Claim> {
-    Vec::new()
-}
-
-/// Connections that do not last.
-pub(super) fn connection_churn(_view: &View<'_>) -> Vec<Claim> {
-    Vec::new()
-}
-
-/// Requests in RTU on a connection, and no answer in it.
-pub(super) fn framing_mismatch(view: &View<'_>) -> Vec<Claim> {
-    let requests = &view.bus.requests_seen;
-    if !view.bus.facts.is_network || view.bus.facts.mode != Some(Mode::Rtu) {
+/// Connections that are turned away while others are served.
+pub(super) fn connection_limit(view: &View<'_>) -> Vec<Claim> {
+    let counts = &view.bus.connections;
+    let Some(chance) = view.beyond_accident(counts.turned_away.share()) else { return Vec::new() };
+    if counts.answered == 0 || counts.turned_away.failed < 2 {
         return Vec::new();
     }
-    let Some(chance) = view.significant(at_least(requests.share(), 0.2)) else { return Vec::new() };
-    vec![Claim::new("framing_mismatch", requests, chance).fact("client_framing", "RTU over TCP")]
+    let mut claim = Claim::new("connection_limit", &counts.turned_away, chance);
+    let clients = counts.clients.sorted();
+    let mut turned_away = clients.iter().filter(|(_, client)| client.turned_away.failed > 0);
+    if let (Some((name, _)), None) = (turned_away.next(), turned_away.next()) {
+        claim.client = Some((*name).clone());
+    }
+    vec![claim]
+}
+
+/// This share of connections may be short, or closed by the server, where somebody tries something out.
+const SOME: f64 = 0.2;
+
+/// Connections that do not last.
+pub(super) fn connection_churn(view: &View<'_>) -> Vec<Claim> {
+    let counts = &view.bus.connections;
+    let lost = view.significant(at_least(counts.first_lost.share(), 0.05)).map(|chance| {
+        let claim = Claim::new("connection_churn", &counts.first_lost, chance);
+        claim
+            .fact("what", "begin with a request that is not answered")
+            .fact(
+                "what_to_check",
+                "A pause of one or two seconds in the client after it has connected; the device is not ready at once.",
+            )
+            .fact("experiment", "Wait two seconds after connecting: the first request is answered.")
+    });
+    let closed = view.significant(at_least(counts.closed_by_server.share(), SOME)).map(|chance| {
+        let after = counts.idle.percentile(0.5).filter(|idle| *idle > 100_000_000);
+        let after = after.map_or(String::new(), |idle| format!(", after {} of silence", crate::claim::duration(idle)));
+        let claim = Claim::new("connection_churn", &counts.closed_by_server, chance);
+        claim
+            .fact("what", format!("are closed by the server{after}"))
+            .fact("what_to_check", "The server's idle timeout, and a client that asks more often than that, or opens a new connection before it asks.")
+            .fact("experiment", "Ask twice as often: connections stay open.")
+    });
+    let short = view.significant(at_least(counts.short.share(), SOME)).map(|chance| {
+        let claim = Claim::new("connection_churn", &counts.short, chance);
+        claim
+            .fact("what", "carry one or two requests and are closed again")
+            .fact("what_to_check", "The client's setting for keeping connections open: a connection for each request takes time, and small devices run out of sockets.")
+            .fact("experiment", "Keep one connection open: the cycle gets shorter.")
+    });
+    lost.or(closed).or(short).into_iter().collect()
+}
+
+/// Two sides that speak in different framings.
+pub(super) fn framing_mismatch(view: &View<'_>) -> Vec<Claim> {
+    let clients = view.bus.connections.clients.sorted();
+    let claims = clients.into_iter().filter_map(|(name, client)| {
+        let share = Share { failed: client.mismatched_requests, total: client.requests };
+        let chance = view.significant(at_least(share, SOME))?;
+        let word = |framing: Option<&'static str>| match framing {
+            Some("tcp") => "Modbus/TCP",
+            Some("rtu") => "RTU over TCP",
+            Some("ascii") => "ASCII over TCP",
+            _ => "something else",
+        };
+        let answers = match client.other_framing {
+            Some(_) => format!("answers as {}", word(client.other_framing)),
+            None => String::from("no answer comes"),
+        };
+        let mut claim = Claim::new("framing_mismatch", &client.mismatched, chance)
+            .with_share(share)
+            .fact("client_framing", word(client.framing))
+            .fact("answers", answers);
+        claim.client = Some(name.clone());
+        Some(claim)
+    });
+    claims.collect()
 }
 
 /// A unit number that nobody answers to.
@@ -84,7 +145,15 @@ pub(super) fn gateway_mixup(view: &View<'_>) -> Vec<Claim> {
         ("the unit", sum(units)),
         ("the function", sum(|counts| counts.other_functions.clone())),
     ];
-    let (what, mut tally) = kinds.into_iter().max_by_key(|(_, tally)| tally.failed).expect("three");
+    // Answers that nobody on this connection has asked for, while another client waits for one.
+    let strangers = sum(|counts| {
+        let mut all = counts.second_answers.clone();
+        counts.answers_for.values().for_each(|tally| all.merge(tally));
+        all
+    });
+    let several = view.bus.connections.clients.sorted().len() > 1;
+    let kinds = kinds.into_iter().chain(several.then_some(("the data", strangers)));
+    let (what, mut tally) = kinds.max_by_key(|(_, tally)| tally.failed).expect("three at least");
     let share = Share { failed: tally.failed, total: view.bus.requests_seen.total.max(tally.failed) };
     let Some(chance) = view.beyond_accident(share) else { return Vec::new() };
     (tally.total, tally.before, tally.after) = (share.total, 0, 0);

@@ -1,8 +1,10 @@
 //! Trouble with pace: too soon, in pieces, too much.
 
 use crate::claim::{duration, Claim, View};
+use crate::contrast::tally::Tally;
 use crate::contrast::UnitCounts;
 use crate::statistics::{fisher, Share};
+use modlens_protocol::finding::Severity;
 
 /// A unit that fails after short silences and answers after longer ones.
 pub(super) fn polled_too_fast(view: &View<'_>) -> Vec<Claim> {
@@ -46,11 +48,43 @@ pub(super) fn gaps_in_frames(view: &View<'_>) -> Vec<Claim> {
             Claim::new("gaps_in_frames", &counts.failures, chance)
                 .of_unit(unit)
                 .with_share(with)
-                .fact("with", words(with))
-                .fact("without", words(without))
+                .fact("what", format!("requests fail with a pause inside {}, without one {}", words(with), words(without)))
         })
     });
-    claims.collect()
+    let failing: Vec<Claim> = claims.collect();
+    if failing.is_empty() {
+        return in_pieces(view);
+    }
+    failing
+}
+
+/// A sender whose frames come in pieces while those of others do not, though nobody fails for it.
+fn in_pieces(view: &View<'_>) -> Vec<Claim> {
+    let sum = |side: usize| {
+        view.bus.units.values().fold(Tally::default(), |mut sum, counts| {
+            sum.merge(&counts.pauses[side]);
+            sum
+        })
+    };
+    let [requests, answers] = [sum(0), sum(1)];
+    let words = |share: Share| format!("{} of {}", share.failed, share.total);
+    let claim = |tally: &Tally, others: Share, chance: f64, sender: String| {
+        Claim::new("gaps_in_frames", tally, chance)
+            .at_most(Severity::Info)
+            .fact("what", format!("frames of {sender} come in pieces: {}, of others {}", words(tally.share()), words(others)))
+    };
+    // The master's requests against all answers, and each unit's answers against all other frames.
+    if let Some(chance) = view.significant(fisher(requests.share(), answers.share())).filter(|_| requests.share().rate() > 0.01) {
+        return vec![claim(&requests, answers.share(), chance, String::from("the master"))];
+    }
+    let all = requests.share().with(answers.share());
+    let of_units = view.bus.units.iter().filter_map(|(unit, counts)| {
+        let own = counts.pauses[1].share();
+        let chance = view.significant(fisher(own, all.without(own)))?;
+        (own.rate() > 0.01 && own.rate() > 3.0 * all.without(own).rate())
+            .then(|| claim(&counts.pauses[1], all.without(own), chance, format!("unit {unit}")).of_unit(*unit))
+    });
+    of_units.collect()
 }
 
 /// From this share of the time on, a line is full.

@@ -1,7 +1,8 @@
 //! Trouble with values whose checksum is right.
 
 use crate::claim::{Claim, View};
-use crate::contrast::{Lonely, RequestKey};
+use crate::contrast::Lonely;
+use crate::observation::RequestKey;
 
 /// Values that make sense in another order only.
 pub(super) fn word_order(view: &View<'_>) -> Vec<Claim> {
@@ -21,10 +22,11 @@ const RARE: u64 = 10;
 pub(super) fn value_spike(view: &View<'_>) -> Vec<Claim> {
     let requests = view.bus.requests.sorted();
     let claims = requests.into_iter().filter(|(_, counts)| !counts.writes).flat_map(|(key, counts)| {
-        let ones = spike(*key, &counts.all_ones, "FFFF");
+        let ones = spike(*key, &counts.all_ones, "all FFFF");
         // A single register of 0 is a value like any other.
-        let zeros = (key.quantity > 1).then(|| spike(*key, &counts.all_zeros, "0000")).flatten();
-        [ones, zeros].into_iter().flatten()
+        let zeros = (key.quantity > 1).then(|| spike(*key, &counts.all_zeros, "all 0000")).flatten();
+        let other = spike(*key, &counts.of_another, "those of another request");
+        [ones, zeros, other].into_iter().flatten()
     });
     claims.collect()
 }

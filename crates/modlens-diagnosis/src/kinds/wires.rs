@@ -18,7 +18,16 @@ fn bytes(view: &View<'_>) -> (u64, u64) {
 /// Whether nothing on the line can be read.
 fn is_unreadable(view: &View<'_>) -> bool {
     let (good, other) = bytes(view);
-    other >= LEAST_BYTES && good * 20 < other && !view.bus.facts.is_network && view.bus.facts.mode != Some(Mode::Tcp)
+    let serial = !view.bus.facts.is_network && view.bus.facts.mode != Some(Mode::Tcp);
+    serial && other >= LEAST_BYTES && (good * 20 < other || only_requests_are_valid(view))
+}
+
+/// Whether every request was sent well and none was answered in bytes that make sense: the log of a client.
+fn only_requests_are_valid(view: &View<'_>) -> bool {
+    let requests = view.bus.requests_seen.share();
+    let came = view.bus.noise.ends_in_zero.total + view.bus.noise.strays.total;
+    let echoes: u64 = view.bus.units.values().map(|counts| counts.echoes.failed).sum();
+    requests.total >= 5 && requests.failed == requests.total && came * 10 > requests.total * 8 && echoes * 2 < came
 }
 
 /// Share of the noise whose bytes are 00, FF or a run of equal bits at one end.
@@ -31,6 +40,11 @@ fn inverted_share(view: &View<'_>) -> f64 {
 const ENDS_IN_ZERO: f64 = 0.3;
 
 fn is_inverted(view: &View<'_>) -> bool {
+    // In a client's log the bursts of the bus are cut anywhere, but nearly all bytes are of these kinds.
+    let bytes = view.bus.noise.kinds.iter().sum::<u64>();
+    if only_requests_are_valid(view) && bytes >= LEAST_BYTES && inverted_share(view) > 0.95 {
+        return true;
+    }
     let ends = view.bus.noise.ends_in_zero.share();
     ends.total >= 5 && view.significant(at_least(ends, ENDS_IN_ZERO)).is_some() && ends.rate() > 0.6
 }

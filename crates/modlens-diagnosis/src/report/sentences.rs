@@ -62,7 +62,7 @@ fn filled(text: &str, contrast: &BusContrast, claim: &Claim) -> String {
 
 fn place(name: &str, contrast: &BusContrast, claim: &Claim) -> String {
     match name {
-        "subject" => subject(claim),
+        "subject" if claim.facts.iter().all(|(fact, _)| *fact != "subject") => subject(claim),
         "unit" => claim.unit.map_or(String::from("the unit"), |unit| format!("unit {unit}")),
         "failed" => thousands(claim.share.failed),
         "total" => thousands(claim.share.total),
