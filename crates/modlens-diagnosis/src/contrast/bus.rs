@@ -320,11 +320,11 @@ impl Context {
     /// Notes whether the data are those that another request was answered with a moment ago.
     fn compare(&mut self, seen: &mut Observation) {
         let Some(key) = seen.key().filter(|_| seen.data.length >= LEAST_COMPARED_BYTES && !seen.data.is_plain()) else { return };
-        seen.is_of_another = self.recent.iter().any(|(other, hash)| *other != key && *hash == seen.data.hash);
+        seen.is_of_another = self.recent.iter().any(|(other, hash)| *other != key && *hash == seen.data.head_hash);
         if self.recent.len() == RECENT {
             self.recent.pop_front();
         }
-        self.recent.push_back((key, seen.data.hash));
+        self.recent.push_back((key, seen.data.head_hash));
     }
 
     /// What the rows after a later part need to know.

@@ -15,7 +15,7 @@ const MAX_RUNS: usize = 256;
 pub type NoiseKey = Vec<u8>;
 
 /// Bytes of a run by which it is known again.
-const KEY_BYTES: usize = 4;
+const KEY_BYTES: usize = 3;
 
 /// One run that comes again and again.
 #[derive(Clone, Debug, Default, PartialEq)]

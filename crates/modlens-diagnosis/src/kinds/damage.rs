@@ -42,7 +42,9 @@ pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
     let known = inside + parts(view, DamagedPart::Start) + parts(view, DamagedPart::End) + parts(view, DamagedPart::Whole);
     let units: Vec<u8> = view.units().filter(|(_, counts)| damage(counts).failed > 0).map(|(unit, _)| unit).collect();
     let requests: u64 = view.units().map(|(_, counts)| counts.bad_requests.failed).sum();
-    if inside * 3 < known || (units.len() < 2 && requests == 0 && view.units().count() > 1) {
+    // Of one unit alone, single bits are noise near it; what else it may be has kinds of its own.
+    let is_of_one = units.len() < 2 && requests == 0 && view.units().count() > 1;
+    if inside * 3 < known || (is_of_one && parts(view, DamagedPart::Bit) * 3 < known) {
         return Vec::new();
     }
     let tally = view.units().fold(Tally::default(), |mut sum, (_, counts)| {
@@ -141,10 +143,10 @@ pub(super) fn duplicate_address(view: &View<'_>) -> Vec<Claim> {
 
 fn duplicate(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let whole = &counts.damaged_parts[DamagedPart::Whole as usize];
-    let inside = counts.damaged_parts[DamagedPart::Inside as usize].failed;
     let twice = counts.second_answers.failed;
     let share = Share { failed: (counts.garbled.failed + twice).min(counts.failures.total), total: counts.failures.total };
-    if (whole.failed + inside) * 2 < whole.total || whole.failed + inside + twice == 0 {
+    // Noise mostly leaves the first bytes as they are.
+    if whole.failed * 5 < whole.total * 2 || whole.failed + twice == 0 {
         return None;
     }
     let requests = counts.bad_requests.share();
