@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use crate::accuracy::{NoiseRow, RunOutcome, RunPlan};
 use crate::model::Label;
-use crate::score::Score;
+use crate::score::{Calibration, Score};
 
 /// The table of one algorithm: a figure in percent for each scenario and tap mode.
 pub fn by_mode(plan: &RunPlan, outcome: &RunOutcome, algorithm: usize, title: &str, of: fn(&Score) -> f64) -> String {
@@ -119,20 +119,30 @@ pub fn noise(names: &[&str], rows: &[NoiseRow]) -> String {
     text
 }
 
-/// Stated odds against counted errors, one row per value of the confidence and one per decade of the odds.
+/// Stated odds against counted errors of all algorithms that state any: one row per value of the confidence, then one per decade
+/// of the odds.
 pub fn calibration(outcome: &RunOutcome) -> String {
-    let mut text = String::new();
-    for (at, name) in outcome.names.iter().enumerate().filter(|(at, _)| outcome.gives_labels[*at]) {
-        let calibration = outcome.total(at, None).calibration;
-        for (what, rows) in [("firm", calibration.rows), ("unconfirmed", calibration.unconfirmed)] {
-            write!(text, "\n{name}, {what} rows\nconfidence     rows   wrong  expected  counted log2 odds\n")
-                .expect("text can grow");
-            for (bits, &(all, wrong)) in rows.iter().enumerate().filter(|(_, (all, _))| *all > 0) {
-                let expected = all as f64 * chance_of_error(bits);
-                let odds = ((all - wrong).max(1) as f64 / wrong.max(1) as f64).log2();
-                writeln!(text, "{bits:>10} {all:>8} {wrong:>7} {expected:>9.1} {odds:>8.1}").expect("text can grow");
-            }
+    let mut counted = Calibration::default();
+    let states_odds = (0..outcome.names.len()).filter(|&at| outcome.gives_labels[at]);
+    states_odds.for_each(|at| counted.add(&outcome.total(at, None).calibration));
+    let mut text = String::from("\nconfidence         rows  unconfirmed   wrong  counted log2 odds\n");
+    let mut decades: Vec<(u64, u64, f64)> = Vec::new();
+    for (bits, (&(firm, firm_wrong), &(open, open_wrong))) in counted.rows.iter().zip(&counted.unconfirmed).enumerate() {
+        let (all, wrong) = (firm + open, firm_wrong + open_wrong);
+        let decade = (bits as f64 * std::f64::consts::LOG10_2) as usize;
+        decades.resize(decades.len().max(decade + 1), (0, 0, 0.0));
+        let sums = &mut decades[decade];
+        *sums = (sums.0 + all, sums.1 + wrong, sums.2 + all as f64 * chance_of_error(bits));
+        if all > 0 {
+            let odds = ((all - wrong).max(1) as f64 / wrong.max(1) as f64).log2();
+            writeln!(text, "{bits:>10} {all:>12} {open:>12} {wrong:>7} {odds:>18.1}").expect("text can grow");
         }
+    }
+    text.push_str("\nstated odds              rows  errors stated  errors counted\n");
+    for (decade, (all, wrong, expected)) in decades.into_iter().enumerate().filter(|(_, sums)| sums.0 > 0) {
+        let from = 10u64.pow(decade as u32);
+        let odds = format!("{from} to 1 up to {}", 10 * from);
+        writeln!(text, "{odds:<22} {all:>7} {expected:>13.0} {wrong:>15}").expect("text can grow");
     }
     text
 }

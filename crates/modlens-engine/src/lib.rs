@@ -34,6 +34,7 @@
 //! memory costs more than the rows in it. A noise row ends after 4096 bytes; rows wait for older open ones, 65,536
 //! transactions and 16,384 connections at most; statistics are histograms.
 
+pub mod confidence;
 pub mod damage;
 pub mod fast_path;
 pub mod findings;

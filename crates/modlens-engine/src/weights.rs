@@ -292,12 +292,35 @@ weights! {
         OFFLINE_HOLD_BACK_BYTES: u64 = 4096;
         /// This many valid frames without a byte between them do not come by chance.
         CHAIN_FRAMES: u8 = 4;
-        /// Confidence is not reported higher.
-        MAX_CONFIDENCE_BITS: u8 = 60;
-        /// Confidence of a frame of which only the CRC was checked, and of a Modbus/TCP frame whose header and layout disagree.
-        CRC_CONFIDENCE_BITS: u8 = 16;
-        /// Confidence of a Modbus/TCP frame whose header agrees with the layout of its function.
-        MBAP_CONFIDENCE_BITS: u8 = 40;
+    }
+
+    "Confidence" {
+        /// The evidence ends here: among a few million frames of simulated lines about so many bits of odds can be counted.
+        MAX_CONFIDENCE_BITS: u8 = 15;
+        /// Rows with less are unconfirmed: odds of 32 to 1.
+        MIN_FIRM_BITS: u8 = 5;
+        /// Confidence by lead, where length and direction are specified: points (lead, odds), counted on simulated lines.
+        SPECIFIED_ODDS_BITS: [(f32, f32); 5] = [(0.0, 3.0), (5.0, 6.5), (20.0, 11.0), (40.0, 12.0), (60.0, 15.0)];
+        /// The same where the response may equal the request.
+        EQUAL_LAYOUTS_ODDS_BITS: [(f32, f32); 5] = [(0.0, 3.0), (5.0, 6.5), (20.0, 7.5), (40.0, 8.0), (60.0, 10.0)];
+        /// The same where any length would do.
+        OPEN_LENGTH_ODDS_BITS: [(f32, f32); 5] = [(0.0, 3.0), (5.0, 6.5), (10.0, 7.5), (20.0, 8.0), (60.0, 10.0)];
+        /// What a frame loses in the middle of noise.
+        NOISE_ODDS_BITS: f32 = 2.0;
+        /// The most for an unconfirmed frame.
+        UNCONFIRMED_ODDS_BITS: u8 = 5;
+        /// A frame that stood alone in the same noise before.
+        RECURRING_ODDS_BITS: u8 = 1;
+        /// A damaged frame: 97 of 100 stand where they are said to.
+        DAMAGED_CONFIDENCE_BITS: u8 = 5;
+        /// A record of a recording without checksums, which its program has printed as a frame.
+        NO_CHECKSUM_CONFIDENCE_BITS: u8 = 7;
+        /// A frame that a silence ended and of which only the CRC was checked, and a Modbus/TCP frame whose header and layout disagree.
+        CRC_CONFIDENCE_BITS: u8 = 5;
+        /// A Modbus ASCII frame with a valid LRC, which has eight bits.
+        LRC_CONFIDENCE_BITS: u8 = 9;
+        /// A Modbus/TCP frame whose header agrees with the layout of its function.
+        MBAP_CONFIDENCE_BITS: u8 = 15;
     }
 
     "Confidence of a transaction" {

@@ -196,8 +196,8 @@ findings! {
         "modlens decode --functions NAME|FILE loads additional function codes."
         "5";
     Unconfirmed "unconfirmed" Info
-        "an isolated frame that may be noise with a matching checksum"
-        "In a long stretch of noise, some bytes match a checksum by chance."
+        "a frame that may be noise with a matching checksum"
+        "In a long stretch of noise, some bytes match a checksum by chance; bytes that recur match it each time."
         "Nothing, if more frames of this unit follow; otherwise the noise."
         "";
     ShortSilence "short_silence" Info

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
+use crate::confidence::{self, Likeness};
 use crate::fast_path::expected_exchange::ExpectedExchange;
-use crate::framer::ascii;
 use crate::records::{Frame, FrameRef, Span, Transaction};
 use crate::session::frame_timing::FrameTiming;
 use crate::session::rows::elapsed;
-use crate::weights::{ANSWER_BY_ID_BITS, ANSWER_IN_TURN_BITS, MAX_CONFIDENCE_BITS, MBAP_CONFIDENCE_BITS};
+use crate::weights::{ANSWER_BY_ID_BITS, ANSWER_IN_TURN_BITS, LRC_CONFIDENCE_BITS, MBAP_CONFIDENCE_BITS};
 use modlens_profiles::points::PlanInstance;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
@@ -97,8 +97,8 @@ impl ExchangeRows<'_> {
     /// The confidence of both frames, which is that of the mode's framer.
     fn frame_confidence(&self) -> u8 {
         match self.matched.mode {
-            Mode::Rtu => MAX_CONFIDENCE_BITS,
-            Mode::Ascii => ascii::VALID_FRAME_BITS,
+            Mode::Rtu => confidence::of_unambiguous(Likeness::of_exchange(self.matched.expected.echoes_request)),
+            Mode::Ascii => LRC_CONFIDENCE_BITS,
             Mode::Tcp => MBAP_CONFIDENCE_BITS,
         }
     }

@@ -110,7 +110,7 @@ pub(crate) fn reception(input: &Input, length: usize, found: &mut Found) {
 #[inline]
 pub(crate) fn framing(framed: &FrameResult, found: &mut Found) {
     if framed.unconfirmed {
-        found.push((Finding::Unconfirmed, words::unconfirmed()));
+        found.push((Finding::Unconfirmed, words::unconfirmed(framed.confidence)));
     }
     if let Some((damage, finding)) = framed.damage.and_then(|damage| Some((damage, finding_of(damage)?))) {
         found.push((finding, words::damage(damage)));

@@ -66,8 +66,8 @@ pub(crate) fn receiver_lost_bytes() -> String {
     String::from("the receiver lost bytes before this frame")
 }
 
-pub(crate) fn unconfirmed() -> String {
-    String::from("surrounded by noise, and its unit has not been in a paired transaction yet")
+pub(crate) fn unconfirmed(confidence: u8) -> String {
+    format!("in noise, or hardly more likely than another reading of these bytes: odds of {} to 1", 1u64 << confidence)
 }
 
 /// What happened to a damaged frame, and where in it.

@@ -6,6 +6,7 @@ use crate::damage::ascii;
 use crate::damage::kind::DamageKind;
 use crate::framer::{FrameResult, Framer, FramerContext, FramingFault, MAX_NOISE_ROW_BYTES};
 use crate::input::Input;
+use crate::weights::LRC_CONFIDENCE_BITS;
 use modlens_protocol::checksum::lrc;
 use modlens_protocol::direction::infer_direction;
 use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
@@ -18,9 +19,6 @@ pub const MAX_MESSAGE_CHARACTERS: usize = 513;
 
 /// The longest pause between two characters of a message (2.5.2.1).
 const CHARACTER_TIMEOUT_NS: Ns = 1_000_000_000;
-
-/// Confidence in bits of a valid frame: eight bits each for LRC, colon, CR and LF.
-pub const VALID_FRAME_BITS: u8 = 32;
 
 /// The framer of an ASCII line.
 #[derive(Debug)]
@@ -170,7 +168,7 @@ impl AsciiFramer {
             context.declared_direction_at(input, 0),
             pause,
         );
-        result.confidence = VALID_FRAME_BITS;
+        result.confidence = LRC_CONFIDENCE_BITS;
         // Diagnostics, sub-function 3: Change ASCII Input Delimiter.
         if let [_, 8, 0, 3, delimiter, ..] = *adu {
             self.delimiter = delimiter;

@@ -1,12 +1,13 @@
 //! The framer of one line of a session: of the framing that is given, or of the one that is detected.
 
+use crate::confidence;
 use crate::framer::auto::AutoFramer;
 use crate::framer::fixed::FixedFramer;
 use crate::framer::rtu::RtuFramer;
 use crate::framer::silence::SilenceRule;
 use crate::framer::{FrameResult, Framer, FramerContext};
 use crate::input::Input;
-use modlens_protocol::framing::Mode;
+use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::line::LineSettings;
 use modlens_protocol::Ns;
 
@@ -47,10 +48,14 @@ impl LineFramer {
 impl Framer for LineFramer {
     #[inline]
     fn next(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
-        match self {
+        let mut result = match self {
             Self::Fixed(framer) => framer.next(input, context, adu),
             Self::Detected(framer) => framer.next(input, context, adu),
+        }?;
+        if result.verdict != Verdict::Ok {
+            result.confidence = confidence::of_verdict(result.verdict);
         }
+        Some(result)
     }
 
     fn mode(&self) -> Mode {

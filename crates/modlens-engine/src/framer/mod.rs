@@ -44,7 +44,7 @@ pub struct FrameResult {
     pub delimited_by: DelimitedBy,
     /// Who sent them, where the framer knows.
     pub direction: Direction,
-    /// Lead over the best rival hypothesis in bits, at most 60.
+    /// The log2 odds that the row is right, as `confidence` counts them.
     pub confidence: u8,
     /// The CRC is valid, but the frame stands alone in noise, and its unit has not been seen in a paired transaction.
     pub unconfirmed: bool,

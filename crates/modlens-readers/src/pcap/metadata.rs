@@ -106,7 +106,7 @@ pub struct Defaults {
     pub verdict: Verdict,
     /// The evidence that delimited the frame.
     pub delimited_by: DelimitedBy,
-    /// The score margin in bits between the frame and the best rival hypothesis.
+    /// The log2 odds that the row is right.
     pub confidence: u8,
     /// The status of a transaction.
     pub status: Status,
@@ -114,7 +114,7 @@ pub struct Defaults {
 
 /// The defaults on which writer and reader have to agree.
 pub const DEFAULTS: Defaults =
-    Defaults { mode: Mode::Rtu, verdict: Verdict::Ok, delimited_by: DelimitedBy::Length, confidence: 60, status: Status::Ok };
+    Defaults { mode: Mode::Rtu, verdict: Verdict::Ok, delimited_by: DelimitedBy::Length, confidence: 15, status: Status::Ok };
 
 /// The metadata that every frame has.
 #[derive(Clone, Copy, Debug)]

@@ -20,12 +20,13 @@ pub(crate) mod search;
 pub(crate) mod side;
 pub(crate) mod traffic_model;
 
+use crate::confidence::{self, Likeness};
 use crate::damage::recovery::{damaged_hypothesis, DamageRecovery, Surroundings};
 use crate::fast_path::frame_check::{FrameCheck, FrameLength};
 use crate::fast_path::rtu_frame::{check_frame, check_frame_behind_strays};
 use crate::framer::{FrameResult, Framer, FramerContext};
 use crate::input::Input;
-use crate::weights::{COARSE_MIN_GAP_NS, FRAME_BREAK_CHARACTERS_FACTOR, FRAME_BREAK_NS, MAX_CONFIDENCE_BITS};
+use crate::weights::{COARSE_MIN_GAP_NS, FRAME_BREAK_CHARACTERS_FACTOR, FRAME_BREAK_NS};
 use modlens_protocol::direction::{infer_direction, Direction};
 use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
 use modlens_protocol::functions::Extent;
@@ -165,7 +166,7 @@ impl RtuFramer {
         let start = input.offset() + stray_bytes as u64;
         self.search.commit_fast_path_frame(context, input.bytes(), stray_bytes, length);
         let (end, direction) = (self.search.committed_offset(), self.search.last_direction());
-        let confidence = MAX_CONFIDENCE_BITS;
+        let confidence = unambiguous_confidence(context, &input.bytes()[stray_bytes..]);
         self.decision = Some(Decision::Frame { start, end, direction, confidence, unconfirmed: false });
     }
 
@@ -185,7 +186,7 @@ impl RtuFramer {
         self.search.commit_fast_path_frame(context, bytes, 0, length);
         let direction = self.search.last_direction();
         self.recovery.truncation.learn_reaction(&mut self.search.model, context, &bytes[..length.bytes()], direction);
-        let confidence = MAX_CONFIDENCE_BITS;
+        let confidence = unambiguous_confidence(context, bytes);
         if !length.is_exact() {
             return self.emit_frame(input, context, length.bytes(), direction, confidence, adu);
         }
@@ -362,6 +363,12 @@ impl RtuFramer {
         let direction = infer_direction(functions, outstanding, bytes[0], &bytes[1..], declared, pause);
         Some(FrameResult { verdict: Verdict::NoChecksum, direction, ..FrameResult::noise(length, DelimitedBy::Record) })
     }
+}
+
+/// The confidence of the unambiguous frame that begins like this.
+#[inline]
+fn unambiguous_confidence(context: &FramerContext<'_>, frame: &[u8]) -> u8 {
+    confidence::of_unambiguous(Likeness::of_frame(context.functions, frame))
 }
 
 impl Framer for RtuFramer {

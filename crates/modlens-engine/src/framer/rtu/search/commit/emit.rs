@@ -1,5 +1,6 @@
 //! Commits a frame or unframed bytes: the root moves behind them, and the model learns from them.
 
+use crate::confidence::{self, Likeness, Standing};
 use crate::framer::rtu::answerable::HeldRequest;
 use crate::framer::rtu::lone_frames::{key_of, SURROUNDING_BYTES};
 use crate::framer::rtu::score;
@@ -48,7 +49,8 @@ impl Search {
         }
         let unframed_bytes = start - self.committed_offset();
         self.adjacent_frames = if unframed_bytes > 0 { 0 } else { self.adjacent_frames.saturating_add(1) };
-        let unconfirmed = self.is_unconfirmed(input, context, first, bytes, lead);
+        let recurs = self.record_lone_frame(input, context, first, bytes);
+        let unconfirmed = self.is_unconfirmed(context, first, bytes, lead, recurs);
         // Noise must not teach units. That stray bytes stand before frames, it may.
         if unconfirmed {
             self.model.learn_stray_bytes(unframed_bytes);
@@ -57,7 +59,13 @@ impl Search {
         }
         let is_undecided = lead < weights::UNDECIDED_DIRECTION_BITS && self.has_opposite_rival(first, f32::MIN);
         let direction = if is_undecided { Direction::Unknown } else { direction };
-        let confidence = lead.clamp(0.0, f32::from(weights::MAX_CONFIDENCE_BITS)) as u8;
+        let standing = match unframed_bytes >= weights::MAY_HIDE_FRAME_BYTES {
+            true if recurs => Standing::Recurring,
+            true => Standing::InNoise,
+            false => Standing::Among,
+        };
+        let confidence = confidence::of_rtu_frame(lead, Likeness::of_frame(context.functions, bytes), standing);
+        let confidence = if unconfirmed { confidence.min(weights::UNCONFIRMED_ODDS_BITS) } else { confidence };
         self.last_was_doubtful = unconfirmed;
         if unframed_bytes > 0 {
             let unframed = (self.committed_offset() - input.offset()) as usize..(start - input.offset()) as usize;
@@ -68,16 +76,17 @@ impl Search {
             self.reserve_request();
             self.lattice[ROOT].answerable.outstanding = Some(self.requests.add_unconfirmed_copy(outstanding));
         }
+        let unconfirmed = unconfirmed || confidence < weights::MIN_FIRM_BITS;
         Decision::Frame { start, end, direction, confidence, unconfirmed }
     }
 
     /// Whether the frame `first`, about to be committed, stands alone in noise and nothing vouches for it: a CRC is valid by
-    /// chance once in 65536 places. `bytes` are the frame with its CRC, `lead` is its lead over all rivals in bits.
+    /// chance once in 65536 places. `bytes` are the frame with its CRC, `lead` is its lead over all rivals in bits;
+    /// `recurs`: it stood alone in the same noise before.
     ///
     /// A unit of a paired transaction vouches for its frames; in the middle of noise only for those that the specification
     /// explains, that are far from noise, and that did not come there before.
-    fn is_unconfirmed(&mut self, input: &Input, context: &FramerContext<'_>, first: usize, bytes: &[u8], lead: f32) -> bool {
-        let recurs = self.record_lone_frame(input, context, first, bytes);
+    fn is_unconfirmed(&self, context: &FramerContext<'_>, first: usize, bytes: &[u8], lead: f32, recurs: bool) -> bool {
         let frame = &self.lattice[first];
         let unframed_bytes = frame.start - self.committed_offset();
         let outstanding = self.outstanding_request();

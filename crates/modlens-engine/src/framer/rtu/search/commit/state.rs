@@ -13,7 +13,7 @@ pub enum Decision {
         end: u64,
         /// Who sent it.
         direction: Direction,
-        /// Lead over the best rival in bits, at most `MAX_CONFIDENCE_BITS`.
+        /// The log2 odds that it is right.
         confidence: u8,
         /// It stands alone in noise, and its unit has not been seen in a paired transaction.
         unconfirmed: bool,
