@@ -265,14 +265,14 @@ class FrameRow(AnyRow, Protocol):
 
     @property
     def unconfirmed(self) -> bool:
-        """Checksum OK.
+        """Checksum OK, but isolated in noise.
 
-        but isolated in noise and from a unit not yet observed in a paired transaction.
+        or hardly more likely than another reading (confidence below 5).
         """
 
     @property
     def confidence(self) -> int:
-        """Log2 odds of this row against its best alternative, at most 60."""
+        """Log2 odds that this row is right, at most 15: 10 is 1000 to 1."""
 
     @property
     def gap_us(self) -> float | Any:
