@@ -16,33 +16,21 @@ __all__ = ["NOT_YET", "marked"]
 NOT_YET = frozenset(
     {
         # kinds
-        "gateway_mixup",
         "lockstep",
-        "connection_limit",
-        "connection_churn",
-        "framing_mismatch",
-        "device_absent",
         "no_bias",
         "two_masters",
         "swapped_wires",
-        "foreign_protocol",
         # near confusions
-        "noise near one unit",
         "a float that straddles two quantities",
         # captures
-        "pymodbus_connect_each_time",
-        "pymodbus_idle_close",
-        "pymodbus_lockstep",
         "pymodbus_mixed_answers",
-        "pymodbus_one_client_only",
+        "pymodbus_repeated_write",
         "pymodbus_two_masters",
+        "pymodbus_two_with_one_address",
         "pymodbus_wrong_function",
         # other views of the same traffic
         "views of device_absent",
-        "views of value_spike",
         "views of slow_answers",
-        # counts
-        "counts of device_absent",
     }
 )
 
