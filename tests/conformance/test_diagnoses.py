@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 
 import pytest
 
+from analyzer import decode
 from dissectors.explain import explain
 from dissectors.vocabulary import diagnoses, diagnosis
-from tests.conftest import ROOT
+from tests.conftest import CAPTURES, ROOT
 from tests.doctor.cases import KINDS
 
 TABLE = ROOT / "dissectors" / "diagnoses.toml"
@@ -37,6 +39,30 @@ def test_a_kind_is_recognized_recorded_and_explained(code: str) -> None:
     for other, difference in entry.confusions:
         assert other in CODES
         assert f"{other}: {difference}" in text
+
+
+@pytest.mark.parametrize("capture", ["pymodbus_disturbed", "pymodbus_plant", "pymodbus_timeouts"])
+def test_the_document_follows_its_schema(capture: str) -> None:
+    """The keys of each part are those of docs/doctor.schema.json, the types, too."""
+    jsonschema = pytest.importorskip("jsonschema")
+    schema = json.loads((ROOT / "docs" / "doctor.schema.json").read_text("utf-8"))
+    found = decode(CAPTURES / capture / "recording.jsonl", line="19200-8E1").doctor()
+    jsonschema.validate(found, schema)
+    assert found["requests"] > 0
+
+
+def test_shares_are_those_of_the_transactions() -> None:
+    """`failed` and `requests` as counted in the table of transactions; examples are failures."""
+    recording = decode(CAPTURES / "pymodbus_timeouts" / "recording.jsonl")
+    rows = [row for row in recording.transactions if row.status not in ("unsolicited",)]
+    known = [row for row in rows if row.status not in ("broadcast", "not_observed")]
+    silent = {row.txn for row in known if row.status == "no_response"}
+    found = recording.doctor()
+    assert (found["requests"], found["failed"]) == (len(known), len(silent))
+    worst = found["diagnoses"][0]
+    assert (worst["code"], worst["unit"]) == ("dead_unit_cost", 3)
+    assert worst["failed"] == worst["total"] == len(silent)
+    assert set(worst["examples"]) <= silent
 
 
 @pytest.mark.parametrize("row", ROWS, ids=CODES)

@@ -30,8 +30,8 @@ const WRITE_MEMORY: usize = 4;
 /// Runs of damage and noise are remembered until their transactions come.
 const MAX_RUNS: usize = 1024;
 
-/// Answers that the next one is compared with.
-const RECENT: usize = 8;
+/// Transactions whose data the next ones are compared with.
+const RECENT: usize = 12;
 
 /// Shorter answers are alike by accident.
 const LEAST_COMPARED_BYTES: u16 = 4;
@@ -99,8 +99,8 @@ struct Context {
     bad_runs: BTreeMap<u64, BadRun>,
     /// Unit and silence of the last transaction.
     previous: Option<(u8, bool)>,
-    /// The last answers with data: to which request, and their hashes.
-    recent: VecDeque<(RequestKey, u64)>,
+    /// The last transactions: to which request data came, and their hashes.
+    recent: VecDeque<Option<(RequestKey, u64)>>,
     /// Transactions since the last write, if they are few.
     since_write: Option<usize>,
 }
@@ -182,7 +182,9 @@ impl BusContrast {
         later.first_transactions.iter().for_each(|seen| self.transaction(seen.clone()));
         self.frames_seen += later.frames_seen - later.first_frames.len() as u64;
         self.transactions_seen += later.transactions_seen - later.first_transactions.len() as u64;
-        self.context.follow(&later.context);
+        // Where all of them were replayed, the context is already that behind them.
+        let all_replayed = later.transactions_seen == later.first_transactions.len() as u64;
+        self.context.follow(&later.context, !all_replayed);
         self.frames.merge(&later.frames);
         self.noise.merge(&later.noise);
         self.strays.merge(&later.strays);
@@ -319,21 +321,25 @@ impl Context {
 
     /// Notes whether the data are those that another request was answered with a moment ago.
     fn compare(&mut self, seen: &mut Observation) {
-        let Some(key) = seen.key().filter(|_| seen.data.length >= LEAST_COMPARED_BYTES && !seen.data.is_plain()) else { return };
-        seen.is_of_another = self.recent.iter().any(|(other, hash)| *other != key && *hash == seen.data.head_hash);
+        let key = seen.key().filter(|_| seen.data.length >= LEAST_COMPARED_BYTES && !seen.data.is_plain());
+        let head = seen.data.head_hash;
+        let mut others = self.recent.iter().flatten();
+        seen.is_of_another = key.is_some_and(|key| others.any(|(other, hash)| *other != key && *hash == head));
         if self.recent.len() == RECENT {
             self.recent.pop_front();
         }
-        self.recent.push_back((key, seen.data.head_hash));
+        self.recent.push_back(key.map(|key| (key, head)));
     }
 
     /// What the rows after a later part need to know.
-    fn follow(&mut self, later: &Self) {
+    fn follow(&mut self, later: &Self, with_transactions: bool) {
         self.last_good = later.last_good.or(self.last_good);
         self.last_txn = later.last_txn.max(self.last_txn);
-        self.previous = later.previous.or(self.previous);
-        self.since_write = later.since_write;
-        self.recent.clone_from(&later.recent);
+        if with_transactions {
+            self.previous = later.previous.or(self.previous);
+            self.since_write = later.since_write;
+            self.recent.clone_from(&later.recent);
+        }
         for (number, run) in &later.bad_runs {
             self.bad_runs.insert(*number, run.clone());
         }
