@@ -499,7 +499,7 @@ class ConnectionRow(AnyRow, Protocol):
     def lockstep(self) -> int:
         """Answers to a request that was given up.
 
-        on which the client went on as if they answered the one behind it.
+        in the place of the answer to the one behind it.
         """
 
     @property

@@ -10,6 +10,7 @@ import pytest
 
 from analyzer import UsageError, decode
 from analyzer.cli.between import combine_filters
+from analyzer.row_types import ConnectionRow
 from tests.conftest import CAPTURES, Modlens
 
 FILE = CAPTURES / "pymodbus_tcp" / "recording.pcap"
@@ -94,3 +95,75 @@ def test_the_screen_says_how_a_connection_ended(modlens: Modlens) -> None:
     (row,) = decode(FILE).connections
     assert f"127.0.0.1:{row.client_port}" in line
     assert "closed by client after" in line
+
+
+def connections(name: str) -> list[ConnectionRow]:
+    """The connections of a capture of real pymodbus clients and servers."""
+    return list(decode(CAPTURES / name / "recording.pcap").connections)
+
+
+def asked(name: str) -> int:
+    """The requests that the clients themselves have noted."""
+    text = (CAPTURES / name / "frames.jsonl").read_text(encoding="utf-8")
+    return sum(json.loads(line)["direction"] == "request" for line in text.splitlines())
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "pymodbus_one_client_only", "pymodbus_idle_close", "pymodbus_connect_each_time",
+        "pymodbus_lockstep",
+    ],
+)  # fmt: skip
+def test_the_counts_are_those_of_the_transactions(name: str) -> None:
+    """Requests, answers and the first outcome of each connection equal the transactions export."""
+    transactions = list(decode(CAPTURES / name / "recording.pcap").transactions)
+    rows = connections(name)
+    assert sum(row.requests for row in rows) == asked(name)
+    assert [row.opened for row in rows] == sorted(row.opened for row in rows)
+    for row in rows:
+        own = [one for one in transactions if one.connection == row.connection]
+        sent = [one for one in own if one.request_frame is not None]
+        assert row.requests == len(sent)
+        assert row.answered == sum(one.status in ("ok", "exception") for one in sent)
+        assert row.first_status == (sent[0].status if sent else None)
+
+
+def test_a_server_with_one_place_resets_the_others() -> None:
+    """Each attempt of another client is reset as long as one is served."""
+    rows = connections("pymodbus_one_client_only")
+    served = [row for row in rows if row.requests]
+    turned_away = [row for row in rows if not row.requests]
+    assert len(served) > 1
+    assert turned_away
+    for row in turned_away:
+        assert (row.reset, row.closed_by, row.refused) == (True, "server", False)
+        assert any(one.opened < row.opened < one.closed for one in served)
+    assert not any(row.reset for row in served)
+
+
+def test_a_server_that_closes_idle_connections_is_told_with_its_time() -> None:
+    """After half a second of silence, as the server was told."""
+    rows = connections("pymodbus_idle_close")
+    assert len(rows) > 1
+    for row in rows:
+        assert (row.closed_by, row.reset) == ("server", False)
+        assert 500_000 <= row.idle_us < 600_000
+
+
+def test_a_connection_for_each_request_carries_one() -> None:
+    """The client closes it behind the answer."""
+    for row in connections("pymodbus_connect_each_time"):
+        assert (row.requests, row.answered, row.closed_by) == (1, 1, "client")
+
+
+def test_a_server_that_is_a_step_behind_is_counted() -> None:
+    """From the eleventh request on, each is given the answer to the one before.
+
+    The tenth got none. The answer that comes behind the last request is followed by no further one.
+    """
+    (row,) = connections("pymodbus_lockstep")
+    assert row.requests == asked("pymodbus_lockstep")
+    assert row.requests - 12 <= row.lockstep <= row.requests - 10
+    assert row.in_flight_max == 1
+    assert all(one.lockstep == 0 for one in connections("pymodbus_tcp"))

@@ -61,7 +61,7 @@ pub struct Connection {
     pub first_status: Option<Status>,
     /// The most requests that waited for their answers at the same time.
     pub in_flight_max: u32,
-    /// Answers that the client took for those of the request behind theirs.
+    /// Answers that came in the place of those to the request behind theirs.
     pub lockstep: u64,
     /// The framing in which the client writes: a framing of Modbus, or `other`; `None` where it has sent nothing.
     pub client_framing: Option<&'static str>,

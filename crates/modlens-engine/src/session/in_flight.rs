@@ -3,8 +3,10 @@
 //!
 //! A client that gives up on a request and goes on over the same connection still gets the answer, if only later. If it takes
 //! that for the answer to its next request, it is a step behind from then on: answer n-1 follows request n, and the client
-//! goes on before answer n has come. A client that compares transaction identifiers drops the late answer and goes on waiting
-//! (MODBUS Messaging on TCP/IP, 4.3.2), and one that wants several requests in flight sends them without waiting at all.
+//! goes on before answer n has come. So it is, too, where the server is the one that is a step behind: answer n-1 follows
+//! request n as soon as answers normally come, and answer n does not come in time. A client that compares transaction
+//! identifiers drops a late answer and goes on waiting (MODBUS Messaging on TCP/IP, 4.3.2); a slow server answers late by any
+//! time; and a client that wants several requests in flight sends them without waiting at all.
 
 use std::collections::VecDeque;
 
@@ -12,6 +14,9 @@ use modlens_protocol::Ns;
 
 /// Requests that are remembered, the newest ones.
 const MAX_REMEMBERED: usize = 64;
+
+/// An answer comes soon if it takes less than so many times the longest normal one.
+const SOON: Ns = 2;
 
 /// A request that has no answer yet.
 #[derive(Clone, Copy, Debug)]
@@ -29,14 +34,14 @@ pub(crate) struct InFlight {
     waiting: VecDeque<Sent>,
     /// The most that waited at the same time.
     pub(crate) most: u32,
-    /// Answers that the client took for those of the request behind theirs.
+    /// Answers that came in the place of those to the request behind theirs.
     pub(crate) lockstep: u64,
     /// The longest time to an answer of a request that waited alone.
     longest: Ns,
     /// How long the client waited when it last gave up a request.
     patience: Option<Ns>,
-    /// The answer to the request before the newest one has come while that one waited.
-    has_stale_answer: bool,
+    /// The answer to the request before the newest one has come so long after that one, while it waited.
+    stale_answer: Option<Ns>,
 }
 
 impl InFlight {
@@ -44,7 +49,8 @@ impl InFlight {
     pub(crate) fn request(&mut self, id: Option<u16>, time: Option<Ns>, may_give_up: impl Fn(Ns) -> bool) {
         let waited = self.waiting.back().and_then(|newest| Some(time? - newest.time?));
         let has_given_up = waited.is_some_and(|waited| waited > self.longest && may_give_up(waited));
-        if std::mem::take(&mut self.has_stale_answer) && waited.zip(self.patience).is_some_and(|(waited, limit)| waited < limit) {
+        let goes_on = waited.zip(self.patience).is_some_and(|(waited, limit)| waited < limit);
+        if self.stale_answer.take().is_some_and(|delay| goes_on || delay < SOON * self.longest) {
             self.lockstep += 1;
             self.give_up();
         } else if has_given_up {
@@ -65,14 +71,14 @@ impl InFlight {
         let at = self.waiting.iter().rposition(|sent| sent.id == id).unwrap_or(newest);
         let Some(sent) = self.waiting.remove(at) else { return };
         if at == newest {
-            self.has_stale_answer = false;
+            self.stale_answer = None;
             if let Some(took) = time.zip(sent.time).map(|(answered, asked)| answered - asked).filter(|_| self.waiting.is_empty())
             {
                 self.longest = self.longest.max(took);
             }
             self.waiting.retain(|sent| !sent.is_given_up);
         } else if sent.is_given_up && at + 1 == newest {
-            self.has_stale_answer = true;
+            self.stale_answer = self.waiting.back().and_then(|newest| Some(time? - newest.time?));
         }
     }
 
@@ -118,6 +124,18 @@ mod tests {
         // The server is always slower than the client waits: each request is given up after 300 ms.
         let slow = [(Ok(1), 0), (Ok(2), 300), (Err(1), 350), (Ok(3), 600), (Err(2), 700), (Ok(4), 900)];
         assert_eq!(played(&slow), (1, 0));
+    }
+
+    #[test]
+    fn a_server_that_answers_the_request_before_is_a_step_behind() {
+        // Answers take 5 ms. That to request 2 does not come; from then on each request is given the answer to the one before,
+        // which the client drops, and it gives up the request itself after 250 ms.
+        let mut events = vec![(Ok(1), 0), (Err(1), 5), (Ok(2), 100), (Ok(3), 350)];
+        for id in 2..7 {
+            let asked = 350 + 250 * Ns::from(id - 2);
+            events.extend([(Err(id), asked + 5), (Ok(id + 2), asked + 250)]);
+        }
+        assert_eq!(played(&events), (1, 5));
     }
 
     #[test]
