@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -163,7 +164,7 @@ CLIENT, SERVER = ("192.168.1.6", 37699), ("3.15.227.20", 1502)
 def connection(path: Path, exchanges: Sequence[tuple[str, str, dict[str, str]]]) -> list[list[str]]:
     """Log the exchanges of a TCP connection; the lines behind the header."""
     layers = pytest.importorskip("scapy.all")
-    numbers, packets = [1000, 5000], []
+    numbers, packets = [1000, 5000], list[Any]()
     for tid, (request, response, _) in enumerate(exchanges, 1):
         for side, text in enumerate((request, response)):
             adu = bytes.fromhex(text)
@@ -199,7 +200,11 @@ def test_the_detailed_log_is_that_of_icsnpp(tmp_path: Path) -> None:
 
 def test_functions_that_icsnpp_does_not_pair_have_a_line_for_each_pdu(tmp_path: Path) -> None:
     """Functions 7 and 17 have two lines, and nothing but their names."""
-    slow = ("02 07", "02 07 00", {}), ("02 11", "02 11 03 61 62 ff", {}), ("02 07", "02 87 04", {})
+    slow: Sequence[tuple[str, str, dict[str, str]]] = (
+        ("02 07", "02 07 00", {}),
+        ("02 11", "02 11 03 61 62 ff", {}),
+        ("02 07", "02 87 04", {}),
+    )
     lines = connection(tmp_path / "modbus_detailed.log", slow)
     names = [line[8] for line in lines]
     assert names == [
