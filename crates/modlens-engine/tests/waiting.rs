@@ -282,3 +282,47 @@ fn an_identifier_that_is_used_again_closes_its_request() {
         assert_eq!(rows, [ok(10), (Status::NoResponse, Some(2_000), None), ok(10), ok(1_200)], "live {live}");
     }
 }
+
+#[test]
+fn a_request_answered_by_the_end_of_the_connection_says_so() {
+    for is_reset in [false, true] {
+        let mut packets = Packets::new();
+        packets.data(0, 50_000, true, &ask(1, 10, 2));
+        packets.data(10, 50_000, false, &answer(1, &[1, 7]));
+        packets.data(100, 50_000, true, &ask(2, 10, 2));
+        if is_reset {
+            packets.rst(110, 50_000, false);
+        } else {
+            packets.fin(110, 50_000, false);
+            packets.fin(111, 50_000, true);
+        }
+        let (batch, _) = packets.decode(false);
+        assert_eq!(statuses(&batch), [Status::Ok, Status::NoResponse], "reset {is_reset}");
+        let details: Vec<&str> =
+            batch.findings.iter().filter(|row| row.finding == Finding::ConnectionClosed).map(|row| &row.detail[..]).collect();
+        assert_eq!(details, [if is_reset { "the server reset the connection" } else { "the server closed the connection" }]);
+    }
+    // A capture that ends says nothing.
+    let mut packets = Packets::new();
+    packets.data(0, 50_000, true, &ask(1, 10, 2));
+    packets.data(10, 50_000, false, &answer(1, &[1, 7]));
+    packets.data(100, 50_000, true, &ask(2, 10, 2));
+    assert_eq!(statuses(&packets.decode(false).0), [Status::Ok, Status::NotObserved]);
+}
+
+#[test]
+fn a_tap_that_hears_one_side_only_says_so_once() {
+    for (live, is_request) in [(false, true), (true, true), (false, false), (true, false)] {
+        let mut tap = Tap::new(live);
+        for i in 0..200u16 {
+            let unit = 1 + (i % 3) as u8;
+            tap.send(50, &if is_request { read_request(unit, i % 5, 2) } else { read_response(unit, &[i, 7]) });
+        }
+        let batch = tap.finish();
+        let found: Vec<&str> =
+            batch.findings.iter().filter(|row| row.finding == Finding::OneSideOnly).map(|row| &row.detail[..]).collect();
+        assert_eq!(found, [format!("200 of 200 frames are {}", if is_request { "requests" } else { "responses" })]);
+        // That nothing was heard of the units proves nothing.
+        assert!(batch.transactions.iter().all(|row| row.unconfirmed || row.status == Status::NotObserved));
+    }
+}

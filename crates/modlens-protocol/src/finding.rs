@@ -110,6 +110,16 @@ findings! {
         "The master waits out its response timeout, and its data go stale."
         "The unit's power supply, address, baud rate and parity, and whether it is present at all; if only some requests fail, the wiring and biasing."
         "serial line 2.4.1";
+    ConnectionClosed "connection_closed" Warning
+        "the connection was closed before the response came"
+        "A server or a gateway that closes a connection instead of responding leaves the client without a reason."
+        "The log of the server or gateway: connection limits, idle timeouts, restarts; whether the client gives up first."
+        "messaging on TCP/IP 4.2";
+    OneSideOnly "one_side_only" Warning
+        "only requests, or only responses, were recorded"
+        "What the other side sends is not heard, so that neither missing nor wrong responses can be told."
+        "The tap: which wires or which direction of the switch port it is connected to, and whether any unit responds at all."
+        "serial line 2.1";
     Retry "retry" Warning
         "the same request was sent again because no response had come"
         "Retries hide problems from the application but use up bus time."

@@ -52,6 +52,9 @@ impl<'a> Simulation<'a> {
         }
         let cuts = (scenario.cuts * f64::from(this.transactions)).round() as usize;
         this.wire.cut(cuts, &mut this.rng);
+        if let Some(direction) = scenario.only {
+            this.wire.keep_only(direction);
+        }
         if scenario.midstart {
             this.wire.start_in_the_middle(&mut this.rng);
         }
@@ -100,7 +103,7 @@ impl<'a> Simulation<'a> {
                 let pdu = self.bus.respond(slave, &planned.pdu, self.scenario, &mut self.rng);
                 overdue = Some(LateResponse { request, pdu });
             }
-            self.wait = Some(RESPONSE_TIMEOUT_NS * self.rng.uniform(0.95, 1.05));
+            self.wait = Some(self.timeout_ns() * self.rng.uniform(0.95, 1.05));
             role = FrameRole::Retry(request);
         }
     }
@@ -130,7 +133,7 @@ impl<'a> Simulation<'a> {
                 let answer = self.response(slave, planned.unit, &pdu, FrameRole::Response(request), overlap_id);
                 self.wire.frames[request].outcome = RequestOutcome::Response(answer);
             } else {
-                self.wait = Some(RESPONSE_TIMEOUT_NS * self.rng.uniform(0.95, 1.05));
+                self.wait = Some(self.timeout_ns() * self.rng.uniform(0.95, 1.05));
             }
         }
     }
@@ -170,7 +173,9 @@ impl<'a> Simulation<'a> {
 
     fn response(&mut self, slave: usize, unit: u8, pdu: &[u8], role: FrameRole, overlap_id: u32) -> usize {
         let response_time_ns = self.bus.slaves[slave].response_time_ns;
-        let silence = self.silence(response_time_ns, 0.5);
+        let is_slow = self.scenario.slow > 0.0 && self.rng.chance(self.scenario.slow);
+        let typical = if is_slow { self.scenario.slow_ns } else { response_time_ns };
+        let silence = self.silence(typical, if is_slow { 0.05 } else { 0.5 });
         let lower_case = self.bus.slaves[slave].lower_case;
         let mut sent = self.frame(unit, pdu, Direction::Response, role, lower_case);
         let txn = role.earlier().map_or(0, |earlier| self.wire.frames[earlier].txn);
@@ -178,6 +183,11 @@ impl<'a> Simulation<'a> {
         let index = self.wire.frames.len();
         self.wire.transmit(silence, sent, self.scenario, &mut self.rng);
         index
+    }
+
+    /// How long the master waits for a response.
+    fn timeout_ns(&self) -> f64 {
+        RESPONSE_TIMEOUT_NS.max(2.0 * self.scenario.slow_ns)
     }
 
     /// A frame that is ready to be sent, without transaction.

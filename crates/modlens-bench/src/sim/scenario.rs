@@ -1,6 +1,6 @@
 //! The table of scenarios: the probabilities of faults on the bus and at the tap.
 
-use crate::model::Framing;
+use crate::model::{Direction, Framing};
 use crate::sim::look_alikes::LookAlike;
 
 /// One scenario. Probabilities are per frame unless another unit is given.
@@ -76,6 +76,12 @@ pub struct Scenario {
     pub lower_case: f64,
     /// ASCII: one pause of U[0.05, 0.95] s inside (up to 1 s is legal, 2.5.2).
     pub pause: f64,
+    /// Per response: it comes after `slow_ns`, and the master waits for it.
+    pub slow: f64,
+    /// How long a slow response takes.
+    pub slow_ns: f64,
+    /// The tap hears only the frames of this direction.
+    pub only: Option<Direction>,
     /// What is put between the transactions, or in front of them.
     pub look_alike: Option<LookAlike>,
 }
@@ -117,6 +123,9 @@ const BASE: Scenario = Scenario {
     no_crlf: 0.0,
     lower_case: 0.0,
     pause: 0.0,
+    slow: 0.0,
+    slow_ns: 0.0,
+    only: None,
     look_alike: None,
 };
 
@@ -228,6 +237,15 @@ pub const FURTHER: [Scenario; 15] = [
     },
 ];
 
+/// Masters that wait for slow units and gateways, and taps that hear one side only.
+pub const WAITING: [Scenario; 5] = [
+    Scenario { name: "slow_1200", slow: 1.0, slow_ns: 1.2e9, frames: 1000, ..BASE },
+    Scenario { name: "slow_3000", slow: 1.0, slow_ns: 3.0e9, frames: 1000, ..BASE },
+    Scenario { name: "slow_mixed", slow: 0.2, slow_ns: 1.2e9, frames: 1000, timeout: 0.05, ..BASE },
+    Scenario { name: "only_requests", only: Some(Direction::Request), frames: 2000, ..BASE },
+    Scenario { name: "only_responses", only: Some(Direction::Response), frames: 2000, ..BASE },
+];
+
 /// The defaults of scenarios with look-alikes.
 const ALIKE: Scenario = Scenario { midstart: false, frames: 2000, ..BASE };
 
@@ -252,7 +270,7 @@ impl Scenario {
     /// All scenarios, those of the headline first.
     pub fn all() -> impl Iterator<Item = &'static Scenario> {
         static HEADLINES: [Scenario; 20] = HEADLINE;
-        static OTHERS: [&[Scenario]; 2] = [&FURTHER, &LOOK_ALIKES];
+        static OTHERS: [&[Scenario]; 3] = [&FURTHER, &LOOK_ALIKES, &WAITING];
         HEADLINES.iter().chain(OTHERS.into_iter().flatten())
     }
 
@@ -269,7 +287,7 @@ mod tests {
     #[test]
     fn names_are_unique_and_found() {
         let names: Vec<&str> = Scenario::all().map(|scenario| scenario.name).collect();
-        assert_eq!(names.len(), 35 + LOOK_ALIKES.len());
+        assert_eq!(names.len(), 35 + LOOK_ALIKES.len() + WAITING.len());
         for (at, name) in names.iter().enumerate() {
             assert_eq!(names.iter().position(|other| other == name), Some(at));
             assert!(Scenario::named(name).is_some());

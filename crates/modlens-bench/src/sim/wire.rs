@@ -219,4 +219,10 @@ impl Wire {
         let start = byte.time;
         self.lines.iter_mut().for_each(|line| line.retain(|byte| byte.time >= start));
     }
+    /// Removes the frames of the other direction: the tap does not hear them.
+    pub(crate) fn keep_only(&mut self, direction: Direction) {
+        let frames = &self.frames;
+        let is_heard = |byte: &Byte| frames.get(byte.owner as usize).is_none_or(|frame| frame.direction == direction);
+        self.lines.iter_mut().for_each(|line| line.retain(|byte| is_heard(byte)));
+    }
 }

@@ -19,6 +19,7 @@ impl Pairing {
         if mbap_id.is_none() && !echoes_request {
             self.echoes.add_request();
         }
+        self.heard = self.heard.map(|heard| heard + 1);
         self.history.count_answered();
         self.answering_units[usize::from(unit)] = true;
         if let Some(time) = response_time.filter(|_| !echoes_request) {

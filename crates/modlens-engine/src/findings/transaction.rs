@@ -32,6 +32,9 @@ pub(crate) fn find(functions: &Functions, transaction: &PendingTransaction, foun
             found.push((Finding::NoResponse, words::no_response(transaction.unit, transaction.waited)));
         }
     }
+    if let Some(end) = transaction.connection_end {
+        found.push((Finding::ConnectionClosed, words::connection_closed(end)));
+    }
     if let Some(code) = transaction.exception.filter(|_| transaction.findings.contains(&Finding::Exception)) {
         found.push((Finding::Exception, words::exception(code)));
     }

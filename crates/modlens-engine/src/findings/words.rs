@@ -4,6 +4,7 @@
 
 use crate::damage::kind::DamageKind;
 use crate::pairing::result::{DelayedFinding, PairingResult};
+use crate::pairing::transaction::ConnectionEnd;
 use crate::pairing::transaction::ObservedFrame;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::EXCEPTION_BIT;
@@ -149,6 +150,21 @@ pub(crate) fn delayed(delayed: &DelayedFinding) -> String {
 pub(crate) fn no_response(unit: u8, waited: Option<Ns>) -> String {
     let waited = waited.map_or(String::new(), |ns| format!("; the next request came after {} ms", (ns + 500_000) / 1_000_000));
     format!("unit {unit}{waited}")
+}
+
+/// How a connection ended, and who ended it, where that is known.
+pub(crate) fn connection_closed(end: ConnectionEnd) -> String {
+    let what = if end.is_reset { "reset" } else { "closed" };
+    match end.by_client {
+        Some(true) => format!("the client {what} the connection"),
+        Some(false) => format!("the server {what} the connection"),
+        None => format!("the connection was {what}"),
+    }
+}
+
+/// `heard` of `all` frames are of the side that was heard.
+pub(crate) fn one_side_only(is_request: bool, heard: u64, all: u64) -> String {
+    format!("{heard} of {all} frames are {}", if is_request { "requests" } else { "responses" })
 }
 
 pub(crate) fn exception(code: u8) -> String {

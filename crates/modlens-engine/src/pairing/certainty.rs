@@ -19,7 +19,7 @@ pub(super) enum Silence {
     OfRetry,
     /// Its master has gone on to another request, as it does, or after the time of a time-out.
     BeforeAnother,
-    /// Its master has gone on to another request, and neither is known.
+    /// Its master has gone on to another request, and neither is known; or no response at all was heard on this line.
     Unproven,
     /// Its waiting time was over, or the recording ended long after it.
     TimedOut,

@@ -60,7 +60,7 @@ use certainty::Silence;
 use echo_share::EchoStatistics;
 use history::History;
 use masters::MasterEvidence;
-use transaction::{EarlyResponse, UnitMismatch};
+use transaction::{ConnectionEnd, EarlyResponse, UnitMismatch};
 use transaction_ids::IdHabit;
 
 /// Closed transactions whose buffers are kept for new ones.
@@ -103,6 +103,10 @@ pub struct Pairing {
     live: bool,
     /// The side that responds is recorded. Where it is not, its silence means nothing.
     pub response_side_recorded: bool,
+    /// How the connection ended: no open request will have a response.
+    pub connection_end: Option<ConnectionEnd>,
+    /// Good requests and good responses so far.
+    pub heard: [u64; 2],
     /// How far time has advanced.
     now: Option<Ns>,
     /// On a connection, what the server does with transaction identifiers.
@@ -135,6 +139,8 @@ impl Pairing {
             order_is_inferred: false,
             live,
             response_side_recorded: true,
+            connection_end: None,
+            heard: [0; 2],
             now: None,
             id_habit: IdHabit::default(),
             is_pipelined: false,
@@ -185,6 +191,9 @@ impl Pairing {
         next_txn: &mut u64,
         done: &mut Vec<Box<PendingTransaction>>,
     ) -> PairingResult {
+        if frame.verdict.is_good() && frame.direction != Direction::Unknown {
+            self.heard[usize::from(frame.direction == Direction::Response)] += 1;
+        }
         match (frame.verdict.is_good(), frame.direction) {
             (_, _) if frame.verdict == Verdict::Noise => PairingResult::default(),
             // A damaged response may lack unit and function: only that it came is known. On two lines whose order is
@@ -272,9 +281,12 @@ impl Pairing {
     /// Closes everything at the end of the recording. Overlaps without proof of two masters are late responses.
     pub fn finish(&mut self, done: &mut Vec<Box<PendingTransaction>>) {
         self.resolve_unit_mismatch(None, done);
-        while let Some(transaction) = self.open.pop_front() {
+        let connection_end = self.connection_end.take();
+        while let Some(mut transaction) = self.open.pop_front() {
+            transaction.connection_end = connection_end;
             let waited = timeouts::interval(transaction.request.end, self.now);
-            let is_given_up = transaction.is_timed_out || waited.is_some_and(|waited| self.is_probably_given_up(waited));
+            let is_over = transaction.is_timed_out || connection_end.is_some();
+            let is_given_up = is_over || waited.is_some_and(|waited| self.is_probably_given_up(waited));
             let status = if is_given_up { Status::NoResponse } else { Status::NotObserved };
             self.close(transaction, (status, Silence::TimedOut), done);
         }

@@ -240,7 +240,7 @@ impl Pairing {
         match (is_retried, open.retry_of.is_some()) {
             (true, _) => Silence::BeforeRetry,
             (false, true) => Silence::OfRetry,
-            (false, false) if self.masters.skips_by_habit() || has_timed_out() => Silence::BeforeAnother,
+            (false, false) if self.heard[1] > 0 && (self.masters.skips_by_habit() || has_timed_out()) => Silence::BeforeAnother,
             (false, false) => Silence::Unproven,
         }
     }

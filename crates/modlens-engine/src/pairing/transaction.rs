@@ -165,6 +165,15 @@ pub(crate) struct OverlappingRequest {
     pub is_answered: bool,
 }
 
+/// How a connection ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ConnectionEnd {
+    /// By a reset, not in order.
+    pub is_reset: bool,
+    /// The client ended it, or else the server; `None` if that is not known.
+    pub by_client: Option<bool>,
+}
+
 /// A transaction from its first frame until its row is written.
 #[derive(Clone, Debug)]
 pub struct PendingTransaction {
@@ -217,6 +226,8 @@ pub struct PendingTransaction {
     pub(crate) overlap: Option<OverlappingRequest>,
     /// A response that is not unconfirmed answers it: the unit exists.
     pub confirms_unit: bool,
+    /// How its connection ended, if that was before the response.
+    pub connection_end: Option<ConnectionEnd>,
     /// How certain what was concluded of it is, in bits; its frames may be less certain.
     pub certainty: u8,
     /// It was unconfirmed in the file that it is read back from.
@@ -255,6 +266,7 @@ impl PendingTransaction {
             has_late_response: false,
             overlap: None,
             confirms_unit: false,
+            connection_end: None,
             certainty: MAX_CONFIDENCE_BITS,
             unconfirmed: false,
             is_reimported: false,

@@ -69,6 +69,8 @@ pub(crate) struct BusState {
     pub(crate) is_surveyed: bool,
     /// The clock went back with the last chunk, and no frame was emitted since.
     pub(crate) clock_jumped: bool,
+    /// The finding that only one side was heard is made.
+    pub(crate) has_one_side_finding: bool,
     pub(crate) profiles: Profiles,
     /// What is counted of a connection.
     pub(crate) connection: ConnectionTally,
@@ -110,6 +112,7 @@ impl BusState {
             now: None,
             is_surveyed: false,
             clock_jumped: false,
+            has_one_side_finding: false,
             reader: None,
             devices: Vec::new(),
             stamps_resolution: None,

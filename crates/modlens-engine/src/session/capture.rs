@@ -130,6 +130,7 @@ impl Session {
         let SlotState { connection, bus } = std::mem::take(state.slot(slot));
         let mut tally = ConnectionTally::default();
         if let Some(bus) = bus {
+            self.buses[bus].pairing.connection_end = ended.and_then(connections::connection_end);
             self.flush_bus(bus);
             self.retired.push(bus);
             tally = std::mem::take(&mut self.buses[bus].connection);

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::findings;
+use crate::pairing::transaction::ConnectionEnd;
 use crate::records::{Connection, End};
 use crate::session::connection_tally::ConnectionTally;
 use modlens_protocol::framing::Mode;
@@ -57,6 +58,14 @@ impl Connections {
         let held = first_open.map_or_else(BTreeMap::new, |first| self.ended.split_off(&first));
         std::mem::replace(&mut self.ended, held).into_values().collect()
     }
+}
+
+/// How a connection ended, where the capture shows its end.
+pub(super) fn connection_end(ended: &EndedConnection<'_>) -> Option<ConnectionEnd> {
+    let EndedConnection { client_side, history, .. } = *ended;
+    let is_over = history.is_reset || history.closed.is_some() || history.closed_by.is_some();
+    let by_client = history.closed_by.map(|side| side == client_side);
+    is_over.then_some(ConnectionEnd { is_reset: history.is_reset, by_client })
 }
 
 /// The row of a connection that is over. `mode` is the framing in which its frames were found, if any were.

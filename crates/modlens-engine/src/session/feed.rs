@@ -146,6 +146,7 @@ impl Session {
         self.emit_frames(bus);
         self.buses[bus].pairing.finish(&mut self.done);
         self.emit_transactions(bus);
+        self.find_on_line(bus);
     }
 
     /// Lets the requests of a bus time out up to `now`. Bytes that are not framed yet may be a response, so time advances

@@ -6,6 +6,7 @@
 //! | what is known of a bus and of a line | `bus`, `line`, `profiles` |
 //! | which line of a two-line tap is next | `two_lines` |
 //! | when a frame was on the line, and how exact that is | `frame_timing`, `lateness` |
+//! | what nearly all frames of a line have in common | `line_patterns` |
 //! | how a frame or a transaction becomes a row | `frames`, `transactions`, `rows` |
 //! | what is counted of a connection, and how it becomes a row | `connection_tally`, `in_flight`, `connections` |
 //! | how rows of our own captures are read back | `reimport` |
@@ -23,6 +24,7 @@ mod frames;
 pub(crate) mod in_flight;
 pub(crate) mod lateness;
 pub(crate) mod line;
+mod line_patterns;
 mod logic;
 pub(crate) mod profiles;
 mod reimport;
