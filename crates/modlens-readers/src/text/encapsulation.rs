@@ -4,7 +4,7 @@ use std::ops::Range;
 
 /// The first byte of a Solarman V5 frame; length and control code follow. The protocol is described in the documentation
 /// of pysolarmanv5.
-const V5_START: u8 = 0xA5;
+pub(super) const V5_START: u8 = 0xA5;
 /// The last byte of a Solarman V5 frame.
 const V5_END: u8 = 0x15;
 /// Control code of a frame that carries a Modbus request.

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use crate::chunk::Side;
 use crate::text::dialect::{Dialect, Encapsulation};
+use crate::text::encapsulation::V5_START;
 use crate::text::frame_evidence::check_frame;
 use crate::text::role::LineRole;
 use crate::text::template::LineMatch;
@@ -48,6 +49,8 @@ struct DeviceStream {
     is_mid_frame: bool,
     /// All bytes since the last place where a frame could begin.
     group: Vec<u8>,
+    /// The last bytes, also of frames before.
+    recent: Vec<u8>,
     /// How often in a row the same frame was delivered.
     same_frames: u32,
     /// Number of the line of the last bytes.
@@ -194,13 +197,13 @@ impl EntryAssembler {
         }
     }
 
-    /// How many of the bytes the log has printed last: all of them, or a part of a frame that they complete.
+    /// How many of the bytes the log has printed last: all of them, or what stands before the new ones in a buffer that grows.
     fn printed_before(&self, key: usize, bytes: &[u8]) -> usize {
         let Some(stream) = self.streams.get(key) else { return 0 };
-        let is_completed = stream.is_mid_frame && stream.side == Some(Side::Received) && bytes.starts_with(&stream.group);
-        match stream.group.ends_with(bytes) {
+        let grows = stream.side == Some(Side::Received) && bytes.starts_with(&stream.group);
+        match stream.recent.ends_with(bytes) {
             true => bytes.len(),
-            false if is_completed => stream.group.len(),
+            false if grows => stream.group.len(),
             false => 0,
         }
     }
@@ -208,7 +211,8 @@ impl EntryAssembler {
     /// Whether this frame is the one that was delivered last, and a few lines ago. A request that its response echoes is no
     /// copy, unless the log says that the same party sent both.
     pub fn is_copy(&self, bytes: &[u8], side: Option<Side>) -> bool {
-        let Some(stream) = self.streams.first().filter(|stream| stream.group == bytes) else { return false };
+        let is_last = |stream: &&DeviceStream| stream.group == bytes && !stream.is_mid_frame;
+        let Some(stream) = self.streams.first().filter(is_last) else { return false };
         let is_known = side.is_some() && stream.side.is_some();
         let may_be_echo = !is_known && stream.same_frames == 1 && is_echoed(bytes);
         (!is_known || side == stream.side) && !may_be_echo && self.number <= stream.number + MAX_LINES_TO_COPY
@@ -259,12 +263,14 @@ impl EntryAssembler {
         let entry_bytes = EntryBytes { bytes, side, time, key, line: found.line, number: self.number, no_checksum };
         if dialect.is_dump {
             self.dump_line(&entry_bytes, found, timestamps);
-        } else if dialect.encapsulation == Some(Encapsulation::Solarman) {
+        } else if dialect.encapsulation == Some(Encapsulation::Solarman) || (dialect.generic && bytes.first() == Some(&V5_START))
+        {
             match encapsulation::solarman_rtu_frame(bytes) {
                 Ok(inner) => {
                     self.skip(self.number, bytes, "Solarman V5 wrapper of a frame");
                     self.log_entry(&EntryBytes { bytes: &bytes[inner], ..entry_bytes }, timestamps);
                 }
+                Err(_) if dialect.generic => self.log_entry(&entry_bytes, timestamps),
                 Err(reason) => self.skip(self.number, bytes, reason),
             }
         } else {
@@ -294,6 +300,10 @@ impl EntryAssembler {
             stream.group.clear();
         }
         stream.group.extend_from_slice(entry_bytes.bytes);
+        if stream.recent.len() + entry_bytes.bytes.len() > MAX_GROUP_BYTES {
+            stream.recent.clear();
+        }
+        stream.recent.extend_from_slice(entry_bytes.bytes);
         stream.is_mid_frame = !(is_whole_frame || no_checksum || (!starts_record && crc_valid(&stream.group)));
         stream.side = entry_bytes.side;
         let record = LogEntry {

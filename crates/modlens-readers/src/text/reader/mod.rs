@@ -67,8 +67,10 @@ pub struct Reader {
     /// The row that stands for bytes which checksums prove, and what finds them; `None` where other rows were named.
     proved_row: Option<Arc<Dialect>>,
     proved: Option<Box<ProvedHex>>,
-    /// What stood in front of the last bytes; `None` if a dialect has read them.
-    last_shape: Option<u64>,
+    /// Which statement of the program has printed the last bytes: the shape of its lines, or the dialect that has read them.
+    last_voice: Option<u64>,
+    /// In front of bytes that a dialect has read, so many characters held no frame.
+    plain_front: usize,
     unread_lines: UnreadLines,
 }
 
@@ -100,7 +102,8 @@ impl Reader {
             assembler: EntryAssembler::default(),
             proved: proved_row.is_some().then(Box::default),
             proved_row,
-            last_shape: None,
+            last_voice: None,
+            plain_front: 0,
             unread_lines: UnreadLines::default(),
         }
     }
@@ -193,6 +196,7 @@ impl Reader {
             let is_read_with_others = may_be_announced && self.read_with_unread_lines(line);
             if !(is_read_with_others || row.generic && self.prefer_proved(line)) {
                 self.let_words_decide(line);
+                self.read_proved_front(line);
                 self.deliver_matches(&row);
                 self.read_proved_tail(line, self.tail);
             }
@@ -216,12 +220,22 @@ impl Reader {
     /// Passes the matches of the current line to `deliver`, which makes entries of them.
     fn deliver_matches(&mut self, dialect: &Arc<Dialect>) {
         let matches = std::mem::take(&mut self.matches);
+        let voice = Some(Arc::as_ptr(dialect).addr() as u64);
         let mut from = 0;
         for (role, found, end) in &matches {
-            self.assembler.take(dialect, *role, found, &self.found[from..*end], &self.timestamps);
+            let bytes = &self.found[from..*end];
             from = *end;
+            if let (LineRole::Bytes(side), true) =
+                (role, dialect.generic && self.last_voice.is_some_and(|last| Some(last) != voice))
+            {
+                if self.assembler.is_copy(bytes, found.side.or(*side)) {
+                    self.assembler.skip_copy(bytes);
+                    continue;
+                }
+            }
+            self.assembler.take(dialect, *role, found, bytes, &self.timestamps);
+            self.last_voice = voice;
         }
-        self.last_shape = None;
         self.matches = matches;
     }
 

@@ -50,6 +50,23 @@ impl Reader {
         }
     }
 
+    /// Reads the frames that stand in a line in front of what a dialect has read of it. Most lines of a log have about the same
+    /// number of characters there, so that a longer front alone is worth a look.
+    pub(super) fn read_proved_front(&mut self, line: &[u8]) {
+        let end = self.matches.first().map_or(0, |(_, found, _)| found.start);
+        if self.proved.is_none() || end <= self.plain_front {
+            return;
+        }
+        let mut all = read_frames(&line[..end], 0);
+        all.retain(|one| one.worth == Worth::Frame && !contains(&self.found, &one.bytes));
+        if all.is_empty() {
+            self.plain_front = end;
+        } else {
+            self.use_proved();
+            self.deliver_found(line, 0, all);
+        }
+    }
+
     /// Reads the frames of a line instead of the bytes that a dialect of any program has found in it, if these are no frame
     /// and lack one of the frames. Returns whether it did.
     pub(super) fn prefer_proved(&mut self, line: &[u8]) -> bool {
@@ -119,15 +136,16 @@ impl Reader {
     /// Makes an entry of bytes, unless they were printed before.
     fn deliver_one(&mut self, one: &Found, side: Option<Side>, time: Option<Ns>) {
         let Some(row) = self.proved_row.as_ref().map(Arc::clone) else { return };
-        let is_other_shape = self.last_shape.is_none_or(|last| Some(last) != one.shape);
+        let voice = Some(one.shape.unwrap_or(0));
+        let is_other_voice = self.last_voice != voice;
         if one.worth == Worth::Beside {
             self.assembler.skip(self.assembler.number, &one.bytes, BESIDE);
-        } else if one.worth == Worth::Frame && is_other_shape && self.assembler.is_copy(&one.bytes, side) {
+        } else if one.worth == Worth::Frame && is_other_voice && self.assembler.is_copy(&one.bytes, side) {
             self.assembler.skip_copy(&one.bytes);
         } else {
             let found = LineMatch { time, side, ..LineMatch::default() };
             self.assembler.take(&row, LineRole::Bytes(side), &found, &one.bytes, &self.timestamps);
-            self.last_shape = Some(one.shape.unwrap_or(0));
+            self.last_voice = voice;
         }
     }
 }
