@@ -187,6 +187,10 @@ _LINES: dict[str, tuple[str, str]] = {
         "{logging} DEBUG transport:329 send: {prefixed}",
         "{logging} DEBUG transport:312 recv: {prefixed} old_data:  addr=None",
     ),
+    "pymodbus-server": (
+        "{iso} DEBUG server:97 send: b'{plain}'",
+        "{iso} DEBUG server:90 Data Received: {prefixed}",
+    ),
     "minimalmodbus": (
         f"{_MINIMAL}Will write to instrument (expecting 9 bytes back): {{HEX}} ({{count}} bytes)",
         f"{_MINIMAL}Response from instrument: {{HEX}} ({{count}} bytes), roundtrip time: 2.1 ms",

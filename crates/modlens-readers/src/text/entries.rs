@@ -49,8 +49,8 @@ struct DeviceStream {
     is_mid_frame: bool,
     /// All bytes since the last place where a frame could begin.
     group: Vec<u8>,
-    /// The last bytes, also of frames before.
-    recent: Vec<u8>,
+    /// The group before.
+    previous: Vec<u8>,
     /// How often in a row the same frame was delivered.
     same_frames: u32,
     /// Number of the line of the last bytes.
@@ -201,7 +201,8 @@ impl EntryAssembler {
     fn printed_before(&self, key: usize, bytes: &[u8]) -> usize {
         let Some(stream) = self.streams.get(key) else { return 0 };
         let grows = stream.side == Some(Side::Received) && bytes.starts_with(&stream.group);
-        match stream.recent.ends_with(bytes) {
+        let before = bytes.strip_suffix(&stream.group[..]).unwrap_or(bytes);
+        match stream.group.ends_with(bytes) || (before.len() < bytes.len() && stream.previous.ends_with(before)) {
             true => bytes.len(),
             false if grows => stream.group.len(),
             false => 0,
@@ -297,13 +298,10 @@ impl EntryAssembler {
         stream.same_frames = if is_same { stream.same_frames + 1 } else { 1 };
         stream.number = entry_bytes.number;
         if starts_record || stream.group.len() + entry_bytes.bytes.len() > MAX_GROUP_BYTES {
+            std::mem::swap(&mut stream.group, &mut stream.previous);
             stream.group.clear();
         }
         stream.group.extend_from_slice(entry_bytes.bytes);
-        if stream.recent.len() + entry_bytes.bytes.len() > MAX_GROUP_BYTES {
-            stream.recent.clear();
-        }
-        stream.recent.extend_from_slice(entry_bytes.bytes);
         stream.is_mid_frame = !(is_whole_frame || no_checksum || (!starts_record && crc_valid(&stream.group)));
         stream.side = entry_bytes.side;
         let record = LogEntry {

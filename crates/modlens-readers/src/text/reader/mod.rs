@@ -243,7 +243,9 @@ impl Reader {
     /// programs do not.
     fn let_words_decide(&mut self, line: &[u8]) {
         for (role, found, _) in &mut self.matches {
-            if let (LineRole::Bytes(Some(side)), Some(b'[' | b'<'), 1..) = (role, line.get(found.start), found.start) {
+            let brackets = line.get(found.start..found.start + 4);
+            let is_in_brackets = matches!(brackets, Some([b'[', _, _, b']'] | [b'<', _, _, b'>']));
+            if let (LineRole::Bytes(Some(side)), true, 1..) = (role, is_in_brackets, found.start) {
                 *side = sender(&line[..found.start]).unwrap_or(*side);
             }
         }
