@@ -324,7 +324,8 @@ impl Context {
         let key = seen.key().filter(|_| seen.data.length >= LEAST_COMPARED_BYTES && !seen.data.is_plain());
         let head = seen.data.head_hash;
         let mut others = self.recent.iter().flatten();
-        seen.is_of_another = key.is_some_and(|key| others.any(|(other, hash)| *other != key && *hash == head));
+        seen.is_of_another =
+            key.is_some_and(|key| others.any(|(other, hash)| other.unit == key.unit && *other != key && *hash == head));
         if self.recent.len() == RECENT {
             self.recent.pop_front();
         }

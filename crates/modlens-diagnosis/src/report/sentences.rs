@@ -93,8 +93,9 @@ fn when(contrast: &BusContrast, claim: &Claim) -> String {
 fn moment(contrast: &BusContrast, place: Place) -> Option<String> {
     if let Some(time) = place.time.filter(|_| contrast.facts.is_utc) {
         let mut text = Vec::new();
-        modlens_protocol::timestamp::push_time(time.div_euclid(1_000_000_000) * 1_000_000_000, &mut text);
-        return Some(String::from_utf8_lossy(&text).replace('T', " "));
+        modlens_protocol::timestamp::push_time(time, &mut text);
+        // To the second: 2026-11-21 10:00:00 UTC.
+        return Some(format!("{} UTC", String::from_utf8_lossy(&text[..19]).replace('T', " ")));
     }
     place.elapsed.map(|elapsed| format!("{} after the beginning", duration(elapsed)))
 }
