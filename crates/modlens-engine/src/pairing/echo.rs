@@ -26,12 +26,7 @@ pub(super) enum SameRequest {
 
 impl Pairing {
     /// Whether a request is the adapter's echo of the one before it, on a serial line: of the newest open request, or of the
-    /// last broadcast.
-    ///
-    /// It also keeps the books. Every request whose response does not repeat it counts in the share of those that appear
-    /// twice. An echo marks the open request (`echo_seen`, and the finding), and its response time counts from the end of
-    /// the echo; a broadcast has no response, so nothing is marked there. Where the evidence decides nothing, the open
-    /// request's silence will prove nothing either.
+    /// last broadcast, which is forgotten then.
     pub(super) fn compare_with_open(&mut self, functions: &Functions, frame: &ObservedFrame<'_>) -> SameRequest {
         if frame.mode == Mode::Tcp {
             return SameRequest::New;
@@ -44,26 +39,37 @@ impl Pairing {
         let open = self.open.back().filter(|open| is_same(open) && !open.echo_seen);
         let same = open.map(|open| (open.request.end, open.txn));
         if !mirrors_request(functions, frame.pdu()) {
-            if same.is_some() {
-                self.echoes.last_appeared_twice = Some(true);
-            } else {
-                self.echoes.add_request();
-            }
+            self.count_copies(same.is_some());
         }
         let Some((end, txn)) = same else { return SameRequest::New };
         let same = self.echo_or_retry(frame, end, txn);
-        let open = self.open.back_mut().expect("found above");
+        self.mark_open(&same, frame);
+        same
+    }
+
+    /// Counts a request whose response does not repeat it in the share of those that appear twice.
+    fn count_copies(&mut self, is_second_copy: bool) {
+        if is_second_copy {
+            self.echoes.last_appeared_twice = Some(true);
+        } else {
+            self.echoes.add_request();
+        }
+    }
+
+    /// Marks the newest open request, which `frame` repeats. If that is its echo, it gets the finding, and its response time
+    /// counts from the end of the echo: from the last byte of the request, whichever copy of it that is. Where the evidence
+    /// decides nothing, its silence will prove nothing either.
+    fn mark_open(&mut self, same: &SameRequest, frame: &ObservedFrame<'_>) {
+        let Some(open) = self.open.back_mut() else { return };
         match same {
             SameRequest::Echo(_) => {
                 open.echo_seen = true;
                 order::note_echo(open);
-                // The response time counts from the last byte of the request, whichever copy of it that is.
                 open.request.end = frame.end.or(open.request.end);
             }
             SameRequest::Ambiguous => open.silence_is_inconclusive = true,
             SameRequest::New => {}
         }
-        same
     }
 
     /// Whether the same request again is an echo or a retry, `end` being the end of the first one: by the clock as far as

@@ -56,43 +56,71 @@ impl Pairing {
             self.open.rotate_right(1);
             self.close_oldest(functions, frame, done);
         }
+        let mut transaction = self.start_request(frame, next_txn);
+        if let (Some(overlap), Some(open)) = (overlap, self.open.back_mut()) {
+            open.waited = open.waited.or(interval(open.request.end, frame.start));
+            let timeout_excluded = matches!(overlap, OverlapEvidence::NoTimeout);
+            open.overlap = Some(OverlappingRequest { txn: transaction.txn, timeout_excluded, is_answered: false });
+        }
+        let mut result = PairingResult { txn: Some(transaction.txn), ..PairingResult::default() };
+        self.mark_retry(&mut transaction, &mut result, frame);
+        self.open_or_broadcast(functions, transaction, frame, &mut result, done);
+        result
+    }
+
+    /// A transaction with the next number that begins with this request.
+    fn start_request(&mut self, frame: &ObservedFrame<'_>, next_txn: &mut u64) -> Box<PendingTransaction> {
         let mut transaction = self.start(frame, next_txn);
         transaction.request.fill(frame);
         transaction.findings.extend_from_slice(frame.codes);
         transaction.gap = frame.gap;
-        let txn = transaction.txn;
-        if let (Some(timeout_excluded), Some(open)) = (overlap, self.open.back_mut()) {
-            open.waited = open.waited.or(interval(open.request.end, frame.start));
-            open.overlap = Some(OverlappingRequest { txn, timeout_excluded, is_answered: false });
-        }
-        let mut result = PairingResult { txn: Some(txn), ..PairingResult::default() };
+        transaction
+    }
+
+    /// Marks a transaction as the retry of an earlier one, if its request repeats that: one without a good response, or on a
+    /// connection one that is open (`repeated_on_connection`). The result gets the finding. All requests that this one might
+    /// have repeated are forgotten.
+    fn mark_retry(&mut self, transaction: &mut PendingTransaction, result: &mut PairingResult, frame: &ObservedFrame<'_>) {
         let repeated = self.history.take_repeated(frame).map(|repeated| repeated.txn);
         if let Some(repeated) = repeated.or_else(|| self.repeated_on_connection(frame)) {
             transaction.retry_of = Some(repeated);
-            order::retry(&mut transaction, &mut result, repeated);
+            order::retry(transaction, result, repeated);
         }
+    }
+
+    /// Adds the transaction of a new request to the open ones; that of a broadcast on a serial line is closed at once and
+    /// remembered, because its echo may follow.
+    fn open_or_broadcast(
+        &mut self,
+        functions: &Functions,
+        mut transaction: Box<PendingTransaction>,
+        frame: &ObservedFrame<'_>,
+        result: &mut PairingResult,
+        done: &mut Vec<Box<PendingTransaction>>,
+    ) {
         self.history.last_broadcast = None;
         if transaction.unit == BROADCAST_UNIT && frame.mode != Mode::Tcp {
             transaction.status = Status::Broadcast;
             self.history.last_broadcast = Some(PastRequest::of(&transaction));
-            order::broadcast(functions, &mut transaction, &mut result);
+            order::broadcast(functions, &mut transaction, result);
             done.push(transaction);
         } else {
             transaction.expects_no_response = has_no_response(functions, &transaction);
             self.open.push_back(transaction);
         }
-        result
     }
 
-    /// Closes the open requests for which, after this request, no response can come in time any more.
+    /// Closes the open requests for which, after this request, no response can come in time any more: on a connection as
+    /// `close_reused` says, and the oldest where more than `MAX_OPEN_REQUESTS` would be open; on a serial line all but the last
+    /// one, and that, too, unless the new request overlaps it (`overlaps`).
     ///
-    /// `Some` if the last open one stays open because the new request overlaps it; see `overlaps`.
+    /// `Some` if the last open one stays open because of an overlap, with the evidence for it.
     fn close_superseded(
         &mut self,
         functions: &Functions,
         frame: &ObservedFrame<'_>,
         done: &mut Vec<Box<PendingTransaction>>,
-    ) -> Option<bool> {
+    ) -> Option<OverlapEvidence> {
         if frame.mode == Mode::Tcp {
             while self.open.len() >= MAX_OPEN_REQUESTS {
                 self.close_oldest(functions, frame, done);
@@ -136,17 +164,18 @@ impl Pairing {
         (is_same && !self.is_before_timeout(waited)).then_some(open.txn)
     }
 
-    /// Whether a request to another unit leaves the open one waiting for its response, since a second master may have sent
-    /// it. `None` if it does not; else whether the clock excludes that one master gave up on the open request.
-    fn overlaps(&self, open: &PendingTransaction, frame: &ObservedFrame<'_>) -> Option<bool> {
+    /// Whether this request leaves the open one waiting for its response, since a second master may have sent it: one to
+    /// another unit, not a broadcast, that comes before the open one has had a response, damaged or not, and has timed out.
+    /// `None` if it does not, or if a master gives up as soon as that. Without times one overlap at a time is assumed.
+    fn overlaps(&self, open: &PendingTransaction, frame: &ObservedFrame<'_>) -> Option<OverlapEvidence> {
         let has_no_answer_yet = !open.is_timed_out && !open.response.is_present();
         let waits = open.status != Status::BadRequest && !open.expects_no_response && has_no_answer_yet;
         if open.unit == frame.unit() || !waits || frame.unit() == BROADCAST_UNIT {
             return None;
         }
         match interval(open.request.end, frame.start) {
-            Some(waited) => self.is_before_timeout(waited).then_some(true),
-            None => open.overlap.is_none().then_some(false),
+            Some(waited) => self.is_before_timeout(waited).then_some(OverlapEvidence::NoTimeout),
+            None => open.overlap.is_none().then_some(OverlapEvidence::NoClock),
         }
     }
 
@@ -160,9 +189,7 @@ impl Pairing {
         next_txn: &mut u64,
         done: &mut Vec<Box<PendingTransaction>>,
     ) -> PairingResult {
-        let is_known = functions.name(frame.function()).is_some() || self.answering_units[usize::from(frame.unit())];
-        let is_request = frame.direction == Direction::Request && frame.adu.len() > 1 && is_known;
-        if frame.mode == Mode::Tcp || !is_request {
+        if !self.may_be_damaged_request(functions, frame) {
             return PairingResult::default();
         }
         if frame.verdict != Verdict::BadChecksum {
@@ -174,14 +201,18 @@ impl Pairing {
         while !self.open.is_empty() {
             self.close_oldest(functions, frame, done);
         }
-        let mut transaction = self.start(frame, next_txn);
-        transaction.request.fill(frame);
-        transaction.gap = frame.gap;
+        let mut transaction = self.start_request(frame, next_txn);
         transaction.status = Status::BadRequest;
-        transaction.findings.extend_from_slice(frame.codes);
         let txn = transaction.txn;
         self.open.push_back(transaction);
         PairingResult { txn: Some(txn), ..PairingResult::default() }
+    }
+
+    /// Whether a damaged frame is taken for a request: on a serial line, with unit and function, one of which is known, and
+    /// taken for a request by the framer.
+    fn may_be_damaged_request(&self, functions: &Functions, frame: &ObservedFrame<'_>) -> bool {
+        let is_known = || functions.name(frame.function()).is_some() || self.answering_units[usize::from(frame.unit())];
+        frame.mode != Mode::Tcp && frame.direction == Direction::Request && frame.adu.len() > 1 && is_known()
     }
 
     /// Whether the frame is the retry of a request of which only the beginning arrived.
@@ -208,30 +239,43 @@ impl Pairing {
         self.close_at(0, functions, next, done);
     }
 
-    /// As `close_oldest`, for the open request with this index.
+    /// As `close_oldest`, for the open request with this index; nothing if there is none. `waited`, where it is not known
+    /// yet, is the time from the end of the request to the start of `next`; less than two steps of the clock is not kept.
+    ///
+    /// Without a good response its status is `no_response`, or `not_observed` in two cases, unless `next` repeats it: the unit
+    /// does respond, and the next request came too soon for a time-out or nothing proves that there was one (`silence_of`), so
+    /// that the tap has probably missed the response; or the order of frames is inferred, where a lack of response may as well
+    /// be missing bytes. `close` has the other statuses.
     fn close_at(&mut self, at: usize, functions: &Functions, next: &ObservedFrame<'_>, done: &mut Vec<Box<PendingTransaction>>) {
         let Some(mut transaction) = self.open.remove(at) else { return };
         let waited = transaction.waited.or(interval(transaction.request.end, next.start));
         transaction.waited = waited.filter(|&ns| ns >= 2 * self.resolution);
         let is_retried = transaction.unit == next.unit() && transaction.request.pdu() == next.pdu();
+        if next.verdict.is_good() {
+            self.learn_timeout(functions, &transaction, is_retried);
+        }
+        let silence = self.silence_of(&transaction, (waited, is_retried));
+        let is_too_soon = waited.is_some_and(|waited| !is_retried && self.is_before_timeout(waited));
+        let is_missed_by_tap = (is_too_soon || silence == Silence::Unproven) && self.answering_units[transaction.unit as usize];
+        let is_unproven = self.order_is_inferred && !is_retried;
+        let status = if is_missed_by_tap || is_unproven { Status::NotObserved } else { Status::NoResponse };
+        self.close(transaction, (status, silence), done);
+    }
+
+    /// Learns from a request that is closed because a good one came: if it arrived undamaged and had no response at all, that
+    /// its master gave up, how long it waited, and whether it asked again.
+    ///
+    /// A request that its response repeats teaches nothing, since the time-out is what tells such a response from a retry; nor
+    /// does the wait of one that another overlaps, because a second master may have sent that.
+    fn learn_timeout(&mut self, functions: &Functions, transaction: &PendingTransaction, is_retried: bool) {
         let is_damaged = transaction.status == Status::BadRequest;
         let was_silent = !transaction.response.is_present() && !transaction.expects_no_response && !is_damaged;
-        // A request that its response repeats must not teach the time-out that tells such a response from a retry.
-        if was_silent && next.verdict.is_good() && !mirrors_request(functions, transaction.request.pdu()) {
+        if was_silent && !mirrors_request(functions, transaction.request.pdu()) {
             self.masters.add_timeout(is_retried);
             if let Some(waited) = transaction.waited.filter(|_| transaction.overlap.is_none()) {
                 self.timing.record_timeout(waited, is_retried);
             }
         }
-        let silence = self.silence_of(&transaction, (waited, is_retried));
-        // A master that sends another request long before its time-out has had a response, which the tap has missed; so has,
-        // probably, one that retries, unless the time says otherwise.
-        let is_too_soon = waited.is_some_and(|waited| !is_retried && self.is_before_timeout(waited));
-        let is_missed_by_tap = (is_too_soon || silence == Silence::Unproven) && self.answering_units[transaction.unit as usize];
-        // On two lines without a clock a lack of response may as well be missing bytes; only a retry proves it.
-        let is_unproven = self.order_is_inferred && !is_retried;
-        let status = if is_missed_by_tap || is_unproven { Status::NotObserved } else { Status::NoResponse };
-        self.close(transaction, (status, silence), done);
     }
 
     /// From what it is concluded that an open request had no response, when another request follows `waited` behind it.
@@ -244,6 +288,15 @@ impl Pairing {
             (false, false) => Silence::Unproven,
         }
     }
+}
+
+/// Why a request is taken for that of a second master, which leaves the open one waiting.
+#[derive(Clone, Copy)]
+enum OverlapEvidence {
+    /// By the clock it came sooner than any master gives up.
+    NoTimeout,
+    /// There is no clock, so that a time-out cannot be excluded.
+    NoClock,
 }
 
 /// The transaction of a request that lacks bytes; it has no number yet.

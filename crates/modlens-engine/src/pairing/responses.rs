@@ -4,7 +4,7 @@ use crate::findings::order;
 use crate::findings::transaction::note_exception;
 use crate::pairing::history::UnexpectedResponse;
 use crate::pairing::result::Overlap;
-use crate::pairing::transaction::{EarlyResponse, UnitMismatch};
+use crate::pairing::transaction::{EarlyResponse, OverlappingRequest, UnitMismatch};
 use crate::pairing::{FrameLocation, ObservedFrame, Pairing, PairingResult, PendingTransaction};
 use crate::weights::{DUPLICATE_RESPONSE_BITS, LATE_RESPONSE_BITS, UNEXPECTED_RESPONSE_BITS};
 use modlens_protocol::direction::{match_response, Direction, RequestRef, ResponseMatch};
@@ -46,19 +46,12 @@ impl Pairing {
         self.early_response = None;
         self.is_pipelined |= frame.mode == Mode::Tcp && at + 1 < self.open.len();
         let mut transaction = self.open.remove(at).expect("found above");
-        // The master's waiting time is that of a request without response.
-        transaction.waited = None;
-        transaction.confirms_unit = !frame.unconfirmed;
         transaction.certainty = self.answer_bits(functions, &transaction, frame);
         self.history.add_answered(&transaction, frame);
-        transaction.response.fill(frame);
-        transaction.findings.extend_from_slice(frame.codes);
-        transaction.exception = exception_code(frame);
+        answer(&mut transaction, frame);
         if transaction.status != Status::BadRequest {
-            transaction.status = if transaction.exception.is_some() { Status::Exception } else { Status::Ok };
             self.answering_units[transaction.unit as usize] |= transaction.confirms_unit;
         }
-        note_exception(&mut transaction);
         self.learn_response_time(&mut transaction, frame);
         let mut result = PairingResult { txn: Some(transaction.txn), ..PairingResult::default() };
         // Where the order of frames is inferred, an overlap of transactions proves nothing.
@@ -122,9 +115,7 @@ impl Pairing {
     /// earlier response.
     fn record_overlap(&mut self, transaction: &mut PendingTransaction, frame: &ObservedFrame<'_>, result: &mut PairingResult) {
         if let Some(later) = transaction.overlap {
-            let (txn, unit) = (transaction.txn, transaction.unit);
-            let response = FrameLocation { txn, frame: frame.number, unit, start: frame.start, origin: frame.origin };
-            let overlap = Overlap { response, later_txn: later.txn, timeout_excluded: later.timeout_excluded };
+            let overlap = overlap_of(transaction, later, frame);
             if later.is_answered {
                 self.masters.add_overlap(overlap);
             } else {
@@ -152,7 +143,7 @@ impl Pairing {
     /// Pairs a good response that no open request fits: it becomes a transaction of status `unsolicited`, with the next
     /// number, and its finding says why it came. Tried in this order:
     ///
-    /// 1. late, or a duplicate, as the past explains it;
+    /// 1. late, or a duplicate, as the past explains it (`explain_unrequested`);
     /// 2. the right response to the last open request but for its unit: the transaction waits in `unit_mismatch` for the next
     ///    request, in place of another one there, which is resolved. It is the only case that is not added to `done` at once;
     /// 3. from the unit of the last open request, but with another function;
@@ -167,6 +158,36 @@ impl Pairing {
         next_txn: &mut u64,
         done: &mut Vec<Box<PendingTransaction>>,
     ) -> PairingResult {
+        let mut transaction = self.start_unsolicited(frame, next_txn);
+        let result = match self.explain_unrequested(functions, frame, transaction.txn) {
+            Explanation::Late { txn, request_end } => {
+                transaction.late_for = Some(txn);
+                transaction.late_response = self.measurable_interval(request_end, frame.start, frame.clean_start);
+                transaction.certainty = LATE_RESPONSE_BITS;
+                order::late(transaction.txn, txn)
+            }
+            Explanation::Duplicate => {
+                transaction.certainty = DUPLICATE_RESPONSE_BITS;
+                order::duplicate(transaction.txn)
+            }
+            unknown @ (Explanation::Ambiguous | Explanation::None) => {
+                let is_unexplained = matches!(unknown, Explanation::None);
+                if is_unexplained && !self.is_wire_order {
+                    self.keep_early_response(frame);
+                }
+                if let Some(request_txn) = self.find_request_to_other_unit(functions, frame) {
+                    return self.await_next_request(transaction, request_txn, done);
+                }
+                self.compare_function(&transaction, is_unexplained)
+            }
+        };
+        transaction.findings.extend(result.finding);
+        done.push(transaction);
+        result
+    }
+
+    /// A transaction of status `unsolicited` with the next number that has only this response.
+    fn start_unsolicited(&mut self, frame: &ObservedFrame<'_>, next_txn: &mut u64) -> Box<PendingTransaction> {
         let mut transaction = self.start(frame, next_txn);
         transaction.response.fill(frame);
         transaction.findings.extend_from_slice(frame.codes);
@@ -174,62 +195,57 @@ impl Pairing {
         transaction.certainty = UNEXPECTED_RESPONSE_BITS;
         transaction.exception = exception_code(frame);
         transaction.gap = frame.gap;
-        let mut result = order::unsolicited(transaction.txn);
-        let explained = self.explain_unrequested(functions, frame, transaction.txn);
-        let is_unexplained = matches!(explained, Explanation::None);
-        match explained {
-            Explanation::Late { txn, request_end } => {
-                transaction.certainty = LATE_RESPONSE_BITS;
-                transaction.late_for = Some(txn);
-                transaction.late_response = self.measurable_interval(request_end, frame.start, frame.clean_start);
-                result = order::late(transaction.txn, txn);
-            }
-            Explanation::Duplicate => {
-                transaction.certainty = DUPLICATE_RESPONSE_BITS;
-                result = order::duplicate(transaction.txn);
-            }
-            Explanation::Ambiguous | Explanation::None => {
-                if let (true, None, Some(start)) = (is_unexplained && !self.is_wire_order, &self.early_response, frame.start) {
-                    self.early_response = Some(EarlyResponse { unit: frame.unit(), pdu: frame.pdu().to_vec(), start });
-                }
-                if let Some(request_txn) = self.find_request_to_other_unit(functions, frame) {
-                    self.resolve_unit_mismatch(None, done);
-                    transaction.findings.extend(result.finding);
-                    self.unit_mismatch = Some(UnitMismatch { transaction, request_txn });
-                    return result;
-                }
-                let has_other_function =
-                    |open: &PendingTransaction| open.unit == transaction.unit && open.function != transaction.function;
-                if let Some(open) = self.open.back().filter(|open| has_other_function(open)) {
-                    result = order::wrong_function(transaction.txn, open.txn);
-                } else if is_unexplained {
-                    self.history.note_missing_requests(transaction.txn);
-                }
-            }
+        transaction
+    }
+
+    /// Keeps a response as the early one, whose request may only be seen later, unless one is kept already or it has no time.
+    fn keep_early_response(&mut self, frame: &ObservedFrame<'_>) {
+        if let (None, Some(start)) = (&self.early_response, frame.start) {
+            self.early_response = Some(EarlyResponse { unit: frame.unit(), pdu: frame.pdu().to_vec(), start });
         }
+    }
+
+    /// Lets an unsolicited response, which fits the open request `request_txn` but for its unit, wait for the next request. One
+    /// that waits already is resolved first, and added to `done`.
+    fn await_next_request(
+        &mut self,
+        mut transaction: Box<PendingTransaction>,
+        request_txn: u64,
+        done: &mut Vec<Box<PendingTransaction>>,
+    ) -> PairingResult {
+        let result = order::unsolicited(transaction.txn);
+        self.resolve_unit_mismatch(None, done);
         transaction.findings.extend(result.finding);
-        done.push(transaction);
+        self.unit_mismatch = Some(UnitMismatch { transaction, request_txn });
         result
+    }
+
+    /// The finding on an unsolicited response of which only its function may tell why it came: the last open request is to
+    /// its unit, with another function, or not. If not, and if nothing else explains it either (`is_unexplained`), history is
+    /// told that requests are missing before it.
+    fn compare_function(&mut self, transaction: &PendingTransaction, is_unexplained: bool) -> PairingResult {
+        let has_other_function =
+            |open: &PendingTransaction| open.unit == transaction.unit && open.function != transaction.function;
+        if let Some(open) = self.open.back().filter(|open| has_other_function(open)) {
+            return order::wrong_function(transaction.txn, open.txn);
+        }
+        if is_unexplained {
+            self.history.note_missing_requests(transaction.txn);
+        }
+        order::unsolicited(transaction.txn)
     }
 
     /// Why a response came that no open request fits, as far as the past explains it. `txn` is the number of its own
     /// transaction.
     ///
-    /// A request that is still open though it has timed out comes first; it stays open, marked as having had its late
-    /// response. Behind a damaged request nothing is decided. Else the closed transactions are asked (`classify_unexpected`).
+    /// A request that is still open though it has timed out comes first (`mark_late`). If the last open request arrived
+    /// damaged, nothing is decided: it may be the response to that. Else the closed transactions are asked
+    /// (`classify_unexpected`).
     fn explain_unrequested(&mut self, functions: &Functions, frame: &ObservedFrame<'_>, txn: u64) -> Explanation {
-        let is_late_for = |old: &PendingTransaction| {
-            let request = RequestRef { unit: old.unit, pdu: old.request.pdu() };
-            let fits = match_response(functions, request, frame.unit(), frame.pdu()) == ResponseMatch::Fully;
-            old.is_timed_out && !old.has_late_response && fits && self.history.is_complete_since(old.txn)
-        };
-        let late_for = self.open.iter().position(|old| is_late_for(old));
-        if let Some(old) = late_for.and_then(|at| self.open.get_mut(at)) {
-            old.has_late_response = true;
-            return Explanation::Late { txn: old.txn, request_end: old.request.end };
+        if let Some(late) = self.mark_late(functions, frame) {
+            return late;
         }
         if self.open.back().is_some_and(|open| open.status == Status::BadRequest) {
-            // It may be the response to the request that arrived damaged.
             return Explanation::Ambiguous;
         }
         match self.history.classify_unexpected(functions, frame, txn, self.open.is_empty()) {
@@ -238,6 +254,20 @@ impl Pairing {
             UnexpectedResponse::Ambiguous => Explanation::Ambiguous,
             UnexpectedResponse::Unexplained => Explanation::None,
         }
+    }
+
+    /// Marks the oldest open request that has timed out and that this response fully answers as having its late response; it
+    /// stays open. `None` if there is none, if it has one already, or if requests are missing from the recording since.
+    fn mark_late(&mut self, functions: &Functions, frame: &ObservedFrame<'_>) -> Option<Explanation> {
+        let is_late_for = |old: &PendingTransaction| {
+            let request = RequestRef { unit: old.unit, pdu: old.request.pdu() };
+            let fits = match_response(functions, request, frame.unit(), frame.pdu()) == ResponseMatch::Fully;
+            old.is_timed_out && !old.has_late_response && fits && self.history.is_complete_since(old.txn)
+        };
+        let at = self.open.iter().position(|old| is_late_for(old))?;
+        let old = &mut self.open[at];
+        old.has_late_response = true;
+        Some(Explanation::Late { txn: old.txn, request_end: old.request.end })
     }
 
     /// The transaction of the last open request that this response would fully answer, had it come from the unit asked.
@@ -311,6 +341,29 @@ enum Explanation {
     None,
 }
 
+/// Puts the response into the transaction of its request, with its findings. The status becomes `ok` or `exception`; that of
+/// a request that arrived damaged stays `bad_request`. How long the master waited is no longer noted: that is the time of
+/// a request without response.
+fn answer(transaction: &mut PendingTransaction, frame: &ObservedFrame<'_>) {
+    transaction.waited = None;
+    transaction.confirms_unit = !frame.unconfirmed;
+    transaction.response.fill(frame);
+    transaction.findings.extend_from_slice(frame.codes);
+    transaction.exception = exception_code(frame);
+    if transaction.status != Status::BadRequest {
+        transaction.status = if transaction.exception.is_some() { Status::Exception } else { Status::Ok };
+    }
+    note_exception(transaction);
+}
+
+/// The overlap of this transaction, which `frame` answers, with a later one.
+fn overlap_of(transaction: &PendingTransaction, later: OverlappingRequest, frame: &ObservedFrame<'_>) -> Overlap {
+    let (txn, unit) = (transaction.txn, transaction.unit);
+    let response = FrameLocation { txn, frame: frame.number, unit, start: frame.start, origin: frame.origin };
+    Overlap { response, later_txn: later.txn, timeout_excluded: later.timeout_excluded }
+}
+
+/// The exception code of a response whose function code has the exception bit.
 fn exception_code(frame: &ObservedFrame<'_>) -> Option<u8> {
     frame.pdu().first().filter(|&code| code & EXCEPTION_BIT != 0).and_then(|_| frame.pdu().get(1).copied())
 }

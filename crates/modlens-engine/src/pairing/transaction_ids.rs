@@ -63,23 +63,45 @@ impl Pairing {
             return Some(at);
         }
         let by_id = with_id(ResponseMatch::Partly);
-        let last = self.open.len().checked_sub(1)?;
-        let open = &self.open[last];
+        match self.compare_identifiers(functions, frame) {
+            Identifiers::Agree => by_id,
+            Identifiers::DifferByHabit => Some(self.open.len() - 1),
+            Identifiers::DifferWithoutHabit => None,
+        }
+    }
+
+    /// Whether a response answers the last open request in spite of another identifier. Its identifiers are compared only with
+    /// a request that has not timed out and whose content it fits fully. The habit is learned from this response, unless it is
+    /// an exception; without one, that the last request had no response is no longer certain.
+    fn compare_identifiers(&mut self, functions: &Functions, frame: &ObservedFrame<'_>) -> Identifiers {
+        let Some(open) = self.open.back_mut() else { return Identifiers::Agree };
+        let request = RequestRef { unit: open.unit, pdu: open.request.pdu() };
+        let fits = match_response(functions, request, frame.unit(), frame.pdu()) == ResponseMatch::Fully;
         let is_exception = frame.pdu().first().is_some_and(|code| code & EXCEPTION_BIT != 0);
         let ids = frame.mbap_id.zip(open.mbap_id).filter(|(response, request)| response != request);
-        let Some((response_id, request_id)) = ids.filter(|_| !open.is_timed_out && fit(open) == ResponseMatch::Fully) else {
-            return by_id;
-        };
+        let Some((response_id, request_id)) = ids.filter(|_| !open.is_timed_out && fits) else { return Identifiers::Agree };
         let is_habit = if is_exception {
             self.id_habit.is_known(response_id, request_id)
         } else {
             self.id_habit.observe(response_id, request_id)
         };
-        if !is_habit {
-            self.open[last].silence_is_inconclusive = true;
+        open.silence_is_inconclusive |= !is_habit;
+        if is_habit {
+            Identifiers::DifferByHabit
+        } else {
+            Identifiers::DifferWithoutHabit
         }
-        is_habit.then_some(last)
     }
+}
+
+/// The identifiers of a response and of the last open request.
+enum Identifiers {
+    /// They are the same, or there is nothing to compare.
+    Agree,
+    /// They differ as this server has been seen to do: the response is one to that request.
+    DifferByHabit,
+    /// They differ, and the server is not known to do that: it may as well be the response to a request that is missing.
+    DifferWithoutHabit,
 }
 
 #[cfg(test)]

@@ -12,20 +12,37 @@ impl Search {
     /// Scans the bytes that have come until something is committed; `None` if more bytes, a silence or the end are needed. Called
     /// again, it goes on behind the last byte scanned. `frame_gap_ns` is the shortest pause between frames.
     ///
-    /// It decides at boundaries that no frame crosses, when `skip.next_decision_at` is reached (new hypotheses set it to 0), and
-    /// when all bytes are scanned and the input is closed, or paused while a frame leads. Where a look-ahead needs bytes
-    /// that have not come (`skip.needs_more_bytes`), it waits for them before it scans on.
+    /// Where a look-ahead needs bytes that have not come (`skip.needs_more_bytes`), it waits for them before it scans on. Once
+    /// all bytes are scanned, it decides if the input is closed, or paused while a frame leads; where none leads, the adapter
+    /// may still hold back the end of one.
     pub fn advance(&mut self, input: &Input, context: &FramerContext<'_>, frame_gap_ns: Ns) -> Option<Decision> {
-        self.frame_gap_ns = frame_gap_ns;
         if !self.is_scanning {
             self.begin_scan();
         }
-        if std::mem::take(&mut self.skip.needs_more_bytes) {
+        let waits_for_bytes = std::mem::take(&mut self.skip.needs_more_bytes);
+        if waits_for_bytes {
             let decision = self.decide(input, context, false);
             if decision.is_some() || self.skip.needs_more_bytes {
                 return decision;
             }
         }
+        let decision = self.scan_all(input, context, frame_gap_ns);
+        if decision.is_some() || self.skip.needs_more_bytes {
+            return decision;
+        }
+        let a_frame_leads = || self.lattice[self.best_path().0].first_on_path != ROOT;
+        let is_closed = input.is_closed || (input.is_paused && a_frame_leads());
+        if is_closed && self.scanned_to > self.committed_offset() {
+            return self.decide(input, context, true);
+        }
+        None
+    }
+
+    /// Scans the bytes that have come, up to the last one, or until something is committed or a look-ahead needs more bytes.
+    ///
+    /// It decides at boundaries that no frame crosses, and when `skip.next_decision_at` is reached (new hypotheses set it to 0).
+    #[inline]
+    fn scan_all(&mut self, input: &Input, context: &FramerContext<'_>, frame_gap_ns: Ns) -> Option<Decision> {
         let base = input.offset();
         let end = base + input.bytes().len() as u64;
         // Equal to `scanned_to` where a read may begin.
@@ -33,11 +50,8 @@ impl Search {
         while self.scanned_to < end {
             let index = (self.scanned_to - base) as usize;
             if self.scanned_to == read_end {
-                if self.scanned_to > self.committed_offset() && input.is_boundary(index) {
-                    if let Some(decision) = self.decide(input, context, true) {
-                        return Some(decision);
-                    }
-                    self.scanner.restart(self.scanned_to);
+                if let Some(decision) = self.decide_at_boundary(input, context, index) {
+                    return Some(decision);
                 }
                 read_end = input.read(index).map_or(end, |read| read.end);
             }
@@ -52,13 +66,21 @@ impl Search {
                 }
             }
         }
-        // Where no frame leads, the adapter may still hold back the end of one.
-        let a_frame_leads = || self.lattice[self.best_path().0].first_on_path != ROOT;
-        let is_closed = input.is_closed || (input.is_paused && a_frame_leads());
-        if is_closed && self.scanned_to > self.committed_offset() {
-            return self.decide(input, context, true);
-        }
         None
+    }
+
+    /// What is decided if no frame crosses the place behind the last byte scanned, which has this index in the input: if it is
+    /// a boundary behind the root. If nothing is committed there, scanning begins anew, since no valid substring reaches across.
+    #[inline]
+    fn decide_at_boundary(&mut self, input: &Input, context: &FramerContext<'_>, index: usize) -> Option<Decision> {
+        if self.scanned_to <= self.committed_offset() || !input.is_boundary(index) {
+            return None;
+        }
+        let decision = self.decide(input, context, true);
+        if decision.is_none() {
+            self.scanner.restart(self.scanned_to);
+        }
+        decision
     }
 
     /// Begins to scan behind the root.

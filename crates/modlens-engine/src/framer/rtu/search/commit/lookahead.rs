@@ -8,7 +8,7 @@ use std::ops::Range;
 use crate::fast_path::frame_check::{FrameCheck, FrameLength};
 use crate::framer::rtu::announced_length::announced_lengths;
 use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
-use crate::framer::rtu::search::commit::state::{Completion, Rival, RivalBar};
+use crate::framer::rtu::search::commit::state::{Completion, Rival, RivalAt, RivalBar};
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::state::Search;
 use crate::framer::rtu::{header_score, score, side};
@@ -22,6 +22,8 @@ use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 impl Search {
     /// As `find_rival_by_header`, for recordings: the unfinished frame must also come to an end, with a valid CRC, or damaged
     /// right behind a hypothesis. Where bytes are missing to tell, it counts, and `skip.needs_more_bytes` is set.
+    ///
+    /// Moves `skip.no_rival_before` behind the starts, from the first one on, at which no frame can be a rival of any path.
     pub(super) fn find_rival_by_lookahead(
         &mut self,
         input: &Input,
@@ -31,28 +33,50 @@ impl Search {
         bar: RivalBar,
     ) -> Option<Rival> {
         let units = self.outstanding_units();
-        let max_path_score = self.max_path_score();
+        let least_header = bar.least - self.max_path_score();
         let mut none_before = true;
         for start in starts.start.max(self.skip.no_rival_before)..starts.end {
             let bytes = &input.bytes()[(start - input.offset()) as usize..];
-            if !self.cannot_exceed(context, bytes, start, bar.least - max_path_score, &units) {
-                let never_completes = self.completion(input, context, start) == Completion::Never;
-                for parent in 0..self.lattice.len() {
-                    // Only right behind a hypothesis a damaged frame is possible.
-                    if never_completes && self.lattice[parent].end != start {
-                        continue;
-                    }
-                    none_before = false;
-                    if let Some(until) = self.will_outscore_until(input, context, parent, start, bar.now) {
-                        return Some(Rival { parent, start, until });
-                    }
+            if !self.cannot_exceed(context, bytes, start, least_header, &units) {
+                match self.rival_at(input, context, start, bar) {
+                    RivalAt::Found(rival) => return Some(rival),
+                    RivalAt::NoneNow => none_before = false,
+                    RivalAt::NeverAny => {}
                 }
             }
             if none_before {
                 self.skip.no_rival_before = start + 1;
             }
         }
-        // Another path may be in the middle of its next frame, which can begin behind `starts`.
+        self.rival_behind_other_path(input, context, first, bar)
+    }
+
+    /// Whether an unfinished frame at stream offset `start` is a rival, behind any hypothesis. If it never completes, only
+    /// hypotheses that end right there are tried, because only behind these a damaged frame is possible.
+    fn rival_at(&mut self, input: &Input, context: &FramerContext<'_>, start: u64, bar: RivalBar) -> RivalAt {
+        let never_completes = self.completion(input, context, start) == Completion::Never;
+        let mut result = RivalAt::NeverAny;
+        for parent in 0..self.lattice.len() {
+            if never_completes && self.lattice[parent].end != start {
+                continue;
+            }
+            if let Some(until) = self.will_outscore_until(input, context, parent, start, bar.now) {
+                return RivalAt::Found(Rival { parent, start, until });
+            }
+            result = RivalAt::NoneNow;
+        }
+        result
+    }
+
+    /// A rival right behind a hypothesis of another path than that of the frame `first`: that path may be in the middle of its
+    /// next frame, which can begin behind the starts that were tried.
+    fn rival_behind_other_path(
+        &mut self,
+        input: &Input,
+        context: &FramerContext<'_>,
+        first: usize,
+        bar: RivalBar,
+    ) -> Option<Rival> {
         (1..self.lattice.len()).find_map(|parent| {
             let Hypothesis { end: start, first_on_path, .. } = self.lattice[parent];
             if first_on_path == first {
@@ -87,16 +111,19 @@ impl Search {
 
     /// Whether a frame that begins at stream offset `start` ends behind the last byte scanned with a valid CRC, in a length that
     /// its header admits, and before a break or a record's start. A length without announcement counts only where unit and
-    /// function are familiar.
+    /// function are familiar; where only a least length is announced, nothing is looked up.
+    ///
+    /// `Unknown` where bytes of one of these lengths, or of the header, have not come, unless the input is closed.
     pub(super) fn completion(&self, input: &Input, context: &FramerContext<'_>, start: u64) -> Completion {
         let at = (start - input.offset()) as usize;
         let bytes = &input.bytes()[at..];
         let scanned_length = (self.scanned_to - start) as usize;
         let max_length = max_frame_length(input, at);
-        let mut completion = Completion::Never;
+        let unless_closed = if input.is_closed { Completion::Never } else { Completion::Unknown };
         if bytes.len() < 2 {
-            return if input.is_closed { Completion::Never } else { Completion::Unknown };
+            return unless_closed;
         }
+        let mut completion = Completion::Never;
         for (direction, extent) in announced_lengths(context, bytes).into_iter().flatten() {
             let (needed, completes) = match extent {
                 Extent::Exactly(length) if length > max_length || length <= scanned_length => continue,
@@ -104,15 +131,13 @@ impl Search {
                 Extent::AtLeast(length) if length > max_length => continue,
                 Extent::AtLeast(_) => (max_length, false),
                 Extent::Open(_) if !self.model.is_familiar(bytes[0], bytes[1], side::index_of(direction)) => continue,
-                Extent::Open(_) => {
-                    let present = &bytes[..max_length.min(bytes.len())];
-                    (max_length, first_valid_length(present, scanned_length + 1).is_some())
-                }
+                Extent::Open(_) => (max_length, has_valid_length(bytes, scanned_length + 1, max_length)),
             };
-            match completes {
-                true => return Completion::Completes,
-                false if needed > bytes.len() && !input.is_closed => completion = Completion::Unknown,
-                false => {}
+            if completes {
+                return Completion::Completes;
+            }
+            if needed > bytes.len() {
+                completion = unless_closed;
             }
         }
         completion
@@ -155,7 +180,7 @@ impl Search {
         let bytes = &input.bytes()[at..];
         let max_length = max_frame_length(input, at);
         let min_length = (end - root_end) as usize + 1;
-        let completes = first_valid_length(&bytes[..max_length.min(bytes.len())], min_length).is_some();
+        let completes = has_valid_length(bytes, min_length, max_length);
         if !completes && max_length > bytes.len() && !input.is_closed {
             return Completion::Unknown;
         }
@@ -180,29 +205,37 @@ impl Search {
         stray_bytes: usize,
         length: usize,
     ) -> FrameCheck {
-        let outstanding = self.lattice[ROOT].answerable.outstanding.map(|id| self.requests.get(id));
         for at in 0..stray_bytes {
-            let to_frame_end = &input.bytes()[at..stray_bytes + length];
-            // What a frame of open length contains may look like a frame, even where its function is new to this line.
-            let is_open = |of: Option<(Direction, Extent)>| matches!(of, Some((_, Extent::Open(_))));
-            let may_contain = || {
-                context.known_units[usize::from(to_frame_end[0])]
-                    && announced_lengths(context, to_frame_end).into_iter().any(is_open)
-            };
             // Asked first, because nearly always no such frame is complete.
             let found = complete_frame_at(input, context, at, stray_bytes + length);
-            if matches!(found, FrameCheck::NoFrame) {
-                continue;
-            }
-            let path_score = if at == 0 { weights::FRAME_DUE_BITS } else { 0.0 } - self.model.unframed_cost(at as u64);
-            let header = || header_score::header_bound(&self.model, context, outstanding, to_frame_end);
-            let bar = weights::CERTAIN_FRAME_BITS - weights::STRAY_RIVAL_MARGIN_BITS;
-            if may_contain() || header().is_some_and(|header| path_score + header.bits > bar) {
+            let to_frame_end = &input.bytes()[at..stray_bytes + length];
+            if !matches!(found, FrameCheck::NoFrame) && self.is_rival_header(context, at, to_frame_end) {
                 return found;
             }
         }
         FrameCheck::NoFrame
     }
+
+    /// Whether the header at index `at` of the stray bytes makes a frame there a rival of the unambiguous frame behind them.
+    /// `to_frame_end` are the bytes from `at` on to the end of that frame.
+    fn is_rival_header(&self, context: &FramerContext<'_>, at: usize, to_frame_end: &[u8]) -> bool {
+        // What a frame of open length contains may look like a frame, even where its function is new to this line.
+        let is_open = |of: Option<(Direction, Extent)>| matches!(of, Some((_, Extent::Open(_))));
+        let is_known = context.known_units[usize::from(to_frame_end[0])];
+        if is_known && announced_lengths(context, to_frame_end).into_iter().any(is_open) {
+            return true;
+        }
+        let outstanding = self.lattice[ROOT].answerable.outstanding.map(|id| self.requests.get(id));
+        let path_score = if at == 0 { weights::FRAME_DUE_BITS } else { 0.0 } - self.model.unframed_cost(at as u64);
+        let header = header_score::header_bound(&self.model, context, outstanding, to_frame_end);
+        let bar = weights::CERTAIN_FRAME_BITS - weights::STRAY_RIVAL_MARGIN_BITS;
+        header.is_some_and(|header| path_score + header.bits > bar)
+    }
+}
+
+/// Whether the CRC is valid in any length from `min_length` to `max_length`, both inclusive, as far as the bytes have come.
+fn has_valid_length(bytes: &[u8], min_length: usize, max_length: usize) -> bool {
+    first_valid_length(&bytes[..max_length.min(bytes.len())], min_length).is_some()
 }
 
 /// The most bytes that a frame at this index of the input can have: none crosses a break or a record's start.

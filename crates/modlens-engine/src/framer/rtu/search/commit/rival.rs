@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::framer::rtu::header_score;
-use crate::framer::rtu::search::commit::state::{Rival, RivalBar};
+use crate::framer::rtu::search::commit::state::{Rival, RivalAt, RivalBar};
 use crate::framer::rtu::search::hypothesis::Hypothesis;
 use crate::framer::rtu::search::state::Search;
 use crate::framer::FramerContext;
@@ -39,24 +39,21 @@ impl Search {
         bar: RivalBar,
     ) -> Option<Rival> {
         let units = self.outstanding_units();
-        let max_path_score = self.max_path_score();
+        let least_header = bar.least - self.max_path_score();
         let mut none_before = true;
         for start in starts.start.max(self.skip.no_rival_before)..starts.end {
             let bytes = &input.bytes()[(start - input.offset()) as usize..];
             let seen = &bytes[..(self.scanned_to - start) as usize];
-            let is_hopeless = self.cannot_exceed(context, seen, start, bar.least - max_path_score, &units);
-            let parents = if is_hopeless { 0 } else { self.lattice.len() };
-            for parent in 0..parents {
-                if self.may_outscore_until(input, context, &self.lattice[parent], start, bar.least).is_none() {
-                    continue;
+            if !self.cannot_exceed(context, seen, start, least_header, &units) {
+                match self.header_rival_at(input, context, start, bar) {
+                    RivalAt::Found(rival) => return Some(rival),
+                    RivalAt::NoneNow => none_before = false,
+                    // Once all bytes are seen that a header is judged by, it will not be worth more later.
+                    RivalAt::NeverAny => {
+                        none_before &= start + header_score::judged_header_bytes(context, bytes) <= self.scanned_to;
+                    }
                 }
-                if let Some(until) = self.may_outscore_until(input, context, &self.lattice[parent], start, bar.now) {
-                    return Some(Rival { parent, start, until });
-                }
-                none_before = false;
             }
-            // Once all bytes are seen that a header is judged by, it will not be worth more later.
-            none_before &= is_hopeless || start + header_score::judged_header_bytes(context, bytes) <= self.scanned_to;
             if none_before {
                 self.skip.no_rival_before = start + 1;
             }
@@ -67,6 +64,22 @@ impl Search {
             let until = self.may_outscore_until(input, context, &self.lattice[parent], start, bar.now)?;
             Some(Rival { parent, start, until })
         })
+    }
+
+    /// Whether an unfinished frame at stream offset `start` is a rival by its header as far as it is seen, behind any
+    /// hypothesis.
+    fn header_rival_at(&self, input: &Input, context: &FramerContext<'_>, start: u64, bar: RivalBar) -> RivalAt {
+        let mut result = RivalAt::NeverAny;
+        for (parent, behind) in self.lattice.iter().enumerate() {
+            if self.may_outscore_until(input, context, behind, start, bar.least).is_none() {
+                continue;
+            }
+            if let Some(until) = self.may_outscore_until(input, context, behind, start, bar.now) {
+                return RivalAt::Found(Rival { parent, start, until });
+            }
+            result = RivalAt::NoneNow;
+        }
+        result
     }
 
     /// Whether a path that goes on from the hypothesis `behind` with an unfinished frame at `start` may exceed `bar`, a path

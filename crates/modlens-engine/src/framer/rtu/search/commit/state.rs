@@ -108,6 +108,16 @@ pub struct Rival {
     pub until: u64,
 }
 
+/// Whether an unfinished frame that begins at a certain place is a rival.
+pub enum RivalAt {
+    /// It is.
+    Found(Rival),
+    /// Not by the scores of now, but perhaps by those of later.
+    NoneNow,
+    /// Not even if `RivalBar::now` falls to `RivalBar::least`.
+    NeverAny,
+}
+
 /// What an unfinished frame has to exceed to be a rival, as scores of its path in bits.
 #[derive(Clone, Copy)]
 pub struct RivalBar {
