@@ -67,17 +67,12 @@ impl Search {
     fn frame_state(&mut self, input: &Input, context: &FramerContext<'_>, best: usize, score: f32) -> CommitState {
         let first = self.lattice[best].first_on_path;
         let Hypothesis { start, end, is_crc_valid, .. } = self.lattice[first];
-        let (margin, patience) = if context.may_look_ahead {
-            (weights::OFFLINE_COMMIT_MARGIN_BITS, weights::OFFLINE_TIE_PATIENCE_BYTES)
-        } else {
-            (weights::COMMIT_MARGIN_BITS, weights::TIE_PATIENCE_BYTES)
-        };
+        let patience = if context.may_look_ahead { weights::OFFLINE_TIE_PATIENCE_BYTES } else { weights::TIE_PATIENCE_BYTES };
         // More bytes will not tell these hypotheses apart, or there are too many of them.
         if self.scanned_to >= end + patience || self.lattice.len() >= weights::MAX_HYPOTHESES {
             return CommitState::Final;
         }
-        let is_rival = |path: &&Hypothesis| path.first_on_path != first && self.current_score(path) > score - margin;
-        if let Some(rival_end) = self.lattice.iter().filter(is_rival).map(|rival| rival.end).min() {
+        if let Some(rival_end) = self.first_rival_end(context, first, score) {
             // A rival whose last frame ends no later than the best path's pays no more for any further byte, so it does not
             // fall further behind until a new hypothesis is found.
             let has_constant_distance = rival_end <= self.lattice[best].end;
@@ -91,25 +86,44 @@ impl Search {
         if let Some(until) = self.nested_until(input, context, start, end).filter(|&until| self.scanned_to < until) {
             return CommitState::Nested { until };
         }
-        // Log-odds of 0: no clock, or a silence that tells nothing.
-        let has_no_clock = (context.timeout_log_odds)(input.pause_before((start - input.offset()) as usize)) == 0.0;
-        let opposite_bar = score - weights::OPPOSITE_DIRECTION_MARGIN_BITS;
-        let has_unclear_direction =
-            has_no_clock && context.line_direction.is_none() && first == best && self.has_opposite_rival(first, opposite_bar);
         // `first == best`: no frame follows it on the best path yet.
-        if has_unclear_direction || (!is_crc_valid && first == best) {
+        if first == best && (!is_crc_valid || self.has_unclear_direction(input, context, first, score)) {
             return CommitState::AwaitsSuccessor { until: max_rival_end };
         }
-        // The best path can lose this much more for the bytes behind its last frame.
-        let unframed = self.scanned_to - self.lattice[best].end;
-        let further_cost =
-            self.model.open_unframed_cost(unframed.max(weights::SETTLED_BEHIND_BYTES)) - self.model.open_unframed_cost(unframed);
-        let now = score - if context.may_look_ahead { weights::LOOKAHEAD_MARGIN_BITS } else { weights::COMMIT_MARGIN_BITS };
-        let bar = RivalBar { now, least: now - further_cost - weights::ROUNDING_BITS };
+        let bar = self.rival_bar(context, best, score);
         match self.overtakable_until(input, context, first, bar) {
             Some(until) => CommitState::Overtakable { until: until.min(max_rival_end) },
             None => CommitState::Final,
         }
+    }
+
+    /// The rivals of the frame `first` are the paths with another first frame whose score is less than the margin below `score`,
+    /// that of the best path. The stream offset behind the last frame of a rival, the least of all rivals; `None` if there are
+    /// no rivals. The root counts as one: the path on which all bytes are unframed.
+    fn first_rival_end(&self, context: &FramerContext<'_>, first: usize, score: f32) -> Option<u64> {
+        let margin = if context.may_look_ahead { weights::OFFLINE_COMMIT_MARGIN_BITS } else { weights::COMMIT_MARGIN_BITS };
+        let is_rival = |path: &&Hypothesis| path.first_on_path != first && self.current_score(path) > score - margin;
+        self.lattice.iter().filter(is_rival).map(|rival| rival.end).min()
+    }
+
+    /// Whether nothing tells the direction of the frame `first` but what follows: there is no clock, or a silence that tells
+    /// nothing (log-odds of 0), the line may carry both directions, and the same bytes in the other direction lead a path within
+    /// `OPPOSITE_DIRECTION_MARGIN_BITS` of the best one, whose score is given.
+    fn has_unclear_direction(&self, input: &Input, context: &FramerContext<'_>, first: usize, score: f32) -> bool {
+        let index = (self.lattice[first].start - input.offset()) as usize;
+        (context.timeout_log_odds)(input.pause_before(index)) == 0.0
+            && context.line_direction.is_none()
+            && self.has_opposite_rival(first, score - weights::OPPOSITE_DIRECTION_MARGIN_BITS)
+    }
+
+    /// What an unfinished frame has to exceed: the score of the best path (that ends with the frame `best`) less the margin, now
+    /// and at the least, once that path has paid for further bytes behind its last frame.
+    fn rival_bar(&self, context: &FramerContext<'_>, best: usize, score: f32) -> RivalBar {
+        let unframed = self.scanned_to - self.lattice[best].end;
+        let further_cost =
+            self.model.open_unframed_cost(unframed.max(weights::SETTLED_BEHIND_BYTES)) - self.model.open_unframed_cost(unframed);
+        let now = score - if context.may_look_ahead { weights::LOOKAHEAD_MARGIN_BITS } else { weights::COMMIT_MARGIN_BITS };
+        RivalBar { now, least: now - further_cost - weights::ROUNDING_BITS }
     }
 
     /// The stream offset up to which the frame from `start` to `end` (stream offsets) may turn out to stand inside a longer one
@@ -126,11 +140,11 @@ impl Search {
         outer_starts.filter_map(|outer_start| self.nested_in_until(input, context, outer_start, end)).max()
     }
 
-    /// As `nested_until`, for a longer frame that begins at `outer_start`.
+    /// As `nested_until`, for a longer frame that begins at `outer_start`. Behind stray bytes its unit has to be known; right
+    /// behind the root its unit, or what its function contains.
     ///
-    /// An exact length counts only for functions that may contain frames. Live, every such length is awaited, and an open one
-    /// for `MAX_CANDIDATE_SPAN`; in a recording, only where the frame completes, or where that is not known yet. Behind stray
-    /// bytes the unit has to be known.
+    /// Live, every length that counts (`may_contain_in`) is awaited; in a recording, only where the frame completes, or where
+    /// that is not known yet (`skip.needs_more_bytes` is set then).
     fn nested_in_until(&mut self, input: &Input, context: &FramerContext<'_>, outer_start: u64, end: u64) -> Option<u64> {
         let outer = &input.bytes()[(outer_start - input.offset()) as usize..];
         let is_due = outer_start == self.committed_offset();
@@ -140,21 +154,13 @@ impl Search {
         }
         let mut until = None;
         for (direction, extent) in announced_lengths(context, outer).into_iter().flatten() {
-            let contains = match contents {
-                Some(Contents::Copied) => true,
-                Some(Contents::Read) => direction == Direction::Response && is_due && self.is_due_response(outer),
-                None => false,
-            };
+            if !self.may_contain_in(outer, is_due, contents, direction, extent) {
+                continue;
+            }
             let (span, completion) = match extent {
-                Extent::Open(_) if !is_due => continue,
-                Extent::Open(_) if context.may_look_ahead => (MAX_CANDIDATE_SPAN, self.open_length_completion(input, end)),
-                Extent::Open(_) => (MAX_CANDIDATE_SPAN, Completion::Completes),
-                Extent::Exactly(_) if !contains => continue,
-                Extent::Exactly(length) if context.may_look_ahead => {
-                    (length as u64, self.completion(input, context, outer_start))
-                }
-                Extent::Exactly(length) => (length as u64, Completion::Completes),
-                Extent::AtLeast(_) => continue,
+                _ if !context.may_look_ahead => (span_of(extent), Completion::Completes),
+                Extent::Open(_) => (MAX_CANDIDATE_SPAN, self.open_length_completion(input, end)),
+                _ => (span_of(extent), self.completion(input, context, outer_start)),
             };
             self.skip.needs_more_bytes |= completion == Completion::Unknown;
             if completion != Completion::Never {
@@ -162,6 +168,27 @@ impl Search {
             }
         }
         until
+    }
+
+    /// Whether a frame that begins with the bytes `outer`, in this direction and with this announced length, may contain others:
+    /// with an open length right behind the root (`is_due`); with an exact one if the payload of its function is copied, or
+    /// if it is the response to the outstanding request and was read. A least length does not count.
+    fn may_contain_in(
+        &self,
+        outer: &[u8],
+        is_due: bool,
+        contents: Option<Contents>,
+        direction: Direction,
+        extent: Extent,
+    ) -> bool {
+        match (extent, contents) {
+            (Extent::Open(_), _) => is_due,
+            (Extent::AtLeast(_), _) | (Extent::Exactly(_), None) => false,
+            (Extent::Exactly(_), Some(Contents::Copied)) => true,
+            (Extent::Exactly(_), Some(Contents::Read)) => {
+                direction == Direction::Response && is_due && self.is_due_response(outer)
+            }
+        }
     }
 
     /// Whether a response that begins like this would answer the outstanding request.
@@ -223,5 +250,13 @@ impl Search {
         let is_opposite =
             |other: &Hypothesis| (other.start, other.end) == (frame.start, frame.end) && other.direction != frame.direction;
         self.lattice.iter().any(|other| is_opposite(other) && self.current_score(other) > bar)
+    }
+}
+
+/// The most bytes that a frame of this announced length has.
+fn span_of(extent: Extent) -> u64 {
+    match extent {
+        Extent::Exactly(length) => length as u64,
+        Extent::AtLeast(_) | Extent::Open(_) => MAX_CANDIDATE_SPAN,
     }
 }
