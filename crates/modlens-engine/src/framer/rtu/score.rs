@@ -4,6 +4,7 @@
 //! or the outstanding request predict are worth their information content; what has to be chosen (unit, function, length)
 //! costs `-log2` of its learned share.
 
+use crate::framer::rtu::announced_length::EXCEPTION_RESPONSE_BYTES;
 use crate::framer::rtu::answerable::{fingerprint, AnswerableRequests, HeldRequest};
 use crate::framer::rtu::log2::log2;
 use crate::framer::rtu::side::{REQUEST, RESPONSE};
@@ -14,9 +15,6 @@ use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::direction::{counts_agree, expected_data_bytes, match_response, ResponseMatch, TimeoutLogOdds};
 use modlens_protocol::framing::BROADCAST_UNIT;
 use modlens_protocol::functions::{Extent, FieldLimits, FunctionRow, Layout, Operation, EXCEPTION_BIT};
-
-/// Unit, function code, exception code and CRC.
-const EXCEPTION_RESPONSE_BYTES: usize = 5;
 
 /// The longest pattern that is looked for.
 const MAX_PERIOD: usize = 4;

@@ -19,6 +19,7 @@ impl Search {
         if !self.is_scanning {
             self.begin_scan();
         }
+        self.frame_gap_ns = frame_gap_ns;
         let waits_for_bytes = std::mem::take(&mut self.skip.needs_more_bytes);
         if waits_for_bytes {
             let decision = self.decide(input, context, false);
