@@ -24,7 +24,6 @@ NOT_YET = frozenset(
         "a float that straddles two quantities",
         # captures
         "pymodbus_mixed_answers",
-        "pymodbus_repeated_write",
         "pymodbus_two_masters",
         "pymodbus_two_with_one_address",
         "pymodbus_wrong_function",

@@ -12,6 +12,7 @@ pub mod tap;
 pub mod truth;
 
 mod bus;
+mod look_alike;
 mod look_alikes;
 mod master;
 mod noise_signals;

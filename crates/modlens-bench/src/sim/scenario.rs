@@ -1,7 +1,7 @@
 //! The table of scenarios: the probabilities of faults on the bus and at the tap.
 
 use crate::model::{Direction, Framing};
-use crate::sim::look_alikes::LookAlike;
+use crate::sim::look_alike::LookAlike;
 
 /// One scenario. Probabilities are per frame unless another unit is given.
 #[derive(Clone, Debug)]

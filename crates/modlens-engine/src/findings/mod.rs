@@ -11,9 +11,11 @@
 //! | `transaction` | a response compared with its request, or none at all | when the transaction is closed |
 //! | `profile` | values and functions that contradict the unit's profile | when the transaction is closed |
 //! | `connection` | what a capture lacks or repeats | when the packet is read |
+//! | `line` | what all frames of a line have in common | at the end of the recording |
 
 pub(crate) mod connection;
 pub(crate) mod frame;
+pub(crate) mod line;
 pub(crate) mod order;
 pub(crate) mod profile;
 pub(crate) mod timing;

@@ -4,38 +4,12 @@
 //! drawn: that this response belongs to this request, or that there was none. The bits of each kind of conclusion were counted
 //! on simulated lines (`modlens-bench odds`).
 
+use crate::pairing::silence::Silence;
 use crate::pairing::{ObservedFrame, Pairing, PendingTransaction};
 use crate::weights;
 use modlens_protocol::direction::{match_response, RequestRef, ResponseMatch};
 use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
-
-/// From what it was concluded that a request had no response.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Silence {
-    /// Its master has sent it again.
-    BeforeRetry,
-    /// It was a retry, and its master has gone on to another request.
-    OfRetry,
-    /// Its master has gone on to another request, as it does, or after the time of a time-out.
-    BeforeAnother,
-    /// Its master has gone on to another request, and neither is known; or no response at all was heard on this line.
-    Unproven,
-    /// Its waiting time was over, or the recording ended long after it.
-    TimedOut,
-}
-
-impl Silence {
-    pub(super) fn bits(self) -> u8 {
-        match self {
-            Self::BeforeRetry => weights::SILENCE_BEFORE_RETRY_BITS,
-            Self::OfRetry => weights::SILENCE_OF_RETRY_BITS,
-            Self::BeforeAnother => weights::SILENCE_BEFORE_ANOTHER_BITS,
-            Self::Unproven => weights::SILENCE_OF_UNKNOWN_UNIT_BITS,
-            Self::TimedOut => weights::SILENCE_TIMED_OUT_BITS,
-        }
-    }
-}
 
 impl PendingTransaction {
     /// The log2 odds that status and pairing are right: those of the conclusion, but not above those of its frames.

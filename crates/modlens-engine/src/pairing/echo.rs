@@ -4,7 +4,8 @@
 //! echo so far (`echo_share`). Where neither tells, nothing is claimed.
 
 use crate::findings::order;
-use crate::pairing::timeouts::{interval, MIN_MASTER_TIMEOUT_NS};
+use crate::pairing::interval::interval;
+use crate::pairing::timeouts::MIN_MASTER_TIMEOUT_NS;
 use crate::pairing::transaction::{ObservedFrame, PendingTransaction};
 use crate::pairing::Pairing;
 use modlens_protocol::framing::{Mode, BROADCAST_UNIT};

@@ -35,10 +35,13 @@ mod damaged_request;
 mod echo;
 mod echo_share;
 mod history;
+mod id_habit;
+mod interval;
 mod masters;
 mod requests;
 mod responses;
 pub(crate) mod result;
+mod silence;
 pub(crate) mod timeouts;
 mod timing;
 pub(crate) mod transaction;
@@ -56,12 +59,13 @@ use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
-use certainty::Silence;
 use echo_share::EchoStatistics;
 use history::History;
+use id_habit::IdHabit;
+use interval::interval;
 use masters::MasterEvidence;
+use silence::Silence;
 use transaction::{ConnectionEnd, EarlyResponse, UnitMismatch};
-use transaction_ids::IdHabit;
 
 /// Closed transactions whose buffers are kept for new ones.
 const MAX_REUSABLE: usize = 8;
@@ -284,7 +288,7 @@ impl Pairing {
         let connection_end = self.connection_end.take();
         while let Some(mut transaction) = self.open.pop_front() {
             transaction.connection_end = connection_end;
-            let waited = timeouts::interval(transaction.request.end, self.now);
+            let waited = interval(transaction.request.end, self.now);
             let is_over = transaction.is_timed_out || connection_end.is_some();
             let is_given_up = is_over || waited.is_some_and(|waited| self.is_probably_given_up(waited));
             let status = if is_given_up { Status::NoResponse } else { Status::NotObserved };

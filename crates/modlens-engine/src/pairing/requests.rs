@@ -2,11 +2,11 @@
 //! adapter's echo is decided in `echo`.
 
 use crate::findings::order;
-use crate::pairing::certainty::Silence;
 use crate::pairing::damaged_request::DamagedRequest;
 use crate::pairing::echo::{mirrors_request, SameRequest};
 use crate::pairing::history::PastRequest;
-use crate::pairing::timeouts::interval;
+use crate::pairing::interval::interval;
+use crate::pairing::silence::Silence;
 use crate::pairing::transaction::OverlappingRequest;
 use crate::pairing::{ObservedFrame, Pairing, PairingResult, PendingTransaction};
 use crate::weights::TIMEOUT_EVIDENCE_BITS;

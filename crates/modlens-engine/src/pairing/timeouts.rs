@@ -54,8 +54,3 @@ impl Pairing {
         waited < learned.unwrap_or(MIN_MASTER_TIMEOUT_NS)
     }
 }
-
-/// From the end of one frame to the start of another, where both are known.
-pub(super) fn interval(end: Option<Ns>, start: Option<Ns>) -> Option<Ns> {
-    Some(start? - end?)
-}

@@ -1,9 +1,8 @@
 //! Findings on a line as a whole, which are told once: what nearly all of its frames have in common.
 
-use crate::findings::words;
+use crate::findings::line;
 use crate::session::rows::FindingPlace;
 use crate::session::Session;
-use modlens_protocol::finding::Finding;
 
 /// Frames before anything is said about a line as a whole.
 const MIN_FRAMES: u64 = 20;
@@ -26,13 +25,13 @@ impl Session {
         let heard = state.pairing.heard;
         let Some(is_request) = only_side(heard).filter(|_| !state.has_one_side_finding) else { return };
         state.has_one_side_finding = true;
-        let finding = Finding::OneSideOnly;
-        self.stats.finding(finding);
-        if self.wanted.findings {
-            let (start, recording_start) = (self.buses[bus].newest, self.origin);
-            let place = FindingPlace { frame: None, txn: None, bus, start, recording_start, unit: None, origin: 0 };
-            let detail = words::one_side_only(is_request, heard[usize::from(!is_request)], heard.iter().sum());
-            self.batch.findings.push(place.row(finding, detail));
+        let (start, recording_start) = (self.buses[bus].newest, self.origin);
+        let place = FindingPlace { frame: None, txn: None, bus, start, recording_start, unit: None, origin: 0 };
+        for (finding, detail) in line::one_side_only(is_request, heard[usize::from(!is_request)], heard.iter().sum()) {
+            self.stats.finding(finding);
+            if self.wanted.findings {
+                self.batch.findings.push(place.row(finding, detail));
+            }
         }
     }
 }

@@ -1,0 +1,8 @@
+//! The time between two frames.
+
+use modlens_protocol::Ns;
+
+/// From the end of one frame to the start of another, where both are known.
+pub(super) fn interval(end: Option<Ns>, start: Option<Ns>) -> Option<Ns> {
+    Some(start? - end?)
+}
