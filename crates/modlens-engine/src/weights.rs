@@ -444,6 +444,8 @@ weights! {
         FIRST_MODE_CHECK_BYTES: usize = 8;
         /// Without a valid frame in this many bytes, the look of the bytes decides.
         LAST_MODE_CHECK_BYTES: usize = 4096;
+        /// A row of noise has to be as long as this, two short frames, before another mode is looked for in it.
+        MIN_OTHER_MODE_BYTES: usize = 16;
     }
 
     "Search for damaged requests" {

@@ -1,17 +1,18 @@
-//! Chooses the framer of a line: once, on its first bytes, by the checksums and headers that fit.
+//! Chooses the framer of a line on its first bytes, by the checksums and headers that fit, and again where it finds only noise
+//! in what is RTU.
 //!
-//! The choice is made at fixed numbers of bytes, at a silence or at the end, so it does not depend on how the input was split
-//! into blocks.
+//! The choice is made at fixed numbers of bytes, at a silence or at the end, and changed at a row of noise, so it does not
+//! depend on how the input was split into blocks.
 
 use crate::framer::fixed::FixedFramer;
 use crate::framer::silence::SilenceRule;
 use crate::framer::{FrameResult, Framer, FramerContext};
 use crate::input::Input;
-use crate::weights::{FIRST_MODE_CHECK_BYTES, LAST_MODE_CHECK_BYTES};
-use modlens_protocol::framing::Mode;
+use crate::weights::{FIRST_MODE_CHECK_BYTES, LAST_MODE_CHECK_BYTES, MIN_OTHER_MODE_BYTES};
+use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::Functions;
 use modlens_protocol::line::LineSettings;
-use modlens_protocol::recognize::{mode_by_appearance, mode_by_valid_frames};
+use modlens_protocol::recognize::{mode_by_appearance, mode_by_valid_frames, valid_rtu_bytes};
 use modlens_protocol::Ns;
 
 /// Waits for evidence of a mode, then frames by the framer of that mode.
@@ -105,6 +106,13 @@ impl AutoFramer {
     }
 }
 
+/// Whether a row of noise is RTU: most of its bytes are in valid frames. What stood in front of it, be it a program's greeting
+/// or bytes that look like headers, was then not what the line carries.
+fn is_rtu(functions: &Functions, input: &Input, row: &FrameResult) -> bool {
+    let bytes = &input.bytes()[..row.length];
+    row.verdict == Verdict::Noise && bytes.len() >= MIN_OTHER_MODE_BYTES && 2 * valid_rtu_bytes(functions, bytes) >= bytes.len()
+}
+
 impl Framer for AutoFramer {
     fn next(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         if self.chosen.is_none() {
@@ -118,7 +126,14 @@ impl Framer for AutoFramer {
             return Some(result);
         }
         self.last_was_other_mode = false;
-        self.chosen.as_mut()?.next(input, context, adu)
+        let framer = self.chosen.as_mut()?;
+        let result = framer.next(input, context, adu)?;
+        if framer.mode() == Mode::Rtu || !is_rtu(context.functions, input, &result) {
+            return Some(result);
+        }
+        let mut rtu = FixedFramer::new(Mode::Rtu, self.line.as_ref(), self.rule);
+        rtu.skip_to(input.offset());
+        self.chosen.insert(rtu).next(input, context, adu)
     }
 
     fn is_settled_at(&self, offset: u64) -> bool {
