@@ -49,6 +49,12 @@ impl RunPlan {
         makers().into_iter().filter(|algorithm| wanted(algorithm.name())).collect()
     }
 
+    /// A plan for each group of scenarios, whose figures are printed together.
+    pub fn groups(&self) -> Vec<Self> {
+        let groups = self.scenarios.chunk_by(|a, b| a.group() == b.group());
+        groups.map(|scenarios| Self { scenarios: scenarios.to_vec(), ..self.clone() }).collect()
+    }
+
     /// Runs all scenarios, on several threads.
     pub fn run(&self, makers: Makers) -> RunOutcome {
         let next = std::sync::atomic::AtomicUsize::new(0);

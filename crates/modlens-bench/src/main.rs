@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::process::ExitCode;
 
-use modlens_bench::accuracy::Makers;
+use modlens_bench::accuracy::{Makers, RunPlan};
 use modlens_bench::adapter::Modlens;
 use modlens_bench::differences::{damaged_differences, differences};
 use modlens_bench::options::{Options, HELP};
@@ -73,8 +73,20 @@ const MAKERS: Makers = algorithms;
 
 /// Prints the tables of accuracy, and that of noise if it is wanted.
 fn accuracy(options: &Options) {
-    let plan = &options.plan;
+    for plan in options.plan.groups() {
+        accuracy_of_group(&plan);
+    }
+    if options.noise.bytes > 0 {
+        noise(options);
+    }
+}
+
+/// Prints the tables of accuracy of scenarios that belong together.
+fn accuracy_of_group(plan: &RunPlan) {
     let outcome = plan.run(MAKERS);
+    if let Some(group) = plan.scenarios.first().map(|scenario| scenario.group()).filter(|group| !group.is_empty()) {
+        print(&format!("\n== {group}\n"));
+    }
     for algorithm in 0..outcome.names.len() {
         print(&tables::by_mode(plan, &outcome, algorithm, "F1 of start, end and direction", |s: &Score| {
             s.frames_with_direction().f1()
@@ -83,14 +95,13 @@ fn accuracy(options: &Options) {
         if outcome.gives_labels[algorithm] {
             let title = "damaged frames located";
             print(&tables::by_mode(plan, &outcome, algorithm, title, |s: &Score| s.damaged.recall()));
+            let title = "wrong direction at stated odds of 1000 to 1 or better";
+            print(&tables::by_mode(plan, &outcome, algorithm, title, Score::wrong_of_sure));
         }
     }
     print(&tables::totals(&outcome));
     print(&tables::labels(plan, &outcome));
     print(&tables::latencies(&outcome));
-    if options.noise.bytes > 0 {
-        noise(options);
-    }
 }
 
 fn noise(options: &Options) {

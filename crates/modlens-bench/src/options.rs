@@ -134,7 +134,6 @@ fn number(key: &str, value: &str) -> Result<usize, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::scenario::{LOOK_ALIKES, WAITING};
 
     fn parse(text: &str) -> Result<Options, String> {
         Options::parse(&text.split_whitespace().map(String::from).collect::<Vec<_>>())
@@ -146,7 +145,7 @@ mod tests {
         assert_eq!(options.plan.seeds, [11, 12]);
         assert_eq!((options.plan.scenarios.len(), options.plan.modes[0], options.plan.frames), (2, TapMode::None, 100));
         assert_eq!(parse("").unwrap().plan.scenarios.len(), 20);
-        assert_eq!(parse("--scenarios all").unwrap().plan.scenarios.len(), 35 + LOOK_ALIKES.len() + WAITING.len());
+        assert_eq!(parse("--scenarios all").unwrap().plan.scenarios.len(), Scenario::all().count());
     }
 
     #[test]

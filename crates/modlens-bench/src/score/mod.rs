@@ -22,6 +22,9 @@ use crate::reported::ReportedFrame;
 use crate::sim::case::Case;
 use matching::Matching;
 
+/// Stated odds of 1024 to 1, as log2.
+const SURE_BITS: u8 = 10;
+
 /// The score of one case, or the sum of several.
 #[derive(Clone, Debug, Default)]
 pub struct Score {
@@ -33,6 +36,10 @@ pub struct Score {
     pub matched: u64,
     /// Matched frames that have the right direction, too.
     pub matched_with_direction: u64,
+    /// Matched frames with stated odds of a thousand to one or better.
+    pub sure: u64,
+    /// Those of them that have the wrong direction, also where the recording does not decide it.
+    pub sure_and_wrong: u64,
     /// Responses that are assigned to their requests.
     pub pairs: Tally,
     /// Damaged frames, found by their start.
@@ -56,6 +63,11 @@ impl Score {
         self.tally(self.matched)
     }
 
+    /// The share of frames with stated odds of a thousand to one or better that have the wrong direction.
+    pub fn wrong_of_sure(&self) -> f64 {
+        self.sure_and_wrong as f64 / self.sure.max(1) as f64
+    }
+
     fn tally(&self, matched: u64) -> Tally {
         Tally { found: matched, wanted: self.valid, right: matched, claimed: self.claimed }
     }
@@ -71,6 +83,8 @@ impl Score {
         self.claimed += other.claimed;
         self.matched += other.matched;
         self.matched_with_direction += other.matched_with_direction;
+        self.sure += other.sure;
+        self.sure_and_wrong += other.sure_and_wrong;
         self.pairs.add(&other.pairs);
         self.damaged.add(&other.damaged);
         for (mine, theirs) in self.labels.iter_mut().zip(&other.labels) {
@@ -96,8 +110,13 @@ pub fn score(case: &Case, reported: &[ReportedFrame]) -> Score {
     };
     for (frame, truth) in reported.iter().zip(&matching.truth_of) {
         if let Some(truth) = truth.filter(|_| frame.is_whole).map(|at| &case.truth[at]) {
+            let has_wrong_direction = !truth.echo && frame.direction != truth.direction;
+            if frame.confidence >= SURE_BITS {
+                score.sure += 1;
+                score.sure_and_wrong += u64::from(has_wrong_direction);
+            }
             score.matched += 1;
-            score.matched_with_direction += u64::from(truth.echo || frame.direction == truth.direction);
+            score.matched_with_direction += u64::from(truth.is_undecided || !has_wrong_direction);
         }
     }
     score

@@ -46,7 +46,7 @@ pub(crate) fn claims<'a>(
         let truth = |at: usize| matching.truth_of[at].map(|truth| &case.truth[truth]);
         let (request, response) = (truth(request), truth(at));
         let right = matches!((request, response), (Some(request), Some(response)) if is_pair(request, response));
-        response.is_none_or(|response| !response.needs_no_pair).then_some(Claim { response: at, right })
+        response.is_none_or(|response| !needs_no_pair(response)).then_some(Claim { response: at, right })
     })
 }
 
@@ -61,8 +61,13 @@ pub(crate) fn wanted(case: &Case) -> impl Iterator<Item = &TruthFrame> {
     let requests = case.truth.iter().filter(|frame| frame.valid && frame.direction == Direction::Request);
     let asked: HashSet<u32> = requests.map(|frame| frame.txn).collect();
     let responses =
-        case.truth.iter().filter(|frame| frame.valid && !frame.needs_no_pair && frame.direction == Direction::Response);
+        case.truth.iter().filter(|frame| frame.valid && !needs_no_pair(frame) && frame.direction == Direction::Response);
     responses.filter(move |frame| asked.contains(&frame.txn) || frame.alternative_txn.is_some_and(|txn| asked.contains(&txn)))
+}
+
+/// Whether it is neither right nor wrong to assign this response to a request.
+fn needs_no_pair(response: &TruthFrame) -> bool {
+    response.needs_no_pair || response.is_undecided
 }
 
 fn is_request(frame: &ReportedFrame) -> bool {

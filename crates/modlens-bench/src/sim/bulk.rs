@@ -204,6 +204,7 @@ impl Bulk {
         let truth = self.frames.iter().map(|frame| {
             let bytes = &self.bytes[frame.start as usize..];
             TruthFrame {
+                is_undecided: false,
                 line: 0,
                 start: frame.start,
                 end: frame.start + u64::from(frame.length),

@@ -4,6 +4,7 @@ use crate::model::{Framing, Settings};
 use crate::rng::Rng;
 use crate::sim::reads;
 use crate::sim::registers::Registers;
+use crate::sim::repeated::Repeated;
 use crate::sim::scenario::Scenario;
 use crate::sim::slave::{LengthStyle, PollItem, ProprietaryFunction, Slave};
 
@@ -28,6 +29,10 @@ impl SimulatedBus {
     pub(crate) fn new(scenario: &Scenario, rng: &mut Rng) -> Self {
         let settings = settings(scenario.framing, rng);
         let slaves = slaves(scenario, rng);
+        if let Some(repeated) = &scenario.repeated {
+            let poll = repeated.cycle(&slaves, rng);
+            return Self { settings, slaves, poll, proprietary_functions: proprietary_functions(rng), turn: 0 };
+        }
         let proprietary_functions = proprietary_functions(rng);
         let mut poll = Vec::new();
         for (slave, device) in slaves.iter().enumerate() {
@@ -52,7 +57,7 @@ fn settings(framing: Framing, rng: &mut Rng) -> Settings {
 /// 3 to 8 slaves with different units.
 fn slaves(scenario: &Scenario, rng: &mut Rng) -> Vec<Slave> {
     let mut slaves: Vec<Slave> = Vec::new();
-    let count = rng.range(3, 8);
+    let count = scenario.repeated.as_ref().map_or_else(|| rng.range(3, 8), Repeated::slaves);
     while slaves.len() < count {
         let unit = unit(scenario.quirk > 0.0, rng);
         if slaves.iter().any(|slave| slave.unit == unit) {
@@ -60,7 +65,10 @@ fn slaves(scenario: &Scenario, rng: &mut Rng) -> Vec<Slave> {
         }
         slaves.push(Slave {
             unit,
-            response_time_ns: rng.log_normal(10e6, 0.6),
+            response_time_ns: match &scenario.repeated {
+                Some(repeated) => 1e6 * repeated.response_ms,
+                None => rng.log_normal(10e6, 0.6),
+            },
             enron: rng.chance(scenario.enron),
             quirk: rng.chance(scenario.quirk),
             lower_case: rng.chance(scenario.lower_case),

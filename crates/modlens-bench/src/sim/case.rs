@@ -6,6 +6,7 @@ use crate::model::{Framing, Label, Settings};
 use crate::rng::Rng;
 use crate::sim::look_alikes;
 use crate::sim::master::Simulation;
+use crate::sim::repeated::mark_undecided;
 use crate::sim::scenario::Scenario;
 use crate::sim::tap::{TapMode, TapRead};
 use crate::sim::truth::{truth, Loss, TruthFrame};
@@ -28,6 +29,8 @@ pub struct Traffic {
     pub name: String,
     /// Its seed.
     pub seed: u64,
+    /// The scenario.
+    scenario: Scenario,
     /// Settings of the line.
     pub settings: Settings,
     /// RTU or ASCII.
@@ -108,6 +111,7 @@ impl Traffic {
             name: scenario.name.into(),
             seed,
             settings: simulation.settings(),
+            scenario: scenario.clone(),
             framing: scenario.framing,
             hides_framing: false,
             lines: lines.collect(),
@@ -124,6 +128,8 @@ impl Traffic {
             CaseLine { id: line.id, bytes: line.bytes.clone(), reads }
         });
         let orderless = self.lines.len() == 2 && mode == TapMode::None;
+        let mut truth = if orderless { without_order(&self.truth) } else { self.truth.clone() };
+        mark_undecided(&mut truth, &self.lines, &self.scenario, mode);
         Case {
             name: self.name.clone(),
             seed: self.seed,
@@ -132,7 +138,7 @@ impl Traffic {
             framing: self.framing,
             hides_framing: self.hides_framing,
             lines: lines.collect(),
-            truth: if orderless { without_order(&self.truth) } else { self.truth.clone() },
+            truth,
             losses: self.losses.clone(),
         }
     }

@@ -16,6 +16,9 @@ const MAX_RETRIES: usize = 2;
 /// The response time-out of the master.
 const RESPONSE_TIMEOUT_NS: f64 = 250e6;
 
+/// By how much, as a logarithm, pauses and response times scatter where the same requests are sent again and again.
+const REPEATED_SPREAD: f64 = 0.1;
+
 /// The typical silence before a request.
 const REQUEST_DELAY_NS: f64 = 12e6;
 
@@ -35,6 +38,8 @@ pub(crate) struct Simulation<'a> {
     wait: Option<f64>,
     transactions: u32,
     overlaps: u32,
+    /// Frames to be sent in all.
+    frames: usize,
 }
 
 impl<'a> Simulation<'a> {
@@ -43,7 +48,7 @@ impl<'a> Simulation<'a> {
         let mut rng = Rng::new(seed, scenario.name);
         let bus = SimulatedBus::new(scenario, &mut rng);
         let wire = Wire::new(bus.settings, scenario);
-        let mut this = Self { scenario, bus, wire, rng, wait: None, transactions: 0, overlaps: 0 };
+        let mut this = Self { scenario, bus, wire, rng, wait: None, transactions: 0, overlaps: 0, frames };
         while this.wire.frames.len() < frames {
             this.transaction();
             if this.rng.chance(scenario.storm) {
@@ -79,7 +84,8 @@ impl<'a> Simulation<'a> {
     fn exchange(&mut self, planned: &PlannedRequest) {
         let mut role = FrameRole::Request;
         let mut overdue: Option<LateResponse> = None;
-        for _ in 0..=MAX_RETRIES {
+        let retries = self.scenario.repeated.as_ref().map_or(MAX_RETRIES, |repeated| repeated.retries);
+        for _ in 0..=retries {
             let (request, is_received) = self.request(planned, role, 0);
             let Some(slave) = planned.slave else {
                 // The turnaround delay after a broadcast (serial line specification, 2.4.1).
@@ -87,7 +93,8 @@ impl<'a> Simulation<'a> {
                 self.wait = Some(self.rng.uniform(20e6, 100e6));
                 return;
             };
-            let in_time = is_received && !self.rng.chance(self.scenario.timeout);
+            let is_dead = self.scenario.repeated.as_ref().is_some_and(|repeated| repeated.is_dead(planned, self.share_sent()));
+            let in_time = is_received && !is_dead && !self.rng.chance(self.scenario.timeout);
             if let Some(late) = overdue.take() {
                 let role = FrameRole::Late { old: late.request, now: request };
                 self.response(slave, planned.unit, &late.pdu, role, 0);
@@ -103,7 +110,8 @@ impl<'a> Simulation<'a> {
                 let pdu = self.bus.respond(slave, &planned.pdu, self.scenario, &mut self.rng);
                 overdue = Some(LateResponse { request, pdu });
             }
-            self.wait = Some(self.timeout_ns() * self.rng.uniform(0.95, 1.05));
+            let pause = self.scenario.repeated.as_ref().map_or(0.0, |repeated| 1e6 * repeated.pause_ms);
+            self.wait = Some(self.timeout_ns().max(pause) * self.rng.uniform(0.95, 1.05));
             role = FrameRole::Retry(request);
         }
     }
@@ -140,7 +148,7 @@ impl<'a> Simulation<'a> {
 
     /// Sends a request and its local echo, if there is one; returns the index of the frame and whether the slave can read it.
     fn request(&mut self, planned: &PlannedRequest, role: FrameRole, overlap_id: u32) -> (usize, bool) {
-        let silence = self.wait.take().unwrap_or_else(|| self.silence(REQUEST_DELAY_NS, 0.6));
+        let silence = self.wait.take().unwrap_or_else(|| self.pause());
         self.transactions += 1;
         let txn = self.transactions;
         let mut sent = self.frame(planned.unit, &planned.pdu, Direction::Request, role, false);
@@ -175,19 +183,38 @@ impl<'a> Simulation<'a> {
         let response_time_ns = self.bus.slaves[slave].response_time_ns;
         let is_slow = self.scenario.slow > 0.0 && self.rng.chance(self.scenario.slow);
         let typical = if is_slow { self.scenario.slow_ns } else { response_time_ns };
-        let silence = self.silence(typical, if is_slow { 0.05 } else { 0.5 });
+        let usual_spread = if self.scenario.repeated.is_some() { REPEATED_SPREAD } else { 0.5 };
+        let silence = self.silence(typical, if is_slow { 0.05 } else { usual_spread });
         let lower_case = self.bus.slaves[slave].lower_case;
         let mut sent = self.frame(unit, pdu, Direction::Response, role, lower_case);
         let txn = role.earlier().map_or(0, |earlier| self.wire.frames[earlier].txn);
         (sent.txn, sent.overlap_id) = (txn, overlap_id);
         let index = self.wire.frames.len();
-        self.wire.transmit(silence, sent, self.scenario, &mut self.rng);
+        let damaged = self.scenario.repeated.as_ref().map_or(0.0, |repeated| repeated.damaged);
+        if damaged > 0.0 && self.rng.chance(damaged) {
+            self.wire.transmit(silence, sent, &Scenario { flip: 1.0, ..self.scenario.clone() }, &mut self.rng);
+        } else {
+            self.wire.transmit(silence, sent, self.scenario, &mut self.rng);
+        }
         index
     }
 
     /// How long the master waits for a response.
     fn timeout_ns(&self) -> f64 {
         RESPONSE_TIMEOUT_NS.max(2.0 * self.scenario.slow_ns)
+    }
+
+    /// The silence in ns before a request.
+    fn pause(&mut self) -> f64 {
+        match &self.scenario.repeated {
+            Some(repeated) => self.silence(1e6 * repeated.pause_ms, REPEATED_SPREAD),
+            None => self.silence(REQUEST_DELAY_NS, 0.6),
+        }
+    }
+
+    /// Which share of the frames was sent.
+    fn share_sent(&self) -> f64 {
+        self.wire.frames.len() as f64 / self.frames as f64
     }
 
     /// A frame that is ready to be sent, without transaction.

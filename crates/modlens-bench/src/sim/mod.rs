@@ -7,6 +7,7 @@ pub mod case;
 pub mod damage;
 pub mod noise;
 pub mod output;
+pub mod repeated;
 pub mod scenario;
 pub mod tap;
 pub mod truth;

@@ -49,7 +49,12 @@ fn truth_row(frame: &TruthFrame) -> String {
     if let Some(old) = frame.alternative_txn {
         write!(row, r#", "alt_txn": {old}"#).expect("text can grow");
     }
-    for (key, is_so) in [("lenient", frame.is_unscored), ("echo", frame.echo), ("unpaired", frame.needs_no_pair)] {
+    for (key, is_so) in [
+        ("lenient", frame.is_unscored),
+        ("echo", frame.echo),
+        ("unpaired", frame.needs_no_pair),
+        ("undecided", frame.is_undecided),
+    ] {
         if is_so {
             write!(row, r#", "{key}": true"#).expect("text can grow");
         }

@@ -47,12 +47,12 @@ pub(crate) struct PlannedRequest {
 impl SimulatedBus {
     /// The next request.
     pub(crate) fn next_request(&mut self, scenario: &Scenario, rng: &mut Rng) -> PlannedRequest {
-        if rng.chance(BROADCAST_SHARE) {
+        if scenario.repeated.is_none() && rng.chance(BROADCAST_SHARE) {
             let function = rng.pick(&[5, 6, 15, 16, 22]);
             let pdu = self.operation(0, function, scenario, rng);
             return PlannedRequest { unit: 0, pdu, slave: None };
         }
-        if !rng.chance(scenario.adhoc) {
+        if scenario.repeated.is_some() || !rng.chance(scenario.adhoc) {
             let item = self.poll[self.turn % self.poll.len()].clone();
             self.turn += 1;
             return PlannedRequest { unit: self.slaves[item.slave].unit, pdu: item.pdu, slave: Some(item.slave) };

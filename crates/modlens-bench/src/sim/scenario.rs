@@ -2,6 +2,7 @@
 
 use crate::model::{Direction, Framing};
 use crate::sim::look_alike::LookAlike;
+use crate::sim::repeated::{Repeated, REPEATED};
 
 /// One scenario. Probabilities are per frame unless another unit is given.
 #[derive(Clone, Debug)]
@@ -84,10 +85,12 @@ pub struct Scenario {
     pub only: Option<Direction>,
     /// What is put between the transactions, or in front of them.
     pub look_alike: Option<LookAlike>,
+    /// A fixed cycle of requests instead of random traffic.
+    pub repeated: Option<Repeated>,
 }
 
 /// The defaults of all scenarios.
-const BASE: Scenario = Scenario {
+pub(crate) const BASE: Scenario = Scenario {
     name: "",
     frames: 3000,
     framing: Framing::Rtu,
@@ -127,6 +130,7 @@ const BASE: Scenario = Scenario {
     slow_ns: 0.0,
     only: None,
     look_alike: None,
+    repeated: None,
 };
 
 /// The defaults of ASCII scenarios.
@@ -270,8 +274,19 @@ impl Scenario {
     /// All scenarios, those of the headline first.
     pub fn all() -> impl Iterator<Item = &'static Scenario> {
         static HEADLINES: [Scenario; 20] = HEADLINE;
-        static OTHERS: [&[Scenario]; 3] = [&FURTHER, &LOOK_ALIKES, &WAITING];
+        static OTHERS: [&[Scenario]; 4] = [&FURTHER, &LOOK_ALIKES, &WAITING, &REPEATED];
         HEADLINES.iter().chain(OTHERS.into_iter().flatten())
+    }
+
+    /// The group whose figures are printed together; empty for the twenty of the headline and the further ones.
+    pub fn group(&self) -> &'static str {
+        if self.repeated.is_some() {
+            "repeated requests"
+        } else if self.look_alike.is_some() {
+            "look-alikes"
+        } else {
+            ""
+        }
     }
 
     /// The scenario of this name.
@@ -287,7 +302,7 @@ mod tests {
     #[test]
     fn names_are_unique_and_found() {
         let names: Vec<&str> = Scenario::all().map(|scenario| scenario.name).collect();
-        assert_eq!(names.len(), 35 + LOOK_ALIKES.len() + WAITING.len());
+        assert_eq!(names.len(), 35 + LOOK_ALIKES.len() + WAITING.len() + REPEATED.len());
         for (at, name) in names.iter().enumerate() {
             assert_eq!(names.iter().position(|other| other == name), Some(at));
             assert!(Scenario::named(name).is_some());
@@ -297,8 +312,7 @@ mod tests {
 
     #[test]
     fn only_clean_ones_begin_at_a_frame() {
-        let own = Scenario::all().filter(|scenario| scenario.look_alike.is_none());
-        let whole: Vec<&str> = own.filter(|s| !s.midstart).map(|s| s.name).collect();
+        let whole: Vec<&str> = Scenario::all().filter(|s| !s.midstart && s.group().is_empty()).map(|s| s.name).collect();
         assert_eq!(whole, ["clean", "ascii"]);
     }
 }

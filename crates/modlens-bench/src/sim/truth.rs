@@ -32,6 +32,8 @@ pub struct TruthFrame {
     pub valid: bool,
     /// An ASCII frame that lacks only CR or LF: to report it as whole is neither right nor wrong.
     pub is_unscored: bool,
+    /// The recording does not decide its direction, which is not scored.
+    pub is_undecided: bool,
     /// A local echo, whose direction is not scored.
     pub echo: bool,
     /// A response from the wrong unit or a repeated response, whose transaction is not scored.
@@ -154,6 +156,7 @@ impl TruthBuilder<'_> {
             alternative_txn: old,
             valid,
             is_unscored: self.framing == Framing::Ascii && !valid && complete,
+            is_undecided: false,
             echo: matches!(sent.role, FrameRole::Echo(_)),
             needs_no_pair: matches!(sent.role, FrameRole::WrongUnit(_) | FrameRole::Duplicate(_)),
             labels,
