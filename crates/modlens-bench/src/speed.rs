@@ -155,6 +155,8 @@ fn framing(bytes: &[u8]) -> u64 {
             known_units: &known_units,
             paired_units: &known_units,
             timeout_log_odds: &|_| 0.0,
+            immediate_ns: None,
+            poll_log_odds: &|_| 0.0,
             declared_direction: &|_| modlens_protocol::direction::Direction::Unknown,
         };
         let Some(cut) = framer.next(input, &context, &mut adu) else { break };
@@ -188,7 +190,7 @@ fn exchanges(framer: &mut FixedFramer, functions: &Functions, input: &mut Input)
         (count, last) = (count + 2, Some(known));
     }
     if let Some(last) = last {
-        rtu.sync_after_batch(input, &last);
+        rtu.sync_after_batch(input, &last, 60.0);
     }
     count
 }

@@ -102,12 +102,18 @@ weights! {
         PRIOR_UNANSWERED_SHARE: f32 = 1.0 / 30.0;
         /// As above, behind unframed bytes, among which a damaged response may be.
         PRIOR_UNANSWERED_AFTER_UNFRAMED_SHARE: f32 = 1.0 / 12.0;
+        /// At first an answered request is the next one, too, in one case of four: heartbeats, watchdogs, a single poll.
+        PRIOR_SAME_AGAIN_SHARE: f32 = 1.0 / 4.0;
+        /// Weight of the newest request in the learned share of requests that are sent again once they are answered.
+        SAME_AGAIN_NEWEST_SHARE: f32 = 1.0 / 32.0;
         /// At first the late response follows the response to a retry in one case of ten.
         PRIOR_LATE_RESPONSE_SHARE: f32 = 1.0 / 10.0;
         /// A learned share of unsolicited, unanswered or late frames is not believed to be smaller.
         MIN_TURN_SHARE: f32 = 0.004;
         /// A learned share of unsolicited, unanswered or late frames is not believed to be larger.
         MAX_TURN_SHARE: f32 = 0.9;
+        /// Requests to a unit by which is counted how often it is silent are halved here: units die and come back.
+        HALVE_SILENCES_FRAMES: f32 = 32.0;
         /// On one line in two hundred the tap's own adapter echoes what it sends, so that each request is heard twice.
         PRIOR_ECHO_SHARE: f32 = 1.0 / 200.0;
         /// A learned share of requests heard twice is not believed to be smaller.
@@ -200,6 +206,24 @@ weights! {
         TOO_SOON_BITS: f32 = 6.0;
         /// Says that a request is the outstanding one or the one before it, repeated.
         RETRY_CHOICE_BITS: f32 = 1.0;
+        /// No response and no new request comes sooner than the silence between frames: one line in thirty does not keep to that.
+        TOO_SOON_FOR_FRAME_BITS: f32 = 4.0;
+        /// A new request in one read with the response before it: adapters hide the time of a unit, but hardly the pause of a
+        /// master.
+        TOO_SOON_IN_READ_BITS: f32 = 8.0;
+        /// Odds of a direction that nothing puts in doubt.
+        CERTAIN_DIRECTION_BITS: f32 = 60.0;
+        /// In a row of equal frames, a response is sent twice: one in a thousand.
+        COPIED_RESPONSE_BITS: f32 = 10.0;
+        /// A response that equals its request, behind a whole exchange of another unit: only a late response, one in three
+        /// hundred. The same request again looks like it.
+        SPANS_EXCHANGE_BITS: f32 = 8.0;
+        /// If a request was heard twice before its response, the same request is heard twice again in one case of two.
+        ECHO_AGAIN_BITS: f32 = 1.0;
+        /// If a request was heard twice before its response, the same request is heard once in one case of eight.
+        ECHO_MISSING_BITS: f32 = 3.0;
+        /// The most that the copy of a request costs for coming as late as a response: an echo comes at once.
+        LATE_ECHO_BITS: f32 = 6.0;
         /// The same response once more: one in a hundred.
         REPEATED_RESPONSE_BITS: f32 = 6.6;
         /// Unit and function of an unsolicited response are among the unframed bytes before it: its request was damaged.

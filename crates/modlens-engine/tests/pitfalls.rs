@@ -10,7 +10,7 @@
 //! | 4 | strays of 00 and FF | `stray_zeros_and_ones_around_frames_belong_to_none`, `published_frames_with_glitches_on_both_sides` |
 //! | 5 | runs and collisions in linear time | `runs_of_one_value_are_no_frames_and_take_linear_time` |
 //! | 6 | coils that look like a request, addresses like a count | `eight_bytes_of_function_1_are_coils_where_coils_were_asked_for`; `look_alikes.rs`: `an_address_that_looks_like_a_byte_count` |
-//! | 7 | echoes, retries, local echo | `look_alikes.rs`: `two_three_and_four_copies_of_an_echoed_request_with_a_clock`, `..._without_a_clock`; `a_local_echo_is_no_transaction_of_its_own` |
+//! | 7 | echoes, retries, local echo | `look_alikes.rs`: `of_several_copies_of_a_mirrored_request_the_last_is_the_response_with_a_clock`, `copies_of_a_mirrored_request_are_exchanges_without_a_clock`; `equal_writes.rs`; `a_local_echo_is_no_transaction_of_its_own` |
 //! | 8 | unanswered, broadcast, late, another unit | `unanswered_broadcast_and_late`, `an_answer_after_the_time_out_is_late_and_no_second_master`, `another_unit_answers_and_the_master_asks_again` |
 //! | 9 | exceptions of every function, strange codes | `exceptions_of_every_function_and_strange_codes` |
 //! | 10 | functions of any length | `look_alikes.rs`: `functions_without_layout_of_every_length_filled_with_zeros_and_with_strays_behind`, `canopen_references_of_every_length_end_where_their_checksum_says` |

@@ -174,6 +174,7 @@ impl Mixed {
         self.shift = (self.shift.0 + piece.bytes.len() as u64, self.shift.1 + now as i64 - begin);
         let Some(direction) = piece.direction else { return };
         self.truth.push(TruthFrame {
+            is_undecided: false,
             line: 0,
             start,
             end: self.bytes.len() as u64,

@@ -78,7 +78,14 @@ fn match_exchange(
     }
     let is_settled = state.profiles.learn_quietly(functions, request, expected.read_data(response));
     let lengths = [request_length, response_length];
-    is_settled.then_some(MatchedExchange { expected, mode: Mode::Ascii, mbap_id: None, lines: [0, 0], lengths })
+    is_settled.then_some(MatchedExchange {
+        expected,
+        mode: Mode::Ascii,
+        mbap_id: None,
+        lines: [0, 0],
+        lengths,
+        response_bits: u8::MAX,
+    })
 }
 
 impl Session {

@@ -41,14 +41,14 @@ impl Session {
         totals: &mut BatchTotals,
     ) {
         let state = &mut self.buses[bus];
-        let MatchedExchange { expected, mode, mbap_id, lines: [client, server], lengths } = matched;
+        let MatchedExchange { expected, mode, mbap_id, lines: [client, server], lengths, .. } = matched;
         let request_timing = consume(&mut state.lines[*client].1, lengths[0], config);
         let response_timing = consume(&mut state.lines[*server].1, lengths[1], config);
         learn_side(&mut state.side_votes, request_timing.side, Direction::Request);
         learn_side(&mut state.side_votes, response_timing.side, Direction::Response);
         let response_time =
             state.pairing.measurable_interval(request_timing.end, response_timing.start, response_timing.clean_start);
-        state.pairing.record_exchange(expected.unit, *mbap_id, expected.echoes_request, response_time);
+        state.pairing.record_exchange(expected.unit, *mbap_id, expected.echoes_request, request_timing.gap, response_time);
         let unit = usize::from(expected.unit);
         (state.known_units[unit], state.paired_units[unit]) = (true, true);
         let rows = ExchangeRows {

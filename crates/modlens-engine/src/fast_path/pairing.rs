@@ -12,18 +12,30 @@ impl Pairing {
         !is_open && self.delayed_findings.is_empty() && self.history.is_idle() && self.masters.is_idle()
     }
 
-    /// Records that a unit has answered a request after `response_time`. `echoes_request`: the response has the same bytes as the
+    /// Records that a unit has answered a request after `response_time`; `pause` is the silence before the request. `echoes_request`: the response has the same bytes as the
     /// request, so that neither the number of copies nor the time can be learned from it.
     #[inline]
-    pub fn record_exchange(&mut self, unit: u8, mbap_id: Option<u16>, echoes_request: bool, response_time: Option<Ns>) {
+    pub fn record_exchange(
+        &mut self,
+        unit: u8,
+        mbap_id: Option<u16>,
+        echoes_request: bool,
+        pause: Option<Ns>,
+        response_time: Option<Ns>,
+    ) {
         if mbap_id.is_none() && !echoes_request {
             self.echoes.add_request();
         }
         self.heard = self.heard.map(|heard| heard + 1);
+        if let Some(pause) = pause.filter(|_| echoes_request) {
+            self.timing.record_poll_pause(pause);
+        }
         self.history.count_answered();
         self.answering_units[usize::from(unit)] = true;
-        if let Some(time) = response_time.filter(|_| !echoes_request) {
-            self.timing.record_response_time(time);
+        match response_time {
+            Some(time) if echoes_request => self.timing.record_mirrored_response_time(time),
+            Some(time) => self.timing.record_response_time(time),
+            None => {}
         }
     }
 

@@ -7,7 +7,9 @@ use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::records::{Frame, FrameRef, Span, Transaction};
 use crate::session::frame_timing::FrameTiming;
 use crate::session::rows::elapsed;
-use crate::weights::{ANSWER_BY_ID_BITS, ANSWER_IN_TURN_BITS, LRC_CONFIDENCE_BITS, MBAP_CONFIDENCE_BITS};
+use crate::weights::{
+    ANSWER_BY_ID_BITS, ANSWER_IN_TURN_BITS, LRC_CONFIDENCE_BITS, MBAP_CONFIDENCE_BITS, UNCONFIRMED_TRANSACTION_BITS,
+};
 use modlens_profiles::points::PlanInstance;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
@@ -26,6 +28,8 @@ pub(super) struct MatchedExchange {
     pub lines: [usize; 2],
     /// Lengths of request and response on their lines, in bytes or, for ASCII, characters.
     pub lengths: [usize; 2],
+    /// Log2 of the odds of the response's direction.
+    pub response_bits: u8,
 }
 
 /// One exchange with all that its rows need.
@@ -72,7 +76,7 @@ impl ExchangeRows<'_> {
             status: Status::Ok,
             exception: None,
             confidence: self.transaction_confidence(),
-            unconfirmed: false,
+            unconfirmed: self.transaction_confidence() < UNCONFIRMED_TRANSACTION_BITS,
             response_time: self.response_time,
             waited: None,
             late_response: None,
@@ -91,11 +95,11 @@ impl ExchangeRows<'_> {
     /// The log2 odds that request and response belong together: as pairing has them, but not above those of the frames.
     fn transaction_confidence(&self) -> u8 {
         let pairing = if self.matched.mbap_id.is_some() { ANSWER_BY_ID_BITS } else { ANSWER_IN_TURN_BITS };
-        pairing.min(self.frame_confidence())
+        pairing.min(self.request_confidence()).min(self.matched.response_bits)
     }
 
-    /// The confidence of both frames, which is that of the mode's framer.
-    fn frame_confidence(&self) -> u8 {
+    /// The confidence of the request, which is that of the mode's framer.
+    fn request_confidence(&self) -> u8 {
         match self.matched.mode {
             Mode::Rtu => confidence::of_unambiguous(Likeness::of_exchange(self.matched.expected.echoes_request)),
             Mode::Ascii => LRC_CONFIDENCE_BITS,
@@ -112,6 +116,8 @@ impl ExchangeRows<'_> {
         };
         let is_ascii = self.matched.mode == Mode::Ascii;
         let delimited_by = if is_ascii { DelimitedBy::Delimiter } else { DelimitedBy::Length };
+        let confidence =
+            if direction == Direction::Request { u8::MAX } else { self.matched.response_bits }.min(self.request_confidence());
         Frame {
             number,
             bus: self.bus,
@@ -128,7 +134,7 @@ impl ExchangeRows<'_> {
             exception: None,
             verdict: Verdict::Ok,
             unconfirmed: false,
-            confidence: self.frame_confidence(),
+            confidence,
             delimited_by,
             txn: Some(self.txn),
             mbap_id: self.matched.mbap_id,

@@ -3,6 +3,7 @@
 use crate::fast_path::emit::{adjacent_spans, may_hold_no_map, BatchTotals};
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rows::MatchedExchange;
+use crate::framer::PauseEvidence;
 use crate::session::Session;
 use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::framing::Mode;
@@ -25,7 +26,7 @@ impl Session {
         let config = state.timing_config(0);
         let min_measurable_ns = 2 * state.coarsest_resolution();
         let mut totals = BatchTotals::default();
-        let mut last_exchange: Option<ExpectedExchange> = None;
+        let mut last_exchange: Option<(ExpectedExchange, f32)> = None;
         let mut last_answered = state.lines[0].1.framer.rtu_mut().and_then(|framer| framer.last_answered());
         let arena_start = self.batch.arena.len();
         loop {
@@ -42,22 +43,29 @@ impl Session {
             if !state.profiles.learn_quietly(&self.functions, request, expected.read_data(&response[..expected.response_bytes])) {
                 break;
             }
+            let evidence = || {
+                let (timing, silence) = (&state.pairing.timing, line.input.pause_before(request_bytes));
+                let (timeout, poll) = (timing.timeout_log_odds(silence), timing.poll_log_odds(silence));
+                PauseEvidence { timeout, poll, ..PauseEvidence::default() }
+            };
+            let odds = framer.response_odds(&expected, line.input.has_times, evidence);
             // From here on, the exchange changes the state of the session.
             framer.record_exchange(request, response, expected.echoes_request);
-            let matched = MatchedExchange { expected, mode: Mode::Rtu, mbap_id: None, lines: [0, 0], lengths };
+            let matched =
+                MatchedExchange { expected, mode: Mode::Rtu, mbap_id: None, lines: [0, 0], lengths, response_bits: odds as u8 };
             // The bytes of all exchanges of this run are copied into the arena at its end, in one piece.
             let wires = adjacent_spans(arena_start + totals.bytes, matched.lengths);
             self.emit_exchange(bus, &matched, wires, None, &config, min_measurable_ns, &mut totals);
             last_answered = Some((expected.unit, expected.code));
-            last_exchange = Some(expected);
+            last_exchange = Some((expected, odds));
         }
-        let Some(last_exchange) = last_exchange else { return };
+        let Some((last_exchange, odds)) = last_exchange else { return };
         let state = &mut self.buses[bus];
         let line = &mut state.lines[0].1;
         self.batch.arena.extend_from_slice(line.input.consumed_bytes(totals.bytes));
         self.stats.record_batch(state.counts, Mode::Rtu, totals.exchanges, totals.bytes as u64);
         if let Some(framer) = line.framer.rtu_mut() {
-            framer.sync_after_batch(&line.input, &last_exchange);
+            framer.sync_after_batch(&line.input, &last_exchange, odds);
         }
         let response_bytes = last_exchange.response_bytes;
         let response = &line.input.consumed_bytes(response_bytes + CRC_BYTES)[..response_bytes];

@@ -7,8 +7,9 @@ use crate::fast_path::frame_check::is_followed_by_copy;
 use crate::framer::rtu::side::REQUEST;
 use crate::framer::rtu::traffic_model::RequestCopy;
 use crate::framer::rtu::RtuFramer;
+use crate::framer::PauseEvidence;
 use crate::input::Input;
-use crate::weights::RESPONSE_LOG_ODDS_BITS;
+use crate::weights::{CERTAIN_DIRECTION_BITS, RESPONSE_LOG_ODDS_BITS};
 use modlens_protocol::checksum::{crc_valid_at, CRC_BYTES};
 use modlens_protocol::direction::TimeoutLogOdds;
 use modlens_protocol::framing::Mode;
@@ -36,7 +37,7 @@ impl RtuFramer {
         pause: impl Fn(usize) -> TimeoutLogOdds,
     ) -> Option<ExpectedExchange> {
         let expected = ExpectedExchange::from_request(functions, Mode::Rtu, input.bytes())?;
-        if expected.resembles_response && last_answered == Some((expected.unit, expected.code)) {
+        if (expected.resembles_response || expected.echoes_request) && last_answered == Some((expected.unit, expected.code)) {
             return None;
         }
         let (request_bytes, response_bytes) = (expected.request_bytes + CRC_BYTES, expected.response_bytes + CRC_BYTES);
@@ -69,13 +70,25 @@ impl RtuFramer {
         );
     }
 
+    /// Log2 of the odds of the direction of the response, which has the same bytes as the request if `expected` says so.
+    /// `evidence` is what the silence before it says.
+    #[inline]
+    pub fn response_odds(&mut self, expected: &ExpectedExchange, has_times: bool, evidence: impl Fn() -> PauseEvidence) -> f32 {
+        if expected.echoes_request {
+            self.search.begin_run();
+            self.search.mirrored_response_odds(expected.unit, evidence(), !has_times)
+        } else {
+            CERTAIN_DIRECTION_BITS
+        }
+    }
+
     /// Brings the search up to date behind a run of such exchanges. `expected` is the last one, whose bytes have just been
-    /// consumed.
-    pub fn sync_after_batch(&mut self, input: &Input, expected: &ExpectedExchange) {
+    /// consumed, and `odds` are those of its response.
+    pub fn sync_after_batch(&mut self, input: &Input, expected: &ExpectedExchange, odds: f32) {
         let lengths = [expected.request_bytes, expected.response_bytes].map(|length| length + CRC_BYTES);
         let (request, response) = input.consumed_bytes(lengths.iter().sum()).split_at(lengths[0]);
         self.last_was_damaged = false;
-        self.search.sync_after_batch(request, response, input.offset());
+        self.search.sync_after_batch(request, response, input.offset(), odds);
     }
 }
 

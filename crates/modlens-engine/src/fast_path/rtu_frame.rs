@@ -171,7 +171,9 @@ fn request_length(search: &Search, bytes: &[u8], context: &FramerContext<'_>) ->
     // If a response would have the same length, this may be the last response once more, or a late one.
     if FrameLength::of(row.response.extent(body)).is_some_and(|other| other.bytes() == length.bytes()) {
         let open = search.answerable();
-        let may_be_response = open.superseded.is_some_and(|request| request.matches(unit, code))
+        let may_be_echo = row.has_equal_layouts && open.last_answered.is_some_and(|(request, _)| request.matches(unit, code));
+        let may_be_response = may_be_echo
+            || open.superseded.is_some_and(|request| request.matches(unit, code))
             || (!row.has_equal_layouts && open.last_answered.is_some_and(|(request, _)| request.matches(unit, code)));
         if may_be_response {
             return None;

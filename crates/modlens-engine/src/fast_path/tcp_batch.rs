@@ -42,7 +42,8 @@ fn match_exchange(state: &mut BusState, functions: &Functions, lines: [usize; 2]
     }
     let is_settled = state.profiles.learn_quietly(functions, request, expected.read_data(response));
     let mbap_id = Some(u16::from_be_bytes(id));
-    let matched = MatchedExchange { expected, mode: Mode::Tcp, mbap_id, lines, lengths };
+    let response_bits = u8::MAX;
+    let matched = MatchedExchange { expected, mode: Mode::Tcp, mbap_id, lines, lengths, response_bits };
     is_settled.then_some((matched, [requested_at, answered_at]))
 }
 

@@ -13,6 +13,7 @@ pub mod tcp;
 
 use crate::damage::kind::DamageKind;
 use crate::input::Input;
+use crate::weights;
 use modlens_protocol::direction::{Direction, RequestRef, TimeoutLogOdds};
 use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
 use modlens_protocol::functions::Functions;
@@ -73,6 +74,17 @@ impl FrameResult {
     }
 }
 
+/// What the silence before a frame says of it, as log-odds in bits; 0 without a clock.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PauseEvidence {
+    /// That the master has given up waiting, against a response.
+    pub timeout: TimeoutLogOdds,
+    /// That the master begins a new exchange, against a response.
+    pub poll: f32,
+    /// What a response and a new request cost for coming at once.
+    pub too_soon_bits: [f32; 2],
+}
+
 /// What the session knows beside the bytes of this line: evidence for the framer.
 #[derive(Clone, Copy)]
 pub struct FramerContext<'a> {
@@ -94,11 +106,41 @@ pub struct FramerContext<'a> {
     pub paired_units: &'a [bool; 256],
     /// The log-odds of a silence: timeout against response.
     pub timeout_log_odds: &'a dyn Fn(Option<Ns>) -> TimeoutLogOdds,
+    /// The longest silence that is too short to stand between two frames, if the clock is fine enough to tell.
+    pub immediate_ns: Option<Ns>,
+    /// The log-odds of a silence: the master's pause before a new request against response.
+    pub poll_log_odds: &'a dyn Fn(Option<Ns>) -> f32,
     /// The direction that a word of the recording means.
     pub declared_direction: &'a dyn Fn(modlens_readers::chunk::Side) -> Direction,
 }
 
 impl FramerContext<'_> {
+    /// What a silence says of the frame behind it.
+    pub fn pause_evidence(&self, silence: Option<Ns>) -> PauseEvidence {
+        PauseEvidence { timeout: (self.timeout_log_odds)(silence), poll: (self.poll_log_odds)(silence), too_soon_bits: [0.0; 2] }
+    }
+
+    /// What the silence before the byte at this index says of a frame that begins there.
+    pub fn pause_evidence_at(&self, input: &Input, index: usize) -> PauseEvidence {
+        let too_soon_bits = self.too_soon_bits(input, index);
+        PauseEvidence { too_soon_bits, ..self.pause_evidence(input.pause_before(index)) }
+    }
+
+    /// What a response and a new request cost, in bits, for following the byte before them at once, as far as the clock is fine
+    /// enough to tell. An echo comes at once.
+    fn too_soon_bits(&self, input: &Input, index: usize) -> [f32; 2] {
+        let Some(least) = self.immediate_ns.filter(|_| input.has_times) else { return [0.0; 2] };
+        if !input.starts_read(index) {
+            return [0.0, weights::TOO_SOON_IN_READ_BITS];
+        }
+        let is_immediate = input.pause_before(index).is_some_and(|pause| pause < least);
+        if is_immediate {
+            [weights::TOO_SOON_FOR_FRAME_BITS; 2]
+        } else {
+            [0.0; 2]
+        }
+    }
+
     /// The direction of the frame at this index as the connection, the line or the recording declares it.
     pub fn declared_direction_at(&self, input: &Input, index: usize) -> Option<Direction> {
         let by_recording = || input.read(index).and_then(|read| read.side).map(|side| (self.declared_direction)(side));

@@ -37,7 +37,10 @@ impl Pairing {
             return before.map_or(SameRequest::New, |before| self.echo_or_retry(frame, before.end, before.txn));
         }
         let is_same = |open: &PendingTransaction| open.unit == frame.unit() && open.request.pdu() == frame.pdu();
-        let open = self.open.back().filter(|open| is_same(open) && !open.echo_seen);
+        // An echo comes at once, with stray bytes before it at most: a request that has a damaged response or an exchange behind
+        // it is asked again.
+        let comes_at_once = |open: &PendingTransaction| !open.response.is_present() && frame.number <= open.request.number + 2;
+        let open = self.open.back().filter(|open| is_same(open) && !open.echo_seen && comes_at_once(open));
         let same = open.map(|open| (open.request.end, open.txn));
         if !mirrors_request(functions, frame.pdu()) {
             self.count_copies(same.is_some());

@@ -42,6 +42,9 @@ impl Pairing {
         if let SameRequest::Echo(txn) = same {
             return order::echo(txn);
         }
+        if let Some(pause) = frame.gap.filter(|_| self.open.is_empty() && mirrors_request(functions, frame.pdu())) {
+            self.timing.record_poll_pause(pause);
+        }
         self.resolve_unit_mismatch(Some(frame), done);
         if self.early_response.is_some() {
             self.learn_skew(functions, frame);

@@ -70,9 +70,11 @@ impl Pairing {
         if let (false, Some((request_end, start))) = (self.is_wire_order, transaction.request.end.zip(frame.start)) {
             self.timing.record_skew(request_end, start);
         }
-        // A response identical to its request must not teach the response time, which is what tells it from a retry.
-        if let Some(time) = transaction.response_time.filter(|_| transaction.request.pdu() != transaction.response.pdu()) {
-            self.timing.record_response_time(time);
+        match transaction.response_time {
+            Some(time) if transaction.request.pdu() != transaction.response.pdu() => self.timing.record_response_time(time),
+            Some(time) => self.timing.record_mirrored_response_time(time),
+            None if transaction.request.pdu() != transaction.response.pdu() || frame.start.is_none() || frame.clean_start => {}
+            None => self.timing.record_hidden_response_time(),
         }
     }
 

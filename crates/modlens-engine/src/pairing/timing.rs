@@ -8,6 +8,27 @@ use modlens_protocol::Ns;
 /// However well a silence fits a time-out or a response, it never counts for more than this.
 const MAX_TIMING_EVIDENCE_BITS: f64 = 20.0;
 
+/// Before any response time was seen, it is expected to be this ...
+const PRIOR_RESPONSE_NS: f64 = 12e6;
+/// ... with this standard deviation of its logarithm.
+const PRIOR_RESPONSE_LOG_SPREAD: f64 = 1.2;
+
+/// A response that comes in one read with its request is taken to have come after this time: adapters hold bytes back for at
+/// most 10 to 16 ms.
+const HIDDEN_RESPONSE_NS: Ns = 6_000_000;
+
+/// Before any was seen, the silence between a response and the next request is expected to be this ...
+const PRIOR_POLL_NS: f64 = 100e6;
+/// ... with this standard deviation of its logarithm.
+const PRIOR_POLL_LOG_SPREAD: f64 = 1.5;
+
+/// Standard deviation of the logarithm of the silence before requests, once some were seen.
+const POLL_LOG_SPREAD: f64 = 0.7;
+
+/// A response that equals its request teaches response times only where the silence before it says by so many bits that it is
+/// one. A weaker claim might teach what it claims.
+const CLEAR_RESPONSE_BITS: f32 = -3.0;
+
 /// Standard deviation of the logarithm of response times: units differ by a factor of about two, and so do functions.
 const RESPONSE_LOG_SPREAD: f64 = 0.7;
 
@@ -60,7 +81,7 @@ const SKEW_DECAY: f64 = 0.996;
 
 /// Moves a running mean of the logarithm of a time towards a further observation.
 fn update_log_mean(mean: &mut Option<f64>, ns: Ns) {
-    let log = (ns.max(1) as f64).ln();
+    let log = log_of(ns);
     match mean {
         Some(mean) => *mean += (log - *mean) * LEARNING_RATE,
         None => *mean = Some(log),
@@ -101,6 +122,9 @@ impl LogMedian {
 pub struct TimingModel {
     /// Running mean of the logarithm of the response time.
     response_log_mean: Option<f64>,
+    /// Running mean of the logarithm of the silence between a response and the next request, if that is a write which its
+    /// response repeats: there it is needed.
+    poll_log_mean: Option<f64>,
     /// The longest response time in ns, decaying.
     longest_response: f64,
     /// From the end of an unanswered request to its retry.
@@ -116,6 +140,23 @@ impl TimingModel {
     pub(crate) fn record_response_time(&mut self, ns: Ns) {
         update_log_mean(&mut self.response_log_mean, ns);
         self.longest_response = (self.longest_response * LONGEST_DECAY).max(ns as f64);
+    }
+
+    /// Learns from the time to a response that equals its request, if it cannot be a retry.
+    pub(crate) fn record_mirrored_response_time(&mut self, ns: Ns) {
+        if self.timeout_log_odds(Some(ns)) <= CLEAR_RESPONSE_BITS {
+            self.record_response_time(ns);
+        }
+    }
+
+    /// Learns from a response that equals its request and came in the same read: the adapter hides so short a time.
+    pub(crate) fn record_hidden_response_time(&mut self) {
+        update_log_mean(&mut self.response_log_mean, HIDDEN_RESPONSE_NS);
+    }
+
+    /// Learns from the silence before a write that its response repeats, while nothing was outstanding.
+    pub(crate) fn record_poll_pause(&mut self, ns: Ns) {
+        update_log_mean(&mut self.poll_log_mean, ns);
     }
 
     /// Learns how far the clocks of two lines are apart, from the end of a request and the start of its response.
@@ -159,29 +200,55 @@ impl TimingModel {
     /// Both times are log-normal. For example, with typical response times of 10 ms and a time-out of 250 ms, 250 ms of
     /// silence give more than 10 bits, and 12 ms less than -10.
     pub fn timeout_log_odds(&self, silence: Option<Ns>) -> TimeoutLogOdds {
-        let silence = silence.map(|ns| (ns.max(1) as f64).ln());
-        let (Some(silence), Some(response)) = (silence, self.response_log_mean) else {
-            return 0.0;
-        };
+        let Some(silence) = silence.map(log_of) else { return 0.0 };
+        let (response, response_spread) = self.expected_response();
         if silence < response - LN_8 {
             // Too short for either: an echo, or a silence that the clock has swallowed.
             return 0.0;
         }
-        let log2_likelihood = |mean: f64, spread: f64| {
-            let deviation = (silence - mean) / spread;
-            -(deviation * deviation / 2.0 + spread.ln()) * std::f64::consts::LOG2_E
-        };
         let retry = self.retry_after.known_after(MIN_TIMEOUTS);
         let observed = retry.or(self.skip_after.known_after(MIN_TIMEOUTS)).or(self.retry_after.known_after(1));
-        let timeout = if let Some((median, scatter)) = observed {
-            log2_likelihood(median, scatter.clamp(MIN_TIMEOUT_LOG_SPREAD, PRIOR_TIMEOUT_LOG_SPREAD))
+        let (timeout, spread) = if let Some((median, scatter)) = observed {
+            (median, scatter.clamp(MIN_TIMEOUT_LOG_SPREAD, PRIOR_TIMEOUT_LOG_SPREAD))
         } else {
             let expected = PRIOR_TIMEOUT_IN_RESPONSE_TIMES.ln() + response;
-            log2_likelihood(expected.max(silence.min(MAX_PRIOR_TIMEOUT_NS.ln())), PRIOR_TIMEOUT_LOG_SPREAD)
+            (expected.max(silence.min(MAX_PRIOR_TIMEOUT_NS.ln())), PRIOR_TIMEOUT_LOG_SPREAD)
         };
-        let evidence = timeout - log2_likelihood(response, RESPONSE_LOG_SPREAD);
-        evidence.clamp(-MAX_TIMING_EVIDENCE_BITS, MAX_TIMING_EVIDENCE_BITS) as f32
+        clamped(log2_likelihood(silence, timeout, spread) - log2_likelihood(silence, response, response_spread))
     }
+
+    /// Log-odds in bits that a silence stands before a new request rather than before a response. 0 where there is no
+    /// evidence.
+    pub fn poll_log_odds(&self, silence: Option<Ns>) -> f32 {
+        let Some(silence) = silence.map(log_of) else { return 0.0 };
+        let (response, response_spread) = self.expected_response();
+        if silence < response - LN_8 {
+            return 0.0;
+        }
+        let known = self.poll_log_mean.map(|mean| (mean, POLL_LOG_SPREAD));
+        let (poll, spread) = known.unwrap_or((PRIOR_POLL_NS.ln(), PRIOR_POLL_LOG_SPREAD));
+        clamped(log2_likelihood(silence, poll, spread) - log2_likelihood(silence, response, response_spread))
+    }
+
+    /// Mean and standard deviation of the logarithm of response times, as far as they are known.
+    fn expected_response(&self) -> (f64, f64) {
+        let known = self.response_log_mean.map(|mean| (mean, RESPONSE_LOG_SPREAD));
+        known.unwrap_or((PRIOR_RESPONSE_NS.ln(), PRIOR_RESPONSE_LOG_SPREAD))
+    }
+}
+
+fn log_of(ns: Ns) -> f64 {
+    (ns.max(1) as f64).ln()
+}
+
+/// The logarithm to base 2 of a normal density, without its constant factor.
+fn log2_likelihood(value: f64, mean: f64, spread: f64) -> f64 {
+    let deviation = (value - mean) / spread;
+    -(deviation * deviation / 2.0 + spread.ln()) * std::f64::consts::LOG2_E
+}
+
+fn clamped(evidence: f64) -> f32 {
+    evidence.clamp(-MAX_TIMING_EVIDENCE_BITS, MAX_TIMING_EVIDENCE_BITS) as f32
 }
 
 #[cfg(test)]

@@ -27,6 +27,9 @@ use modlens_readers::text::Reader;
 pub(crate) const FROM_CLIENT: u8 = 1;
 pub(crate) const FROM_SERVER: u8 = 2;
 
+/// The silence between frames on a fast line (serial line specification, 2.5.1.1).
+const MIN_T35_NS: Ns = 1_750_000;
+
 /// Votes beyond which a further frame no longer changes what a log's words `sent` and `received` mean.
 const MAX_SIDE_VOTES: i32 = 100;
 
@@ -168,6 +171,13 @@ impl BusState {
         (0..self.lines.len()).map(|at| self.resolution(at)).max().unwrap_or(0)
     }
 
+    /// The longest silence that is too short to stand between two frames of line `at`, given how late its reads come; `None`
+    /// where that is not known to be less than the silence between frames.
+    fn immediate_ns(&self, at: usize) -> Option<Ns> {
+        let t35_ns = self.options.line.map_or(MIN_T35_NS, |line| line.t35_ns());
+        Some(t35_ns - self.resolution(at)).filter(|&ns| ns > 0)
+    }
+
     /// Whether a chunk may be added to bytes that are not decided yet, because it does not change how they are decided. Asked
     /// in recordings only, before the chunk is added.
     ///
@@ -250,6 +260,8 @@ impl BusState {
             known_units: &self.known_units,
             paired_units: &self.paired_units,
             timeout_log_odds: &|silence| timing.timeout_log_odds(silence.filter(|_| is_single_line)),
+            immediate_ns: self.immediate_ns(at).filter(|_| is_single_line),
+            poll_log_odds: &|silence| timing.poll_log_odds(silence.filter(|_| is_single_line)),
             declared_direction: &move |side| declared_direction(side_votes, side),
         };
         let state = &mut self.lines[at].1;
@@ -307,6 +319,8 @@ impl BusState {
                 known_units: &self.known_units,
                 paired_units: &self.paired_units,
                 timeout_log_odds: &|_| 0.0,
+                immediate_ns: None,
+                poll_log_odds: &|_| 0.0,
                 declared_direction: &|side| declared_direction(self.side_votes, side),
             };
             let has_frame = self.lines[at].1.frame_next(&context);

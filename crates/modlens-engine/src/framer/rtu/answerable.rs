@@ -61,6 +61,12 @@ impl Answerable {
         self.last_answered = self.outstanding.take().map(|request| (request, fingerprint(frame)));
     }
 
+    /// The same, without a superseded request that this response, which answers no other, equals: it has its response now.
+    fn without_superseded(self, pool: &RequestPool, frame: &[u8]) -> Self {
+        let is_equal = |id: &RequestId| pool.get(*id).unit == frame[0] && pool.get(*id).pdu == frame[1..frame.len() - 2];
+        Self { superseded: self.superseded.filter(|id| !is_equal(id)), ..self }
+    }
+
     fn ids(&self) -> impl Iterator<Item = RequestId> {
         [self.outstanding, self.superseded, self.last_answered.map(|(request, _)| request)].into_iter().flatten()
     }
@@ -75,6 +81,14 @@ pub struct AnswerableRequests<'a> {
     pub superseded: Option<&'a HeldRequest>,
     /// The request that was answered last, and its response.
     pub last_answered: Option<(&'a HeldRequest, Fingerprint)>,
+}
+
+impl AnswerableRequests<'_> {
+    /// Whether the outstanding request was heard twice, or else the one that was answered last.
+    pub fn heard_twice(&self) -> bool {
+        self.outstanding.or(self.last_answered.map(|(request, _)| request)).is_some_and(|request| request.is_repeated)
+            || self.last_answered.is_some_and(|(request, _)| request.is_repeated)
+    }
 }
 
 /// Length and CRC of a frame.
@@ -224,7 +238,7 @@ impl RequestPool {
                 let last_answered = Some((request, fingerprint(frame)));
                 Answerable { outstanding: None, superseded: before.superseded, last_answered }
             }
-            _ => before,
+            _ => before.without_superseded(self, frame),
         }
     }
 

@@ -227,6 +227,8 @@ mod tests {
                 known_units: &units,
                 paired_units: &units,
                 timeout_log_odds: &|_| 0.0,
+                immediate_ns: None,
+                poll_log_odds: &|_| 0.0,
                 declared_direction: &|_| Direction::Unknown,
             };
             for (unit, code, direction, body) in parts {

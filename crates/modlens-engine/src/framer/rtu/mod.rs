@@ -26,7 +26,7 @@ use crate::fast_path::frame_check::{FrameCheck, FrameLength};
 use crate::fast_path::rtu_frame::{check_frame, check_frame_behind_strays};
 use crate::framer::{FrameResult, Framer, FramerContext};
 use crate::input::Input;
-use crate::weights::{COARSE_MIN_GAP_NS, FRAME_BREAK_CHARACTERS_FACTOR, FRAME_BREAK_NS};
+use crate::weights::{CERTAIN_DIRECTION_BITS, COARSE_MIN_GAP_NS, FRAME_BREAK_CHARACTERS_FACTOR, FRAME_BREAK_NS};
 use modlens_protocol::direction::{infer_direction, Direction};
 use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
 use modlens_protocol::functions::Extent;
@@ -164,10 +164,24 @@ impl RtuFramer {
     /// Lets the search commit the unambiguous frame behind these stray bytes, and makes it the decision.
     fn commit_frame_after_strays(&mut self, input: &Input, context: &FramerContext<'_>, stray_bytes: usize, length: FrameLength) {
         let start = input.offset() + stray_bytes as u64;
-        self.search.commit_fast_path_frame(context, input.bytes(), stray_bytes, length);
+        let odds = self.fast_path_odds(input, context, stray_bytes, length);
+        self.search.commit_fast_path_frame(context, input.bytes(), stray_bytes, length, odds);
         let (end, direction) = (self.search.committed_offset(), self.search.last_direction());
-        let confidence = unambiguous_confidence(context, &input.bytes()[stray_bytes..]);
+        let confidence = unambiguous_confidence(context, &input.bytes()[stray_bytes..]).min(odds as u8);
         self.decision = Some(Decision::Frame { start, end, direction, confidence, unconfirmed: false });
+    }
+
+    /// Log2 of the odds of the direction of a frame that the fast path found behind `stray_bytes` bytes. Only that of a response
+    /// which equals its request is in any doubt.
+    #[inline]
+    fn fast_path_odds(&self, input: &Input, context: &FramerContext<'_>, stray_bytes: usize, length: FrameLength) -> f32 {
+        let bytes = &input.bytes()[stray_bytes..stray_bytes + length.bytes()];
+        let outstanding = self.search.outstanding_request().filter(|_| !length.is_request());
+        if outstanding.is_none_or(|request| request.pdu[..] != bytes[1..bytes.len() - 2]) {
+            return CERTAIN_DIRECTION_BITS;
+        }
+        let silence = if stray_bytes > 0 { input.silence_since(input.offset(), stray_bytes) } else { input.pause_before(0) };
+        self.search.mirrored_response_odds(bytes[0], context.pause_evidence(silence), !input.has_times)
     }
 
     /// The row of the frame that the fast path found at the first byte; `adu` gets its unit and PDU. The search commits the
@@ -183,10 +197,11 @@ impl RtuFramer {
         let bytes = input.bytes();
         self.last_was_damaged = false;
         self.learn_inner_pause(input, length.bytes());
-        self.search.commit_fast_path_frame(context, bytes, 0, length);
+        let odds = self.fast_path_odds(input, context, 0, length);
+        self.search.commit_fast_path_frame(context, bytes, 0, length, odds);
         let direction = self.search.last_direction();
         self.recovery.truncation.learn_reaction(&mut self.search.model, context, &bytes[..length.bytes()], direction);
-        let confidence = unambiguous_confidence(context, bytes);
+        let confidence = unambiguous_confidence(context, bytes).min(odds as u8);
         if !length.is_exact() {
             return self.emit_frame(input, context, length.bytes(), direction, confidence, adu);
         }

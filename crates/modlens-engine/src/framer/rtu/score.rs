@@ -9,7 +9,7 @@ use crate::framer::rtu::answerable::{fingerprint, AnswerableRequests, HeldReques
 use crate::framer::rtu::log2::log2;
 use crate::framer::rtu::side::{REQUEST, RESPONSE};
 use crate::framer::rtu::traffic_model::{FramePosition, TrafficModel};
-use crate::framer::FramerContext;
+use crate::framer::{FramerContext, PauseEvidence};
 use crate::weights;
 use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::direction::{counts_agree, expected_data_bytes, match_response, ResponseMatch, TimeoutLogOdds};
@@ -161,17 +161,19 @@ pub struct Preceding {
 
 /// Score in bits that the frames before it add to a frame hypothesis, and whether it answers the outstanding request.
 ///
-/// `pause` is the log-odds in bits of the silence before the frame: positive where it is rather a timeout, negative where rather
-/// a response time, 0 without a clock. A request never answers.
+/// `pause` is what the silence before the frame says. A request never answers.
 pub fn context_score(
     model: &TrafficModel,
     context: &FramerContext<'_>,
     answerable: AnswerableRequests<'_>,
     frame: &[u8],
     direction: usize,
-    pause: TimeoutLogOdds,
+    pause: PauseEvidence,
     preceding: Preceding,
 ) -> (f32, bool) {
+    // Between two frames stand other bytes, so the second one does not come at once.
+    let too_soon_bits = if preceding.unframed_bytes == 0 { pause.too_soon_bits } else { [0.0; 2] };
+    let pause = PauseEvidence { too_soon_bits, ..pause };
     if direction == REQUEST {
         (request_context_score(model, context, answerable, frame, pause, preceding), false)
     } else {
@@ -179,10 +181,46 @@ pub fn context_score(
     }
 }
 
+fn position(answerable: AnswerableRequests<'_>, preceding: Preceding) -> FramePosition {
+    FramePosition { request_outstanding: answerable.outstanding.is_some(), unframed_bytes: preceding.unframed_bytes }
+}
+
 /// Costs in bits of a request and of an unsolicited response at this place.
 fn turn_costs(model: &TrafficModel, answerable: AnswerableRequests<'_>, preceding: Preceding) -> (f32, f32) {
-    let request_outstanding = answerable.outstanding.is_some();
-    model.turn_costs(FramePosition { request_outstanding, unframed_bytes: preceding.unframed_bytes })
+    model.turn_costs(position(answerable, preceding))
+}
+
+/// Whether the response to this request repeats it byte by byte, as that to function 6 does.
+pub fn mirrors_request(context: &FramerContext<'_>, pdu: &[u8]) -> bool {
+    context.functions.row(pdu[0], &pdu[1..]).is_some_and(|row| row.has_equal_layouts)
+}
+
+/// Whether the request that was answered last was heard twice before its response.
+fn last_was_echoed(answerable: AnswerableRequests<'_>) -> bool {
+    answerable.last_answered.is_some_and(|(request, _)| request.is_repeated)
+}
+
+/// Score in bits of a request while none is outstanding, for being one that stood there before: the last one, whose response
+/// was equal to it, or one that got no response. Its body is known then. Where responses have a line of their own, no response
+/// looks like a request, and nothing is gained.
+fn request_again_score(
+    model: &TrafficModel,
+    context: &FramerContext<'_>,
+    answerable: AnswerableRequests<'_>,
+    frame: &[u8],
+    pause: PauseEvidence,
+    preceding: Preceding,
+) -> f32 {
+    let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
+    let is_same = |request: &HeldRequest| request.unit == unit && request.pdu == pdu;
+    let is_answered = answerable.last_answered.is_some_and(|(request, last)| is_same(request) && last == fingerprint(frame));
+    let choice = match answerable.superseded.is_some_and(is_same) {
+        _ if context.is_multi_line || recurs_in_noise(model, unit, preceding) => return 0.0,
+        _ if is_answered => model.same_again_cost() - pause.poll.min(0.0) + pause.too_soon_bits[1],
+        true => weights::RETRY_CHOICE_BITS,
+        false => return 0.0,
+    };
+    model.unit_cost(unit) + model.function_cost(context.functions, pdu[0], REQUEST) + model.bits_of(&pdu[1..]) - choice
 }
 
 /// The part of `context_score` for requests: is it polled, a retry, an echo, or another master's? In each case it gains what
@@ -195,21 +233,30 @@ fn request_context_score(
     context: &FramerContext<'_>,
     answerable: AnswerableRequests<'_>,
     frame: &[u8],
-    pause: TimeoutLogOdds,
+    pause: PauseEvidence,
     preceding: Preceding,
 ) -> f32 {
     let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
     let (unanswered, _) = turn_costs(model, answerable, preceding);
     let polled = model.polled_request_score(frame);
     let is_same = |request: &HeldRequest| request.unit == unit && request.pdu == pdu;
-    let Some(outstanding) = answerable.outstanding else { return polled - unanswered };
+    let Some(outstanding) = answerable.outstanding else {
+        return polled.max(request_again_score(model, context, answerable, frame, pause, preceding)) - unanswered;
+    };
+    let too_soon_for_retry = pause.too_soon_bits.iter().sum::<f32>();
+    let pause = pause.timeout;
     if is_same(outstanding) {
+        let mirrors = mirrors_request(context, pdu);
         // The same request stands before the outstanding one, too.
         let third_time = answerable.superseded.is_some_and(is_same);
+        let unanswered = if mirrors { model.silence_costs(unit, position(answerable, preceding)).0 } else { unanswered };
         let unanswered = if third_time { unanswered.min(weights::STILL_SILENT_BITS) } else { unanswered };
         // A retry comes after a timeout; the echo of the tap's own adapter comes once, at once.
-        let retry = unanswered - pause.min(0.0);
-        let again = if outstanding.is_repeated { retry } else { retry.min(model.echo_costs().0) };
+        let retry = unanswered - pause.min(0.0) + if mirrors { too_soon_for_retry } else { 0.0 };
+        let was_echoed = mirrors && last_was_echoed(answerable);
+        let echo = model.echo_costs().0.min(if was_echoed { weights::ECHO_AGAIN_BITS } else { f32::MAX });
+        let late = if mirrors { (-pause).clamp(0.0, weights::LATE_ECHO_BITS) } else { 0.0 };
+        let again = if outstanding.is_repeated { retry } else { retry.min(echo + late) };
         if recurs_in_noise(model, unit, preceding) {
             return polled - again;
         }
@@ -241,7 +288,7 @@ fn response_context_score(
     context: &FramerContext<'_>,
     answerable: AnswerableRequests<'_>,
     frame: &[u8],
-    pause: TimeoutLogOdds,
+    pause: PauseEvidence,
     preceding: Preceding,
 ) -> (f32, bool) {
     let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
@@ -252,7 +299,7 @@ fn response_context_score(
     let Some(request) = outstanding.filter(|_| matched != ResponseMatch::No) else {
         let after_damage = preceding.has_same_header && outstanding.is_none();
         let unsolicited = unsolicited - if after_damage { weights::DAMAGED_REQUEST_BITS } else { 0.0 };
-        return (belated_response_score(model, context, answerable, frame, pause).max(-unsolicited), false);
+        return (belated_response_score(model, context, answerable, frame, pause.timeout).max(-unsolicited), false);
     };
     // Unit and function are predicted by the request.
     let mut score = model.unit_cost(unit) + model.function_cost(context.functions, pdu[0], RESPONSE) - weights::ANSWERED_BITS;
@@ -271,7 +318,11 @@ fn response_context_score(
         }
     }
     if request.pdu == pdu {
-        score -= pause.max(0.0) + if request.is_repeated { 0.0 } else { model.echo_costs().1 };
+        let missing_echo = if last_was_echoed(answerable) { weights::ECHO_MISSING_BITS } else { 0.0 };
+        score += weights::ANSWERED_BITS - model.silence_costs(unit, position(answerable, preceding)).1;
+        score -= pause.timeout.max(0.0)
+            + pause.too_soon_bits[0]
+            + if request.is_repeated { 0.0 } else { model.echo_costs().1.max(missing_echo) };
     }
     (score, true)
 }
@@ -305,8 +356,8 @@ fn belated_response_score(
         |request: &&HeldRequest| match_response(context.functions, request.as_request_ref(), unit, pdu) == ResponseMatch::Fully;
     let late = answerable.superseded.filter(fits).map(|request| {
         // After a timeout, what equals the request is rather its retry.
-        let may_be_retry = if request.pdu == pdu { pause.max(0.0) } else { 0.0 };
-        (request, model.late_response_cost() + may_be_retry, false)
+        let may_be_request = if request.pdu == pdu { pause.max(0.0) + spanning_cost(answerable, request) } else { 0.0 };
+        (request, model.late_response_cost() + may_be_request, false)
     });
     // A response that equals its request, once more, is rather the same request again.
     let last = answerable.last_answered.filter(|(request, last)| *last == fingerprint(frame) && request.pdu != pdu);
@@ -324,6 +375,18 @@ fn belated_response_score(
         model.unit_cost(unit) + model.function_cost(context.functions, pdu[0], RESPONSE) + body - cost
     });
     scores.fold(f32::MIN, f32::max)
+}
+
+/// Cost in bits of a late response that equals its request, for what stands between the two: nothing if that is the retry of
+/// this request, else a whole exchange of another unit.
+fn spanning_cost(answerable: AnswerableRequests<'_>, request: &HeldRequest) -> f32 {
+    let is_retry = |other: &HeldRequest| other.unit == request.unit && other.pdu == request.pdu;
+    let between = answerable.outstanding.or(answerable.last_answered.map(|(answered, _)| answered));
+    if answerable.outstanding.is_some() || between.is_some_and(is_retry) {
+        0.0
+    } else {
+        weights::SPANS_EXCHANGE_BITS
+    }
 }
 
 /// Score in bits of a frame with an invalid CRC; `None` unless it is expected here: a request of a familiar unit and function

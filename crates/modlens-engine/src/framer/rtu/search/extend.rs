@@ -9,10 +9,9 @@ use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::nested::Contents;
 use crate::framer::rtu::search::state::Search;
 use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
-use crate::framer::FramerContext;
+use crate::framer::{FramerContext, PauseEvidence};
 use crate::input::Input;
 use crate::weights;
-use modlens_protocol::direction::TimeoutLogOdds;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 use modlens_protocol::Ns;
 
@@ -21,9 +20,8 @@ struct ValidSubstring<'a> {
     /// Index of its first byte in the input.
     start_index: usize,
     bytes: &'a [u8],
-    /// Log-odds in bits of the silence before it: positive where it is rather a timeout, negative where rather a response time,
-    /// 0 without a clock.
-    pause: TimeoutLogOdds,
+    /// What the silence before it says.
+    pause: PauseEvidence,
     /// The result of `nested_scores`.
     nested: Vec<f32>,
     /// What those count for.
@@ -37,6 +35,12 @@ struct Placement {
     parent: usize,
     frame_score: f32,
 }
+
+/// The kinds of places in the lattice, by number: whether the frame answers the outstanding request, and whether it is a write
+/// or its equal response behind a request that was heard twice.
+const PLACES: usize = 4;
+const ANSWERS: usize = 1;
+const FOLLOWS_ECHO: usize = 2;
 
 impl Search {
     /// Adds the hypotheses of a substring with a valid CRC from stream offset `start` to the last byte scanned: as a request and
@@ -60,7 +64,7 @@ impl Search {
         if score::is_impossible(frame) {
             return;
         }
-        let pause = (context.timeout_log_odds)(input.pause_before(start_index));
+        let pause = context.pause_evidence_at(input, start_index);
         let contents = self.contents(context, frame);
         let nested = if contents.is_some() { self.nested_scores(start) } else { Vec::new() };
         let substring = ValidSubstring { start_index, bytes: frame, pause, nested, contents };
@@ -76,8 +80,9 @@ impl Search {
             };
             let own_score = own_score + timing - contradiction;
             let placements = self.best_placements(input, context, &substring, direction, own_score, floor);
-            for (answers, placement) in [false, true].into_iter().zip(placements) {
+            for (kind, placement) in placements.into_iter().enumerate() {
                 let Some(Placement { path_score, parent, frame_score }) = placement else { continue };
+                let answers = kind & ANSWERS != 0;
                 self.reserve_request();
                 let before = self.lattice[parent].answerable;
                 let answerable = self.requests.after(before, frame, direction, answers, true);
@@ -110,10 +115,11 @@ impl Search {
         direction: usize,
         own_score: f32,
         floor: f32,
-    ) -> [Option<Placement>; 2] {
+    ) -> [Option<Placement>; PLACES] {
         let &ValidSubstring { start_index, bytes: frame, pause, ref nested, contents } = substring;
         let start = input.offset() + start_index as u64;
-        let mut best = [None; 2];
+        let mut best = [None; PLACES];
+        let mirrors = score::mirrors_request(context, &frame[1..frame.len() - 2]);
         // A response to no request may have its own, damaged, among the unframed bytes before it.
         let nothing_outstanding = self.lattice.iter().any(|before| before.answerable.outstanding.is_none());
         let looks_for_header =
@@ -133,7 +139,7 @@ impl Search {
                     // The silence counts from the frame before, stray bytes included: they do not make it shorter.
                     let strays_in_silence = after_strays && before.end >= input.offset();
                     let pause = if strays_in_silence {
-                        (context.timeout_log_odds)(input.silence_since(before.end, start_index))
+                        context.pause_evidence(input.silence_since(before.end, start_index))
                     } else {
                         pause
                     };
@@ -146,7 +152,9 @@ impl Search {
             let contains = contents == Some(Contents::Copied) || answers;
             let nested_score = nested.get(i).copied().filter(|_| contains).unwrap_or(0.0);
             let path_score = before.path_score - self.model.unframed_cost(unframed_bytes) + frame_score + nested_score;
-            let place: &mut Option<Placement> = &mut best[usize::from(answers)];
+            let follows_echo = mirrors && self.requests.look_up(before.answerable).heard_twice();
+            let kind = if answers { ANSWERS } else { 0 } | if follows_echo { FOLLOWS_ECHO } else { 0 };
+            let place: &mut Option<Placement> = &mut best[kind];
             if path_score > floor && place.is_none_or(|known| path_score > known.path_score) {
                 *place = Some(Placement { path_score, parent: i, frame_score });
             }

@@ -6,7 +6,7 @@
 use crate::framer::rtu::search::commit::Decision;
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::state::Search;
-use crate::weights::{BEAM_BITS, BEAM_HYPOTHESES, BEAM_IN_NOISE_BITS, MIN_DAMAGED_FRAME_BYTES};
+use crate::weights::{BEAM_BITS, BEAM_HYPOTHESES, BEAM_IN_NOISE_BITS, MIN_DAMAGED_FRAME_BYTES, UNANSWERED_BITS};
 
 impl Search {
     /// The score in bits of the path that ends with this hypothesis, as it stands at the last byte scanned: less the cost of
@@ -18,6 +18,21 @@ impl Search {
     /// The last hypothesis of the path with the best score now, and that score.
     pub(super) fn best_path(&self) -> (usize, f32) {
         let scores = self.lattice.iter().enumerate().map(|(i, hypothesis)| (i, self.current_score(hypothesis)));
+        scores.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((ROOT, 0.0))
+    }
+
+    /// The same where nothing follows for some time. A path that ends with a write again, which was just answered, pays for the
+    /// silence: the unit that has answered would do it again, so that frame was rather the response.
+    pub(super) fn best_path_before_silence(&self) -> (usize, f32) {
+        let score = |hypothesis: &Hypothesis| {
+            let requests = self.requests.look_up(hypothesis.answerable);
+            let is_again = requests
+                .outstanding
+                .zip(requests.last_answered)
+                .is_some_and(|(request, (answered, _))| (request.unit, &request.pdu) == (answered.unit, &answered.pdu));
+            self.current_score(hypothesis) - if is_again { UNANSWERED_BITS } else { 0.0 }
+        };
+        let scores = self.lattice.iter().map(score).enumerate();
         scores.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((ROOT, 0.0))
     }
 

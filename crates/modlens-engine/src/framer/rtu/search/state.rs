@@ -9,6 +9,7 @@ use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
 use crate::framer::rtu::traffic_model::{FramePosition, RequestCopy, TrafficModel};
 use crate::framer::FramerContext;
+use crate::weights::CERTAIN_DIRECTION_BITS;
 use modlens_protocol::direction::{Direction, RequestRef};
 use modlens_protocol::Ns;
 
@@ -31,6 +32,8 @@ pub struct Search {
     pub(super) last_was_doubtful: bool,
     /// The shortest pause between frames, as the framer knows it.
     pub(super) frame_gap_ns: Ns,
+    /// Log2 of the odds that the direction of the frame committed last is right, in a row of equal frames.
+    pub(super) run_odds: f32,
     /// How many valid frames the search committed last without a byte between them. The fast path does not count here.
     pub(super) adjacent_frames: u8,
     /// Frames that stood alone in noise.
@@ -53,6 +56,7 @@ impl Default for Search {
             requests: RequestPool::default(),
             last_was_doubtful: false,
             frame_gap_ns: Ns::MAX,
+            run_odds: CERTAIN_DIRECTION_BITS,
             adjacent_frames: 0,
             lone_frames: LoneFrames::default(),
             last_lone_frame: None,
@@ -144,10 +148,18 @@ impl Search {
     /// Commits a frame that the fast path found behind the root and `stray_bytes` bytes: it becomes the root and teaches the
     /// model, as if the search had committed it. All hypotheses are dropped. The caller has checked layout and CRC.
     ///
-    /// `bytes` begin at the root's end. A request becomes the outstanding one, and the one before it superseded; a broadcast
+    /// `bytes` begin at the root's end; `odds` are log2 of the odds of its direction. A request becomes the outstanding one, and the one before it superseded; a broadcast
     /// leaves none outstanding. A response answers the outstanding request.
     #[inline]
-    pub fn commit_fast_path_frame(&mut self, context: &FramerContext<'_>, bytes: &[u8], stray_bytes: usize, length: FrameLength) {
+    pub fn commit_fast_path_frame(
+        &mut self,
+        context: &FramerContext<'_>,
+        bytes: &[u8],
+        stray_bytes: usize,
+        length: FrameLength,
+        odds: f32,
+    ) {
+        self.run_odds = odds;
         if self.lattice.len() > 1 {
             self.lattice.truncate(1);
         }
@@ -157,6 +169,7 @@ impl Search {
         let mut request_copy = RequestCopy::Unclear;
         let direction = if length.is_request() { REQUEST } else { RESPONSE };
         if length.is_request() {
+            self.learn_request(frame);
             self.reserve_request();
             let row = context.functions.row(frame[1], &frame[2..]);
             let expected_response = row.and_then(|row| expected_response(row, &frame[1..frame.len() - 2]));
@@ -170,6 +183,7 @@ impl Search {
             // It answers, so it is not late itself; but it may be the response to a retry, which is counted.
             self.learn_late_response(context, frame, true);
             self.learn_response_to_lone_frame(frame);
+            self.model.learn_silence(frame[0], false);
             self.lattice[ROOT].answerable.answer(frame);
         }
         self.last_lone_frame = None;
@@ -198,7 +212,8 @@ impl Search {
 
     /// Takes over a transaction that the batch fast path framed and that ends here, as if `commit_fast_path_frame` had
     /// committed both of its frames; the model has learned from them already.
-    pub fn sync_after_batch(&mut self, request: &[u8], response: &[u8], end: u64) {
+    pub fn sync_after_batch(&mut self, request: &[u8], response: &[u8], end: u64, odds: f32) {
+        self.run_odds = odds;
         self.reserve_request();
         let answerable = &mut self.lattice[ROOT].answerable;
         self.requests.set_outstanding(answerable, request, request.len(), None);

@@ -84,6 +84,20 @@ impl TrafficModel {
         (-log2(1.0 - share), -log2(share))
     }
 
+    /// Costs in bits of the silence of a unit behind a request to it, and of its response, at this position: by what the unit
+    /// itself has shown and, as long as that is little, by what the line has.
+    pub fn silence_costs(&self, unit: u8, position: FramePosition) -> (f32, f32) {
+        let index = position.index();
+        let prior = [weights::PRIOR_UNANSWERED_SHARE, weights::PRIOR_UNANSWERED_AFTER_UNFRAMED_SHARE][index];
+        let share = self.silences[usize::from(unit)].with_prior(self.unanswered[index].with_prior(prior));
+        (-log2(share), -log2(1.0 - share))
+    }
+
+    /// Cost in bits of a request that is the last one again, which was answered.
+    pub fn same_again_cost(&self) -> f32 {
+        -log2(self.same_again)
+    }
+
     /// Cost in bits of the late response to a request that was repeated.
     pub fn late_response_cost(&self) -> f32 {
         -log2(self.late_responses.with_prior(weights::PRIOR_LATE_RESPONSE_SHARE))
@@ -99,6 +113,12 @@ impl TrafficModel {
             self.late_responses.hits /= 2.0;
             self.late_responses.all /= 2.0;
         }
+    }
+
+    /// Whether requests are rather heard twice than once.
+    pub fn has_echo(&self) -> bool {
+        let (twice, once) = self.echo_costs();
+        twice < once
     }
 
     /// Costs in bits of hearing a request twice, and of hearing it once only.

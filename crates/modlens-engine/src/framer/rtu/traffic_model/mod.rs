@@ -8,6 +8,7 @@ mod byte_information;
 mod frame_costs;
 
 use crate::damage::kind::DamageKind;
+use crate::framer::rtu::answerable::{fingerprint, Fingerprint};
 use crate::framer::rtu::learned_lengths::LearnedLengths;
 use crate::framer::rtu::log2::log2;
 use crate::framer::rtu::poll_cycle::PollCycle;
@@ -61,6 +62,12 @@ pub struct TrafficModel {
     unsolicited: [LearnedShare; 2],
     /// Frames while a request is outstanding, without and with unframed bytes before them: requests among all frames.
     unanswered: [LearnedShare; 2],
+    /// Share of the answered requests that are sent again next.
+    same_again: f32,
+    /// Length and CRC of the last request.
+    last_request: Option<Fingerprint>,
+    /// Requests by unit: those without response among all.
+    silences: Box<[LearnedShare; 256]>,
     /// Retries that got their response: those after which the late response to the first request came, too.
     late_responses: LearnedShare,
     lengths: LearnedLengths,
@@ -148,6 +155,9 @@ impl Default for TrafficModel {
             noise_due: weights::NOISE_UPDATE_BYTES,
             unsolicited: [LearnedShare::default(); 2],
             unanswered: [LearnedShare::default(); 2],
+            same_again: weights::PRIOR_SAME_AGAIN_SHARE,
+            last_request: None,
+            silences: Box::new([LearnedShare::default(); 256]),
             late_responses: LearnedShare::default(),
             lengths: LearnedLengths::default(),
             score_bounds: ScoreBounds::default(),
@@ -212,6 +222,30 @@ impl TrafficModel {
         self.learn(request, REQUEST, FramePosition { request_outstanding: false, unframed_bytes: 0 }, copy);
         let position = FramePosition { request_outstanding: true, unframed_bytes: 0 };
         self.learn(response, RESPONSE, position, RequestCopy::Unclear);
+        self.learn_silence(request[0], false);
+        self.learn_same_again(request, false);
+    }
+
+    /// Learns from this request whether the one before it, if that is not outstanding, was sent again.
+    #[inline]
+    pub fn learn_same_again(&mut self, request: &[u8], is_outstanding: bool) {
+        let last = self.last_request.replace(fingerprint(request));
+        if !is_outstanding {
+            let is_same = f32::from(u8::from(last == self.last_request));
+            let share = self.same_again + (is_same - self.same_again) * weights::SAME_AGAIN_NEWEST_SHARE;
+            self.same_again = share.max(weights::MIN_TURN_SHARE);
+        }
+    }
+
+    /// Learns whether a unit has answered a request.
+    #[inline]
+    pub fn learn_silence(&mut self, unit: u8, was_silent: bool) {
+        let LearnedShare { hits, all } = &mut self.silences[usize::from(unit)];
+        *hits += f32::from(u8::from(was_silent));
+        *all += 1.0;
+        if *all > weights::HALVE_SILENCES_FRAMES {
+            (*hits, *all) = ((*hits / 2.0).max(f32::MIN_POSITIVE), *all / 2.0);
+        }
     }
 
     /// Learns the length of a frame whose layout is not public.

@@ -26,7 +26,7 @@ impl Search {
         is_closed: bool,
     ) -> Option<Decision> {
         self.skip.needs_more_bytes = false;
-        let (best, score) = self.best_path();
+        let (best, score) = if is_closed { self.best_path_before_silence() } else { self.best_path() };
         let first = self.lattice[best].first_on_path;
         // While the cost of the bytes behind the latest hypothesis grows, the order of paths may change with each byte.
         let last = &self.lattice[self.lattice.len() - 1];

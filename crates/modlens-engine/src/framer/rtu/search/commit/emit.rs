@@ -47,6 +47,7 @@ impl Search {
             let answers_outstanding = frame.answers_outstanding;
             self.learn_late_response(context, bytes, answers_outstanding);
         }
+        let odds = self.direction_odds(input, context, first, bytes);
         let unframed_bytes = start - self.committed_offset();
         self.adjacent_frames = if unframed_bytes > 0 { 0 } else { self.adjacent_frames.saturating_add(1) };
         let recurs = self.record_lone_frame(input, context, first, bytes);
@@ -64,7 +65,7 @@ impl Search {
             true => Standing::InNoise,
             false => Standing::Among,
         };
-        let confidence = confidence::of_rtu_frame(lead, Likeness::of_frame(context.functions, bytes), standing);
+        let confidence = confidence::of_rtu_frame(lead, Likeness::of_frame(context.functions, bytes), standing).min(odds as u8);
         let confidence = if unconfirmed { confidence.min(weights::UNCONFIRMED_ODDS_BITS) } else { confidence };
         self.last_was_doubtful = unconfirmed;
         if unframed_bytes > 0 {
@@ -78,6 +79,22 @@ impl Search {
         }
         let unconfirmed = unconfirmed || confidence < weights::MIN_FIRM_BITS;
         Decision::Frame { start, end, direction, confidence, unconfirmed }
+    }
+
+    /// Log2 of the odds of the direction of the frame `first`, about to be committed, in a row of equal frames. What the recording
+    /// declares is certain.
+    fn direction_odds(&mut self, input: &Input, context: &FramerContext<'_>, first: usize, bytes: &[u8]) -> f32 {
+        let frame = &self.lattice[first];
+        let role = (frame.direction, frame.answers_outstanding);
+        let index = (frame.start - input.offset()) as usize;
+        let is_declared = context.declared_direction_at(input, index) == Some(side::direction_of(frame.direction));
+        let pause = context.pause_evidence_at(input, index);
+        let odds = self.next_run_odds(context, bytes, role, pause);
+        if is_declared {
+            weights::CERTAIN_DIRECTION_BITS
+        } else {
+            odds
+        }
     }
 
     /// Whether the frame `first`, about to be committed, stands alone in noise and nothing vouches for it: a CRC is valid by
@@ -133,6 +150,11 @@ impl Search {
 
     /// Teaches the model the frame `first`, which is about to become the root; `bytes` are the frame with its CRC.
     fn learn_frame(&mut self, context: &FramerContext<'_>, first: usize, bytes: &[u8]) {
+        match self.lattice[first].direction {
+            REQUEST => self.learn_request(bytes),
+            _ if self.lattice[first].answers_outstanding => self.model.learn_silence(bytes[0], false),
+            _ => {}
+        }
         let frame = &self.lattice[first];
         let direction = frame.direction;
         let request = frame.answerable.outstanding.filter(|_| direction == REQUEST).map(|id| self.requests.get(id));
@@ -148,6 +170,20 @@ impl Search {
             learn_open_length(&mut self.model, context, bytes, direction);
         }
         self.model.update_costs();
+    }
+
+    /// Learns from this request, which is about to be committed: the outstanding one gets no response, or, if none is
+    /// outstanding, the last one is sent again or is not. An echo says nothing of that.
+    #[inline]
+    pub(in crate::framer::rtu::search) fn learn_request(&mut self, frame: &[u8]) {
+        self.model.learn_same_again(frame, self.outstanding_request().is_some());
+        let Some(outstanding) = self.outstanding_request() else { return };
+        let is_same = outstanding.unit == frame[0] && outstanding.pdu == frame[1..frame.len() - 2];
+        let may_be_echo = is_same && !outstanding.is_repeated && self.model.has_echo();
+        let unit = outstanding.unit;
+        if !may_be_echo {
+            self.model.learn_silence(unit, true);
+        }
     }
 
     /// Learns how often the late response to a request comes behind the response to its retry; `frame` is a response about to be

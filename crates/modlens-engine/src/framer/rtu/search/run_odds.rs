@@ -1,0 +1,111 @@
+//! How certain the direction of a write is where its response repeats it byte by byte.
+//!
+//! In a row of equal frames the search finds the likeliest directions, but each of them hangs on the one before: if one is
+//! wrong, all behind it are. So the odds are handed on from frame to frame. They fall with each frame that another direction
+//! explains nearly as well, and rise where the clock tells a response time from a pause of the master. Any other frame begins
+//! anew.
+
+use crate::framer::rtu::answerable::fingerprint;
+use crate::framer::rtu::score::mirrors_request;
+use crate::framer::rtu::search::state::Search;
+use crate::framer::rtu::side::RESPONSE;
+use crate::framer::rtu::traffic_model::FramePosition;
+use crate::framer::{FramerContext, PauseEvidence};
+use crate::weights;
+
+/// What a frame is in a row of equal frames.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum PlaceInRun {
+    /// The response to the outstanding request.
+    Response,
+    /// The request that was just answered.
+    Again,
+    /// The outstanding request, for the first time.
+    SecondCopy,
+    /// The outstanding request, which was heard twice already.
+    LaterCopy,
+}
+
+impl Search {
+    /// Log2 of the odds of this frame's direction, at most `CERTAIN_DIRECTION_BITS`, given what was committed before it; kept for the
+    /// frame behind it. `frame` has its CRC; `pause` is what the silence before it says.
+    pub(super) fn next_run_odds(
+        &mut self,
+        context: &FramerContext<'_>,
+        frame: &[u8],
+        (direction, answers_outstanding): (usize, bool),
+        pause: PauseEvidence,
+    ) -> f32 {
+        let place = if context.is_multi_line { None } else { self.place_in_run(context, frame, direction, answers_outstanding) };
+        let odds = place.map_or(MAX_ODDS, |place| self.odds_at(place, frame[0], pause));
+        self.run_odds = odds.clamp(MIN_ODDS, MAX_ODDS);
+        self.run_odds
+    }
+
+    /// Begins anew: the frame committed last is no doubtful one.
+    pub fn begin_run(&mut self) {
+        self.run_odds = MAX_ODDS;
+    }
+
+    /// The same for a response that equals its request and that the fast path found. `is_last`: no third copy follows.
+    pub fn mirrored_response_odds(&self, unit: u8, pause: PauseEvidence, is_last: bool) -> f32 {
+        let odds = self.odds_at(PlaceInRun::Response, unit, pause);
+        // Else the retry would have had no response either.
+        let no_response = if is_last { self.silence_costs(unit).0 } else { 0.0 };
+        (odds + no_response).clamp(MIN_ODDS, MAX_ODDS)
+    }
+
+    fn place_in_run(
+        &self,
+        context: &FramerContext<'_>,
+        frame: &[u8],
+        direction: usize,
+        answers_outstanding: bool,
+    ) -> Option<PlaceInRun> {
+        let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
+        let requests = self.answerable();
+        if let Some(outstanding) = requests.outstanding {
+            let is_same = outstanding.unit == unit && outstanding.pdu == pdu;
+            return match direction {
+                _ if !is_same || !mirrors_request(context, pdu) => None,
+                RESPONSE => answers_outstanding.then_some(PlaceInRun::Response),
+                _ if outstanding.is_repeated => Some(PlaceInRun::LaterCopy),
+                _ => Some(PlaceInRun::SecondCopy),
+            };
+        }
+        let (answered, last) = requests.last_answered.filter(|_| direction != RESPONSE)?;
+        (answered.unit == unit && answered.pdu == pdu && last == fingerprint(frame)).then_some(PlaceInRun::Again)
+    }
+
+    fn silence_costs(&self, unit: u8) -> (f32, f32) {
+        self.model.silence_costs(unit, FramePosition { request_outstanding: true, unframed_bytes: 0 })
+    }
+
+    /// The odds of a frame at this place: against what else it may be, and against an error before it.
+    fn odds_at(&self, place: PlaceInRun, unit: u8, pause: PauseEvidence) -> f32 {
+        let (silent, answered) = self.silence_costs(unit);
+        // The frame as the response, against the frame as the next request.
+        let response_bits = self.model.same_again_cost() - answered - pause.poll;
+        let retry_cost = silent + weights::RETRY_CHOICE_BITS;
+        match place {
+            PlaceInRun::Response if self.run_odds >= MAX_ODDS => retry_cost - answered - pause.timeout,
+            PlaceInRun::Response => both(retry_cost - answered - pause.timeout, self.run_odds + response_bits),
+            PlaceInRun::Again => both(weights::COPIED_RESPONSE_BITS - response_bits, self.run_odds - response_bits),
+            PlaceInRun::LaterCopy => pause.timeout - retry_cost + answered,
+            PlaceInRun::SecondCopy => {
+                let (twice, once) = self.model.echo_costs();
+                (pause.timeout - retry_cost + answered).max(once - twice + pause.too_soon_bits[0])
+            }
+        }
+    }
+}
+
+const MAX_ODDS: f32 = weights::CERTAIN_DIRECTION_BITS;
+
+/// The search has found nothing likelier.
+const MIN_ODDS: f32 = 1.0;
+
+/// The odds that neither of two errors was made, given the odds against each.
+fn both(first: f32, second: f32) -> f32 {
+    -((-first).exp2() + (-second).exp2()).log2()
+}
