@@ -75,6 +75,9 @@ pub struct TrafficModel {
     pub score_bounds: ScoreBounds,
 }
 
+/// A count below this is 0.
+const FORGOTTEN_FRAMES: f32 = 0.05;
+
 /// How often something was seen among all chances of seeing it.
 #[derive(Clone, Copy, Default)]
 struct LearnedShare {
@@ -230,21 +233,34 @@ impl TrafficModel {
     #[inline]
     pub fn learn_same_again(&mut self, request: &[u8], is_outstanding: bool) {
         let last = self.last_request.replace(fingerprint(request));
-        if !is_outstanding {
-            let is_same = f32::from(u8::from(last == self.last_request));
-            let share = self.same_again + (is_same - self.same_again) * weights::SAME_AGAIN_NEWEST_SHARE;
+        let is_same = last == self.last_request;
+        // Nearly always another request follows, and the share is as small as it gets.
+        if !is_outstanding && (is_same || self.same_again > weights::MIN_TURN_SHARE) {
+            let newest = f32::from(u8::from(is_same));
+            let share = self.same_again + (newest - self.same_again) * weights::SAME_AGAIN_NEWEST_SHARE;
             self.same_again = share.max(weights::MIN_TURN_SHARE);
         }
     }
 
-    /// Learns whether a unit has answered a request.
+    /// Learns whether a unit has answered a request. Of units that always have, nothing is counted: what the line shows stands
+    /// for them.
     #[inline]
     pub fn learn_silence(&mut self, unit: u8, was_silent: bool) {
+        if was_silent || self.silences[usize::from(unit)].hits > 0.0 {
+            self.count_silence(unit, was_silent);
+        }
+    }
+
+    #[inline(never)]
+    fn count_silence(&mut self, unit: u8, was_silent: bool) {
         let LearnedShare { hits, all } = &mut self.silences[usize::from(unit)];
         *hits += f32::from(u8::from(was_silent));
         *all += 1.0;
         if *all > weights::HALVE_SILENCES_FRAMES {
-            (*hits, *all) = ((*hits / 2.0).max(f32::MIN_POSITIVE), *all / 2.0);
+            (*hits, *all) = (*hits / 2.0, *all / 2.0);
+        }
+        if *hits < FORGOTTEN_FRAMES {
+            (*hits, *all) = (0.0, 0.0);
         }
     }
 
