@@ -96,7 +96,9 @@ fn valid_frames_have_their_checksum_and_their_header() {
                 assert_eq!((body[0], body[1] & 0x7F), (frame.unit, frame.function));
             }
         }
-        assert!(valid > 300, "{}: {valid}", scenario.name);
+        // A tap that hears one side only gets half of the 600 frames.
+        let least = if scenario.only.is_some() { 200 } else { 300 };
+        assert!(valid > least, "{}: {valid}", scenario.name);
     }
 }
 

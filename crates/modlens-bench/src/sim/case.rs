@@ -4,12 +4,11 @@ use std::collections::HashSet;
 
 use crate::model::{Framing, Label, Settings};
 use crate::rng::Rng;
-use crate::sim::look_alikes;
 use crate::sim::master::Simulation;
-use crate::sim::repeated::mark_undecided;
 use crate::sim::scenario::Scenario;
 use crate::sim::tap::{TapMode, TapRead};
 use crate::sim::truth::{truth, Loss, TruthFrame};
+use crate::sim::undecided::mark_undecided;
 
 /// The bytes of one line.
 #[derive(Clone, Debug)]
@@ -93,12 +92,8 @@ pub struct TimedRead<'a> {
 }
 
 impl Traffic {
-    /// Simulates a scenario until `frames` frames were sent.
-    pub fn new(scenario: &Scenario, seed: u64, frames: usize) -> Self {
-        if let Some(kind) = scenario.look_alike {
-            let mixed = look_alikes::traffic(kind, scenario, seed, frames);
-            return Self { hides_framing: kind.hides_framing(), ..mixed };
-        }
+    /// Simulates a scenario, without the look-alikes that it may have, until `frames` frames were sent.
+    pub(super) fn simulate(scenario: &Scenario, seed: u64, frames: usize) -> Self {
         let simulation = Simulation::new(scenario, seed, frames);
         let (truth, losses) = truth(&simulation.wire, scenario.framing);
         let two = simulation.wire.lines.len() == 2;
@@ -129,7 +124,7 @@ impl Traffic {
         });
         let orderless = self.lines.len() == 2 && mode == TapMode::None;
         let mut truth = if orderless { without_order(&self.truth) } else { self.truth.clone() };
-        mark_undecided(&mut truth, &self.lines, &self.scenario, mode);
+        mark_undecided(&mut truth, &self.lines[0].bytes, &self.scenario, mode);
         Case {
             name: self.name.clone(),
             seed: self.seed,

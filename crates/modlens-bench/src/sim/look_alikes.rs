@@ -35,7 +35,7 @@ impl Piece {
 /// Clean traffic of a scenario with look-alikes of this kind in it.
 pub(crate) fn traffic(kind: LookAlike, scenario: &Scenario, seed: u64, frames: usize) -> Traffic {
     let plain = Scenario { look_alike: None, ..scenario.clone() };
-    let clean = Traffic::new(&plain, seed, frames);
+    let clean = Traffic::simulate(&plain, seed, frames);
     let mut rng = Rng::new(seed, scenario.name);
     let makers = Makers::new(kind, &clean, &mut rng);
     let mut mixed = Mixed::new(&clean);

@@ -93,7 +93,8 @@ impl<'a> Simulation<'a> {
                 self.wait = Some(self.rng.uniform(20e6, 100e6));
                 return;
             };
-            let is_dead = self.scenario.repeated.as_ref().is_some_and(|repeated| repeated.is_dead(planned, self.share_sent()));
+            let is_dead =
+                self.scenario.repeated.as_ref().is_some_and(|repeated| repeated.is_dead(planned.slave, self.share_sent()));
             let in_time = is_received && !is_dead && !self.rng.chance(self.scenario.timeout);
             if let Some(late) = overdue.take() {
                 let role = FrameRole::Late { old: late.request, now: request };

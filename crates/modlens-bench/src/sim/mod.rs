@@ -13,6 +13,7 @@ pub mod tap;
 pub mod truth;
 
 mod bus;
+mod generate;
 mod look_alike;
 mod look_alikes;
 mod master;
@@ -23,4 +24,5 @@ mod requests;
 mod responses;
 mod slave;
 mod uart;
+mod undecided;
 mod wire;

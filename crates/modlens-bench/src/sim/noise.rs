@@ -121,7 +121,7 @@ impl Pattern {
         let mut rng = Rng::new(seed, self.text());
         let mut received: Vec<(u8, i64)> = Vec::with_capacity(count);
         while received.len() < count {
-            let traffic = Traffic::new(clean, rng.bits(), WARM_UP_FRAMES);
+            let traffic = Traffic::simulate(clean, rng.bits(), WARM_UP_FRAMES);
             let line = &traffic.lines[0];
             let from = received.last().map_or(0, |last| last.1);
             let chars: Vec<(u8, i64)> = line.bytes.iter().zip(&line.times).map(|(&b, &t)| (b, t + from)).collect();
@@ -175,7 +175,7 @@ impl NoiseCase {
     /// So many bytes of noise; `warm` puts `WARM_UP_FRAMES` frames of clean traffic in front.
     pub fn new(pattern: Pattern, seed: u64, count: usize, mode: TapMode, warm: bool) -> Self {
         let clean = Scenario::named("clean").expect("the first row of the table");
-        let mut traffic = Traffic::new(clean, seed, WARM_UP_FRAMES);
+        let mut traffic = Traffic::simulate(clean, seed, WARM_UP_FRAMES);
         if !warm {
             traffic.lines = vec![TrafficLine { id: 0, bytes: Vec::new(), times: Vec::new() }];
             traffic.truth.clear();

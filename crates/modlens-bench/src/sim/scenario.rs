@@ -2,7 +2,7 @@
 
 use crate::model::{Direction, Framing};
 use crate::sim::look_alike::LookAlike;
-use crate::sim::repeated::{Repeated, REPEATED};
+use crate::sim::repeated::{Repeated, MIXED, WRITE};
 
 /// One scenario. Probabilities are per frame unless another unit is given.
 #[derive(Clone, Debug)]
@@ -268,6 +268,34 @@ pub const LOOK_ALIKES: [Scenario; 13] = [
     Scenario { name: "auto_mbap", look_alike: Some(LookAlike::MbapInFront), ..ALIKE },
     Scenario { name: "auto_field", look_alike: Some(LookAlike::Nothing), ..FIELD },
     Scenario { name: "auto_hostile", look_alike: Some(LookAlike::Nothing), ..HOSTILE },
+];
+
+/// The defaults of these scenarios.
+const QUIET: Scenario = Scenario { frames: 800, midstart: false, timeout: 0.0, exceptions: 0.0, ..BASE };
+
+/// Lines with constant writes, dead units and damaged responses.
+pub const REPEATED: [Scenario; 17] = [
+    Scenario { name: "writes_25ms", repeated: Some(Repeated { pause_ms: 25.0, ..WRITE }), ..QUIET },
+    Scenario { name: "writes_100ms", repeated: Some(WRITE), ..QUIET },
+    Scenario { name: "writes_1s", repeated: Some(Repeated { pause_ms: 1000.0, ..WRITE }), ..QUIET },
+    Scenario { name: "echo_25ms", repeated: Some(Repeated { pause_ms: 25.0, ..WRITE }), echo: 1.0, ..QUIET },
+    Scenario { name: "echo_100ms", repeated: Some(WRITE), echo: 1.0, ..QUIET },
+    Scenario { name: "echo_1s", repeated: Some(Repeated { pause_ms: 1000.0, ..WRITE }), echo: 1.0, ..QUIET },
+    Scenario { name: "writes_polls", repeated: Some(MIXED), timeout: 0.02, ..QUIET },
+    Scenario { name: "writes_twice", repeated: Some(Repeated { writes: 1, are_doubled: true, ..MIXED }), ..QUIET },
+    Scenario { name: "echo_polls", repeated: Some(MIXED), timeout: 0.02, echo: 1.0, ..QUIET },
+    Scenario { name: "heart_dies", repeated: Some(Repeated { writes_die_at: 0.5, ..WRITE }), ..QUIET },
+    Scenario { name: "heart_dies_1s", repeated: Some(Repeated { writes_die_at: 0.5, pause_ms: 1000.0, ..WRITE }), ..QUIET },
+    Scenario { name: "heart_polls", repeated: Some(Repeated { writes_die_at: 0.5, retries: 1, ..MIXED }), ..QUIET },
+    Scenario { name: "heart_dead", repeated: Some(Repeated { writes_die_at: 0.0, pause_ms: 1000.0, ..WRITE }), ..QUIET },
+    Scenario {
+        name: "dead_unit",
+        repeated: Some(Repeated { writes: 1, polls: 6, writes_die_at: 0.0, poll_dies_at: 0.0, ..MIXED }),
+        ..QUIET
+    },
+    Scenario { name: "dead_two", repeated: Some(Repeated { polls: 1, writes_die_at: 0.0, ..WRITE }), ..QUIET },
+    Scenario { name: "damaged_25", repeated: Some(Repeated { writes: 0, polls: 1, damaged: 0.25, ..WRITE }), ..QUIET },
+    Scenario { name: "damaged_75", repeated: Some(Repeated { writes: 0, polls: 1, damaged: 0.75, ..WRITE }), ..QUIET },
 ];
 
 impl Scenario {
