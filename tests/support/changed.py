@@ -18,6 +18,7 @@ TESTS_OF_CRATES = {
     "modlens-readers": ("tests/dissectors/importers", "tests/border/test_marks.py"),
     "modlens-profiles": ("tests/analyzer/test_profiles.py", "tests/dissectors/test_profile.py"),
     "modlens-engine": ("tests/border/test_decoder.py", "tests/captures/test_decode.py"),
+    "modlens-diagnosis": ("tests/doctor", "tests/conformance/test_diagnoses.py"),
     "modlens-tables": ("tests/analyzer/test_filters.py", "tests/analyzer/test_columns.py"),
     "modlens-writers": (
         "tests/analyzer/exports/test_sink.py",

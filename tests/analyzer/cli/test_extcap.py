@@ -223,8 +223,8 @@ def test_wrong_use_of_extcap(modlens: Modlens, tmp_path: Path) -> None:
     assert "name an action" in modlens("extcap").err
     words = ["extcap", "--capture", "--extcap-interface"]
     assert "--capture needs --fifo" in modlens(*words, "modlens-port").err
-    assert "cannot be written" in modlens(*words, "modlens-port", "--fifo", tmp_path / "f").err
-    (tmp_path / "f").touch()
+    away = tmp_path / "no" / "f"
+    assert "cannot be written" in modlens(*words, "modlens-port", "--fifo", away).err
     assert "name a port" in modlens(*words, "modlens-port", "--fifo", tmp_path / "f").err
     done = modlens(*words, "modlens-gone", "--fifo", tmp_path / "f")
     assert (done.status, "is it plugged in?" in done.err) == (3, True)

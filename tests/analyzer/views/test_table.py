@@ -67,8 +67,9 @@ def test_lines_fit_the_terminal(
     path = captures / name / "recording.jsonl"
     path = recording_with(table) if table == "connections" else path
     lines = shown(path, monkeypatch, table=table, width=width)
-    assert len(lines) > 1
-    assert max(map(len, lines)) <= width
+    # A line on which nothing is wrong has no diagnosis.
+    assert len(lines) > 1 or (table == "diagnoses" and not len(decode(path).diagnoses))
+    assert max(map(len, lines), default=0) <= width
 
 
 @pytest.mark.parametrize(

@@ -200,7 +200,9 @@ impl<'a> TransactionView<'a> {
     /// The undecoded bodies of a function without a known layout.
     fn undecoded(self, batch: &'a Batch) -> Cell<'a> {
         let mut fields = Fields::default();
-        for (key, pdu) in [("request", self.t.request.pdu), ("response", self.t.response.pdu)] {
+        // What a damaged request says is not known.
+        let request = (self.status != Status::BadRequest).then_some(("request", self.t.request.pdu));
+        for (key, pdu) in request.into_iter().chain([("response", self.t.response.pdu)]) {
             fields.bodies.extend(pdu.of(&batch.arena).get(1..).map(|body| (key, body)));
         }
         fields_cell(fields)
