@@ -6,10 +6,11 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 # What the extension is made of: sources, and the tables that are embedded in it.
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
-	$(shell find $(filter-out crates/modlens-bench,$(wildcard crates/*)) dissectors analyzer -name '*.rs' -o -name '*.toml')
+	$(shell find $(filter-out crates/modlens-bench crates/modlens-tap,$(wildcard crates/*)) dissectors analyzer -name '*.rs' -o -name '*.toml')
 
-.PHONY: demo check test lint recipes wheel load soak settings bench bench-text bench-readings bench-exports speed accuracy noise fuzz properties captures vectors corpus clean
+.PHONY: demo check test lint actionlint recipes docs wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load soak settings bench bench-captures bench-text bench-readings bench-exports speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
 
+demo: export PAGER := cat
 demo: $(VENV)/.installed
 	$(BIN)/modlens decode captures/pymodbus_disturbed/recording.jsonl --line 19200-8E1
 
@@ -29,15 +30,65 @@ lint: $(VENV)/.tested
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+# The workflow for releases; the linter is a program in Go, which is built where it is not installed.
+actionlint:
+	$(or $(shell command -v actionlint),go run github.com/rhysd/actionlint/cmd/actionlint@v1.7.12)
+
 # The recipes of CONTRIBUTING.md, carried out on a copy of the tree.
 recipes: $(VENV)/.tested
 	MODLENS_RECIPES=1 $(BIN)/python -m pytest tests/docs/test_recipes.py
 
+# The site, in site/: generated reference, executed notebook; what would be a warning is an error. Its search is tried.
+docs: $(VENV)/.documented
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict --clean
+	$(BIN)/python -m docs.make.try_search
+
 wheel: $(BIN)/python
 	$(PIP) wheel --no-deps --wheel-dir dist .
 
+# Wheels for other systems, checked: make wheels TARGETS="manylinux-x86_64 manylinux-aarch64"; all of
+# release/targets.py if none is named, half an hour of one core.
+TARGETS ?=
+QUICK_TARGETS ?= manylinux-x86_64 manylinux-armv7l
+wheels: $(VENV)/.release
+	$(BIN)/python -m release.wheels $(TARGETS)
+
+# Those for Linux where they are meant for, by means of qemu-user and Debian's Python (mmdebstrap).
+try-wheels: $(VENV)/.release $(VENV)/.installed
+	$(BIN)/python -m release.try_wheel $(or $(TARGETS),manylinux-x86_64 manylinux-aarch64 manylinux-armv7l)
+
+# A wheel for this machine and an emulated one, in a fraction of the time, built and tried: what .ci/run does.
+quick-wheels: $(VENV)/.release $(VENV)/.installed
+	$(BIN)/python -m release.wheels --quick $(QUICK_TARGETS)
+	$(BIN)/python -m release.try_wheel --quick $(QUICK_TARGETS)
+
+sdist: $(VENV)/.release
+	$(BIN)/maturin sdist --out dist
+
+# The tap without Python for gateways, static: make gateway MACHINE=aarch64, and as a package of Debian: make deb. Tried
+# on a pseudo terminal, those for other processors under qemu-user: make try-gateway MACHINE=armv7.
+MACHINE ?= x86_64
+gateway: $(VENV)/.release
+	$(BIN)/python -m release.gateways $(MACHINE)
+
+deb: $(VENV)/.release
+	$(BIN)/python -m release.gateways --deb $(MACHINE)
+
+try-gateway: $(VENV)/.release $(VENV)/.installed
+	$(BIN)/python -m release.try_gateway $(MACHINE)
+
+# What stands in the tree and is made of something else: licences of the crates, completion, manual pages.
+licences:
+	$(PYTHON) -m release.licences
+
+shell-files: $(VENV)/.tested
+	$(BIN)/python -m release.shell_files
+
+# Beside the peers that are installed, and YARDSTICK=folder with limit.rs; README=1 writes the table into README.md.
 bench: $(VENV)/.tested
-	$(BIN)/python bench/decode_speed.py
+	$(BIN)/python -m bench.compare $(if $(YARDSTICK),--yardstick $(YARDSTICK)) $(if $(README),--readme)
+
+bench-captures: $(VENV)/.tested
 	$(BIN)/python -m bench.capture_speed
 
 # Logs in every dialect, to byte strings and to transactions; two minutes.
@@ -55,14 +106,18 @@ bench-readings: $(VENV)/.tested
 bench-exports: $(VENV)/.tested
 	$(BIN)/python -m bench.export_speed
 
-# A saturated line through a tap for minutes: loss, CPU, latency. The soak tells memory at its end.
+# A saturated line through a tap for minutes: loss, CPU, latency. `make memory` tells memory at its end.
 load: $(VENV)/.tested
 	$(BIN)/python bench/tap_load.py --seconds 600 --floor
 	$(BIN)/python bench/tap_load.py --seconds 600 --view table
 	$(BIN)/python bench/tap_load.py --seconds 60 --baud 3000000
 
-soak: $(VENV)/.tested
+memory: $(VENV)/.tested
 	$(BIN)/python bench/tap_load.py --seconds 1200 --load 0.4
+
+# Everything against a tap at once: stalled output, a full disk, no broker, a port unplugged, a clock that is set.
+soak: $(VENV)/.tested
+	$(BIN)/python -m tests.faults.soak --seconds 600
 
 # Settings found by listening: every standard rate, every shape of a character; two minutes.
 settings: $(VENV)/.tested
@@ -95,6 +150,29 @@ properties: $(VENV)/.tested
 	PROPTEST_CASES=$(CASES) cargo test --release --locked --workspace
 	$(BIN)/python -m pytest -m hypothesis
 
+# Damaged recordings through the command, made of everything in captures/; five minutes of a free core.
+mutations: $(VENV)/.tested
+	$(BIN)/python -m tests.faults.mutation_bar --cases 10000
+
+# Licences, versions and sources of the crates, as deny.toml allows them, and advisories.
+deny:
+	@cargo deny --version >/dev/null 2>&1 || { echo "make deny needs cargo-deny: cargo install --locked cargo-deny" >&2; false; }
+	cargo deny --locked check
+
+# Known vulnerabilities: of the crates and of the Python packages. Both databases are on the network.
+audit: $(BIN)/python
+	@cargo audit --version >/dev/null 2>&1 || { echo "make audit needs cargo-audit: cargo install --locked cargo-audit" >&2; false; }
+	cargo audit
+	test -x $(VENV)-audit/bin/pip-audit || { $(PYTHON) -m venv $(VENV)-audit && $(VENV)-audit/bin/python -m pip --quiet install pip-audit==2.10.1; }
+	$(VENV)-audit/bin/pip-audit --require-hashes --disable-pip --requirement requirements/test.txt
+
+# The versions that tests run with, for every system and Python.
+lock: $(BIN)/python
+	test -x $(VENV)-audit/bin/uv || { $(PYTHON) -m venv $(VENV)-audit && $(VENV)-audit/bin/python -m pip --quiet install uv; }
+	{ head -n 1 requirements/test.txt; $(VENV)-audit/bin/uv pip compile --quiet pyproject.toml --extra test --generate-hashes \
+		--universal --python-version 3.11 --no-header --no-emit-index-url --no-annotate; } > requirements/test.new
+	mv requirements/test.new requirements/test.txt
+
 captures: $(VENV)/.tested
 	$(BIN)/python -m tests.support.recording all
 
@@ -115,14 +193,23 @@ $(VENV)/.installed: $(BIN)/python $(SOURCES)
 	$(PIP) install --editable .
 	touch $@
 
-# The packages that tests need change with pyproject.toml only. With maturin among them, a change in Rust needs no index.
-$(VENV)/.packages: $(BIN)/python pyproject.toml
-	$(PIP) install --editable '.[test]'
+# The packages that tests need change with their list only. With maturin among them, a change in Rust needs no index.
+$(VENV)/.packages: $(BIN)/python requirements/test.txt
+	$(PIP) install --require-hashes --requirement requirements/test.txt
+	touch $@
+
+# What builds releases.
+$(VENV)/.release: $(BIN)/python release/requirements.txt
+	$(PIP) install --requirement release/requirements.txt
 	touch $@
 
 $(VENV)/.tested: $(VENV)/.packages $(SOURCES)
 	PATH="$(abspath $(BIN)):$$PATH" $(PIP) install --no-deps --no-build-isolation --editable .
 	touch $(VENV)/.installed $@
 
+$(VENV)/.documented: $(VENV)/.tested pyproject.toml
+	$(PIP) install $$($(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["dependency-groups"]["docs"])')
+	touch $@
+
 clean:
-	rm -rf $(VENV) target dist
+	rm -rf $(VENV) $(VENV)-audit target dist site

@@ -111,35 +111,22 @@ class Survey:
         points: [{address, count, type, order, bits, sure, reason, rivals}], together: [[a, b]]}.
         """
 
-def recording_head(
-    session: str,
-    segment: int,
-    ports: Sequence[tuple[str, int, str, str | None, str | None]],
-) -> bytes:
-    """The beginning of a segment of a raw recording (see modlens-writers/src/recording.rs).
+@final
+class Days:
+    """What the doctor says of each bus and day (UTC), from batches with frames and transactions.
 
-    `ports`: name of the port, number of its bus, name of the bus, its line (A or B) on a two-line
-    tap, line settings as `19200-8E1`; all that is not known is None.
+    Of each bus the latest `kept` days are kept, all by default.
     """
 
-def recording_port(
-    port: str, bus: int, name: str, line: str | None = None, settings: str | None = None
-) -> bytes:
-    """One more port of a raw recording that has begun, as in `recording_head`."""
+    def __new__(cls, kept: int | None = None) -> Days: ...
+    def add(self, batch: Batch) -> None:
+        """Count the rows of a batch."""
+    def rows(self) -> str:
+        """A JSON list, by bus and day.
 
-def recording_read(
-    port: int,
-    time_ns: int,
-    data: bytes,
-    *,
-    errors: Sequence[int] | None = None,
-    hole: bool = False,
-) -> bytes:
-    """One read of the port of that place as a block of a raw recording.
-
-    `time_ns` is when the read returned; `errors` are the places of bytes that the receiver marked,
-    `hole` says that bytes were lost before these.
-    """
+        {date, bus, seconds} and the keys of docs/doctor.schema.json; `date` is null without one,
+        `seconds` are those from the first to the last frame.
+        """
 
 @final
 class Functions:
@@ -345,21 +332,22 @@ class Inbox:
         `marked` takes the escapes of PARMRK apart (termios(3)). POSIX only (NotImplementedError);
         OSError for a descriptor that is not open.
         """
-    def put(self, port: int, time_ns: int, data: bytes | None) -> None:
-        """Queue what somebody else has read; None is the end of the port."""
+    def put(self, port: int, data: bytes | None) -> None:
+        """Queue what somebody else has read just now; None is the end of the port."""
     def end(self, port: int) -> None:
         """End the thread of a port; what it has read stays in the queue."""
     def take(
         self, timeout: float, every: float = 0.0
-    ) -> list[tuple[int, int, bytes | None, list[int], bool]]:
+    ) -> list[tuple[int, int, bytes | None, list[int], bool, bool]]:
         """Everything that has come in, waiting at most `timeout` seconds for the first of it.
 
         Calls that give something are at least `every` seconds apart: a busy line wakes the caller
         less often.
 
-        Each is (port, CLOCK_MONOTONIC ns right after the read, bytes, places of marked bytes,
-        whether bytes were lost before). Where a port has ended, bytes are None and the places hold
-        the system's number of the error, 0 for the end of the stream.
+        Each is (port, ns since 1970 right after the read, bytes, places of marked bytes, whether
+        bytes were lost before, whether a recorder has it). Where a port has ended, bytes are None
+        and the places hold the system's number of the error, 0 for the end of the stream. Bytes
+        are empty where a loss was noticed without a read.
         """
     def route(self, port: int, bus: int, line: int, char_ns: int = 0) -> None:
         """From now on `feed` gives this port's reads to a bus and line (0; 1 and 2 for A and B).
@@ -371,26 +359,88 @@ class Inbox:
     def hole(self, port: int) -> None:
         """Bytes were lost before what is read next at this port."""
     def feed(
-        self,
-        session: Session,
-        shift_ns: int,
-        told_ns: int,
-        timeout: float,
-        every: float = 0.0,
-    ) -> list[tuple[int, int, bytes | None, list[int], bool]]:
-        """As `take`, but reads go straight to the session, their times with `shift_ns` added.
+        self, session: Session, lag_ns: int, timeout: float, every: float = 0.0
+    ) -> list[tuple[int, int, bytes | None, list[int], bool, bool]]:
+        """As `take`, but reads go straight to the session.
 
         Returns when the session has rows, or after `timeout` seconds. After each look at the ports
-        the session is told the time (`Session.poll`): `told_ns`, which runs on during the call. The
-        first read of a port without a route, the end of a port, and all behind it come back as
-        `take` gives them. IndexError for a bus that is not there.
+        the session is told the time (`Session.poll`), `lag_ns` in the past. The first read of a
+        port without a route, the end of a port, and all behind it come back as `take` gives them.
+        IndexError for a bus that is not there.
         """
-    def newest(self) -> int:
-        """The time of the newest read, as `take` gives it; 0 before the first."""
+    def record(self, port: int, recorder: Recorder, number: int) -> None:
+        """Record this port's reads as those of the recorder's port `number`, before they are taken.
+
+        Reads that are waiting to be taken are recorded, too.
+        """
+    def stop_recording(self, port: int) -> None:
+        """Take back what `record` said."""
+    def set_idle_ns(self, idle_ns: int) -> None:
+        """After so long without bytes no transaction is in progress: a clock may be followed."""
+    def now_ns(self) -> int:
+        """The present time (ns since 1970) on the clock of the reads that were taken last."""
+    def check_clocks(self) -> list[tuple[int, int, int, bool]]:
+        """What has happened to the clocks since the last call; each change is given once.
+
+        Each is (by how much the wall clock was set, for how long the machine was suspended, by how
+        much times jump from now on, whether they jump in the middle of traffic); in nanoseconds.
+        Ports that are busy look at the clocks by themselves.
+        """
+    def pretend(self, wall_ns: int, suspended_ns: int) -> None:
+        """For tests: as if the wall clock had been set forward, and the machine had slept."""
     def lost(self) -> int:
         """Bytes that did not fit into `limit`."""
     def close(self) -> None:
-        """End all threads."""
+        """End all threads; what they have read stays in the queue."""
+
+@final
+class Recorder:
+    """A raw recording, written by a thread of its own (see modlens-recorder/src/lib.rs).
+
+    A segment ends after `rotate_seconds`, or before it has more than `rotate_bytes`; the newest
+    `keep_segments`, or `keep_bytes` of them, are kept. `memory` is that of what waits for the disk,
+    in bytes. OSError if the first file cannot be created.
+    """
+
+    def __new__(
+        cls,
+        path: str,
+        *,
+        rotate_seconds: int | None = None,
+        rotate_bytes: int | None = None,
+        keep_segments: int | None = None,
+        keep_bytes: int | None = None,
+        memory: int | None = None,
+    ) -> Recorder: ...
+    def add_port(
+        self, name: str, bus: str, line: str | None = None, settings: str | None = None
+    ) -> int:
+        """Add a port of a bus, its line (A or B) on a two-line tap, and settings as `19200-8E1`.
+
+        Gives its number. ValueError for settings that mean nothing.
+        """
+    def write(
+        self,
+        port: int,
+        time_ns: int,
+        data: bytes,
+        *,
+        errors: Sequence[int] | None = None,
+        hole: bool = False,
+    ) -> None:
+        """Record one read of the port of this number, without waiting for the disk.
+
+        `time_ns` is when the read returned; `errors` are the places of bytes that the receiver
+        marked, `hole` says that bytes were lost before these.
+        """
+    def status(self) -> tuple[str, str | None, bool, int, int, int]:
+        """How it is going: file, trouble now, trouble ever, bytes recorded, lost, and waiting."""
+    def take_messages(self) -> list[str]:
+        """Sentences for the user since the last call."""
+    def flush(self, timeout: float) -> bool:
+        """Wait until all that was recorded is written; False if it is not after `timeout` s."""
+    def close(self, timeout: float) -> tuple[str, str | None, bool, int, int, int]:
+        """Write what is waiting, for at most `timeout` seconds; gives the last `status`."""
 
 @final
 class Batch:
@@ -424,11 +474,15 @@ class Session:
         live: bool = False,
         timeout_ns: int | None = None,
         tables: Sequence[str] | None = None,
+        bus_name: str | None = None,
+        overview: bool = False,
     ) -> Session:
         """A session of no bus yet.
 
         - `live`: rows in order of completion, no hold-back
         - `tables`: those worth building (readings need transactions); all but diagnoses by default
+        - `bus_name`: of buses that a capture, samples or a text would name after its source
+        - `overview`: collect what reports draw, for `document`
         """
     def bind(self, profile: Profile, units: Sequence[int], *, bus: str | None = None) -> None:
         """A profile for these units of one bus (by name) or of all; the last one wins.
@@ -454,6 +508,8 @@ class Session:
         - `resolution_ns`: of that clock; None lets the core judge from the reads
         - `silence_ns`: t3.5 and t1.5, if RTU frames end at silences only; None for all evidence
         """
+    def begin_at(self, bus: int, offset: int, *, line: str | None = None) -> None:
+        """The first byte of a line will have this stream offset; before its first `feed`."""
     def feed(
         self,
         bus: int,
@@ -554,6 +610,16 @@ class Session:
 
         With `file`, the end of a file: raw recordings in it may go on in the next one.
         """
+    def close(self, bus: int) -> None:
+        """The source of a bus has ended and was flushed: gives back its memory, but its counters.
+
+        `reading` knows nothing of the bus any more. A raw recording may go on in the next file: its
+        bus stays open.
+        """
+    def close_capture(self, capture: int) -> None:
+        """The same for a capture and all its buses; `capture` does not know it any more."""
+    def close_logic(self, logic: int) -> None:
+        """The same for samples of a logic analyser."""
     def pending_rows(self) -> int:
         """Rows that `take` would return now (frames, transactions and findings together)."""
     def take(self) -> Batch: ...
@@ -561,6 +627,11 @@ class Session:
         """The last rows, and the diagnoses of the whole session where these are wanted."""
     def doctor(self) -> str:
         """The verdict, the diagnoses and the reserves so far, as JSON; null if not wanted."""
+    def document(self) -> str:
+        """What `doctor` and `stats` say, with the overview of reports, in one JSON object.
+
+        {doctor, statistics, overview}, of which doctor and overview are null if not wanted.
+        """
     def stats(self) -> str:
         """Statistics so far, as JSON (see analyzer/views/stats.py for the keys)."""
     def reading(self, bus: int) -> str:

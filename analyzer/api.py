@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
-from types import TracebackType
 from typing import Any, BinaryIO, Literal, Self, cast
 
 import _modlens
@@ -25,7 +24,8 @@ from analyzer.row_types import (
     TransactionRow,
 )
 from analyzer.rows import Rows
-from analyzer.session import FileRun, Settings
+from analyzer.session import FileRun
+from analyzer.settings import Settings
 from analyzer.silence_limits import silence_limits
 from analyzer.times import utc_offset_changes
 from dissectors.errors import UsageError
@@ -116,7 +116,7 @@ class Decoding:
         yield from self._run(tables).batches()
 
     def stats(self) -> dict[str, Any]:
-        """Statistics of a whole pass; `analyzer.views.stats` documents the keys."""
+        """Statistics of a whole pass; the site's page "Statistics and verdict" lists the keys."""
         run = self._run(())
         for _ in run.batches():
             pass
@@ -125,7 +125,7 @@ class Decoding:
     def doctor(self) -> dict[str, Any]:
         """The verdict, the diagnoses and the reserves of a whole pass.
 
-        `analyzer.views.health` documents the keys.
+        The site's page "Statistics and verdict" lists the keys.
         """
         run = self._run(("diagnoses",))
         for _ in run.batches():
@@ -251,7 +251,7 @@ class Tap:
         return self._run.batches()
 
     def stats(self) -> dict[str, Any]:
-        """Statistics so far; `analyzer.views.stats` documents the keys."""
+        """Statistics so far, with the keys of `Decoding.stats`."""
         return self._run.stats()
 
     def close(self) -> None:
@@ -261,12 +261,7 @@ class Tap:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
 

@@ -18,21 +18,36 @@ A profile's file is looked for beside the bus file first.
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from analyzer.line import Line, parse_line
 from analyzer.profiles import Binding, load, parse_units, read
+from dissectors import toml
 from dissectors.errors import ModlensError, ProfileError, UsageError
 from dissectors.function_lookup import similar_name
 
-__all__ = ["Bus", "choose_bus", "choose_buses", "load_bus_file"]
+__all__ = ["BUS_KEYS", "FILE_KEYS", "Bus", "choose_bus", "choose_buses", "load_bus_file"]
 
-_FILE_KEYS = ("plant", "bus")
-_BUS_KEYS = ("name", "port", "line", "mode", "units", "note")
+FILE_KEYS: Mapping[str, str] = {
+    "plant": "1, the version of this format; the file begins with it",
+    "bus": "one `[[bus]]` for each bus",
+}
+"""Key of the file -> what it is; the documents are made from it."""
+
+BUS_KEYS: Mapping[str, str] = {
+    "name": "name of the bus in tables and topics (default: the port)",
+    "port": "serial device or URL, or two joined by + for a four-wire line",
+    "line": "line settings, such as 19200-8E1; without them a tap finds them by listening",
+    "mode": "framing: auto (default), rtu, ascii or tcp",
+    "units": 'profiles by unit: a table such as 1 = "mightyzap" or "2-7" = "pump.yaml"; a file is '
+    "looked for beside the bus file first",
+    "note": "free text",
+}
+"""Key of a `[[bus]]` -> what it is."""
+
 _MODES = ("auto", "rtu", "ascii", "tcp")
 
 
@@ -81,12 +96,9 @@ def choose_buses(text: str) -> list[Bus]:
 
 def load_bus_file(path: str) -> list[Bus]:
     """Read a bus file; `ProfileError` lists all mistakes in it at once."""
-    try:
-        data = tomllib.loads(read(path))
-    except tomllib.TOMLDecodeError as error:
-        raise ProfileError(f"not TOML: {error}", path=path) from None
+    data = toml.load(read(path), path)
     mistakes: list[ProfileError] = []
-    _check_keys(data, _FILE_KEYS, "", path, mistakes)
+    _check_keys(data, FILE_KEYS, "", path, mistakes)
     if data.get("plant") != 1:
         message = "must be 1, the version of this format: the file begins with plant = 1"
         mistakes.append(ProfileError(message, path=path, key="plant"))
@@ -106,7 +118,7 @@ def _bus(row: dict[str, Any], key: str, path: str, mistakes: list[ProfileError])
     `key` is the table's place in the file, such as `bus[0]`. A key with a mistake counts as not
     given, so that the other keys are still checked.
     """
-    _check_keys(row, _BUS_KEYS, f"{key}.", path, mistakes)
+    _check_keys(row, BUS_KEYS, f"{key}.", path, mistakes)
 
     def wrong(name: str, message: str) -> None:
         mistakes.append(ProfileError(message, path=path, key=f"{key}.{name}"))

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import cache
 
 from dissectors.errors import UsageError
-from dissectors.function_lookup import similar_name
 from dissectors.vocabulary import respelled, vocabulary
 
 __all__ = ["TABLES", "Column", "columns", "pick"]
@@ -69,6 +68,8 @@ def pick(table: str, text: str | None) -> tuple[str, ...]:
         )
     for key in wanted:
         if key not in known:
+            from dissectors.function_lookup import similar_name  # noqa: PLC0415 - a message only
+
             hint = similar_name(key, known)
             question = (
                 f"; did you mean {hint!r}?" if hint else f"; the columns are {', '.join(known)}"

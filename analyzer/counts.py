@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 
-__all__ = ["count_of"]
+__all__ = ["bytes_of", "count_of"]
 
 
 def count_of(number: int, noun: str) -> str:
@@ -22,3 +22,16 @@ def _plural(noun: str) -> str:
     if re.search(r"[^aeiou]y$", noun):
         return f"{noun[:-1]}ies"
     return f"{noun}{'es' if noun.endswith(('s', 'x', 'ch')) else 's'}"
+
+
+def bytes_of(number: float) -> str:
+    """A number of bytes with a decimal unit.
+
+    >>> bytes_of(999), bytes_of(30_000_000), bytes_of(120_000_000), bytes_of(2.5e9)
+    ('999 B', '30.0 MB', '120 MB', '2.5 GB')
+    """
+    for unit in ("B", "kB", "MB", "GB"):
+        if number < 1000 or unit == "GB":  # noqa: PLR2004
+            break
+        number /= 1000
+    return f"{number:.{int(unit != 'B' and number < 100)}f} {unit}"  # noqa: PLR2004

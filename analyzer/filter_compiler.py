@@ -27,6 +27,7 @@ from analyzer.filter_words import (
     closed_set,
     column_of_word,
     instead_of_column,
+    operations_of_word,
 )
 from analyzer.times import parse_ns, parse_time_of_day, utc_offset_changes
 from dissectors.vocabulary import findings, respelled
@@ -118,6 +119,13 @@ class Compiler(RegisterQuestions):
         column, word = found
         if column == "findings":
             return ["in", ["text", word], ["col", column]]
+        if column == "operation":
+            operations, codes = operations_of_word(word)
+            wanted: list[Tree] = [
+                ["cmp", "==", ["col", column], ["text", one]] for one in operations
+            ]
+            wanted += [["cmp", "==", ["col", "function"], ["num", code]] for code in codes]
+            return join("or", wanted)
         return ["cmp", "==", ["col", column], ["text", word]]
 
     def _column_alone(self, node: ast.Name, key: str) -> Tree:

@@ -28,6 +28,7 @@ __all__ = [
     "column_of_word",
     "instead_of_column",
     "nearest_value",
+    "operations_of_word",
     "wrong_operator",
 ]
 
@@ -49,6 +50,13 @@ _SETS: Mapping[str, tuple[str, ...]] = {
     "client_framing": ("tcp", "rtu", "ascii", "other"),
     "server_framing": ("tcp", "rtu", "ascii", "other"),
 }
+
+_OPERATIONS: Mapping[str, tuple[tuple[str, ...], tuple[int, ...]]] = {
+    "read": (("read", "read_write"), (0x14, 0x18)),
+    "write": (("write", "read_write"), (0x15,)),
+}
+"""Word -> the operations that it means when it stands alone, and functions beside them: file
+records and the FIFO queue are no registers of a table, so that their operation is `other`."""
 
 # The order in which a word that stands alone is looked for.
 _COLUMNS_OF_WORDS = ("status", "verdict", "code", "findings", "first_status", *_SETS)
@@ -204,6 +212,8 @@ _OPERATORS = {
 }
 _RIGHT_WORDS = ("and", "or", "not", "in", "is")
 _WITH_MEASURE = re.compile(r"\d[\d.]*(?:ms|us|s|h|m)")
+_DURATION = re.compile(r"(\d{1,12}(?:\.\d{1,6})?)(us|ms|s|m|h)")
+_MICROSECONDS = {"us": 1, "ms": 1e3, "s": 1e6, "m": 60e6, "h": 3600e6}
 
 
 @cache
@@ -248,6 +258,15 @@ def column_of_word(word: str, table: str) -> tuple[str, str] | None:
     return None
 
 
+def operations_of_word(word: str) -> tuple[tuple[str, ...], tuple[int, ...]]:
+    """The operations, and functions of other operations, that a word alone means.
+
+    >>> operations_of_word("write"), operations_of_word("other")
+    ((('write', 'read_write'), (21,)), (('other',), ()))
+    """
+    return _OPERATIONS.get(word, ((word,), ()))
+
+
 def instead_of_column(word: str, table: str) -> str | None:
     """What to write instead of a name that no column of the table has; None if nothing is known."""
     plain = word.rsplit(".", 1)[-1].lower()
@@ -280,12 +299,20 @@ def wrong_operator(text: str) -> tuple[int, str] | None:
     return None
 
 
+def _microseconds(word: str) -> str:
+    """What to write for a duration such as `200ms`; empty for numbers with other units."""
+    match = _DURATION.fullmatch(word)
+    if match is None:
+        return ""
+    return f"{word} is {float(match[1]) * _MICROSECONDS[match[2]]:.0f}, because "
+
+
 def _instead_of_token(word: str, previous: str) -> str | None:
     """What to write instead of a token of a text that is no expression; None for a right one."""
     if word in _CURLY_QUOTES:
         return "write texts in straight quotes, as in 'ok'"
     if _WITH_MEASURE.fullmatch(word):
-        return "write numbers without a unit; _us columns count microseconds"
+        return f"write numbers without a unit; {_microseconds(word)}_us columns count microseconds"
     if word == ":" or (word == "/" and previous in ("==", "!=")):
         return "write times, names and other texts in quotes"
     if word.isdecimal() and word.startswith("0") and word.strip("0"):

@@ -14,10 +14,11 @@ questions `touches(type, where)` and `writes(type, where)`. A filter never runs 
 becomes the tree below, which the core interprets row by row.
 
 A word alone is a condition, too: `exception` (a column that is not empty), `retry` (a finding),
-`no_response` (a status), `noise` (a verdict), `write` (an operation). `findings` alone means that
-there is at least one. Words of other languages and programs (`=`, `&&`, `slave`, `fc`) are refused
-with the right one, and so are values that a column never has (`status == 'no_respons'`). An
-address is a wire address, from 0; the number of a manual stands in quotes: `address == '40001'`.
+`no_response` (a status), `noise` (a verdict), `write` (every function that writes, also file
+records and read/write; `read` likewise). `findings` alone means that there is at least one. Words
+of other languages and programs (`=`, `&&`, `slave`, `fc`) are refused with the right one, and so
+are values that a column never has (`status == 'no_respons'`). An address is a wire address, from 0;
+the number of a manual stands in quotes: `address == '40001'`.
 
 ## The tree
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import _modlens
 from analyzer.line import Line, parse_line
-from analyzer.session import Settings
+from analyzer.settings import Settings
 from analyzer.sources.port_listener import IDLE_NS, PortListener, TappedPort
 from analyzer.sources.serial import Chunk
 from analyzer.sources.settings_search import SettingsSearch
@@ -119,23 +119,18 @@ class _Bus:
 class LiveRun:
     """Listens to ports until the caller stops; the ports are opened at once. Use it in `closing`.
 
-    `notify` gets messages about the ports. `on_read` gets every read before it is decoded: bus,
-    line of a two-line tap, chunk; while settings are searched, only the reads made with the
-    settings found in the end. `on_settings` gets each bus and its settings before its first read.
-    Settings that are not given are found by listening; with `detect` those that are given, too. A
-    lost port is waited for, unless `reconnect` is False.
+    `notify` gets messages about the ports. Settings that are not given are found by listening; with
+    `detect` those that are given, too. A lost port is waited for, unless `reconnect` is False.
 
     `PortError` if a port cannot be opened, `UsageError` for invalid names.
     """
 
-    def __init__(  # noqa: PLR0913 - most by keyword
+    def __init__(
         self,
         names: Sequence[str | Tap],
         settings: Settings,
         *,
         notify: Callable[[str], None] = lambda _: None,
-        on_read: Callable[[str, str | None, Chunk], None] | None = None,
-        on_settings: Callable[[Tap, Line | None], None] = lambda _, __: None,
         reconnect: bool = True,
         detect: bool = False,
     ) -> None:
@@ -143,8 +138,9 @@ class LiveRun:
         self._settings = settings
         self._core = settings.core(live=True)
         self._notify = notify
-        self._on_read = on_read
-        self._on_settings = on_settings
+        self._recorder: _modlens.Recorder | None = None
+        self._recorded_as: dict[int, int] = {}
+        self._awaiting_record: list[_Bus] = []
         self._buses: list[_Bus] = []
         self._awaiting_search: list[_Bus] = []
         self._is_searching = False
@@ -181,6 +177,20 @@ class LiveRun:
         """The names of the buses."""
         return tuple(bus.tap.bus for bus in self._buses)
 
+    def record(self, recorder: _modlens.Recorder) -> None:
+        """Record all reads from now on, and those that are not decoded yet.
+
+        A bus whose settings are searched is recorded when they are found, with the reads that were
+        made with these. At the end of each port comes an empty read with a hole, so that a replay
+        of the recording decides the last rows at the same moment.
+        """
+        with self._turn:
+            self._recorder = recorder
+            for bus in self._buses:
+                if bus.number is not None:
+                    self._add_to_recorder(bus)
+            self._record_directly()
+
     def batches(self) -> Iterator[_modlens.Batch]:
         """The rows as they are decided, by reads or by time that has passed; ends when closed."""
         self._is_searching = bool(self._awaiting_search)
@@ -200,10 +210,11 @@ class LiveRun:
 
     def _listen(self) -> int:
         """Wait for reads and have them decoded; the time, where it was needed, and 0 otherwise."""
+        self._record_directly()
         arrivals = self._listener.feed(self._core, WAIT_S, READ_LAG_NS)
         for number, chunk in arrivals:
             self._process_read(number, chunk)
-        now = self._listener.clock.now_ns()
+        now = self._listener.now_ns()
         if now >= self._next_check_ns:
             self._next_check_ns = now + CHECK_NS
             self._check_found_settings()
@@ -213,12 +224,10 @@ class LiveRun:
         return now
 
     def finish(self) -> _modlens.Batch:
-        """Decide what is still open, and give those rows.
-
-        `on_read` gets an empty read with a hole at the end of each port, so that a replay of the
-        recording decides the last rows at the same moment.
-        """
-        now = self._listener.clock.now_ns()
+        """Stop reading, decode what was read, decide what is still open, and give those rows."""
+        for number, chunk in self._listener.drain():
+            self._process_read(number, chunk)
+        now = self._listener.now_ns()
         for bus in self._buses:
             if bus.search is not None:
                 self._give_up_search(bus, bus.search)
@@ -235,6 +244,24 @@ class LiveRun:
         """
         with self._turn:
             return self._stats()
+
+    def doctor(self) -> dict[str, Any]:
+        """What the doctor says so far, with `diagnoses` among the tables, for any thread.
+
+        `analyzer.views.health` documents the keys.
+        """
+        with self._turn:
+            found: dict[str, Any] = json.loads(self._core.doctor())
+        return found
+
+    def document(self) -> dict[str, Any]:
+        """Doctor, statistics with the drivers' error counts, and overview, for any thread.
+
+        `analyzer.report.document` completes it.
+        """
+        with self._turn:
+            found: dict[str, Any] = json.loads(self._core.document())
+            return {**found, "statistics": self._stats()}
 
     def _stats(self) -> dict[str, Any]:
         found: dict[str, Any] = json.loads(self._core.stats())
@@ -281,6 +308,7 @@ class LiveRun:
         bus.origin = "searching"
         for port in bus.ports:
             self._listener.unroute(port)
+            self._listener.stop_recording(port)
         bus.search = SettingsSearch(
             lambda text: self._notify(f"{bus.tap.bus}: {text}"),
             marks_errors=marks_errors,
@@ -328,7 +356,7 @@ class LiveRun:
             if chunk.hole and chunk.data:
                 # The core has already been told the time up to this read. An empty read with a hole
                 # records that, so that a replay gives the same rows.
-                self._feed(number, Chunk(b"", chunk.time_ns, hole=True))
+                self._feed(number, Chunk(b"", chunk.time_ns, (), True, chunk.recorded))
             self._feed(number, chunk)
         elif chunk.time_ns > bus.unsettled_ns:
             bus.search.feed(number, chunk)
@@ -344,7 +372,7 @@ class LiveRun:
         line = search.line if found is None else found.line
         if line != self._listener.line(bus.ports[0]):
             self._set_line(bus, line)
-            bus.unsettled_ns = self._listener.clock.now_ns() + SETTLE_NS
+            bus.unsettled_ns = self._listener.now_ns() + SETTLE_NS
         if found is not None:
             bus.search = None
             for port in bus.ports:
@@ -362,18 +390,49 @@ class LiveRun:
             settings = replace(self._settings, line=line, mode=mode)
             bus.number = settings.add_bus(self._core, bus.tap.bus, clock="utc")
             bus.line = line
-            self._on_settings(bus.tap, line)
-        # Without a recording the reads need not come to Python: the inbox feeds them to the core.
-        if self._on_read is None:
-            char_ns = 0 if line is None else line.character_ns
+            if self._recorder is not None:
+                self._add_to_recorder(bus)
+        elif self._recorder is not None:
+            self._awaiting_record.append(bus)
+        for side, port in enumerate(bus.ports, start=len(bus.ports) - 1):
+            self._listener.route(port, bus.number, side, self._character_ns(bus))
+
+    def _character_ns(self, bus: _Bus) -> int:
+        """The time of a character of a line that may be read less often; 0 where it is recorded."""
+        return 0 if bus.line is None or self._recorder is not None else bus.line.character_ns
+
+    def _add_to_recorder(self, bus: _Bus) -> None:
+        """Describe the ports of a bus with its settings in the recording."""
+        assert self._recorder is not None
+        line = None if bus.line is None else str(bus.line)
+        for number in bus.ports:
+            _, letter = self._lines[number]
+            name = bus.tap.ports[number - bus.ports[0]]
+            added = self._recorder.add_port(name, bus.tap.bus, letter, line)
+            self._recorded_as[number] = added
+        self._awaiting_record.append(bus)
+
+    def _record_directly(self) -> None:
+        """Let reads go to the recorder by themselves, now that none is in our hands."""
+        while self._awaiting_record:
+            assert self._recorder is not None
+            bus = self._awaiting_record.pop()
             for side, port in enumerate(bus.ports, start=len(bus.ports) - 1):
-                self._listener.route(port, bus.number, side, char_ns)
+                assert bus.number is not None
+                self._listener.route(port, bus.number, side, self._character_ns(bus))
+                self._listener.record(port, self._recorder, self._recorded_as[port])
 
     def _feed(self, number: int, chunk: Chunk) -> None:
-        """Pass a read to `on_read` and then to the core."""
+        """Pass a read to the core, and to the recorder unless that has it already."""
         bus, line = self._lines[number]
-        if self._on_read is not None:
-            self._on_read(bus.tap.bus, line, chunk)
+        if self._recorder is not None and not chunk.recorded:
+            self._recorder.write(
+                self._recorded_as[number],
+                chunk.time_ns,
+                chunk.data,
+                errors=chunk.errors or None,
+                hole=chunk.hole,
+            )
         assert bus.number is not None
         self._core.feed(
             bus.number,

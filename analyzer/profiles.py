@@ -20,7 +20,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import _modlens
-from dissectors.errors import ProfileError, SourceError, UsageError
+from dissectors import importers
+from dissectors.errors import ModlensError, ProfileError, SourceError, UsageError
 from dissectors.function_lookup import similar_name
 from dissectors.profile import FORMS, Profile, parse, shipped, shipped_names
 
@@ -40,6 +41,8 @@ __all__ = [
 ENTRY_POINTS = "modlens.profiles"
 
 HIGHEST_UNIT = 255
+
+_SAYS_PROFILE = re.compile(r"^\s*#?\s*profile\s*[:=]", re.MULTILINE)
 
 _UNITS = re.compile(r"[\d\s,\-*]+")
 
@@ -100,7 +103,7 @@ def load(word: str) -> Profile:
     a name that nobody knows.
     """
     if Path(word).suffix.lower() in FORMS or os.sep in word:
-        return parse(read(word), word)
+        return _of_file(word)
     for folder in _folders():
         for suffix in FORMS:
             path = folder / f"{word}{suffix}"
@@ -115,6 +118,31 @@ def load(word: str) -> Profile:
     hint = similar_name(word, names)
     question = f"did you mean {hint!r}?" if hint else f"choose from {', '.join(names)}"
     raise UsageError(f"no profile {word!r}; {question}")
+
+
+def _of_file(path: str) -> Profile:
+    """The profile in a file; a `ProfileError` says if it is the map of another program."""
+    text = read(path)
+    try:
+        return parse(text, path)
+    except (ProfileError, UsageError):
+        form = None if _SAYS_PROFILE.search(text) else _map_format(text, path)
+        if form is None:
+            raise
+    what = importers.FORMATS[form].title
+    raise ProfileError(
+        f"no profile, but it looks like a map ({what}): first modlens import {form} {path} -o"
+        f" {Path(path).stem}.toml",
+        path=path,
+    )
+
+
+def _map_format(text: str, path: str) -> str | None:
+    """The format of another program's map; None where it is of none."""
+    try:
+        return importers.detect(text, path)
+    except ModlensError:
+        return None
 
 
 def available_profiles() -> tuple[AvailableProfile, ...]:

@@ -23,6 +23,7 @@ from analyzer.exports.sink import (
     with_suitable_table,
 )
 from analyzer.filters import Filter, parse
+from analyzer.installing import how_to_install
 from analyzer.visible import visible
 from dissectors.errors import UsageError
 
@@ -54,7 +55,7 @@ class Rows(Generic[Item_co]):
     Iterate it for rows (an attribute per column, None where empty), or hand it to what takes an
     Arrow stream. `name` is the table's name.
 
-    >>> from analyzer import decode
+    >>> from modlens import decode
     >>> rows = decode("bus.hex").frames.where("verdict != 'ok'")
     >>> rows.name, rows.columns[:2]
     ('frames', ('frame', 'time'))
@@ -89,7 +90,7 @@ class Rows(Generic[Item_co]):
 
         `UsageError` for a column that the table does not have.
 
-        >>> from analyzer import decode
+        >>> from modlens import decode
         >>> decode("bus.hex").transactions.select("unit", "status").columns
         ('unit', 'status')
         """
@@ -152,6 +153,20 @@ class Rows(Generic[Item_co]):
         for table in self.tables():
             for row in table:
                 yield item(row)
+
+    def dicts(self) -> Iterator[dict[str, Any]]:
+        """Each row as a dict of its columns, those of `select` only; None where empty.
+
+        >>> from modlens import decode
+        >>> request, response = "1103006B00037687", "110306022B00000064C8BA"
+        >>> both = bytes.fromhex(request + response)
+        >>> next(decode(both).transactions.select("unit", "status").dicts())
+        {'unit': 17, 'status': 'ok'}
+        """
+        keys = self.columns
+        for table in self.tables():
+            for row in table:
+                yield {key: getattr(row, key) for key in keys}
 
     def __len__(self) -> int:
         return sum(len(table) for table in self.tables())
@@ -280,4 +295,4 @@ def _library(name: str) -> Any:
     try:
         return importlib.import_module(name)
     except ImportError:
-        raise UsageError(f"{name} is not installed; pip install {name}") from None
+        raise UsageError(f"{name} is not installed: {how_to_install(name)}") from None

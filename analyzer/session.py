@@ -2,8 +2,9 @@ r"""From sources to sinks: feeds recordings to the core and passes its batches o
 
 A `FileRun` goes through recordings; `analyzer.live_run` has the run that listens to ports. Both
 give batches one after the other, as they are decoded, so that memory does not grow with the input;
-`pump` passes them to sinks. Nothing here looks at a frame.
+`analyzer.pump` passes them to sinks. Nothing here looks at a frame.
 
+>>> from analyzer.settings import Settings
 >>> import tempfile, pathlib
 >>> path = pathlib.Path(tempfile.mkdtemp()) / "bus.hex"
 >>> _ = path.write_text("010300000001840a\n0103020007f986\n")
@@ -16,111 +17,25 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
 
 import _modlens
-from analyzer.line import Line
-from analyzer.profiles import Binding
-from analyzer.sources import FORMATS, is_binary
-from analyzer.sources.files import RAW, Recording, check_readable
+from analyzer.settings import Settings
+from analyzer.sources import BINARY, is_binary
+from analyzer.sources.files import RAW, Recording, check_readable, size_of
 from analyzer.sources.pipes import STDIN, FirstBytes
-from analyzer.sources.saleae import Levels
-from analyzer.sources.sigrok import Samples
 from analyzer.sources.unpack import Archives, RecordingName, expand
-from dissectors.errors import CaptureError, SourceError, UsageError
+from dissectors.errors import CaptureError, SourceError
 
-__all__ = ["MODES", "FileRun", "PartialBatch", "RecordingStatus", "Run", "Settings", "Sink", "pump"]
+if TYPE_CHECKING:
+    from analyzer.sources.saleae import Levels
+    from analyzer.sources.sigrok import Samples
 
-MODES = ("auto", "rtu", "ascii", "tcp")
+__all__ = ["FileRun", "RecordingStatus"]
 
 _IDLE_READS_TO_SETTLE = 5
 """Reads of a growing file without new data (half a second) after which its rows are decided."""
-
-DEFAULT_TABLES = ("frames", "transactions", "findings")
-
-
-@dataclass(frozen=True, slots=True)
-class Settings:
-    """What the decoder is told in advance.
-
-    - `line`: the line settings, None where they are not known
-    - `mode`: one of `MODES`
-    - `timeout_ns`: after which a request is given up; None lets the core learn it
-    - `functions`: the table of functions, vendors' rows included
-    - `tables`: the tables worth building
-    - `silence_ns`: t3.5 and t1.5, if frames end at silences only; None goes by all evidence
-    - `profiles`: which units have which device profile
-    - `channels`: those of a logic analyser; `!` before a name says that it idles low
-    - `ports`: where a capture is searched for Modbus; None is 502, nothing in it is everywhere
-    - `dialects`: the table of text formats, users' rows included; None for the embedded one
-    - `zone`: of times without one: from which ns since 1970 on which offset in ns holds
-    - `date`: the day of the first time without a date, as 2026-11-21
-    """
-
-    line: Line | None = None
-    mode: str = "auto"
-    timeout_ns: int | None = None
-    functions: _modlens.Functions = field(default_factory=_modlens.Functions)
-    tables: Sequence[str] = DEFAULT_TABLES
-    profiles: Sequence[Binding] = ()
-    silence_ns: tuple[int, int] | None = None
-    ports: Sequence[int] | None = None
-    channels: Sequence[str] | None = None
-    dialects: _modlens.Dialects | None = None
-    zone: Sequence[tuple[int, int]] = ()
-    date: str | None = None
-
-    def __post_init__(self) -> None:
-        if self.mode not in MODES:
-            raise UsageError(f"mode {self.mode!r}; it is one of {', '.join(MODES)}")
-        if self.timeout_ns is not None and self.timeout_ns <= 0:
-            raise UsageError("the timeout must be longer than 0")
-
-    def core(self, *, live: bool) -> _modlens.Session:
-        """A new session of the core with these settings."""
-        tables = self.tables
-        if "readings" in tables and "transactions" not in tables:
-            tables = (*tables, "transactions")
-        core = _modlens.Session(
-            self.functions, live=live, timeout_ns=self.timeout_ns, tables=tuple(tables)
-        )
-        for one in self.profiles:
-            core.bind(one.profile.core, one.units, bus=one.bus)
-        return core
-
-    def add_bus(self, core: _modlens.Session, name: str, *, clock: str) -> int:
-        """Add a bus of this name to the core; gives its number."""
-        line = None if self.line is None else self.line.settings
-        return core.add_bus(
-            name,
-            source=name,
-            mode=self.mode,
-            line=line,
-            clock=clock,
-            silence_ns=self.silence_ns,
-        )
-
-    def add_capture(self, core: _modlens.Session, name: str) -> int:
-        """Add a capture of this name to the core; gives its number."""
-        line = None if self.line is None else self.line.settings
-        return core.add_capture(
-            name, ports=self.ports, mode=self.mode, line=line, silence_ns=self.silence_ns
-        )
-
-    def add_logic(self, core: _modlens.Session, samples: Samples | Levels) -> int:
-        """Add the samples of a logic analyser to the core; gives their number."""
-        names = [name.removeprefix("!") for name in self.channels or ()]
-        low = any(name.startswith("!") for name in self.channels or ())
-        return core.add_logic(
-            samples.name,
-            rate=samples.rate,
-            unit=samples.unit,
-            channels=samples.channels(names) if names else None,
-            inverted=True if low else None,
-            mode=self.mode,
-            line=None if self.line is None else self.line.settings,
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,45 +57,14 @@ class RecordingStatus:
     unreadable: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class PartialBatch:
-    """Some rows of a batch; sinks take it as a `_modlens.Batch`.
+class Progress(Protocol):
+    """Is told how far the reading of recordings has come."""
 
-    `whole` is the batch itself, for the core's writers of captures.
-    """
+    def advance(self, done: int, total: int | None) -> None:
+        """So many bytes of the files have been read, of so many; None where that is not known."""
 
-    whole: _modlens.Batch
-    frames: _modlens.Table
-    transactions: _modlens.Table
-    findings: _modlens.Table
-    readings: _modlens.Table
-    connections: _modlens.Table
-    diagnoses: _modlens.Table
-
-
-class Run(Protocol):
-    """One pass over an input, a recording or a live tap."""
-
-    def batches(self) -> Iterator[_modlens.Batch]:
-        """Batches of decoded rows to the end of the input; some may be empty."""
-
-    def finish(self) -> _modlens.Batch:
-        """Decide what is still open when the caller takes no more batches, and give those rows."""
-
-    def stats(self) -> dict[str, Any]:
-        """Statistics so far; analyzer/views/stats.py documents the keys."""
-
-
-class Sink(Protocol):
-    """Takes batches: a file, a stream, a table on the screen."""
-
-    name: str
-
-    def put(self, batch: _modlens.Batch) -> None:
-        """Write what the batch holds for this sink.
-
-        `SourceError` if that fails, `BrokenPipeError` if nobody reads.
-        """
+    def wipe(self) -> None:
+        """Nothing more is read for now."""
 
 
 class FileRun:
@@ -191,7 +75,8 @@ class FileRun:
     decoded without looking ahead, as by a live tap, and give its rows. With `follow` the last file
     may grow for ever. `data` are the bytes of recordings that are not files of that name.
 
-    `on_status` gets the status of every recording after its first block and at its end.
+    `on_status` gets the status of every recording after its first block and at its end, `progress`
+    is told of every block.
     `SourceError` for the first name that cannot be read, before anything is decoded; later, while
     files are read.
 
@@ -209,8 +94,11 @@ class FileRun:
         on_status: Callable[[RecordingStatus], None] | None = None,
         follow: bool = False,
         data: Mapping[str, bytes] | None = None,
+        progress: Progress | None = None,
     ) -> None:
         self.unreadable = 0
+        self._progress = progress
+        self._recording: Recording | None = None
         self._data = data or {}
         self._names = [
             recording
@@ -230,12 +118,29 @@ class FileRun:
         self._follow = follow
         self._core = settings.core(live=replay or follow)
         self._decoded = 0
+        self._at = 0
 
     def batches(self) -> Iterator[_modlens.Batch]:
         """The rows that each block decides; after the last block of a file, those still open."""
+        if self._progress is None:
+            yield from self._batches()
+            return
+        sizes = [size_of(name.text) for name in self._names]
+        total = None if None in sizes else sum(filter(None, sizes))
+        try:
+            for batch in self._batches():
+                if self._recording is not None:
+                    done = sum(filter(None, sizes[: self._at])) + self._recording.position
+                    self._progress.advance(done, total)
+                yield batch
+        finally:
+            self._progress.wipe()
+
+    def _batches(self) -> Iterator[_modlens.Batch]:
         troubles = []
         with Archives() as archives:
             for i, name in enumerate(self._names):
+                self._at = i
                 follow = self._follow and i + 1 == len(self._names) and name.text != STDIN
                 try:
                     yield from self._decode(name, archives, follow=follow)
@@ -260,10 +165,14 @@ class FileRun:
                 yield self._core.take()
             recording = self._open(name, archives, follow=follow)
         with recording:
+            self._recording = recording
             yield from self._read_recording(recording)
+            self._recording = None
 
     def finish(self) -> _modlens.Batch:
         """Decide what is still open, and give those rows, and the diagnoses if they are wanted."""
+        if self._progress is not None:
+            self._progress.wipe()
         self._core.flush()
         return self._core.conclude()
 
@@ -275,6 +184,14 @@ class FileRun:
     def doctor(self) -> dict[str, Any]:
         """What the doctor says so far, with `diagnoses` among the tables; see views/health.py."""
         found: dict[str, Any] = json.loads(self._core.doctor())
+        return found
+
+    def document(self) -> dict[str, Any]:
+        """Doctor, statistics and overview so far; the latter two if they are wanted.
+
+        docs/stats.schema.json describes them; `analyzer.report.document` completes them.
+        """
+        found: dict[str, Any] = json.loads(self._core.document())
         return found
 
     def _recordings_of(self, name: str, *, unpack: bool) -> list[RecordingName]:
@@ -297,7 +214,7 @@ class FileRun:
         `SourceError` where no line of a text could be read.
         """
         core, form = self._core, recording.detection.format
-        kind = FORMATS.get(form)
+        kind = BINARY.get(form)
         if kind is not None and kind.packets:
             yield from self._read_packets(recording)
             return
@@ -324,8 +241,11 @@ class FileRun:
         if not binary:
             core.feed_text(bus, b"", final=True)
         core.flush()
-        self._report_status(recording, core.reading(bus), ended=True)
-        if not binary and not json.loads(core.reading(bus))["records"]:
+        reading = core.reading(bus)
+        self._report_status(recording, reading, ended=True)
+        # An archive of thousands of small recordings must not keep what was learned from each.
+        core.close(bus)
+        if not binary and not json.loads(reading)["records"]:
             raise SourceError(
                 f"{recording.name}: no line could be read as {form}; see `modlens formats`"
             )
@@ -345,6 +265,7 @@ class FileRun:
         core.feed_capture(capture, b"", final=True)
         core.flush(file=True)
         self._report_status(recording, core.capture(capture), ended=True)
+        core.close_capture(capture)
         yield core.take()
 
     def _read_samples(self, recording: Recording) -> Iterator[_modlens.Batch]:
@@ -381,6 +302,7 @@ class FileRun:
             }
             self._report_status(recording, json.dumps(details), ended=False)
             self._report_status(recording, json.dumps(details), ended=True)
+            core.close_logic(logic)
         yield core.take()
 
     def _open_text(self, recording: Recording, bus: int) -> None:
@@ -426,6 +348,9 @@ class FileRun:
 
 
 def _samples_of(recording: Recording) -> Samples | Levels:
+    from analyzer.sources.saleae import Levels  # noqa: PLC0415 - samples are rare
+    from analyzer.sources.sigrok import Samples  # noqa: PLC0415
+
     if recording.detection.format == "sigrok":
         return Samples(recording.name, recording.seekable())
     return Levels(recording.name, recording.blocks())
@@ -435,34 +360,3 @@ def _describe_channel(names: dict[int, str], line: dict[str, Any]) -> str:
     """A serial line that was found in samples of a logic analyser, in words."""
     idle = ", idle low" if line["inverted"] else ""
     return f"channel {names[line['channel']]}: {line['line']}{idle}"
-
-
-def pump(
-    run: Run,
-    sinks: Sequence[Sink],
-    *,
-    stop: Callable[[], bool],
-    on_failure: Callable[[Sink, SourceError | BrokenPipeError], None],
-) -> None:
-    """Pass the run's batches to the sinks until it ends, `stop()` is True, or no sink is left.
-
-    A sink that cannot write is reported to `on_failure` and gets no more batches; the others go on.
-    Errors of the input are raised after the sinks have got all rows decided before.
-    """
-    active = list(sinks)
-
-    def put(batch: _modlens.Batch) -> None:
-        for sink in tuple(active):
-            try:
-                sink.put(batch)
-            except (SourceError, BrokenPipeError) as error:
-                active.remove(sink)
-                on_failure(sink, error)
-
-    try:
-        for batch in run.batches():
-            put(batch)
-            if stop() or not active:
-                break
-    finally:
-        put(run.finish())

@@ -10,6 +10,7 @@ tables that it draws. Files get every character as it is.
 
 from __future__ import annotations
 
+import functools
 import re
 
 __all__ = ["for_terminal", "visible"]
@@ -30,7 +31,6 @@ _ESCAPES = {
         *range(0xE0000, 0xE0080),  # tags
     )
 }
-_UNSAFE = re.compile(f"[{''.join(map(re.escape, map(chr, _ESCAPES.keys() - {9, 10})))}]")
 _LINE_ESCAPES = {code: text for code, text in _ESCAPES.items() if chr(code) not in "\t\n"}
 
 
@@ -45,6 +45,12 @@ def for_terminal(lines: str) -> str:
     >>> for_terminal("unit\tname\r\n1\tpump\r\x9b2J\n")
     'unit\tname\r\n1\tpump\\r\\x9b2J\n'
     """
-    if _UNSAFE.search(lines) is None:
+    if _unsafe().search(lines) is None:
         return lines
     return "\r\n".join(part.translate(_LINE_ESCAPES) for part in lines.split("\r\n"))
+
+
+@functools.cache
+def _unsafe() -> re.Pattern[str]:
+    """Any character of `_LINE_ESCAPES`; made when it is needed, since that takes milliseconds."""
+    return re.compile(f"[{''.join(map(re.escape, map(chr, _LINE_ESCAPES)))}]")

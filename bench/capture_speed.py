@@ -16,7 +16,8 @@ from collections.abc import Iterator
 from itertools import cycle
 from pathlib import Path
 
-from bench.decode_speed import measured, traffic
+from bench.support.processes import measured
+from bench.support.workload import traffic
 
 MEGABYTE = 1 << 20
 UNIQUE = 1 << 20

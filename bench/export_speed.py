@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import _modlens
-from bench.decode_speed import BLOCK, PEER_BYTES, traffic
+from bench.support.workload import BLOCK, PEER_BYTES, traffic
 
 ROOT = Path(__file__).parent.parent
 

@@ -16,7 +16,7 @@ import time
 
 import _modlens
 from analyzer.sources.files import BLOCK_BYTES
-from bench.decode_speed import UNITS, traffic
+from bench.support.workload import UNITS, traffic
 
 SIZE = 16 << 20
 ROUNDS = 7

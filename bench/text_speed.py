@@ -1,7 +1,7 @@
 """How fast logs are read, a line each dialect: MB of text a CPU second, and the memory it takes.
 
 `make bench-text`, or `python -m bench.text_speed [MEGABYTES [DIALECT...]]`. Each dialect is written
-by `tests/support/logs.py` from the traffic of `bench/decode_speed.py`. `engine` stops at byte
+by `tests/support/logs.py` from the traffic of `bench/support/workload.py`. `engine` stops at byte
 strings with their times and sides, `transactions` is all that `decode` does but for output; both
 are processes of the example `text` of the core. The last lines are those of the installed command,
 and of a file four times as large.
@@ -15,7 +15,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from bench.decode_speed import measured, traffic
+from bench.support.processes import measured
+from bench.support.workload import traffic
 from tests.support.logs import NOON, SINGLE_LINE, WRITERS, LogEntry, write
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -83,6 +83,7 @@ Kind = Literal[
     "diagnosis",
     "status",
     "verdict",
+    "column",
 ]
 
 
@@ -334,13 +335,32 @@ def _diagnosis(entry: vocabulary.Diagnosis) -> tuple[str, ...]:
     confusions = [
         f"Not to be confused with {code}: {difference}." for code, difference in entry.confusions
     ]
+    page = [f"With an example: docs/doctor/{entry.code}.md"] if entry.code in _WITH_PAGE else []
     return (
         _sentence(entry.title),
         f"Shown by: {entry.contrast}",
         f"Absent: {entry.absent}",
         *confusions,
         f"Needs: {entry.needs}.",
+        *page,
     )
+
+
+_WITH_PAGE = frozenset(
+    {
+        "address_off_by_one",
+        "connection_limit",
+        "line_noise",
+        "lockstep",
+        "no_bias",
+        "polled_too_fast",
+        "slow_answers",
+        "swapped_wires",
+        "two_masters",
+        "word_order",
+    }
+)
+"""The commonest kinds of trouble have a page of their own in the documents."""
 
 
 def _layout(row: Function) -> Iterator[str]:

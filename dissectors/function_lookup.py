@@ -12,7 +12,6 @@ dissectors.errors.UsageError: no function 'read coil'; did you mean 'Read Coils'
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -74,6 +73,8 @@ def similar_name(text: str, known: Iterable[str]) -> str | None:
     'quantity'
     """
     by_plain = {normalized(name): name for name in known}
+    import difflib  # noqa: PLC0415 - for a message only
+
     found = difflib.get_close_matches(normalized(text), by_plain, n=1, cutoff=0.6)
     return by_plain[found[0]] if found else None
 

@@ -16,6 +16,12 @@ __all__ = ["ProfileScore", "evidence_lines", "profile_skeleton", "score_profile"
 
 Tables = Sequence[Mapping[str, Any]]
 
+_SMALLEST, _LARGEST = 127 - 20, 127 + 40
+"""The exponents of float32 of 1e-6 and of 1e12."""
+
+_LARGE = 0x2000
+"""The upper register of an integer that is larger than what devices count."""
+
 MIN_PERCENT = 60
 """A profile with at least so many per cent fits."""
 
@@ -109,6 +115,8 @@ class ProfileScore:
 
     points: int
     reasons: tuple[str, ...]
+    share: float = 0.0
+    """The share of the profile's points that were asked for: it decides between equal points."""
 
     @property
     def fits(self) -> bool:
@@ -119,8 +127,10 @@ class ProfileScore:
 def score_profile(tables: Tables, profile: Profile) -> ProfileScore:
     """Rate how well a profile fits the traffic of a unit.
 
-    The share of the requested addresses that the profile has, reduced by exception responses for
-    them, by values that requests split, and by values without a label.
+    The share of the requested addresses that the profile has, or where blocks are read that have
+    holes, its mean with the share of the profile's points that were asked for. It is reduced by
+    exception responses, by values that requests split, by values without a label, and by registers
+    that cannot be what the profile says.
     """
     points = [_Point.of(point) for point in profile.points]
     known = {place for point in points for place in point.addresses}
@@ -133,7 +143,10 @@ def score_profile(tables: Tables, profile: Profile) -> ProfileScore:
     if not requested or not known:
         return ProfileScore(0, ("nothing to compare",))
     covered = requested & known
+    asked_for = [point for point in points if requested.issuperset(point.addresses)]
+    share = len(asked_for) / len(points)
     coverage = len(covered) / len(requested)
+    coverage = max(coverage, (coverage + share) / 2)
     refused = sum(
         count for table in tables for block in table["blocks"]
         if _addresses(table, block) & known for count in block["exceptions"].values()
@@ -144,6 +157,7 @@ def score_profile(tables: Tables, profile: Profile) -> ProfileScore:
     )  # fmt: skip
     split_by_requests = [point.name for point in points if _is_split_by_requests(point, tables)]
     with_unknown_values = [point.name for point in points if point.has_unknown_values(tables)]
+    unlikely = [point.name for point in points if point.is_implausible(tables)]
     reasons = [f"{len(covered)} of {len(requested)} requested addresses are in this profile"]
     total = coverage
     if answered and refused:
@@ -152,11 +166,12 @@ def score_profile(tables: Tables, profile: Profile) -> ProfileScore:
     for names, words in (
         (split_by_requests, "only partly covered by requests"),
         (with_unknown_values, "with values outside its labels"),
+        (unlikely, "with registers that are no such number"),
     ):
         if names:
             total *= 0.5 ** min(len(names), 3)
             reasons.append(f"{', '.join(names[:3])} {words}")
-    return ProfileScore(round(100 * total), tuple(reasons))
+    return ProfileScore(round(100 * total), tuple(reasons), share)
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,6 +183,9 @@ class _Point:
     address: int
     width: int
     labels: frozenset[int]
+    kind: str
+    high: int
+    """The register with the highest bits of a number of two registers."""
 
     @classmethod
     def of(cls, point: Mapping[str, Any]) -> _Point:
@@ -176,11 +194,27 @@ class _Point:
         width = point.get("count") or REGISTERS_OF_TYPE[point["type"]]
         one = not bits and REGISTERS_OF_TYPE.get(point["type"]) == 1 and "scale" not in point
         labels = frozenset(map(int, point.get("enum", ()))) if one else frozenset()
-        return cls(point["name"], space, int(address), width, labels)
+        first = int(address)
+        high = first + 1 if point.get("order") in ("CDAB", "DCBA") else first
+        return cls(point["name"], space, first, width, labels, str(point["type"]), high)
 
     @property
     def addresses(self) -> Iterable[tuple[str, int]]:
         return [(self.space, self.address + offset) for offset in range(self.width)]
+
+    def is_implausible(self, tables: Tables) -> bool:
+        """Whether the upper register of a 32-bit number had values that such numbers hardly have.
+
+        A float beyond 1e-6 to 1e12, an integer above half a thousand million.
+        """
+        if self.kind not in ("f32", "u32", "s32"):
+            return False
+        return any(
+            not _is_likely_upper(self.kind, register[end])
+            for table in tables if table["space"] == self.space
+            for register in table["registers"] if register["address"] == self.high
+            for end in ("min", "max")
+        )  # fmt: skip
 
     def has_unknown_values(self, tables: Tables) -> bool:
         """Whether a register with labels had a value that has no label."""
@@ -192,6 +226,15 @@ class _Point:
             register["min"] not in self.labels or register["max"] not in self.labels
             for register in registers
         )
+
+
+def _is_likely_upper(kind: str, word: int) -> bool:
+    """Whether a register is the upper half of a number of a usual size, or of none (FFFF, NaN)."""
+    if word in (0, 0xFFFF, 0x8000, 0x7FFF) or (kind == "f32" and word & 0x7F80 == 0x7F80):  # noqa: PLR2004
+        return True
+    if kind == "f32":
+        return _SMALLEST <= (word >> 7) & 0xFF <= _LARGEST
+    return word < _LARGE or (kind == "s32" and word >= 0x10000 - _LARGE)
 
 
 def _addresses(table: Mapping[str, Any], block: Mapping[str, Any]) -> set[tuple[str, int]]:

@@ -76,7 +76,8 @@ class Finding:
 class Diagnosis:
     """A kind of trouble that `modlens doctor` recognizes (dissectors/diagnoses.toml).
 
-    `confusions` has the codes that it may be taken for, with what tells the two apart.
+    `confusions` has the codes that it may be taken for, with what tells the two apart; `findings`
+    are those that it brings forth.
     """
 
     code: str
@@ -88,6 +89,7 @@ class Diagnosis:
     proof: str
     needs: str
     confusions: tuple[tuple[str, str], ...]
+    findings: tuple[str, ...]
 
 
 Kind = Literal[
@@ -197,11 +199,12 @@ def diagnoses() -> tuple[Diagnosis, ...]:
     >>> diagnoses()[0].code
     'slow_answers'
     """
-    keys = [key for key in Diagnosis.__slots__ if key != "confusions"]
+    keys = [key for key in Diagnosis.__slots__ if key not in ("confusions", "findings")]
     return tuple(
         Diagnosis(
             **{key: str(row[key]) for key in keys},
             confusions=tuple((one["code"], one["difference"]) for one in row["confusions"]),
+            findings=tuple(row["findings"]),
         )
         for row in vocabulary()["diagnoses"]
     )

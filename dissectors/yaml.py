@@ -15,6 +15,13 @@ __all__ = ["load", "plain_data", "scalar", "tag_notes", "tree"]
 _MAX_DIGITS = 100
 """Longest number in digits: longer ones stay text, because Python refuses thousands of digits."""
 
+_MAX_DEPTH = 100
+"""Levels of nesting; what is deeper is no profile and no configuration."""
+
+_MAX_GROWTH, _FREE_NODES = 10, 10_000
+"""Aliases (`*name`) may make a file ten times as large as it is written: a few lines of them can
+stand for more values than fit into any memory."""
+
 _NAMED = 10
 """Lines that a note names at most; the others are counted."""
 
@@ -32,7 +39,7 @@ def load(text: str, path: str) -> Any:
     except ImportError:
         raise UsageError(f"{path}: YAML needs ruamel.yaml; pip install ruamel.yaml") from None
     try:
-        return YAML(typ="rt").compose(text)
+        root = YAML(typ="rt").compose(text)
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = None if mark is None else mark.line + 1
@@ -45,6 +52,46 @@ def load(text: str, path: str) -> Any:
         raise ProfileError(f"not YAML: {what}", path=path, line=at) from None
     except RecursionError:
         raise ProfileError("YAML that is nested too deeply", path=path) from None
+    if root is not None:
+        _check_extent(root, path)
+    return root
+
+
+def _check_extent(root: Any, path: str) -> None:
+    """`ProfileError` where values are nested too deeply, or aliases multiply them beyond measure.
+
+    A node that several aliases name is one node here, whatever it stands for.
+    """
+    extents: dict[int, tuple[int, int]] = {}
+    above: set[int] = set()
+    stack = [root]
+    while stack:
+        node = stack[-1]
+        inside = _children(node)
+        missing = [one for one in inside if id(one) not in extents]
+        if missing and id(node) not in above:
+            above.add(id(node))
+            if any(id(one) in above for one in missing):
+                raise ProfileError("an anchor that contains itself", path=path)
+            stack += missing
+            continue
+        stack.pop()
+        if id(node) in extents:
+            continue
+        above.discard(id(node))
+        values = 1 + sum(extents[id(one)][0] for one in inside)
+        depth = 1 + max((extents[id(one)][1] for one in inside), default=0)
+        if depth > _MAX_DEPTH:
+            raise ProfileError("YAML that is nested too deeply", path=path)
+        extents[id(node)] = values, depth
+    if extents[id(root)][0] > _MAX_GROWTH * len(extents) + _FREE_NODES:
+        raise ProfileError("aliases (*name) that stand for too many values", path=path)
+
+
+def _children(node: Any) -> list[Any]:
+    if node.id == "mapping":
+        return [one for pair in node.value for one in pair]
+    return list(node.value) if node.id == "sequence" else []
 
 
 def tree(text: str, path: str) -> list[Any]:

@@ -14,16 +14,20 @@ import os
 import stat
 import sys
 from collections.abc import Sequence
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from analyzer.cli.standard_streams import (
     STDOUT,
     discard_output,
     open_missing_streams,
-    report,
 )
+from analyzer.cli.standard_streams import report as write_message
 
-__all__ = ["COMMANDS", "main", "module_of"]
+if TYPE_CHECKING:
+    from analyzer.cli.parser import Parser
+    from dissectors.errors import ModlensError
+
+__all__ = ["COMMANDS", "main", "module_of", "parser_of"]
 
 COMMANDS = {
     "tap": "listen to a serial line and decode its traffic live",
@@ -32,6 +36,8 @@ COMMANDS = {
     "show": "show the bytes of one frame or transaction and what they mean",
     "doctor": "say what is wrong on the line, why, and what to do",
     "stats": "statistics: traffic, errors, response times and findings",
+    "report": "write one page: what is on the bus, whether it is healthy, what to do",
+    "plot": "draw readings over time, in the terminal or as a picture",
     "ports": "list this computer's serial ports",
     "explain": "explain a function code, exception code, finding or status",
     "craft": "build a frame from a function and its field values",
@@ -47,6 +53,7 @@ COMMANDS = {
 """The commands, with one line about each; `module_of` gives a command's module."""
 
 INTERRUPTED = 130
+NO_PAGER = "--no-pager"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -54,6 +61,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     open_missing_streams()
     _survive_odd_text(sys.stdout, sys.stderr)
     words = list(sys.argv[1:] if arguments is None else arguments)
+    if words[:1] == [NO_PAGER]:
+        words = [*words[1:2], NO_PAGER, *words[2:]]
     if not words or words[0] in ("-h", "--help", "help"):
         return _run_help(words[1:])
     if words[0] in ("-V", "--version", "version"):
@@ -90,19 +99,39 @@ def _run(command: str, words: list[str]) -> int:
     try:
         if command not in COMMANDS:
             return _unknown(command)
-        from analyzer.cli.parser import Parser  # noqa: PLC0415
+        from analyzer.cli.pager import paged, wants_pager  # noqa: PLC0415
 
         module = importlib.import_module(module_of(command))
-        parser = Parser(prog=f"modlens {command}", description=f"{COMMANDS[command]}.")
-        module.add_arguments(parser)
-        status: int = module.run(parser.parse_intermixed_args(words))
-        _flush(reported=status != 0)
+        options = parser_of(command).parse_intermixed_args(words)
+        status: int
+        with paged(wanted=wants_pager(command, options)):
+            try:
+                status = module.run(options)
+                _flush(reported=status != 0)
+            except ModlensError as error:
+                return _report_error(error)
     except ModlensError as error:
-        for line in error.message.split("\n"):
-            report(f"modlens: {line}")
-        _flush(reported=True)
-        return error.exit_status
+        return _report_error(error)
     return status
+
+
+def _report_error(error: ModlensError) -> int:
+    for line in error.message.split("\n"):
+        write_message(f"modlens: {line}")
+    _flush(reported=True)
+    return error.exit_status
+
+
+def parser_of(command: str) -> Parser:
+    """The parser of a command's words."""
+    from analyzer.cli.pager import PAGED  # noqa: PLC0415
+    from analyzer.cli.parser import Parser  # noqa: PLC0415
+
+    parser = Parser(prog=f"modlens {command}", description=f"{COMMANDS[command]}.")
+    importlib.import_module(module_of(command)).add_arguments(parser)
+    if command in PAGED:
+        parser.add_argument(NO_PAGER, action="store_true", help="never show output in a pager")
+    return parser
 
 
 def module_of(command: str) -> str:

@@ -26,6 +26,7 @@ __all__ = ["combine_filters"]
 
 Zone = Literal["local", "utc"]
 
+_DAYS = {"yesterday": -1, "today": 0, "tomorrow": 1}
 _DATE = re.compile(r"\d{4}-\d\d-\d\d")
 _SAYS_ZONE = re.compile(r".*(?:Z|utc|local|:\d\d[.,\d]*\s*[+-]\d\d:?\d\d)")
 
@@ -53,15 +54,16 @@ def combine_filters(
 ) -> str | None:
     """Combine `--where` and `--between` into one filter text; None where neither is given.
 
-    A bound is an ISO time, a time of day as the table shows it (which means every day of the
-    recording), or a number of seconds since the first byte of the recording. Times that do not say
-    their zone are in `zone`. A time of day after a bound with a date is on that date. `UsageError`
-    if a bound is none of these, or if nothing can be between them. Of the `table` of connections,
-    those are meant that were opened in between.
+    A bound is an ISO time, `yesterday`, `today` or `tomorrow` (the beginning of that day), a time
+    of day as the table shows it (which means every day of the recording), or a number of seconds
+    since the first byte of the recording. Times that do not say their zone are in `zone`. A time of
+    day after a bound with a date is on that date. `UsageError` if a bound is none of these, or if
+    nothing can be between them. Of the `table` of connections, those are meant that were opened in
+    between.
     """
     if between is None:
         return where
-    first_text, last_text = between
+    first_text, last_text = (_day(text, zone) for text in between)
     date = _DATE.match(first_text.strip())
     if date and parse_time_of_day(last_text):
         hours, colon, rest = last_text.strip().partition(":")
@@ -87,6 +89,15 @@ def combine_filters(
     return inside if where is None else f"({where}) and {inside}"
 
 
+def _day(text: str, zone: Zone) -> str:
+    """The date that a word such as `yesterday` means; any other text as it is."""
+    days = _DAYS.get(text.strip().lower())
+    if days is None:
+        return text
+    now = datetime.now(UTC) if zone == "utc" else datetime.now().astimezone()
+    return (now + timedelta(days)).date().isoformat()
+
+
 def _bound(text: str, zone: Zone) -> _Bound:
     text = text.strip()
     moment = parse_ns(text, local=zone == "local")
@@ -104,8 +115,8 @@ def _bound(text: str, zone: Zone) -> _Bound:
     except InvalidOperation:
         pass
     raise UsageError(
-        f"--between {text}: not a time; write 2023-10-11T14:00:00Z, 14:00:00, or seconds since the"
-        " start of the recording"
+        f"--between {text}: not a time; write 2023-10-11T14:00:00Z, 14:00:00, yesterday, or seconds"
+        " since the start of the recording"
     )
 
 

@@ -8,6 +8,7 @@ from itertools import islice
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import TABLE, run_files
 from analyzer.cli.parser import add_decoding, add_input, add_line, add_rows, settings
+from analyzer.sources import BINARY
 from analyzer.sources.files import Recording
 from analyzer.sources.pipes import STDIN
 from analyzer.sources.settings_inference import infer_settings, reads, recorded_settings
@@ -65,7 +66,8 @@ def run(options: argparse.Namespace) -> int:
 def _say_settings(options: argparse.Namespace) -> None:
     """Report the line settings that each recording's bytes and marks of line errors suggest.
 
-    Only raw bytes and raw recordings (`tap --record`) can tell: logs in text have lost the errors.
+    Only raw recordings (`tap --record`) can tell all: raw bytes have neither times nor line errors,
+    logs in text have lost them, and those of logic analysers are told as they are read.
     """
     messages, given = Messages(quiet=False), settings(options).line
     for name in options.files:
@@ -77,6 +79,8 @@ def _say_settings(options: argparse.Namespace) -> None:
         if kind == "raw" or data.startswith(b"\x0a\x0d\x0d\x0a"):
             for line in infer_settings(list(reads(data)), given or recorded_settings(data)):
                 messages.info(f"{name}: {line}")
+        elif kind in BINARY and BINARY[kind].samples:
+            messages.info(f"{name}: the settings of {kind} are in the note of its channels")
         else:
             messages.info(
                 f"{name}: {kind} carries no line errors; --detect needs raw bytes or a"

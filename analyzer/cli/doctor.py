@@ -8,15 +8,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-import _modlens
+from analyzer.cli.file_input import file_run
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import DAMAGED, SIGNALLED
-from analyzer.cli.parser import add_decoding, add_input, add_line, settings
+from analyzer.cli.parser import add_archive, add_decoding, add_input, add_line, settings
 from analyzer.cli.segmentation import report_silence_limits
 from analyzer.cli.standard_streams import print_text
 from analyzer.cli.stop_signals import StopSignals
-from analyzer.columns import columns
-from analyzer.session import FileRun
 from analyzer.views.health import show_health
 from analyzer.views.health_markdown import markdown
 from analyzer.views.screen import stdout
@@ -30,6 +28,7 @@ EPILOG = """\
 examples:
   modlens doctor recording.jsonl --line 19200-8E1
   modlens doctor capture.pcap --to md
+  modlens doctor archive/ --to csv
   modlens show recording.jsonl --txn 25
 """
 
@@ -39,10 +38,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_input(parser)
     add_decoding(parser)
     add_line(parser)
+    add_archive(parser, "buses examined side by side with --to csv")
     parser.add_argument(
         "--to",
         choices=FORMATS,
-        help="write JSON, Markdown (for a ticket) or CSV to standard output instead of text",
+        help="write to standard output, instead of text: json, md (Markdown, for a ticket), or csv:"
+        " a row for each bus and day",
     )
     parser.add_argument(
         "--strict",
@@ -55,18 +56,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Decode the recordings, then say what is wrong; gives the exit status."""
     messages = Messages(quiet=options.to is not None)
+    if options.to == "csv":
+        # What works on many files at once is loaded for them only.
+        from analyzer.cli.archive_days import run_bus_days  # noqa: PLC0415
+
+        return run_bus_days(options, messages)
     chosen = replace(settings(options), tables=("diagnoses",))
     report_silence_limits(chosen, messages)
-    files = FileRun(
-        options.files, chosen, read_as=options.read_as, on_status=messages.recording_status
-    )
+    files = file_run(options, chosen, messages)
     with StopSignals() as stop_signals:
-        for last in files.batches():
+        for _ in files.batches():
             if stop_signals.received():
-                last = files.finish()  # noqa: PLW2901 - the diagnoses come with the last rows
+                files.finish()
                 break
         found = files.doctor()
-        _print(options.to, found, last.diagnoses)
+        _print(options.to, found)
         if stop_signals.signal is not None:
             return SIGNALLED + stop_signals.signal
     if files.unreadable:
@@ -74,14 +78,11 @@ def run(options: argparse.Namespace) -> int:
     return DAMAGED if options.strict and found["verdict"] != "healthy" else 0
 
 
-def _print(form: str | None, found: Mapping[str, Any], rows: _modlens.Table) -> None:
+def _print(form: str | None, found: Mapping[str, Any]) -> None:
     """Print the judgement in a format; as text if there is none."""
     if form is None:
         show_health(found, stdout())
     elif form == "json":
         print_text(json.dumps(found, indent=2, ensure_ascii=False) + "\n")
-    elif form == "md":
-        print_text("".join(markdown(found)))
     else:
-        keys = [column.key for column in columns("diagnoses")]
-        print_text(b"".join(rows.lines("csv", keys, header=True)).decode())
+        print_text("".join(markdown(found)))

@@ -8,9 +8,13 @@ from __future__ import annotations
 import argparse
 import textwrap
 
+import _modlens
 from analyzer.cli.parser import add_functions, load_functions
+from analyzer.columns import TABLES, columns
 from analyzer.views.screen import stdout, visible
+from dissectors.errors import UsageError
 from dissectors.explain import Explanation, explain, known_words
+from dissectors.vocabulary import respelled
 
 __all__ = ["add_arguments", "run"]
 
@@ -30,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "words",
         nargs="+",
         metavar="CODE",
-        help="a function or exception code, or the name of a function, finding or status;"
+        help="a function or exception code, or the name of a function, finding, status or column;"
         " list prints all names",
     )
     add_functions(parser)
@@ -45,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
         for word in known_words(source=source):
             screen.line(visible(word))
         return 0
-    found = explain(" ".join(options.words), source=source)
+    found = _explanation(" ".join(options.words), source)
     width = min(screen.width, 100)
     screen.line(visible(found.title), "head")
     if found.section:
@@ -53,6 +57,19 @@ def run(options: argparse.Namespace) -> int:
     for line in _body(found, width):
         screen.line(visible(line))
     return 0
+
+
+def _explanation(word: str, source: _modlens.Functions) -> Explanation:
+    """What a word means: a code or a name, otherwise a column of one or several tables."""
+    try:
+        return explain(word, source=source)
+    except UsageError:
+        key = respelled("column", word)
+        there = [(name, one) for name in TABLES for one in columns(name) if one.key == key]
+        if not there:
+            raise
+    text = tuple(f"{name}: {one.help} ({one.type})" for name, one in there)
+    return Explanation("column", f"{key} (column)", "", text)
 
 
 def _body(found: Explanation, width: int) -> list[str]:

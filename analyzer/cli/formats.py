@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Iterator
 
 from analyzer.cli.parser import add_dialects, load_dialects
+from analyzer.exports import ENDINGS
 from analyzer.exports import FORMATS as WRITTEN
 from analyzer.sources import SCHEMES, Format, all_formats
 from analyzer.views.screen import Part, stdout
@@ -35,3 +36,5 @@ def _lines(formats: dict[str, Format]) -> Iterator[list[Part]]:
         yield [(f"  {scheme.example:<28}", "note"), (scheme.title, "")]
     yield [("output formats (-o FILE.EXTENSION or --to NAME)", "head")]
     yield [("  " + "  ".join(f".{name}" for name in WRITTEN), "note")]
+    others = "  ".join(f"{ending} ({name})" for ending, name in ENDINGS.items())
+    yield [(f"  further endings: {others}", "note")]

@@ -12,20 +12,27 @@ from analyzer.counts import count_of
 from analyzer.exports.output import AtomicFile, StandardOutput
 from analyzer.views.screen import Screen, visible
 from dissectors import importers
-from dissectors.errors import SourceError, UsageError
+from dissectors.errors import ModlensError, SourceError, UsageError
 from dissectors.profile import from_model
 
 __all__ = ["add_arguments", "decode_text", "run", "show_notes", "write_text"]
 
 EPILOG = """\
 examples:
+  modlens import inverter.yaml -o inverter.toml
   modlens import telegraf telegraf.conf -o meter.toml
   modlens import csv tags.csv --base modicon --order CDAB
   modlens import homeassistant configuration.yaml --unit 3
+  modlens import solarman inverter_definitions/ -o profiles/
+  modlens import maps/
 
-Assumptions, and anything a profile cannot store, are reported on standard
-error.
+Of a folder, every file in it is tried: a line says what was taken, or why not.
+-o names the folder for the profiles. Without FORMAT all are tried. Assumptions,
+and anything a profile cannot store, are reported on standard error.
 """
+
+AUTO = "auto"
+"""The format that stands for whichever reads the file."""
 
 BYTE_ORDER_MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
 """Byte order mark -> the encoding of the text behind it."""
@@ -35,8 +42,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     read = [name for name, form in importers.FORMATS.items() if form.reads]
     written = [name for name, form in importers.FORMATS.items() if form.writes]
-    parser.add_argument("format", metavar="FORMAT", help=f"one of {', '.join(read)}")
-    parser.add_argument("file", metavar="FILE", help="the register map; - is standard input")
+    parser.add_argument(
+        "format",
+        metavar="FORMAT",
+        nargs="?",
+        default=AUTO,
+        help=f"one of {', '.join(read)}; or {AUTO} for any of them, which is the default",
+    )
+    parser.add_argument(
+        "file", metavar="FILE", help="the register map, or a folder of them; - is standard input"
+    )
     parser.add_argument(
         "--base",
         choices=("0", "1", "modicon"),
@@ -51,29 +66,70 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--to", metavar="FORMAT", default="toml", help=f"format to write: {', '.join(written)}"
     )
     parser.add_argument(
-        "-o", dest="output", metavar="OUT", help="output file (default: standard output)"
+        "-o",
+        dest="output",
+        metavar="OUT",
+        help="output file (default: standard output); the folder to write to for a folder",
     )
     parser.epilog = EPILOG
 
 
 def run(options: argparse.Namespace) -> int:
     """Import; gives the exit status."""
-    text, encoding_notes = decode_text(_read_input(options.file), options.encoding, options.file)
+    if options.file != "-" and Path(options.file).is_dir():
+        return _import_folder(options, Path(options.file))
+    text, notes = _imported(options, options.file)
+    write_text(text, options.output)
+    show_notes(notes)
+    return 0
+
+
+def _imported(options: argparse.Namespace, file: str) -> tuple[str, list[str]]:
+    """The text of the profile that a file becomes, and the notes on it."""
+    text, encoding_notes = decode_text(_read_input(file), options.encoding, file)
     base = int(options.base) if options.base in ("0", "1") else options.base
     order = importers.parse_order(options.order, "--order")
     chosen = importers.Options(base, order, options.unit)
-    found = importers.read(options.format, text, options.file, chosen)
-    profile = from_model(found.model, options.file)
+    form, notes = options.format, encoding_notes
+    if form == AUTO:
+        form = importers.detect(text, file)
+        notes = [*notes, f"read as {form} (detected)"]
+    found = importers.read(form, text, file, chosen)
+    profile = from_model(found.model, file)
     written = importers.write(options.to, profile)
-    notes = [
-        count_of(len(profile.points), "register"),
-        *encoding_notes,
-        *found.notes,
-        *written.notes,
-    ]
-    write_text(written.text, options.output)
-    show_notes(notes)
-    return 0
+    registers = count_of(len(profile.points), "register")
+    return written.text, [registers, *notes, *found.notes, *written.notes]
+
+
+def _import_folder(options: argparse.Namespace, folder: Path) -> int:
+    """Import each file below a folder; a line each says what was taken, or why not.
+
+    Gives the exit status: that of an unreadable input where no file was taken.
+    """
+    for form, way in ((options.format, "reads"), (options.to, "writes")):
+        if form != AUTO:
+            importers.check_format(form, way)
+    suffix = importers.FORMATS[options.to].suffix
+    screen, taken = Screen(sys.stdout), 0
+    files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
+    for path in files:
+        name = str(path.relative_to(folder))
+        try:
+            text, notes = _imported(options, str(path))
+            if options.output is not None:
+                target = Path(options.output) / path.relative_to(folder).with_suffix(suffix)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                write_text(text, str(target))
+        except ModlensError as error:
+            why = error.message.splitlines()[0].removeprefix(f"{path}: ")
+            screen.lines([[("not taken ", "bad"), (visible(f"{name}: {why}"), "")]])
+            continue
+        taken += 1
+        left_out = sum(note.endswith("skipped") for note in notes)
+        more = f", {left_out} left out" if left_out else ""
+        screen.lines([[("taken     ", "good"), (visible(f"{name}: {notes[0]}{more}"), "")]])
+    show_notes([f"{taken} of {count_of(len(files), 'file')} taken"])
+    return 0 if taken else SourceError.exit_status
 
 
 def show_notes(notes: Iterable[str]) -> None:

@@ -8,12 +8,27 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import select
 import sys
 from types import TracebackType
 from typing import Any, Self
 
 __all__ = ["Keys"]
+
+_KEY = re.compile(r"\x1b(?:\[[0-9;]*[A-Za-z~]|O[A-Za-z])|.", re.DOTALL)
+"""A character, or the sequence of a key that has none (ECMA-48 CSI, and SS3 of VT100s)."""
+
+_NAMES = {
+    "\x1b[A": "Up", "\x1bOA": "Up",
+    "\x1b[B": "Down", "\x1bOB": "Down",
+    "\x1b[5~": "PageUp",
+    "\x1b[6~": "PageDown",
+    "\x1b[H": "Home", "\x1bOH": "Home", "\x1b[1~": "Home", "\x1b[7~": "Home",
+    "\x1b[F": "End", "\x1bOF": "End", "\x1b[4~": "End", "\x1b[8~": "End",
+}  # fmt: skip
+_WINDOWS_NAMES = {"H": "Up", "P": "Down", "I": "PageUp", "Q": "PageDown", "G": "Home", "O": "End"}
+"""What follows the prefix that the console gives for a key without a character."""
 
 
 class Keys:
@@ -23,10 +38,13 @@ class Keys:
         self._fd = -1
         self._saved_attributes: list[Any] | None = None
 
-    def pressed(self) -> str:
-        """The characters typed since the last call; escape sequences (arrow keys) are dropped."""
+    def pressed(self) -> list[str]:
+        """The keys typed since the last call: characters, and `Up`, `PageDown` and the like.
+
+        Other keys without a character are left out.
+        """
         if self._saved_attributes is None:
-            return _windows_console_keys() if os.name == "nt" else ""
+            return _windows_console_keys() if os.name == "nt" else []
         text = ""
         while select.select([self._fd], [], [], 0)[0]:
             data = os.read(self._fd, 256)
@@ -34,7 +52,7 @@ class Keys:
                 self._saved_attributes = None
                 break
             text += data.decode("utf-8", "ignore")
-        return "" if text.startswith("\x1b") and len(text) > 1 else text
+        return _keys_of(text)
 
     def __enter__(self) -> Self:
         with contextlib.suppress(ImportError, OSError, ValueError):
@@ -44,7 +62,8 @@ class Keys:
             self._fd = sys.stdin.fileno()
             if os.isatty(self._fd):
                 self._saved_attributes = termios.tcgetattr(self._fd)
-                tty.setcbreak(self._fd)
+                # TCSANOW does not wait for what a frozen terminal has still to show.
+                tty.setcbreak(self._fd, termios.TCSANOW)
         return self
 
     def __exit__(
@@ -57,14 +76,27 @@ class Keys:
             import termios  # noqa: PLC0415
 
             with contextlib.suppress(OSError, termios.error):
-                termios.tcsetattr(self._fd, termios.TCSADRAIN, self._saved_attributes)
+                termios.tcsetattr(self._fd, termios.TCSANOW, self._saved_attributes)
 
 
-def _windows_console_keys() -> str:
+def _keys_of(text: str) -> list[str]:
+    r"""The keys in what a terminal has sent.
+
+    >>> _keys_of("a\x1b[5~\x1b[A\x1b[15~q"), _keys_of("\x1b")
+    (['a', 'PageUp', 'Up', 'q'], ['\x1b'])
+    """
+    found = _KEY.findall(text)
+    return [_NAMES.get(key, key) for key in found if len(key) == 1 or key in _NAMES]
+
+
+def _windows_console_keys() -> list[str]:
     import msvcrt  # noqa: PLC0415
 
     console: Any = msvcrt
-    text = ""
+    keys = []
     while console.kbhit():
-        text += console.getwch()
-    return text
+        key = console.getwch()
+        if key in "\x00\xe0":
+            key = _WINDOWS_NAMES.get(console.getwch(), "")
+        keys.append(key)
+    return [key for key in keys if key]

@@ -8,7 +8,7 @@ from typing import Any, cast
 import _modlens
 from analyzer.filter_compiler import Tree
 from analyzer.filters import Filter
-from analyzer.session import PartialBatch, Run
+from analyzer.pump import PartialBatch, Run
 
 __all__ = ["LimitedRun"]
 
@@ -21,8 +21,8 @@ class LimitedRun:
 
     `is_ended` says whether a condition (`--count`, `--duration`, `--stop-on`) has ended the run.
     The frame that is on the line at that moment is cut off by the user and not by trouble on the
-    bus: it is left out, with its transaction and findings. Statistics are those of the moment of
-    the end.
+    bus: it is left out, with its transaction and findings. Statistics and diagnoses are those of
+    the moment of the end.
     """
 
     def __init__(self, run: Run, count: int | None, is_ended: Callable[[], bool]) -> None:
@@ -30,6 +30,8 @@ class LimitedRun:
         self._remaining = count
         self._is_ended = is_ended
         self._final_stats: dict[str, Any] | None = None
+        self._final_doctor: dict[str, Any] | None = None
+        self._final_document: dict[str, Any] | None = None
 
     def batches(self) -> Iterator[_modlens.Batch]:
         """The batches of the run; the last one ends with transaction number `count`."""
@@ -40,13 +42,22 @@ class LimitedRun:
         """Decide what is still open; see the class for what is left out."""
         if not self._is_ended():
             return self._run.finish()
-        self._final_stats = self._run.stats()
+        self._final_stats, self._final_doctor = self._run.stats(), self._run.doctor()
+        self._final_document = self._run.document()
         batch = self._run.finish()
         return self._limit(batch) if self._remaining == 0 else _without_cut_off(batch)
 
     def stats(self) -> dict[str, Any]:
         """Statistics so far, or up to the end by a condition."""
         return self._run.stats() if self._final_stats is None else self._final_stats
+
+    def doctor(self) -> dict[str, Any]:
+        """What the doctor says so far, or up to the end by a condition."""
+        return self._run.doctor() if self._final_doctor is None else self._final_doctor
+
+    def document(self) -> dict[str, Any]:
+        """Doctor, statistics and overview so far, or up to the end by a condition."""
+        return self._run.document() if self._final_document is None else self._final_document
 
     def _limit(self, batch: _modlens.Batch) -> _modlens.Batch:
         if self._remaining is None:

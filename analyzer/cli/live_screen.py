@@ -29,7 +29,21 @@ LOG = "log"
 _FRAME_LINES = 3
 """Lines of the screen besides the view: title, state of the buses, foot."""
 
-_HELP = "l log t table m map h health  p pause / filter k mark q quit"
+_FOOT = "l log t table m map h health  p pause / filter ? keys q quit"
+_KEYS = (
+    ("PageUp, b", "a page back"),
+    ("PageDown, n", "a page on"),
+    ("Up, Down", "a line back, a line on"),
+    ("Home, End", "the oldest, the newest"),
+    ("p, space", "pause the screen; decoding goes on"),
+    ("/", "filter the log: an expression as for --where; empty shows everything"),
+    ("k", "put a mark into the log"),
+    ("?", "these keys"),
+    ("q", "quit"),
+)
+_TURNING = ("PageUp", "PageDown", "Up", "Down", "Home", "End", "n", "b")
+_FAR = 1_000_000_000
+"""Lines beyond any end."""
 
 
 class LiveScreen:
@@ -55,6 +69,7 @@ class LiveScreen:
         self._filter_input: str | None = None
         self._message = ""
         self._first_line = 0
+        self._shows_keys = False
         self._commands: dict[str, Callable[[], None]] = {
             "q": self._request_quit,
             "\x03": self._request_quit,
@@ -64,6 +79,13 @@ class LiveScreen:
             "/": self._begin_filter_input,
             "n": lambda: self._turn_pages(1),
             "b": lambda: self._turn_pages(-1),
+            "PageDown": lambda: self._turn_pages(1),
+            "PageUp": lambda: self._turn_pages(-1),
+            "Down": lambda: self._turn_lines(1),
+            "Up": lambda: self._turn_lines(-1),
+            "End": lambda: self._turn_lines(_FAR),
+            "Home": lambda: self._turn_lines(-_FAR),
+            "?": self._show_keys,
         }
 
     def put(self, batch: _modlens.Batch) -> None:
@@ -81,12 +103,14 @@ class LiveScreen:
         self._message = text
 
     def draw(self) -> None:
-        """Draw the whole screen now."""
+        """Draw the whole screen now, unless the terminal has not even shown the last one."""
+        if self._screen.is_behind:
+            return
         self._last_drawn_s = time.monotonic()
         self._state.refresh()
         width, height = self._screen.size
         room = max(height - _FRAME_LINES, 1)
-        body = draw(self._view, self._state, width, room)
+        body = _keys() if self._shows_keys else draw(self._view, self._state, width, room)
         self._first_line = max(min(self._first_line, len(body) - room), 0)
         shown = body[self._first_line : self._first_line + room]
         foot = self._footer(width, self._pages(len(shown), len(body), room))
@@ -95,7 +119,7 @@ class LiveScreen:
 
     def _pages(self, shown: int, lines: int, room: int) -> str:
         """What part of the view is shown; empty where that is all of it, or its newest end."""
-        if self._view == LOG:
+        if self._view == LOG and not self._shows_keys:
             history = self._state.history
             if history.is_at_end:
                 return ""
@@ -143,11 +167,15 @@ class LiveScreen:
             return [(fit(visible(self._message), width), "odd")]
         wanted = self._state.history.filter
         shown = f"filter: {wanted}  " if wanted else ""
-        left = fit(f"{visible(shown)}{_HELP}", max(width - len(pages), 0))
+        left = fit(f"{visible(shown)}{_FOOT}", max(width - len(pages), 0))
         return [(left, "dim"), (pages[-width:], "note")]
 
     def _handle_key(self, key: str) -> None:
         self._message = ""
+        if self._shows_keys and key not in _TURNING:
+            self._shows_keys, self._first_line = False, 0
+            if key in "?\x1b ":
+                return
         if self._filter_input is not None:
             self._edit_filter_input(key)
         elif key in self._commands:
@@ -159,14 +187,14 @@ class LiveScreen:
 
     def _edit_filter_input(self, key: str) -> None:
         text = self._filter_input or ""
-        if key in "\r\n":
+        if key in ("\r", "\n"):
             self._filter_input = None
             self._apply_filter(text)
         elif key == "\x1b":
             self._filter_input = None
-        elif key in "\x7f\b":
+        elif key in ("\x7f", "\b"):
             self._filter_input = text[:-1]
-        elif key.isprintable():
+        elif len(key) == 1 and key.isprintable():
             self._filter_input = text + key
 
     def _apply_filter(self, text: str) -> None:
@@ -178,10 +206,23 @@ class LiveScreen:
 
     def _turn_pages(self, pages: int) -> None:
         room = max(self._screen.size[1] - _FRAME_LINES, 1)
-        self._first_line += pages * room
-        if self._view == LOG:
-            rows = max(room - 1, 1)  # below the titles
-            self._state.history.turn(pages * rows, rows)
+        # The log has its titles in the first line.
+        self._turn_lines(pages * (max(room - 1, 1) if self._turns_the_log else room))
+
+    def _turn_lines(self, lines: int) -> None:
+        if self._turns_the_log:
+            room = max(self._screen.size[1] - _FRAME_LINES - 1, 1)
+            self._state.history.turn(lines, room)
+        else:
+            # `draw` keeps it inside of what there is.
+            self._first_line += lines
+
+    @property
+    def _turns_the_log(self) -> bool:
+        return self._view == LOG and not self._shows_keys
+
+    def _show_keys(self) -> None:
+        self._shows_keys, self._first_line = True, 0
 
     def _begin_filter_input(self) -> None:
         wanted = self._state.history.filter
@@ -197,3 +238,14 @@ class LiveScreen:
 
     def _request_quit(self) -> None:
         self.quit_requested = True
+
+
+def _keys() -> list[list[Part]]:
+    """The lines of the page that `?` shows."""
+    views = [(view.key, f"{name}: {view.title}") for name, view in VIEWS.items()]
+    return [
+        [("keys", "head")],
+        *([(fit(f"  {key}", 15), "note"), (what, "")] for key, what in (*views, *_KEYS)),
+        [("", "")],
+        [("any other key goes back", "dim")],
+    ]

@@ -8,10 +8,12 @@ from dataclasses import replace
 
 import _modlens
 from analyzer.addresses import BASES
+from analyzer.cli.file_input import file_run
+from analyzer.cli.known_devices import device_hints, usable_profiles
 from analyzer.cli.messages import Messages
 from analyzer.cli.parser import add_decoding, add_input, add_line, settings
+from analyzer.cli.standard_streams import report
 from analyzer.cli.stop_signals import StopSignals
-from analyzer.session import FileRun
 from analyzer.views.registers import show_map
 from analyzer.views.screen import stdout
 
@@ -44,13 +46,15 @@ def run(options: argparse.Namespace) -> int:
     """Go through the recordings, then print the map; gives the exit status."""
     messages = Messages(quiet=False)
     chosen = replace(settings(options), tables=("transactions",))
-    files = FileRun(
-        options.files, chosen, read_as=options.read_as, on_status=messages.recording_status
-    )
+    files = file_run(options, chosen, messages)
     found = _modlens.RegisterMap()
+    # What is named already needs no hint, and a program that reads JSON none either.
+    survey = None if options.json or chosen.profiles else _modlens.Survey()
     with StopSignals() as stop_signals:
         for batch in files.batches():
             found.add(batch)
+            if survey is not None:
+                survey.add(batch)
             if stop_signals.received():
                 found.add(files.finish())
                 break
@@ -60,4 +64,8 @@ def run(options: argparse.Namespace) -> int:
             if options.unit in (None, row["unit"]) and (row["name"] or not options.named)
         ]
         show_map(rows, stdout(), options.address, as_json=options.json)
+        if survey is not None:
+            tables = json.loads(survey.tables())
+            for hint in device_hints(tables, list(usable_profiles())):
+                report(hint)
         return 0 if stop_signals.signal is None else SIGNALLED + stop_signals.signal

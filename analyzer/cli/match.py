@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
 
+from analyzer.cli.known_devices import ranked, usable_profiles
 from analyzer.cli.learn import tables_of_unit
 from analyzer.cli.parser import add_decoding, add_input, add_line
 from analyzer.cli.register_survey import survey
-from analyzer.cli.standard_streams import report
-from analyzer.profiles import available_profiles, load
+from analyzer.profiles import load
 from analyzer.views.screen import stdout, visible
-from dissectors.errors import ModlensError
-from dissectors.profile import Profile
-from dissectors.profile_learning import score_profile
 
 __all__ = ["add_arguments", "run"]
+
+MOST_SHOWN = 5
+"""Profiles that are shown for a unit."""
 
 EPILOG = """\
 examples:
@@ -36,6 +35,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME|FILE",
         help="compare with this profile instead of all known ones; repeatable",
     )
+    parser.add_argument(
+        "--all",
+        action="store_true",
+        help=f"show all known profiles (default: the {MOST_SHOWN} best)",
+    )
     add_decoding(parser)
     add_line(parser)
     parser.epilog = EPILOG
@@ -46,24 +50,17 @@ def run(options: argparse.Namespace) -> int:
     tables = survey(options)
     if options.unit is not None:
         tables = tables_of_unit(tables, options.unit, "match")
-    profiles = [load(name) for name in options.names] if options.names else list(_usable())
+    profiles = [load(name) for name in options.names] or list(usable_profiles())
+    most = len(profiles) if options.names or options.all else MOST_SHOWN
     screen = stdout()
     for unit in sorted({table["unit"] for table in tables}):
         screen.line(f"unit {unit}", "head")
         unit_tables = [table for table in tables if table["unit"] == unit]
-        scored = [(score_profile(unit_tables, profile), profile) for profile in profiles]
-        for found, profile in sorted(scored, key=lambda pair: (-pair[0].points, pair[1].name)):
+        scored = ranked(unit_tables, profiles)
+        for found, profile in scored[:most]:
             style = "good" if found.fits else "dim"
             head = f"  {found.points:3d} %  {profile.name}: "
             screen.lines([[(head, style), (visible("; ".join(found.reasons)), "")]])
+        if not any(found.fits for found, _ in scored):
+            screen.line(f"  none of {len(profiles)} fits; modlens learn makes a draft", "dim")
     return 0
-
-
-def _usable() -> Iterator[Profile]:
-    """All available profiles that can be loaded; those with mistakes are reported and skipped."""
-    for one in available_profiles():
-        try:
-            yield load(one.name)
-        except ModlensError as error:
-            what = f"{one.name} is skipped: {error.message.splitlines()[0]}"
-            report(what)

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import sys
-import textwrap
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from analyzer.cli.progress import ProgressLine
 from analyzer.cli.standard_streams import STDERR, discard_output
 from analyzer.counts import count_of
-from analyzer.session import RecordingStatus
 from analyzer.views.screen import Screen, fit, visible
-from analyzer.views.stats import show_stats
 from analyzer.views.summary import summary
 from dissectors.errors import SourceError
+
+if TYPE_CHECKING:
+    from analyzer.session import RecordingStatus
 
 __all__ = ["Messages"]
 
@@ -36,10 +37,12 @@ _COARSE_NS = 100_000_000
 class Messages:
     """Prints messages to standard error; with `quiet` errors only.
 
-    `unparsed_lines` counts the lines of text recordings that could not be parsed so far.
+    `unparsed_lines` counts the lines of text recordings that could not be parsed so far. `progress`
+    is the line that says how far the reading has come, unless rows go to the same terminal.
     """
 
-    def __init__(self, *, quiet: bool) -> None:
+    def __init__(self, *, quiet: bool, rows_on_terminal: bool = False) -> None:
+        self.progress = ProgressLine(shown=not rows_on_terminal)
         self._quiet = quiet
         self._screen = Screen(sys.stderr)
         self.unparsed_lines = 0
@@ -59,6 +62,8 @@ class Messages:
         """Print one line unless quiet; on a terminal it is wrapped."""
         if self._quiet:
             return
+        import textwrap  # noqa: PLC0415 - `export` is quiet
+
         width = self._screen.width if self._screen.is_terminal else sys.maxsize
         for part in textwrap.wrap(text, width, subsequent_indent="  ", drop_whitespace=False):
             self._print(part.rstrip(), "dim")
@@ -67,11 +72,13 @@ class Messages:
         """Print an error as one line, even when quiet."""
         self._print(f"modlens: {text}", "")
 
-    def statistics(self, stats: dict[str, Any]) -> None:
-        """Print the statistics table of `modlens stats`."""
+    def statistics(self, stats: dict[str, Any], doctor: dict[str, Any] | None = None) -> None:
+        """Print the statistics table of `modlens stats`; see there for `doctor`."""
         if not self._quiet:
+            from analyzer.views.stats import show_stats  # noqa: PLC0415 - most commands show none
+
             with contextlib.suppress(BrokenPipeError, SourceError):
-                show_stats(stats, self._screen)
+                show_stats(stats, self._screen, doctor)
 
     def summary(self, stats: dict[str, Any]) -> None:
         """Print the summary of a run: frames by verdict, transactions by status, findings."""
@@ -80,6 +87,7 @@ class Messages:
 
     def _print(self, text: str, style: str) -> None:
         """Print one line; a closed standard error is ignored so that the outputs are completed."""
+        self.progress.wipe()
         try:
             self._screen.line(visible(text), style)
         except (BrokenPipeError, SourceError):

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from os.path import isfile
 from typing import Literal, Protocol
 
-from analyzer.cli.between import combine_filters
+from analyzer.cli.file_input import file_run
 from analyzer.cli.messages import Messages
 from analyzer.cli.parser import settings
 from analyzer.cli.segmentation import report_silence_limits
@@ -30,12 +31,10 @@ from analyzer.exports.sink import (
     required_tables,
     with_suitable_table,
 )
-from analyzer.filters import parse
-from analyzer.session import FileRun, Run, Settings, Sink, pump
-from analyzer.views.row_lines import TableOptions
+from analyzer.pump import Run, Sink, pump
+from analyzer.settings import Settings
 from analyzer.views.screen import stdout
 from analyzer.views.summary import damaged
-from analyzer.views.table_sink import TableSink
 from dissectors.errors import CaptureError, SourceError, UsageError
 
 __all__ = ["DAMAGED", "OutputSink", "Outputs", "run_files", "run_settings", "targets"]
@@ -60,17 +59,10 @@ def run_files(
     options: argparse.Namespace, *, to: str | None, quiet: bool, follow: bool = False
 ) -> int:
     """Decode the input files into all outputs; gives the exit status."""
-    messages = Messages(quiet=quiet)
+    messages = Messages(quiet=quiet, rows_on_terminal=to is not None and sys.stdout.isatty())
     settings = run_settings(options)
     report_silence_limits(settings, messages)
-    run = FileRun(
-        options.files,
-        settings,
-        read_as=options.read_as,
-        replay=getattr(options, "replay", False),
-        on_status=messages.recording_status,
-        follow=follow,
-    )
+    run = file_run(options, settings, messages, follow=follow)
     with (
         StopSignals() as stop_signals,
         Outputs(options, messages, to=to, names=options.files) as outputs,
@@ -140,26 +132,29 @@ class Outputs:
         self.partial: list[str] = []
         self._messages = messages
         zone: Literal["local", "utc"] = "utc" if options.times == "utc" else "local"
-        where = combine_filters(options.where, options.between, zone=zone, table=options.table)
+        where = _filter(options, zone)
         by_time = where is not None and ("(time" in where or "(opened" in where)
         self._has_times = options.between is not None and by_time
         self._filtered = where is not None
-        for note in () if where is None else parse(where, options.table).notes:
+        for note in () if where is None else _notes(where, options.table):
             messages.info(f"--where: {note}")
         self._sinks: list[OutputSink] = list(extra_sinks)
+        self._on_screen: OutputSink | None = None
         self._observers: list[Sink] = []
         self._failures = 0
         wanted = [] if getattr(options, "around", None) else targets(options)
         with ExitStack() as opened:
             if to == TABLE:
+                from analyzer.views.row_lines import TableOptions  # noqa: PLC0415 - as below
+                from analyzer.views.table_sink import TableSink  # noqa: PLC0415 - not for `export`
+
                 table_options = TableOptions(options.address, options.times, tuple(names))
                 if options.columns is not None and not wanted:
                     raise UsageError("--columns needs --to csv or -o FILE")
-                self._sinks.append(
-                    TableSink(
-                        options.table, stdout(), table_options, where=where, limit=options.limit
-                    )
+                self._on_screen = TableSink(
+                    options.table, stdout(), table_options, where=where, limit=options.limit
                 )
+                self._sinks.append(self._on_screen)
             elif to is not None:
                 wanted.insert(0, with_suitable_table(Target(options.table, to, None), named=False))
             check_style(options.style, wanted)
@@ -228,7 +223,7 @@ class Outputs:
                 continue
             if sink.name != name:
                 self.partial.append(sink.name)
-            if sink.table and (not isinstance(sink, TableSink) or self._filtered):
+            if sink.table and (sink is not self._on_screen or self._filtered):
                 self._messages.info(
                     f"{sink.name}: {count_of(sink.row_count, sink.table.removesuffix('s'))} written"
                 )
@@ -241,6 +236,8 @@ class Outputs:
             remark = sink.closing_remark() if isinstance(sink, ExportSink) else ""
             if remark:
                 self._messages.info(f"{sink.name}: {remark}")
+            for empty in sink.empty_columns() if isinstance(sink, ExportSink) else ():
+                self._messages.error(f"{sink.name}: {empty}")
 
     def __enter__(self) -> Outputs:
         return self
@@ -256,6 +253,23 @@ class Outputs:
             return
         self.status = max(self.status, error.exit_status)
         self._messages.error(error.message)
+
+
+def _filter(options: argparse.Namespace, zone: Literal["local", "utc"]) -> str | None:
+    """The filter that `--where` and `--between` make together; None where neither is given."""
+    if options.between is None:
+        where: str | None = options.where
+        return where
+    from analyzer.cli.between import combine_filters  # noqa: PLC0415 - rarely given
+
+    return combine_filters(options.where, options.between, zone=zone, table=options.table)
+
+
+def _notes(where: str, table: str) -> Sequence[str]:
+    """What has to be said of a filter."""
+    from analyzer.filters import parse  # noqa: PLC0415 - loaded where there is a filter
+
+    return parse(where, table).notes
 
 
 def targets(options: argparse.Namespace) -> list[Target]:

@@ -6,24 +6,29 @@ Errors of use are one line without the usage text.
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
-from typing import NoReturn
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NoReturn
 
 import _modlens
 from analyzer.addresses import BASES
-from analyzer.bus_file import choose_bus
+from analyzer.archive import BUS_NAMES
 from analyzer.cli.segmentation import add_segmentation
 from analyzer.columns import TABLES
 from analyzer.durations import parse_duration
 from analyzer.line import EXAMPLE, Line, parse_line
-from analyzer.profiles import parse_binding, with_vendor_functions
-from analyzer.session import MODES, Settings
+from analyzer.settings import MODES, Settings
 from analyzer.silence_limits import silence_limits
 from analyzer.times import check_date, utc_offset_changes
 from dissectors.errors import ProfileError, SourceError, UsageError
 
+if TYPE_CHECKING:
+    from analyzer.bus_file import Bus
+    from analyzer.profiles import Binding
+
 __all__ = [
     "Parser",
+    "add_archive",
     "add_decoding",
     "add_dialects",
     "add_functions",
@@ -36,6 +41,13 @@ __all__ = [
 ]
 
 TIMES = ("local", "utc", "elapsed", "delta")
+
+_ROWS_OF_ONE = "which rows is a condition: modlens decode FILE --where 'unit == 3'"
+_HINTS = (
+    ("--between: expected", "it takes a beginning and an end, such as --between yesterday today"),
+    *((f"unrecognized arguments: --{word}", _ROWS_OF_ONE) for word in ("unit", "slave", "filter")),
+)
+"""Words of a message -> what to say after it."""
 
 _LAST_PORT = 0xFFFF
 _MAX_TIMEOUT_S = 3600
@@ -54,7 +66,8 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raise the message as `UsageError`."""
-        raise UsageError(f"{self.prog.removeprefix('modlens ')}: {message}; see {self.prog} --help")
+        hint = next((hint for words, hint in _HINTS if words in message), f"see {self.prog} --help")
+        raise UsageError(f"{self.prog.removeprefix('modlens ')}: {message}; {hint}")
 
 
 def add_line(parser: argparse.ArgumentParser) -> None:
@@ -120,6 +133,24 @@ def add_decoding(parser: argparse.ArgumentParser) -> None:
     add_functions(group)
 
 
+def add_archive(parser: argparse.ArgumentParser, threads: str) -> None:
+    """Add the options for many recordings of many buses; `threads` says what stands in one each."""
+    group = parser.add_argument_group("archives")
+    group.add_argument(
+        "--threads",
+        type=int,
+        metavar="N",
+        help=f"{threads} (default: one for each processor core)",
+    )
+    group.add_argument(
+        "--bus-names",
+        choices=BUS_NAMES,
+        default=BUS_NAMES[0],
+        help="names the bus of a recording that does not name it itself after its folder in the"
+        " archive (default), its own name without suffix, or its path",
+    )
+
+
 def add_functions(parser: argparse._ActionsContainer) -> None:
     """Add `--functions`, which can be repeated."""
     parser.add_argument(
@@ -131,11 +162,11 @@ def add_functions(parser: argparse._ActionsContainer) -> None:
     )
 
 
-def add_input(parser: argparse.ArgumentParser) -> None:
+def add_input(parser: argparse.ArgumentParser, *, optional: bool = False) -> None:
     """Add `FILE...`, `--from` and what text recordings leave open: `--timezone`, `--date`."""
     parser.add_argument(
         "files",
-        nargs="+",
+        nargs="*" if optional else "+",
         metavar="FILE",
         help="a recording, or an archive, e-mail or directory that contains recordings; -"
         " reads standard input",
@@ -196,8 +227,8 @@ def add_rows(parser: argparse.ArgumentParser) -> None:
         nargs=2,
         metavar=("T1", "T2"),
         help="only rows from T1 up to, but not including, T2: times as the table shows them, with"
-        " or without a date, in the same zone (--times), or seconds from the start of the"
-        " recording",
+        " or without a date, in the same zone (--times), yesterday, today, or seconds from the"
+        " start of the recording",
     )
     group.add_argument(
         "--limit", type=int, metavar="N", help="at most N rows in the table and in each file"
@@ -252,8 +283,8 @@ def settings(options: argparse.Namespace) -> Settings:
 
     `UsageError` or `ProfileError` for values that are not possible.
     """
-    bus = None if options.bus is None else choose_bus(options.bus)
-    profiles = tuple(parse_binding(text) for text in options.profiles)
+    bus = None if options.bus is None else _bus(options.bus)
+    profiles = _profiles(options.profiles)
     if bus is not None:
         profiles = (*bus.profiles, *profiles)
     line = _line(options) or (None if bus is None else bus.line)
@@ -263,7 +294,7 @@ def settings(options: argparse.Namespace) -> Settings:
         timeout_ns=None
         if options.timeout is None
         else parse_duration(options.timeout, "--timeout", _MAX_TIMEOUT_S),
-        functions=with_vendor_functions(load_functions(options.functions), profiles),
+        functions=_functions(options.functions, profiles),
         profiles=profiles,
         silence_ns=silence_limits(
             options.segmentation, options.t35, options.t15, line, prefix="--"
@@ -276,6 +307,29 @@ def settings(options: argparse.Namespace) -> Settings:
     )
 
 
+def _bus(text: str) -> Bus:
+    from analyzer.bus_file import choose_bus  # noqa: PLC0415 - where there is a bus file only
+
+    return choose_bus(text)
+
+
+def _profiles(words: list[str]) -> tuple[Binding, ...]:
+    if not words:
+        return ()
+    from analyzer.profiles import parse_binding  # noqa: PLC0415 - where there is a profile only
+
+    return tuple(parse_binding(word) for word in words)
+
+
+def _functions(names: list[str], profiles: Sequence[Binding]) -> _modlens.Functions:
+    functions = load_functions(names)
+    if not profiles:
+        return functions
+    from analyzer.profiles import with_vendor_functions  # noqa: PLC0415 - as above
+
+    return with_vendor_functions(functions, profiles)
+
+
 def load_dialects(names: list[str]) -> _modlens.Dialects | None:
     """The table of text dialects with the rows of these files; None where no file is given."""
     if not names:
@@ -283,7 +337,7 @@ def load_dialects(names: list[str]) -> _modlens.Dialects | None:
     dialects = _modlens.Dialects()
     for name in names:
         try:
-            dialects.load(Path(name).read_text(encoding="utf-8"), name)
+            dialects.load(_text_of(name), name)
         except (OSError, UnicodeError) as error:
             raise SourceError(f"--dialects {name}: cannot be read: {_reason_of(error)}") from error
         except ValueError as error:
@@ -295,19 +349,24 @@ def load_functions(names: list[str]) -> _modlens.Functions:
     """The table of functions with the rows of these vendors (by name) and files (by path)."""
     functions = _modlens.Functions()
     for name in names:
-        path = Path(name)
+        has_ending = bool(os.path.splitext(name)[1])
         try:
-            if path.suffix or len(path.parts) > 1:
-                functions.load(path.read_text(encoding="utf-8"), name)
+            if has_ending or os.path.basename(name) != name:
+                functions.load(_text_of(name), name)
             else:
                 functions.load_vendor(name)
         except (OSError, UnicodeError) as error:
             raise SourceError(f"--functions {name}: cannot be read: {_reason_of(error)}") from error
         except ValueError as error:
-            if path.suffix:
+            if has_ending:
                 raise ProfileError(str(error).removeprefix(f"{name}: "), path=name) from error
             raise UsageError(f"--functions {name}: {error}") from error
     return functions
+
+
+def _text_of(path: str) -> str:
+    with open(path, encoding="utf-8") as file:
+        return file.read()
 
 
 def _reason_of(error: OSError | UnicodeError) -> str:

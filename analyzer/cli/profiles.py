@@ -61,17 +61,19 @@ def run(options: argparse.Namespace) -> int:
 
 def _list() -> None:
     """Print the available profiles; one that cannot be loaded is listed with its mistake."""
-    screen = stdout()
-    for one in available_profiles():
+    screen, available = stdout(), available_profiles()
+    width = max((len(one.name) for one in available), default=0)
+    for one in available:
         try:
             profile = load(one.name)
         except ModlensError as error:
             # One profile with mistakes does not keep the others from being listed.
             title = f"cannot be used: {error.message.splitlines()[0]}"
-            screen.lines([[(f"{one.name:<12} ", "note"), (visible(title), "bad")]])
+            screen.lines([[(f"{one.name:<{width}} ", "note"), (visible(title), "bad")]])
             continue
         title = f"{profile.title}, {count_of(len(profile.points), 'register')}"
-        screen.lines([[(f"{one.name:<12} ", "note"), (visible(f"{title} ({one.origin})"), "")]])
+        words = visible(f"{title} ({one.origin})")
+        screen.lines([[(f"{one.name:<{width}} ", "note"), (words, "")]])
 
 
 def _convert(options: argparse.Namespace) -> None:

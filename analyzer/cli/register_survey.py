@@ -8,9 +8,9 @@ from dataclasses import replace
 from typing import Any
 
 import _modlens
+from analyzer.cli.file_input import file_run
 from analyzer.cli.messages import Messages
 from analyzer.cli.parser import settings
-from analyzer.session import FileRun
 
 __all__ = ["survey"]
 
@@ -19,9 +19,7 @@ def survey(options: argparse.Namespace) -> list[dict[str, Any]]:
     """Survey the registers in the input files; gives the tables of `_modlens.Survey`."""
     messages = Messages(quiet=False)
     chosen = replace(settings(options), tables=("transactions",))
-    files = FileRun(
-        options.files, chosen, read_as=options.read_as, on_status=messages.recording_status
-    )
+    files = file_run(options, chosen, messages)
     found = _modlens.Survey()
     for batch in files.batches():
         found.add(batch)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from analyzer.cli.messages import Messages
-from analyzer.session import Settings
+from analyzer.settings import Settings
 from analyzer.silence_limits import SEGMENTATIONS
 
 __all__ = ["add_segmentation", "report_silence_limits"]

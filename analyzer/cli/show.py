@@ -6,6 +6,7 @@ Bytes beside meaning, for pasted hex or for one frame or transaction of a record
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import re
 
@@ -21,7 +22,8 @@ from analyzer.cli.show_frames import (
     show,
 )
 from analyzer.cli.show_registers import add_place, show_registers
-from analyzer.session import FileRun, Settings
+from analyzer.session import FileRun
+from analyzer.settings import Settings
 from analyzer.views.detail import show_frame
 from analyzer.views.screen import Screen, stdout
 from dissectors.describe import describe
@@ -69,6 +71,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=("request", "response"),
         help="direction of the frame (default: detected)",
     )
+    parser.add_argument(
+        "--to",
+        choices=("md",),
+        metavar="FORMAT",
+        help="md: between Markdown fences, for a ticket",
+    )
     add_decoding(parser)
     add_line(parser)
     parser.epilog = EPILOG
@@ -77,6 +85,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Show it; gives the exit status."""
     screen = stdout()
+    if options.to is None:
+        _show(options, screen)
+        return 0
+    text = io.StringIO()
+    _show(options, Screen(text, width=screen.width))
+    screen.text(f"```text\n{text.getvalue()}```\n")
+    return 0
+
+
+def _show(options: argparse.Namespace, screen: Screen) -> None:
+    """Draw what the options ask for."""
     if options.at is not None:
         if len(options.words) != 1 or options.frame is not None or options.txn is not None:
             raise UsageError("show: --at needs one recording, and neither --frame nor --txn")
@@ -87,7 +106,6 @@ def run(options: argparse.Namespace) -> int:
         _show_hex(options, screen)
     else:
         _show_recording(options, screen)
-    return 0
 
 
 def _show_packet(options: argparse.Namespace, screen: Screen) -> None:
@@ -117,7 +135,11 @@ def _show_recording(options: argparse.Namespace, screen: Screen) -> None:
     chosen = settings(options)
     messages = Messages(quiet=True)
     run = FileRun(
-        options.words, chosen, read_as=options.read_as, on_status=messages.recording_status
+        options.words,
+        chosen,
+        read_as=options.read_as,
+        on_status=messages.recording_status,
+        progress=messages.progress,
     )
     if options.frame is not None:
         found = lookup_frame(run, options.frame)

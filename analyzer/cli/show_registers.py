@@ -112,7 +112,11 @@ def _samples(options: argparse.Namespace, unit: int, space: str, first: int) -> 
     messages = Messages(quiet=True)
     chosen = replace(settings(options), tables=("transactions",))
     run = FileRun(
-        options.words, chosen, read_as=options.read_as, on_status=messages.recording_status
+        options.words,
+        chosen,
+        read_as=options.read_as,
+        on_status=messages.recording_status,
+        progress=messages.progress,
     )
     kind = next(long for long, short in SHORT.items() if short == space)
     text = f"unit == {unit} and register_type == {kind!r} and touches({space}, {first})"

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
+import json
+import re
+from collections.abc import Mapping
+from typing import Any
 
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import DAMAGED, SIGNALLED
-from analyzer.cli.parser import add_decoding, add_input, add_line, settings
-from analyzer.cli.segmentation import report_silence_limits
+from analyzer.cli.parser import add_decoding, add_input, add_line
+from analyzer.cli.recording_document import RecordingDocument
+from analyzer.cli.standard_streams import print_text
 from analyzer.cli.stop_signals import StopSignals
-from analyzer.session import FileRun
+from analyzer.views.courses import show_courses
 from analyzer.views.health import show_verdict
 from analyzer.views.screen import stdout
 from analyzer.views.stats import show_stats
@@ -26,6 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_decoding(parser)
     add_line(parser)
     parser.add_argument(
+        "--to",
+        choices=("json",),
+        help="write one JSON document instead of text: statistics, and what the doctor says",
+    )
+    parser.add_argument(
         "--strict",
         action="store_true",
         help="exit with status 1 if any frame was damaged or a line could not be parsed",
@@ -34,23 +43,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Decode the recordings, then print the statistics; gives the exit status."""
-    messages = Messages(quiet=False)
-    chosen = replace(settings(options), tables=("diagnoses",))
-    report_silence_limits(chosen, messages)
-    files = FileRun(
-        options.files, chosen, read_as=options.read_as, on_status=messages.recording_status
-    )
+    messages = Messages(quiet=options.to is not None)
     with StopSignals() as stop_signals:
-        for _ in files.batches():
-            if stop_signals.received():
-                files.finish()
-                break
-        stats = files.stats()
-        show_verdict(files.doctor(), stdout())
-        stdout().line("")
-        show_stats(stats, stdout())
+        recording = RecordingDocument(options, messages, stop_signals)
+        document = recording.document
+        stats, found = document["statistics"], document["doctor"]
+        if options.to is None:
+            show_verdict(found, stdout())
+            stdout().line("")
+            show_stats(stats, stdout(), found)
+            show_courses(document["overview"], stdout())
+        else:
+            print_text(_json(document))
         if stop_signals.signal is not None:
             return SIGNALLED + stop_signals.signal
-    if files.unreadable:
+    if recording.unreadable:
         return CaptureError.exit_status
     return DAMAGED if options.strict and (damaged(stats) or messages.unparsed_lines) else 0
+
+
+_COLUMN = re.compile(r"\[\s+((?:[-+.\w]+,\s+)*[-+.\w]+)\s+\]")
+
+
+def _json(document: Mapping[str, Any]) -> str:
+    """The document as indented JSON; lists of numbers, which are long, on a line each."""
+    text = json.dumps(document, indent=2, ensure_ascii=False)
+    return _COLUMN.sub(lambda found: f"[{' '.join(found[1].split())}]", text) + "\n"

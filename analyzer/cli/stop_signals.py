@@ -7,7 +7,7 @@ middle of a row: the loop that reads the input checks `received` between blocks.
 from __future__ import annotations
 
 import signal
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Self
 
 __all__ = ["StopSignals"]
@@ -33,12 +33,7 @@ class StopSignals:
                 self._previous_handlers[number] = signal.signal(number, self._remember)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._restore()
 
     def _remember(self, number: int, frame: FrameType | None) -> None:

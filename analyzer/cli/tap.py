@@ -3,36 +3,39 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from contextlib import ExitStack, closing
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from analyzer.bus_file import choose_buses
+from analyzer.cli.detached_streams import DetachedStreams, write_failure
 from analyzer.cli.limited_run import LimitedRun
-from analyzer.cli.live_screen import LiveScreen
 from analyzer.cli.messages import Messages
-from analyzer.cli.outputs import DAMAGED, TABLE, Outputs, OutputSink, run_settings, targets
+from analyzer.cli.outputs import DAMAGED, TABLE, Outputs, run_settings
 from analyzer.cli.parser import add_decoding, add_line, add_rows
 from analyzer.cli.segmentation import report_silence_limits
+from analyzer.cli.standard_streams import report
 from analyzer.cli.stop_signals import StopSignals
-from analyzer.cli.triggers import EventCapture, HourlySummary, SettingsDoubt, StopConditions
+from analyzer.cli.tap_messages import TapMessages
+from analyzer.cli.tap_recording import TapRecording
+from analyzer.cli.tap_sinks import tap_sinks
+from analyzer.cli.triggers import (
+    HourlySummary,
+    SettingsDoubt,
+    StopConditions,
+)
 from analyzer.durations import parse_duration
-from analyzer.exports.recorder import RecordedPort, Recorder, parse_retention, parse_rotation
-from analyzer.line import Line
-from analyzer.live_run import LINES, LiveRun, Tap, parse_tap
+from analyzer.live_run import LiveRun, Tap, parse_tap
 from analyzer.profiles import Binding, with_vendor_functions
-from analyzer.session import Settings
-from analyzer.sources.serial import Chunk
+from analyzer.settings import Settings
+from analyzer.views.health import show_health
 from analyzer.views.live import VIEWS
-from analyzer.views.live.state import LiveState
-from analyzer.views.row_lines import TableOptions
 from analyzer.views.screen import stdout
 from analyzer.views.summary import damaged
 from dissectors.errors import SourceError, UsageError
 
 if TYPE_CHECKING:
-    from analyzer.feeds.mqtt import Mqtt
+    pass
 
 __all__ = ["add_arguments", "run"]
 
@@ -40,6 +43,7 @@ EPILOG = """\
 examples:
   modlens tap /dev/ttyUSB0
   modlens tap /dev/ttyUSB0 --line 19200-8E1 --view table
+  modlens tap /dev/ttyUSB0 --doctor --duration 10m
   modlens tap boiler=/dev/ttyUSB0@9600-8N1 pump=/dev/ttyUSB1@19200-8E1
   modlens tap /dev/ttyUSB0 -o event.jsonl --around 200 --where "exception"
   modlens tap --bus plant.toml
@@ -66,6 +70,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--view", choices=VIEWS, help="show a full-screen view instead of one line per transaction"
+    )
+    parser.add_argument(
+        "--doctor",
+        action="store_true",
+        help="print no transactions; say what is wrong whenever that changes, and at the end why"
+        " and what to do, as modlens doctor does",
+    )
+    parser.add_argument(
+        "--report",
+        metavar="FILE",
+        help="at the end, write the page of modlens report to this file",
     )
     parser.add_argument(
         "--no-reconnect",
@@ -153,31 +168,41 @@ def _add_feeds(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Listen until a signal, a stop condition or the user ends it; gives the exit status."""
+    with StopSignals() as stop_signals, DetachedStreams(stop_signals.received) as streams:
+        status = _tap(options, stop_signals)
+    failure = None if streams.failure is None else write_failure(streams.failure)
+    if failure is not None:
+        report(f"modlens: {failure.message}")
+        return max(status, failure.exit_status)
+    return status
+
+
+def _tap(options: argparse.Namespace, stop_signals: StopSignals) -> int:
     taps, bound = _taps(options)
     settings = _settings(options, bound)
     messages = Messages(quiet=False)
-    tap_messages = _TapMessages(messages)
+    tap_messages = TapMessages(messages)
     stop_conditions = StopConditions(options.count, _seconds(options.duration), options.stop_on)
     report_silence_limits(settings, messages)
-    recording = _Recording(options, messages, tap_messages)
+    recording = TapRecording(options, tap_messages)
     live = LiveRun(
         taps,
         settings,
         notify=tap_messages.info,
-        on_read=None if options.record is None else recording.write_read,
-        on_settings=recording.add_bus,
         reconnect=not options.no_reconnect,
         detect=options.detect,
     )
-    with StopSignals() as stop_signals, closing(live), ExitStack() as opened:
-        extra_sinks = _sinks(options, live, tap_messages, opened)
-        to = None if options.view or tap_messages.screen else options.to or TABLE
+    with closing(live), ExitStack() as opened:
+        extra_sinks = tap_sinks(options, live, tap_messages, recording, opened)
+        silent = options.view or tap_messages.screen or options.doctor
+        to = None if silent else options.to or TABLE
         outputs = opened.enter_context(
             Outputs(
                 options, messages, to=to, names=live.buses, growing=True, extra_sinks=extra_sinks
             )
         )
         outputs.add_observers(
+            recording,
             *[stop_conditions] * stop_conditions.any_set,
             HourlySummary(live.stats, tap_messages.info),
             SettingsDoubt(live.stats, tap_messages.info),
@@ -187,7 +212,7 @@ def run(options: argparse.Namespace) -> int:
         tap_messages.info(f"listening to {ports}{at}; nothing is sent; Ctrl-C stops")
         # The recording begins only when the ports are open, so that no empty file is left where
         # they fail.
-        recording.open(opened)
+        recording.open(opened, live)
         limited = LimitedRun(live, options.count, lambda: stop_conditions.reached)
         try:
             with tap_messages.use_screen():
@@ -200,102 +225,26 @@ def run(options: argparse.Namespace) -> int:
                     ),
                 )
         finally:
+            recording.close()
             outputs.close()
-            stats = limited.stats()
+            stats, doctor = limited.stats(), limited.doctor()
             if not outputs.reader_gone:
-                messages.statistics(stats)
+                messages.statistics(stats, doctor)
                 messages.summary(stats)
+                if options.doctor:
+                    show_health(doctor, stdout())
+                else:
+                    messages.info(doctor["sentence"])
+            if options.report is not None:
+                from analyzer.cli.tap_report import write_report  # noqa: PLC0415 - not for all
+
+                write_report(options.report, limited.document(), live.statuses(), settings)
     if any(getattr(sink, "failed", False) for sink in extra_sinks) and not outputs.status:
         messages.error("nothing was delivered to the MQTT broker")
         return SourceError.exit_status
-    if options.strict and damaged(stats) and not outputs.status:
+    if options.strict and damaged(stats) and not max(outputs.status, recording.exit_status):
         return DAMAGED
-    return outputs.status
-
-
-class _TapMessages:
-    """Routes messages of the tap: to standard error, or to the live screen while it is shown."""
-
-    def __init__(self, messages: Messages) -> None:
-        self.screen: LiveScreen | None = None
-        self._messages = messages
-        self._screen_is_shown = False
-
-    @property
-    def quit_requested(self) -> bool:
-        """Whether the user has asked the live screen to end."""
-        return self.screen is not None and self.screen.quit_requested
-
-    def info(self, text: str) -> None:
-        """Show one message."""
-        if self.screen is not None and self._screen_is_shown:
-            self.screen.show_message(text)
-        else:
-            self._messages.info(text)
-
-    def use_screen(self) -> ExitStack:
-        """Show the screen inside the `with` block; its messages are printed afterwards."""
-        stack = ExitStack()
-        if self.screen is not None:
-            self._screen_is_shown = True
-            stack.callback(self._leave_screen, self.screen)
-            stack.enter_context(self.screen)
-        return stack
-
-    def _leave_screen(self, screen: LiveScreen) -> None:
-        self._screen_is_shown = False
-        for text in screen.messages:
-            self._messages.info(text)
-
-
-class _Recording:
-    """The raw recording of `--record`; a port is added when its line settings are known."""
-
-    def __init__(
-        self, options: argparse.Namespace, messages: Messages, tap_messages: _TapMessages
-    ) -> None:
-        self._options, self._messages, self._tap_messages = options, messages, tap_messages
-        self._recorder: Recorder | None = None
-        self._ports: list[RecordedPort] = []
-        if options.record is None:
-            if options.rotate or options.keep:
-                raise UsageError("--rotate and --keep are for --record FILE")
-            return
-        self._rotate = None if options.rotate is None else parse_rotation(options.rotate)
-        self._keep = None if options.keep is None else parse_retention(options.keep)
-
-    def open(self, opened: ExitStack) -> None:
-        """Open the recording's file, if there is to be one; `opened` closes it."""
-        if self._options.record is not None:
-            self._recorder = opened.enter_context(
-                closing(
-                    Recorder(
-                        self._options.record,
-                        self._ports,
-                        rotate=self._rotate,
-                        keep=self._keep,
-                        notify=self._tap_messages.info,
-                        on_failure=self._failed,
-                    )
-                )
-            )
-
-    def add_bus(self, tap: Tap, settings: Line | None) -> None:
-        """Add the ports of a bus whose settings are now known; called before its first read."""
-        for port, letter in zip(tap.ports, LINES, strict=False):
-            which = letter if len(tap.ports) > 1 else None
-            one = RecordedPort(tap.bus, which, port, None if settings is None else str(settings))
-            self._ports.append(one)
-            if self._recorder is not None:
-                self._recorder.add_port(one)
-
-    def write_read(self, bus: str, line: str | None, chunk: Chunk) -> None:
-        """Record one read; called before it is decoded."""
-        if self._recorder is not None:
-            self._recorder.write_read(bus, line, chunk)
-
-    def _failed(self, error: SourceError) -> None:
-        self._messages.error(f"{error.message}; the recording has ended")
+    return max(outputs.status, recording.exit_status)
 
 
 def _taps(options: argparse.Namespace) -> tuple[list[Tap], tuple[Binding, ...]]:
@@ -342,71 +291,10 @@ def _settings(options: argparse.Namespace, bound: tuple[Binding, ...]) -> Settin
     given = next((name for name in feed if getattr(options, name)), None)
     if given is not None and options.mqtt is None:
         raise UsageError(f"tap: --{given.replace('_', '-')} needs --mqtt URL")
-    return replace(settings, tables=tuple(sorted({*settings.tables, "transactions"})))
-
-
-def _sinks(
-    options: argparse.Namespace, live: LiveRun, tap_messages: _TapMessages, opened: ExitStack
-) -> list[OutputSink]:
-    """The sinks that only a tap has: live screen, event captures, MQTT, metrics."""
-    sinks: list[OutputSink] = []
-    if options.view is not None:
-        screen = stdout()
-        if not screen.is_terminal:
-            raise UsageError(
-                "tap: --view needs a terminal; without it, each transaction is printed as a line"
-            )
-        table_options = TableOptions(options.address, options.times, live.buses)
-        state = LiveState(table_options, live.stats, live.statuses)
-        tap_messages.screen = LiveScreen(state, options.view, screen)
-        sinks.append(tap_messages.screen)
-    if options.around is not None:
-        sinks += [
-            EventCapture(options.around, options.where, one, options.columns)
-            for one in targets(options)
-        ]
-    return sinks + _feeds(options, live, tap_messages, opened)
-
-
-def _feeds(
-    options: argparse.Namespace, live: LiveRun, tap_messages: _TapMessages, opened: ExitStack
-) -> list[OutputSink]:
-    feeds: list[OutputSink] = []
-    mqtt = _mqtt(options, tap_messages)
-    if mqtt is not None:
-        feeds.append(mqtt)
-    if options.metrics is not None:
-        from analyzer.feeds.metrics import Metrics, parse_address  # noqa: PLC0415
-
-        stats: Callable[[], dict[str, Any]] = live.stats
-        metrics = Metrics(parse_address(options.metrics), stats, mqtt)
-        tap_messages.info(f"publishing to {metrics.name}")
-        feeds.append(metrics)
-    for feed in feeds:
-        opened.callback(feed.rollback)
-    return feeds
-
-
-def _mqtt(options: argparse.Namespace, tap_messages: _TapMessages) -> Mqtt | None:
-    if options.mqtt is None:
-        return None
-    from analyzer.feeds.broker import parse_broker  # noqa: PLC0415
-    from analyzer.feeds.mqtt import Mqtt  # noqa: PLC0415
-
-    broker = parse_broker(
-        options.mqtt,
-        password_file=options.mqtt_password_file,
-        ca=options.mqtt_ca,
-        certificate=options.mqtt_cert,
-        key=options.mqtt_key,
-    )
-    tap_messages.info(f"publishing to {broker}")
-    return Mqtt(
-        broker,
-        spool=options.mqtt_spool,
-        discovery=options.home_assistant,
-        notify=tap_messages.info,
-    )
+    if options.doctor and (options.view is not None or options.to is not None):
+        raise UsageError("tap: --doctor writes to standard output; leave --view and --to out")
+    wanted = {*settings.tables, "transactions", "diagnoses"}
+    return replace(settings, tables=tuple(sorted(wanted)), overview=options.report is not None)
 
 
 def _seconds(text: str | None) -> float | None:

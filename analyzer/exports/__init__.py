@@ -10,15 +10,14 @@ files; output.py decides where the bytes go. To add a format, write its module a
 from __future__ import annotations
 
 import importlib
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import PurePath
 from typing import TYPE_CHECKING, ClassVar, cast
 
 from analyzer.columns import TABLES
 from analyzer.exports.output import NewAtomicFile, Output, open_output
 from dissectors.errors import UsageError
-from dissectors.function_lookup import similar_name
 
 if TYPE_CHECKING:
     import _modlens
@@ -146,6 +145,8 @@ class MultiTableFormat(Format):
 def load(name: str) -> type[Format]:
     """Load a format by its name; `UsageError` lists the known ones."""
     if name not in FORMATS:
+        from dissectors.function_lookup import similar_name  # noqa: PLC0415 - a message only
+
         hint = similar_name(name, FORMATS)
         question = f"did you mean {hint!r}?" if hint else f"choose from {', '.join(FORMATS)}"
         raise UsageError(f"no format {name!r} to write; {question}")
@@ -154,13 +155,13 @@ def load(name: str) -> type[Format]:
 
 def format_of(path: str) -> str:
     """The format that the ending of a file name stands for; `UsageError` for an unknown ending."""
-    name = PurePath(path).name.lower()
+    name = os.path.basename(path).lower()
     for ending, found in ENDINGS.items():
         if name.endswith(ending) and name != ending.removeprefix("."):
             return found
         if name == ending and not ending.startswith("."):
             return found
-    suffix = PurePath(name).suffix.removeprefix(".")
+    suffix = os.path.splitext(name)[1].removeprefix(".")
     if suffix not in FORMATS:
         known = ", ".join(f".{name}" for name in FORMATS)
         raise UsageError(f"-o {path}: unknown extension; use one of {known}")

@@ -69,7 +69,10 @@ def extract_packets(name: str, wanted: Container[int]) -> Iterator[bytes]:
             elif magic == SECTION.to_bytes(4):
                 yield from _blocks(file, wanted, comment)
             else:
-                raise SourceError(f"{name}: --style original works only with pcap and pcapng")
+                raise SourceError(
+                    f"{name}: --style original copies the packets of the recording, which must be"
+                    f" a pcap or pcapng itself; leave --style away"
+                )
     except OSError as error:
         raise SourceError(f"{name}: cannot be read: {error.strerror}") from error
 

@@ -24,6 +24,7 @@ __all__ = [
     "NewAtomicFile",
     "Output",
     "StandardOutput",
+    "as_source_error",
     "is_special",
     "open_output",
     "partial_name",
@@ -62,7 +63,7 @@ class _File:
                 path, os.O_WRONLY | getattr(os, "O_BINARY", 0) | flags, 0o666
             )
         except OSError as error:
-            raise _source_error(name, error) from error
+            raise as_source_error(name, error) from error
 
     def append(self, data: bytes) -> None:
         """Append these bytes; after a failure further bytes are ignored."""
@@ -73,10 +74,14 @@ class _File:
             while view:
                 view = view[os.write(self._fd, view) :]
         except OSError as error:
+            self._take_back(len(data) - len(view))
             self.rollback()
             if isinstance(error, BrokenPipeError):
                 raise
-            raise _source_error(self.name, error) from error
+            raise as_source_error(self.name, error) from error
+
+    def _take_back(self, count: int) -> None:
+        """Cut the last `count` bytes off, which are the beginning of rows that did not fit."""
 
     def close(self, *, interrupted: bool = False) -> None:
         """Complete the file; does nothing after `rollback`."""
@@ -87,7 +92,7 @@ class _File:
         except OSError as error:
             self._fd = None
             self._delete_temporary()
-            raise _source_error(self.name, error) from error
+            raise as_source_error(self.name, error) from error
 
     def rollback(self) -> None:
         """Close and delete the incomplete file, if it is still open."""
@@ -145,7 +150,7 @@ class NewAtomicFile(AtomicFile):
     def __init__(self, path: str) -> None:
         if not is_special(path) and os.path.lexists(path):
             error = FileExistsError(errno.EEXIST, "file exists")
-            raise _source_error(path, error) from error
+            raise as_source_error(path, error) from error
         super().__init__(path)
 
 
@@ -158,6 +163,11 @@ class GrowingFile(_File):
     def __init__(self, path: str) -> None:
         flags = 0 if is_special(path) else os.O_CREAT | os.O_EXCL
         super().__init__(path, path, flags | os.O_APPEND)
+
+    def _take_back(self, count: int) -> None:
+        if self._fd is not None and count:
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._fd, os.fstat(self._fd).st_size - count)
 
 
 class StandardOutput:
@@ -182,7 +192,7 @@ class StandardOutput:
         except BrokenPipeError:
             raise
         except OSError as error:
-            raise _source_error(self.name, error) from error
+            raise as_source_error(self.name, error) from error
 
     def close(self, *, interrupted: bool = False) -> None:
         """Nothing to do: every `append` has been flushed."""
@@ -215,7 +225,8 @@ def is_special(path: str) -> bool:
         return False
 
 
-def _source_error(name: str, error: OSError) -> SourceError:
+def as_source_error(name: str, error: OSError) -> SourceError:
+    """The error of a file in words, with what can be done about it."""
     advice = {
         errno.EEXIST: "already exists, and a live tap never overwrites; choose another name",
         errno.ENOSPC: "cannot be written: no space left",

@@ -20,7 +20,7 @@ import _modlens
 from analyzer import exports
 from analyzer.exports.original_packets import extract_packets
 from analyzer.exports.output import Output
-from analyzer.session import PartialBatch
+from analyzer.pump import PartialBatch
 from analyzer.sources.pipes import STDIN
 from dissectors.errors import UsageError
 

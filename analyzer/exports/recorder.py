@@ -1,9 +1,10 @@
-"""Raw recording: every read of a tap with its time, in pcapng, flushed block by block.
+"""Raw recording: every read of a tap with its time, in pcapng.
 
-The core documents the format (modlens-writers/src/recording.rs). A file can be read up to its
-last complete block, however the tap ended. With rotation, or where the file exists, segments are
-named as by dumpcap, `bus_00001_20261121101500.pcapng`. Nothing is ever overwritten, and nothing is
-deleted but the oldest segments of the same name where `--keep` asks for it.
+The core writes it in a thread of its own (`modlens-recorder`), and documents the format
+(modlens-writers/src/recording.rs). A file can be read up to its last complete block, however the
+tap ended. With rotation, or where the file exists, segments are named as by dumpcap,
+`bus_00001_20261121101500.pcapng`. Nothing is ever overwritten, and nothing is deleted but the
+oldest segments of the same name where `--keep` asks for it; never those of another tap that runs.
 
 >>> parse_rotation("10min"), parse_rotation("64MB"), parse_retention("8"), parse_retention("2GB")
 (Rotation(seconds=600, bytes=None), Rotation(seconds=None, bytes=64000000), ...)
@@ -12,20 +13,28 @@ deleted but the oldest segments of the same name where `--keep` asks for it.
 from __future__ import annotations
 
 import contextlib
-import os
 import re
-import time
-import uuid
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import _modlens
 from analyzer.durations import parse_duration
-from analyzer.exports.output import GrowingFile
-from dissectors.errors import SourceError, UsageError
+from analyzer.exports.output import as_source_error
+from dissectors.errors import UsageError
 
-__all__ = ["RecordedPort", "Recorder", "Retention", "Rotation", "parse_retention", "parse_rotation"]
+__all__ = [
+    "RecordedPort",
+    "Recorder",
+    "RecordingStatus",
+    "Retention",
+    "Rotation",
+    "parse_retention",
+    "parse_rotation",
+]
+
+CLOSE_S = 5.0
+"""For how long the end of a recording waits for a disk that hangs."""
 
 BYTES_PER_UNIT = {"kb": 10**3, "mb": 10**6, "gb": 10**9, "kib": 2**10, "mib": 2**20, "gib": 2**30}
 _AMOUNT = re.compile(r"(\d+(?:\.\d+)?)\s*([a-z]*)")
@@ -103,150 +112,85 @@ def _amount(option: str, text: str) -> tuple[float, str]:
     return float(match[1]), match[2]
 
 
-class Recorder:
-    """Writes the reads of ports to a file, or to a sequence of segments.
+@dataclass(frozen=True, slots=True)
+class RecordingStatus:
+    """How a recording is going.
 
-    `notify` gets a message when a segment begins. `SourceError` if the first segment cannot be
-    created; a later error is passed to `on_failure` once and ends the recording, not the tap.
+    `trouble` says why nothing can be written at the moment, `had_trouble` that it was so at any
+    time. `recorded` and `lost` are bytes of the line, `waiting` is the memory of what is not
+    written yet.
     """
 
-    def __init__(  # noqa: PLR0913 - what can be said of a recording
+    file: str
+    trouble: str | None
+    had_trouble: bool
+    recorded: int
+    lost: int
+    waiting: int
+
+
+class Recorder:
+    """Writes the reads of ports to a file, or to a sequence of segments, in a thread of the core.
+
+    `core` is what `LiveRun.record` takes. Nothing here waits for the disk but `flush` and `close`.
+    `SourceError` if the first file cannot be created. Later reads wait in `memory` while the disk
+    does not take them; what does not fit is counted, and marked in the recording.
+    """
+
+    def __init__(
         self,
         path: str,
-        ports: Sequence[RecordedPort],
+        ports: Sequence[RecordedPort] = (),
         *,
         rotate: Rotation | None = None,
         keep: Retention | None = None,
-        notify: Callable[[str], None] = lambda _: None,
-        on_failure: Callable[[SourceError], None] | None = None,
-        clock: Callable[[], float] = time.time,
+        memory: int | None = None,
     ) -> None:
         if keep is not None and rotate is None:
             raise UsageError("--keep is for segments; add --rotate, as --rotate 1h")
-        self._path = path if path.endswith(".pcapng") else f"{path}.pcapng"
-        self._ports = list(ports)
-        self._rotation, self._retention = rotate or Rotation(), keep or Retention()
-        self._notify, self._on_failure, self._clock = notify, on_failure, clock
-        self._numbered = rotate is not None or os.path.lexists(self._path)
-        self._session = uuid.uuid4().hex[:16]
-        self._segment = 0
-        self._port_numbers = {(one.bus, one.line): at for at, one in enumerate(ports)}
-        self._file: GrowingFile | None = None
-        self._begin_segment()
+        rotation, retention = rotate or Rotation(), keep or Retention()
+        try:
+            self.core = _modlens.Recorder(
+                path,
+                rotate_seconds=rotation.seconds,
+                rotate_bytes=rotation.bytes,
+                keep_segments=retention.segments,
+                keep_bytes=retention.bytes,
+                memory=memory,
+            )
+        except OSError as error:
+            raise as_source_error(path, error) from error
+        self._numbers: dict[tuple[str, str | None], int] = {}
+        for port in ports:
+            self.add_port(port)
 
     def add_port(self, port: RecordedPort) -> None:
-        """Add a port, when its line settings have been found."""
-        self._port_numbers[port.bus, port.line] = len(self._ports)
-        self._ports.append(port)
-        if self._file is not None:
-            self._write(_modlens.recording_port(*self._description(port)), may_rotate=False)
+        """Add a port for `write_read`."""
+        number = self.core.add_port(port.port, port.bus, port.line, port.settings)
+        self._numbers[port.bus, port.line] = number
 
     def write_read(self, bus: str, line: str | None, read: Read) -> None:
         """Record a read of a port."""
-        if self._file is None:
-            return
-        errors = list(getattr(read, "errors", ())) or None
-        block = _modlens.recording_read(
-            self._port_numbers[bus, line],
+        self.core.write(
+            self._numbers[bus, line],
             read.time_ns,
             read.data,
-            errors=errors,
+            errors=list(getattr(read, "errors", ())) or None,
             hole=getattr(read, "hole", False),
         )
-        self._write(block, may_rotate=True)
 
-    def _write(self, block: bytes, *, may_rotate: bool) -> None:
-        """Append a block, to a new segment if the present one is full and `may_rotate`.
+    def status(self) -> RecordingStatus:
+        """How the recording is going."""
+        return RecordingStatus(*self.core.status())
 
-        After an error the recording has ended: `on_failure` gets it, or it is raised where there is
-        none.
-        """
-        try:
-            if may_rotate and self._segment_is_full(len(block)):
-                self._begin_segment()
-            assert self._file is not None
-            self._file.append(block)
-            self._segment_bytes += len(block)
-        except SourceError as error:
-            self._file = None
-            if self._on_failure is None:
-                raise
-            self._on_failure(error)
+    def take_messages(self) -> list[str]:
+        """Sentences for the user since the last call: files that have begun, trouble, its end."""
+        return self.core.take_messages()
 
-    def close(self) -> None:
-        """Close the file, which has been readable all the time."""
-        if self._file is not None:
-            self._file.close()
-            self._file = None
+    def flush(self, timeout: float = CLOSE_S) -> bool:
+        """Wait until everything is written; False if it is not in time."""
+        return self.core.flush(timeout)
 
-    def _segment_is_full(self, size: int) -> bool:
-        """Whether the next block begins a new segment; each segment has at least one read."""
-        if self._rotation.bytes is not None:
-            return self._has_reads() and self._segment_bytes + size > self._rotation.bytes
-        if self._rotation.seconds is not None:
-            return self._clock() - self._segment_began_s >= self._rotation.seconds
-        return False
-
-    def _has_reads(self) -> bool:
-        return self._segment_bytes > self._header_bytes
-
-    def _begin_segment(self) -> None:
-        """Close the present segment, open the next one, and write its header.
-
-        Old segments are deleted afterwards, because the retention counts the new one, too.
-        """
-        if self._file is not None:
-            self._file.close()
-        self._segment += 1
-        self._segment_began_s = self._clock()
-        self.name = self._next_name() if self._numbered else self._path
-        self._file = GrowingFile(self.name)
-        ports = [self._description(one) for one in self._ports]
-        head = _modlens.recording_head(self._session, self._segment, ports)
-        self._file.append(head)
-        self._header_bytes = self._segment_bytes = len(head)
-        self._notify(f"recording to {self.name}")
-        self._delete_old_segments()
-
-    def _description(self, port: RecordedPort) -> tuple[str, int, str, str | None, str | None]:
-        buses = list(dict.fromkeys(one.bus for one in self._ports))
-        return port.port, buses.index(port.bus), port.bus, port.line, port.settings
-
-    def _next_name(self) -> str:
-        """The name of the next segment as dumpcap makes it: number and time in UTC."""
-        base = self._path.removesuffix(".pcapng")
-        last = max((number for number, _ in self._segments()), default=0)
-        moment = time.strftime("%Y%m%d%H%M%S", time.gmtime(self._segment_began_s))
-        return f"{base}_{last + 1:05}_{moment}.pcapng"
-
-    def _segments(self) -> list[tuple[int, str]]:
-        """Number and path of every existing segment of this name, the oldest first."""
-        folder, base = os.path.split(self._path.removesuffix(".pcapng"))
-        pattern = re.compile(re.escape(base) + r"_(\d{5,})_\d{14}\.pcapng")
-        try:
-            names = os.listdir(folder or ".")
-        except OSError:
-            return []
-        matches = ((pattern.fullmatch(name), name) for name in names)
-        return sorted(
-            (int(match[1]), os.path.join(folder, name)) for match, name in matches if match
-        )
-
-    def _delete_old_segments(self) -> None:
-        """Delete the oldest segments beyond the retention; never the one being written."""
-        segments = [path for _, path in self._segments() if path != self.name]
-        if self._retention.segments is not None:
-            excess = len(segments) + 1 - self._retention.segments
-        elif self._retention.bytes is not None:
-            excess, room = len(segments), self._retention.bytes - (self._rotation.bytes or 0)
-            for path in reversed(segments):
-                with contextlib.suppress(OSError):
-                    room -= os.path.getsize(path)
-                if room < 0:
-                    break
-                excess -= 1
-        else:
-            return
-        for path in segments[: max(excess, 0)]:
-            with contextlib.suppress(OSError):
-                os.unlink(path)
+    def close(self, timeout: float = CLOSE_S) -> RecordingStatus:
+        """Write what is waiting and close the file; waits for the disk no longer than `timeout`."""
+        return RecordingStatus(*self.core.close(timeout))

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-import _modlens
 from analyzer.columns import TABLES, pick
 from analyzer.exports import ExportOptions, Format, MultiTableFormat, format_of, load
+from analyzer.exports.empty_columns import EmptyColumns
 from analyzer.exports.output import Output
-from analyzer.filters import Filter, parse
 from dissectors.errors import UsageError
+
+if TYPE_CHECKING:
+    import _modlens
 
 __all__ = [
     "ExportSink",
@@ -92,8 +95,14 @@ def check_style(style: str | None, targets: Iterable[Target]) -> None:
         raise UsageError(f"--style {style}: {there}")
 
 
+def _predicate(where: str, table: str) -> _modlens.Predicate:
+    from analyzer.filters import parse  # noqa: PLC0415 - the language of filters is rarely spoken
+
+    return parse(where, table).predicate()
+
+
 class ExportSink:
-    """A sink that writes the rows of one table to one output (see `analyzer.session.Sink`).
+    """A sink that writes the rows of one table to one output (see `analyzer.pump.Sink`).
 
     `columns` is the text of `--columns`, `where` that of `--where`; both must fit the table
     (`UsageError`, `FilterError`). With `growing` the file grows in place and must be new. `options`
@@ -124,8 +133,8 @@ class ExportSink:
         if options.style not in format_class.styles:
             options = replace(options, style="")
         self._format: Format = format_class(options)
-        wanted: Filter | None = None if where is None else parse(where, target.table)
-        self._predicate = None if wanted is None else wanted.predicate()
+        self._predicate = None if where is None else _predicate(where, target.table)
+        self._empty_columns = EmptyColumns(target.table, () if columns is None else keys)
         self._output: Output = self._format.output(target.path, growing=growing)
         self.name = self._output.name
 
@@ -144,7 +153,6 @@ class ExportSink:
         rows: _modlens.Table = getattr(batch, self.table) if kept is None else kept
         if self.limit is not None:
             rows = kept = rows.slice(0, self.limit - self.row_count)
-        self.row_count += len(rows)
         if isinstance(self._format, MultiTableFormat):
             pieces = self._format.encode_batch(batch, kept)
         else:
@@ -152,6 +160,8 @@ class ExportSink:
         for data in pieces:
             if data:
                 self._output.append(data)
+        self.row_count += len(rows)
+        self._empty_columns.watch(rows)
 
     def close(self, *, interrupted: bool = False) -> None:
         """Complete the output; see `Output.close` for one that was `interrupted`."""
@@ -164,6 +174,10 @@ class ExportSink:
     def closing_remark(self) -> str:
         """A remark for the user about the complete output; mostly empty."""
         return self._format.closing_remark()
+
+    def empty_columns(self) -> Sequence[str]:
+        """A remark for each column of `--columns` that was empty in all rows."""
+        return self._empty_columns.remarks(self.row_count)
 
     def rollback(self) -> None:
         """Discard the output because the input failed."""

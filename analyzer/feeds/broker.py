@@ -31,7 +31,8 @@ class Broker:
     """A broker: host, port, credentials (None without), the prefix of all topics, TLS or not.
 
     `ca` is a file with the certificates of the authorities to trust (None: those of the system);
-    `certificate` and `key` are files with the client's own.
+    `certificate` and `key` are files with the client's own. `password_in_url` says that a password
+    was given where others can read it, used or not.
     """
 
     host: str
@@ -43,6 +44,7 @@ class Broker:
     ca: str | None = None
     certificate: str | None = None
     key: str | None = None
+    password_in_url: bool = False
 
     def __str__(self) -> str:
         return f"mqtt{'s' * self.tls}://{self.host}:{self.port}/{self.prefix}"
@@ -85,7 +87,8 @@ def parse_broker(
     if password is not None and user is None:
         raise UsageError("--mqtt: a password without a user; write mqtt://user@host")
     prefix = _topic(unquote(parts.path).strip("/") or "modlens")
-    return Broker(parts.hostname, port, user, password, prefix, tls, ca, certificate, key)
+    exposed = parts.password is not None
+    return Broker(parts.hostname, port, user, password, prefix, tls, ca, certificate, key, exposed)
 
 
 def _password(path: str | None) -> str | None:

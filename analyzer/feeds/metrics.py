@@ -11,6 +11,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 import _modlens
+from analyzer.feeds.metrics_server import BoundedServer
+from analyzer.installing import how_to_install
 from dissectors.errors import SourceError, UsageError
 
 __all__ = ["Metrics", "parse_address"]
@@ -45,10 +47,23 @@ class BrokerFeed(Protocol):
         """The number of messages that the broker has not acknowledged."""
 
 
+class RecordingState(Protocol):
+    """What is published of a raw recording."""
+
+    @property
+    def trouble(self) -> str | None:
+        """Why nothing can be recorded at the moment."""
+
+    @property
+    def lost(self) -> int:
+        """Bytes of the line that are missing in the recording."""
+
+
 class Metrics:
     """A sink that counts, and a server that publishes the counters; `port` is the server's.
 
-    `broker` is the MQTT feed of the same tap, whose state is published, too. `UsageError` where the
+    `broker` is the MQTT feed of the same tap, and `recording` gives the state of its raw recording
+    (None before it has begun): they are published, too. `UsageError` where the
     package prometheus-client is not installed, `SourceError` where the port cannot be had.
     """
 
@@ -59,14 +74,18 @@ class Metrics:
         where: tuple[str, int],
         stats: Callable[[], Mapping[str, Any]],
         broker: BrokerFeed | None = None,
+        recording: Callable[[], RecordingState | None] | None = None,
     ) -> None:
         try:
             import prometheus_client as prometheus  # noqa: PLC0415
         except ImportError as error:
-            raise UsageError("--metrics needs a package: pip install prometheus-client") from error
+            raise UsageError(
+                f"--metrics needs a package: {how_to_install('prometheus-client')}"
+            ) from error
         self.row_count = 0
         self._stats = stats
         self._broker = broker
+        self._recording = recording
         self._next_update_s = 0.0
         registry = prometheus.CollectorRegistry()
         rows, unit = ("bus", "unit", "function", "status"), ("bus", "unit")
@@ -104,10 +123,15 @@ class Metrics:
         self._undelivered = prometheus.Gauge(
             "modlens_mqtt_undelivered_messages", "Messages not acknowledged yet", registry=registry
         )
-        try:
-            self._server, self._thread = prometheus.start_http_server(
-                where[1], addr=where[0], registry=registry
+        if recording is not None:
+            self._recording_works = prometheus.Gauge(
+                "modlens_recording_works", "1 while reads can be recorded", registry=registry
             )
+            self._unrecorded = prometheus.Gauge(
+                "modlens_recording_lost_bytes", "Bytes missing in the recording", registry=registry
+            )
+        try:
+            self._server = BoundedServer(where, prometheus.make_wsgi_app(registry))
         except OSError as error:
             raise SourceError(f"--metrics {where[0]}:{where[1]}: {error.strerror}") from error
         self.port = int(self._server.server_port)
@@ -125,9 +149,7 @@ class Metrics:
 
     def close(self) -> None:
         """Stop the server."""
-        self._server.shutdown()
-        self._server.server_close()
-        self._thread.join()
+        self._server.stop()
 
     def rollback(self) -> None:
         """Nothing to do: there is no incomplete output."""
@@ -150,6 +172,10 @@ class Metrics:
         if self._broker is not None:
             self._connected.set(self._broker.is_connected)
             self._undelivered.set(self._broker.waiting)
+        recording = None if self._recording is None else self._recording()
+        if recording is not None:
+            self._recording_works.set(recording.trouble is None)
+            self._unrecorded.set(recording.lost)
         for bus in self._stats()["buses"]:
             self._damaged.labels(bus["bus"]).set(bus["frames"].get("bad_checksum", 0))
             if bus["utilization"] is not None:

@@ -2,6 +2,8 @@
 
 - `PREFIX/status`: `online`, retained; `offline` as the last will
 - `PREFIX/BUS/transaction`: a JSON object for each transaction (the columns of JSON lines)
+- `PREFIX/BUS/day`: the row of `analyzer.bus_days` of this day so far, as a JSON object, retained;
+  sent every minute in which it changes, and for the last time after midnight (UTC)
 - `PREFIX/BUS/UNIT/NAME`: the last value of a register or coil, retained; sent when it changes
 
 With `discovery`, Home Assistant is told of each value as a sensor, and again when it starts anew.
@@ -17,15 +19,18 @@ import json
 import re
 import sys
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import _modlens
 from analyzer.addresses import SHORT
+from analyzer.bus_days import bus_day
 from analyzer.columns import pick
 from analyzer.feeds.broker import Broker, tls_context
 from analyzer.feeds.spool import Message, Spool
+from analyzer.installing import how_to_install
 from dissectors.errors import UsageError
 
 __all__ = ["Mqtt"]
@@ -40,6 +45,10 @@ _FIRST_OUTCOME_S = 3.0
 """How long the start of a tap waits to hear whether the broker accepts the connection."""
 
 _GOODBYE_S = 2.0
+_DAY_EVERY_S = 60.0
+_KEPT_DAYS = 2
+"""Days that are counted: yesterday's row is sent once more."""
+
 _MAX_VALUES = 200_000
 _BIT_TABLES = ("coil", "discrete_input")
 _NOT_IN_TOPIC = re.compile(r"[^\w.-]+")
@@ -49,7 +58,8 @@ class Mqtt:
     """A sink that publishes; `UsageError` where the package paho-mqtt is not installed.
 
     With `spool` unacknowledged messages are kept in this file; with `discovery` Home Assistant is
-    told of each value. `notify` is called, in the sink's thread, when the connection changes.
+    told of each value. The row of the day is sent every `day_every_s` seconds at most. `notify` is
+    called, in the sink's thread, when the connection changes.
     """
 
     table = "transactions"
@@ -60,6 +70,7 @@ class Mqtt:
         *,
         spool: str | None = None,
         discovery: bool = False,
+        day_every_s: float = _DAY_EVERY_S,
         notify: Callable[[str], None] = lambda text: None,
     ) -> None:
         self.name = str(where)
@@ -75,6 +86,9 @@ class Mqtt:
         self._spool = Spool(spool)
         self._columns = pick("transactions", None)
         self._values: dict[str, Any] = {}
+        self._days = _modlens.Days(_KEPT_DAYS)
+        self._day_rows: dict[tuple[str, str | None], bytes] = {}
+        self._day_every_s, self._day_due_s = day_every_s, time.monotonic() + day_every_s
         self._sensors: dict[str, Message] = {}
         self._in_flight: dict[int, int] = {}
         self._confirmed: deque[int] = deque()
@@ -87,6 +101,10 @@ class Mqtt:
 
     def put(self, batch: _modlens.Batch) -> None:
         """Queue the messages of a batch, and publish those that are waiting."""
+        self._days.add(getattr(batch, "whole", batch))
+        if time.monotonic() >= self._day_due_s:
+            self._day_due_s = time.monotonic() + self._day_every_s
+            self._spool.add(*self._day_messages())
         table = batch.transactions
         if len(table):
             self._spool.add(*self._messages(table))
@@ -96,6 +114,7 @@ class Mqtt:
 
     def close(self) -> None:
         """Publish `offline` and disconnect; unacknowledged messages stay in the spool's file."""
+        self._spool.add(*self._day_messages())
         self._publish_waiting()
         if self._client.is_connected():
             goodbye = self._client.publish(self._status, b"offline", qos=1, retain=True)
@@ -134,7 +153,7 @@ class Mqtt:
             from paho.mqtt import client as paho  # noqa: PLC0415
             from paho.mqtt.enums import CallbackAPIVersion  # noqa: PLC0415
         except ImportError as error:
-            raise UsageError("--mqtt needs a package: pip install paho-mqtt") from error
+            raise UsageError(f"--mqtt needs a package: {how_to_install('paho-mqtt')}") from error
         client = paho.Client(CallbackAPIVersion.VERSION2)
         if where.tls:
             client.tls_set_context(tls_context(where))
@@ -224,6 +243,16 @@ class Mqtt:
             if number is not None:
                 numbers.append(number)
         return numbers
+
+    def _day_messages(self) -> Iterator[Message]:
+        """The rows of days that have changed; of each bus the latest day comes last, and stays."""
+        rows = {}
+        for day in json.loads(self._days.rows()):
+            rows[day["bus"], day["date"]] = payload = json.dumps(bus_day(day)).encode()
+            if self._day_rows.get((day["bus"], day["date"])) != payload:
+                topic = f"{self._prefix}/{_topic_level(day['bus'])}/day"
+                yield Message(topic, payload, retain=True)
+        self._day_rows = rows
 
     def _messages(self, table: _modlens.Table) -> Iterator[Message]:
         lines = b"".join(table.lines("jsonl", self._columns)).splitlines()

@@ -1,7 +1,7 @@
 """Where bytes come from: ports, files, standard input.
 
-Nothing here knows Modbus, and nothing here writes. `FORMATS` is the registry of file formats,
-`SCHEMES` the registry of port types. Another text format is a row in dialects.toml.
+Nothing here knows Modbus, and nothing here writes. `BINARY` and `all_formats` are the registry of
+file formats, `SCHEMES` is that of port types. Another text format is a row in dialects.toml.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import _modlens
 
-__all__ = ["FORMATS", "SCHEMES", "Format", "Scheme", "all_formats", "is_binary"]
+__all__ = ["BINARY", "SCHEMES", "Format", "Scheme", "all_formats", "is_binary"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,10 +55,10 @@ def all_formats(dialects: _modlens.Dialects | None = None) -> dict[str, Format]:
         )
         for row in json.loads(table.rows())
     )
-    return {**_BYTES, **{row.name: row for row in rows}}
+    return {**BINARY, **{row.name: row for row in rows}}
 
 
-_BYTES = {
+BINARY = {
     kind.name: kind
     for kind in (
         Format(
@@ -102,9 +102,7 @@ _BYTES = {
         ),
     )
 }
-
-FORMATS = all_formats()
-"""Name -> format: the binary formats, and the text dialects of dialects.toml."""
+"""Name -> format, of those that are not text. `all_formats` has the dialects, too."""
 
 
 def is_binary(name: str) -> bool:
@@ -113,7 +111,7 @@ def is_binary(name: str) -> bool:
     >>> is_binary("raw"), is_binary("pymodbus+hex")
     (True, False)
     """
-    return name in FORMATS and FORMATS[name].binary
+    return name in BINARY
 
 
 SCHEMES = {

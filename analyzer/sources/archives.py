@@ -12,14 +12,12 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from io import BytesIO
-from typing import IO, TYPE_CHECKING, Any, cast
+from typing import IO, Any
 
 from analyzer.sources.compression import damage_kinds, decompressor
+from analyzer.sources.mail import contents as mail
+from analyzer.sources.mail import is_mail
 from dissectors.errors import CaptureError
-
-if TYPE_CHECKING:
-    from email.message import EmailMessage
 
 __all__ = ["MEMBER_SEPARATOR", "Member", "contents", "looks_like_archive"]
 
@@ -40,6 +38,8 @@ _ENCRYPTED = 0x1
 _TAR_MAGIC = slice(257, 262)
 """Where `ustar` stands in the first header of a tar (POSIX pax, "ustar Interchange Format")."""
 _SAMPLE_BYTES = 4096
+_ODD_NUMBERS: tuple[type[Exception], ...] = (ValueError, OverflowError)
+"""What tarfile raises for numbers in headers that no file has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +84,9 @@ def contents(file: IO[bytes], name: str, opened: ExitStack) -> list[Member] | No
             opened.callback(plain.close)
             return _tar(plain, name, opened)
         return None
-    if name.lower().endswith(".eml") or _is_mail(head):
-        return _mail(file)
+    if name.lower().endswith(".eml") or is_mail(head):
+        # A name of an attachment may hold the mark that stands between an archive and a member.
+        return [Member(one.replace(MEMBER_SEPARATOR, "_"), open_it) for one, open_it in mail(file)]
     return None
 
 
@@ -127,14 +128,24 @@ def _tar(file: IO[bytes], name: str, opened: ExitStack) -> list[Member]:
         for entry in archive:
             if not entry.isfile():
                 continue  # directories, links and devices hold no bytes of their own
-            members.append(Member(entry.name, partial(archive.extractfile, entry)))
+            members.append(Member(entry.name, partial(_extracted, archive, entry, name)))
             _check_number(len(members), name)
-    except (tarfile.TarError, *damage_kinds()) as error:
+    except damage_kinds() + _ODD_NUMBERS as error:
         if not members:
             raise CaptureError(f"a damaged tar archive ({error})", path=name) from error
         # What stands before the damage can be read.
         members.append(_damaged(name, f"{name}: damaged behind {members[-1].name} ({error})"))
     return members
+
+
+def _extracted(archive: Any, entry: Any, name: str) -> IO[bytes]:
+    try:
+        found: IO[bytes] = archive.extractfile(entry)
+    except Exception as error:
+        # Headers of tar hold numbers and lists of holes that tarfile takes at their word.
+        place = f"{name}{MEMBER_SEPARATOR}{entry.name}"
+        raise CaptureError(f"cannot be unpacked ({error})", path=place) from error
+    return found
 
 
 def _damaged(name: str, message: str) -> Member:
@@ -150,65 +161,3 @@ def _check_number(members: int, name: str) -> None:
     if members > MAX_MEMBERS:
         message = f"more than {MAX_MEMBERS} files in one archive; unpack it and name the folder"
         raise CaptureError(message, path=name)
-
-
-def _is_mail(head: bytes) -> bool:
-    lines = head.split(b"\n", 20)[:20]
-    keys = {line.partition(b":")[0].strip().lower() for line in lines}
-    return len(keys & {b"from", b"to", b"subject", b"date", b"mime-version", b"received"}) >= 3  # noqa: PLR2004
-
-
-def _mail(file: IO[bytes]) -> list[Member]:
-    email, policy = importlib.import_module("email"), importlib.import_module("email.policy")
-    message = cast("EmailMessage", email.message_from_binary_file(file, policy=policy.default))
-    plain = [part for part in message.walk() if part.get_content_type() == "text/plain"]
-    found: list[Member] = []
-    for number, part in enumerate(message.walk(), 1):
-        if part.is_multipart():
-            continue
-        name = part.get_filename()
-        if name is None and part.get_content_type() == "text/html" and plain:
-            continue  # the same text again, with its formatting
-        if name is None and part.get_content_maintype() != "text":
-            continue
-        label = (name or f"part{number}.txt").replace(MEMBER_SEPARATOR, "_")
-        read = _attachment if name is not None else _text
-        # Decoded when it is read: a mail holds its attachments once, not twice.
-        found.append(Member(label, partial(_opened, read, part)))
-    return found
-
-
-def _opened(read: Callable[[Any], bytes], part: Any) -> IO[bytes]:
-    return BytesIO(read(part))
-
-
-def _attachment(part: Any) -> bytes:
-    return bytes(part.get_payload(decode=True) or b"")
-
-
-def _text(part: Any) -> bytes:
-    data = _attachment(part)
-    charset = part.get_content_charset() or "utf-8"
-    try:
-        text = data.decode(charset, "replace")
-    except LookupError:
-        text = data.decode("utf-8", "replace")
-    if part.get_content_type() == "text/html":
-        text = _without_tags(text)
-    return text.encode("utf-8", "replace")
-
-
-def _without_tags(text: str) -> str:
-    parser = importlib.import_module("html.parser")
-    pieces: list[str] = []
-
-    class Plain(parser.HTMLParser):  # type: ignore[misc,name-defined] # loaded late
-        def handle_data(self, data: str) -> None:
-            pieces.append(data)
-
-        def handle_starttag(self, tag: str, attrs: Any) -> None:
-            if tag in ("br", "p", "div", "tr", "li", "pre"):
-                pieces.append("\n")
-
-    Plain(convert_charrefs=True).feed(text)
-    return "".join(pieces)

@@ -12,8 +12,8 @@ error, or if its name says so.
 from __future__ import annotations
 
 import importlib
+import os
 import sys
-from pathlib import PurePath
 from typing import Any
 
 from dissectors.errors import SourceError
@@ -34,7 +34,10 @@ _SUFFIXES = {
 _WITH_GZIP_HEADER = 31
 """A window of 2**15 bytes, plus 16 for "with a gzip header" (zlib manual, inflateInit2)."""
 
-_DAMAGE = {"zlib": "error", "lzma": "LZMAError", "zstandard": "ZstdError", "zipfile": "BadZipFile"}
+_DAMAGE = {
+    "zlib": "error", "lzma": "LZMAError", "zstandard": "ZstdError", "zipfile": "BadZipFile",
+    "tarfile": "TarError",
+}  # fmt: skip
 """The exception that each module raises for damaged data."""
 
 
@@ -54,7 +57,7 @@ def kind(head: bytes, name: str) -> str | None:
     Without a fitting suffix the head has to decompress to something, without an error.
     """
     found = next((kind for magic, kind in _MAGIC.items() if head.startswith(magic)), None)
-    if found is None or _SUFFIXES.get(PurePath(name).suffix.lower()) == found:
+    if found is None or _SUFFIXES.get(os.path.splitext(name)[1].lower()) == found:
         return found
     return found if found == "zstd" or _decompresses(head, found) else None
 
@@ -92,7 +95,10 @@ def decompressor(file: Any, head: bytes, name: str = "") -> Any | None:
     try:
         zstandard = importlib.import_module("zstandard")
     except ImportError as error:
+        from analyzer.installing import how_to_install  # noqa: PLC0415 - a message only
+
         raise SourceError(
-            f"{name}: compressed by zstd; pip install zstandard, or pipe it through zstdcat"
+            f"{name}: compressed by zstd, which needs a package: {how_to_install('zstandard')};"
+            " or pipe it through zstdcat"
         ) from error
     return zstandard.ZstdDecompressor().stream_reader(file, read_across_frames=True)

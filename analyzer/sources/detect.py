@@ -11,12 +11,10 @@ recording of raw bytes.
 
 from __future__ import annotations
 
-import difflib
-import json
 from dataclasses import dataclass
 
 import _modlens
-from analyzer.sources import FORMATS, is_binary
+from analyzer.sources import all_formats, is_binary
 from analyzer.sources.encodings import is_utf8
 from dissectors.errors import SourceError, UsageError
 
@@ -105,9 +103,11 @@ def _forced(
     table: _modlens.Dialects,
 ) -> Detection:
     """The detection for a format forced by `--from`; errors as those of `detect_format`."""
-    known = {*FORMATS, *(row["name"] for row in json.loads(table.rows()))}
+    known = all_formats(table)
     for part in forced_format.split("+"):
         if part not in known:
+            import difflib  # noqa: PLC0415 - for a message only
+
             hints = difflib.get_close_matches(part, known, 1)
             question = f"did you mean {hints[0]!r}?" if hints else "see `modlens formats`"
             raise UsageError(f"--from {forced_format}: no such format; {question}")

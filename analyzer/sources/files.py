@@ -21,7 +21,6 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
-from types import TracebackType
 from typing import Any, BinaryIO, Self
 
 import _modlens
@@ -34,13 +33,16 @@ from analyzer.sources.pipes import STDIN, WAIT_S, has_bytes, open_unbuffered
 from analyzer.sources.unpack import Archives
 from dissectors.errors import CaptureError, SourceError
 
-__all__ = ["RAW", "Recording", "check_readable", "printable_name"]
+__all__ = ["RAW", "Recording", "check_readable", "printable_name", "size_of"]
 
 RAW = "raw"
 """The format whose bytes are those of the line, whatever they look like."""
 
 BLOCK_BYTES = 64 * 1024
 """Bytes of one block; a pipe may give fewer."""
+
+_MAX_IN_MEMORY_BYTES = 128 << 20
+"""A file inside an archive or a stream that has to be read here and there is not larger."""
 
 _MAX_COMPRESSION_LAYERS = 3
 """How often a file may be compressed: a compressed file may have been compressed again."""
@@ -82,6 +84,7 @@ class Recording:
         self._archives = archives or self._enclosing_files.enter_context(Archives())
         try:
             self._file = self._open(name)
+            self._outermost = self._file
             self._may_block = os.name == "posix" and not self._is_regular()
             # The bytes of a line can begin like any other file: FF FE is a glitch, 1F 8B a refusal.
             self._sample = self._read_sample() if read_as == RAW else self._read_plain_sample()
@@ -102,6 +105,14 @@ class Recording:
         """
         return self._sample
 
+    @property
+    def position(self) -> int:
+        """How far the file itself has been read, before it is decompressed; 0 for a pipe."""
+        try:
+            return int(self._outermost.tell())
+        except (OSError, ValueError, AttributeError):
+            return 0
+
     def blocks(self) -> Iterator[bytes]:
         """All bytes of the recording, once; an empty block means that no data have arrived yet."""
         sample, self._sample = self._sample, b""
@@ -112,7 +123,14 @@ class Recording:
 
     def seekable(self) -> str | BinaryIO:
         """A file that can be read at any position: the file's name, or all bytes in memory."""
-        return self._path if self._is_plain_file else io.BytesIO(b"".join(self.blocks()))
+        if self._is_plain_file:
+            return self._path
+        whole = bytearray()
+        for block in self.blocks():
+            whole += block
+            if len(whole) > _MAX_IN_MEMORY_BYTES:
+                raise CaptureError("too large to be read in place; unpack it first", path=self.name)
+        return io.BytesIO(whole)
 
     def close(self) -> None:
         """Close the file and the files that it is read from; standard input stays open."""
@@ -123,12 +141,7 @@ class Recording:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def _open(self, name: str) -> Any:
@@ -188,25 +201,31 @@ class Recording:
         block = self._read(BLOCK_BYTES)
         if block is None and self._follow:
             time.sleep(WAIT_S)
-            self._reopen_if_replaced()
-            return b""
+            block = self._read_behind_end()
         if self._transcode is not None and block != b"":
             block = self._transcode(block or b"", final=block is None) or None
         return block
 
-    def _reopen_if_replaced(self) -> None:
-        """Open the new file of this name if a log was rotated; go to its start if truncated."""
+    def _read_behind_end(self) -> bytes:
+        """What has been written since the end was seen; then the new file of this name, if any.
+
+        A log is rotated while its writer goes on: until the new file has bytes, further ones may be
+        written to the old file, and those written just before the rename have to be read first.
+        """
         try:
             there, here = os.stat(self._path), os.fstat(self._file.fileno())
         except OSError:
             # There is no file of this name in the moment between the old log and the new one.
-            return
-        if (there.st_dev, there.st_ino) != (here.st_dev, here.st_ino):
+            return self._read(BLOCK_BYTES) or b""
+        is_replaced = (there.st_dev, there.st_ino) != (here.st_dev, here.st_ino)
+        block = self._read(BLOCK_BYTES)
+        if block is None and is_replaced and there.st_size:
             file = self._open(self._path)
             self._file.close()
             self._file = file
-        elif there.st_size < self._file.tell():
+        elif block is None and not is_replaced and there.st_size < self._file.tell():
             self._file.seek(0)
+        return block or b""
 
     def _read(self, size: int) -> bytes | None:
         """Read the next bytes: b"" if a pipe has none yet, None at the end."""
@@ -276,21 +295,6 @@ def _gzip_error() -> type[Exception]:
     return getattr(module, "BadGzipFile", EOFError)
 
 
-def _decompression_errors() -> tuple[type[Exception], ...]:
-    """The exceptions that the loaded decompressors raise for damaged data.
-
-    Decompressors that were not imported are not in use, and need not be imported for this.
-    """
-    kinds = {
-        "zlib": "error",
-        "lzma": "LZMAError",
-        "zstandard": "ZstdError",
-        "zipfile": "BadZipFile",
-    }
-    loaded = {module: name for module, name in kinds.items() if module in sys.modules}
-    return EOFError, *(getattr(sys.modules[module], name) for module, name in loaded.items())
-
-
 def printable_name(name: str) -> str:
     r"""The name of a file as text; bytes that are not UTF-8 are shown as `\xe9`.
 
@@ -300,6 +304,15 @@ def printable_name(name: str) -> str:
     if name.isascii():
         return name
     return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
+def size_of(name: str) -> int | None:
+    """The bytes of a file; None where nobody knows them before they have been read."""
+    try:
+        there = os.stat(name)
+    except (OSError, ValueError):
+        return None
+    return there.st_size if stat.S_ISREG(there.st_mode) else None
 
 
 def check_readable(name: str) -> None:

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from time import monotonic_ns
 
-from _modlens import Inbox, Session
+from _modlens import Inbox, Recorder, Session
 from analyzer.line import Line
-from analyzer.sources.clock import Clock, monotonic_ns
 from analyzer.sources.serial import Chunk, Port, lost_port_error
 from dissectors.errors import PortError
 
@@ -21,7 +21,7 @@ __all__ = ["IDLE_NS", "PortListener", "TappedPort"]
 Arrival = tuple[int, Chunk]
 """The number of a port and a read from it; no bytes and a hole where the port was lost."""
 
-_QueuedRead = tuple[int, int, bytes | None, list[int], bool]
+_QueuedRead = tuple[int, int, bytes | None, list[int], bool, bool]
 
 FIRST_RETRY_NS, RETRY_INTERVAL_NS = 200_000_000, 1_000_000_000
 IDLE_NS = 1_500_000_000
@@ -65,11 +65,11 @@ class PortListener:
 
     `notify` gets messages about the ports. Reads are waited for in steps of `poll_s` seconds, to
     save wake-ups; 0 wakes at every read. After `idle_ns` without bytes no transaction is in
-    progress, so that the clock may be corrected. `PortError` if a port cannot be opened in the
-    beginning; later only with `reconnect` False.
+    progress, so that times may jump where the clock was set. `PortError` if a port cannot be opened
+    in the beginning; later only with `reconnect` False.
     """
 
-    def __init__(  # noqa: PLR0913 - most by keyword
+    def __init__(
         self,
         ports: Sequence[TappedPort],
         notify: Callable[[str], None],
@@ -77,15 +77,13 @@ class PortListener:
         reconnect: bool = True,
         poll_s: float = 0.0,
         idle_ns: int = IDLE_NS,
-        clock: Clock | None = None,
     ) -> None:
-        self.clock = clock or Clock()
         self.reconnects = 0
         self._notify = notify
         self._reconnect = reconnect
         self._poll_s = poll_s
-        self._idle_ns = idle_ns
         self._inbox = Inbox()
+        self._inbox.set_idle_ns(idle_ns)
         self._dropped = 0
         self._next_check_ns = self._next_maintenance_ns = 0
         self._slots: list[_PortSlot] = []
@@ -113,8 +111,8 @@ class PortListener:
         reads may not have reached the queue yet. The reads of other ports are returned, and those
         that need more than to be fed: holes and ends.
         """
-        now, shift = monotonic_ns(), self.clock.shift_ns
-        taken = self._inbox.feed(core, shift, now + shift - lag_ns, timeout, self._poll_s)
+        now = monotonic_ns()
+        taken = self._inbox.feed(core, lag_ns, timeout, self._poll_s)
         if taken or now >= self._next_maintenance_ns:
             return self._arrivals(taken, now)
         return []
@@ -127,6 +125,33 @@ class PortListener:
         """Let `feed` return the reads of a port again."""
         self._inbox.unroute(number)
 
+    def now_ns(self) -> int:
+        """The present time (ns since 1970) on the clock of the reads."""
+        return self._inbox.now_ns()
+
+    def record(self, number: int, recorder: Recorder, as_port: int) -> None:
+        """Record the reads of a port, before anybody sees them (see `_modlens.Inbox.record`)."""
+        self._inbox.record(number, recorder, as_port)
+
+    def stop_recording(self, number: int) -> None:
+        """End the recording of a port."""
+        self._inbox.stop_recording(number)
+
+    def drain(self) -> list[Arrival]:
+        """End the readers, and give what they have read."""
+        for slot in self._slots:
+            if slot.port is not None:
+                slot.port.stop()
+        self._inbox.close()
+        taken = self._inbox.take(0.0)
+        return [
+            (
+                number,
+                Chunk(data or b"", time_ns, errors if data else (), hole or not data, recorded),
+            )
+            for number, time_ns, data, errors, hole, recorded in taken
+        ]
+
     def lost_s(self, number: int) -> float | None:
         """For how long a port has been away, in seconds; None while it is there."""
         slot = self._slots[number]
@@ -134,12 +159,12 @@ class PortListener:
 
     def _arrivals(self, taken: Sequence[_QueuedRead], now: int) -> list[Arrival]:
         arrivals: list[Arrival] = []
-        for number, time_ns, data, errors, hole in taken:
+        for number, time_ns, data, errors, hole, recorded in taken:
             if data is None:
                 self._on_port_lost(number, errors[0] if errors else 0)
-                arrivals.append((number, Chunk(b"", self.clock.at(time_ns), hole=True)))
+                arrivals.append((number, Chunk(b"", time_ns, (), True, recorded)))
             else:
-                arrivals.append((number, Chunk(data, self.clock.at(time_ns), errors, hole)))
+                arrivals.append((number, Chunk(data, time_ns, errors, hole, recorded)))
         if now >= self._next_maintenance_ns:
             self._maintain(now)
         return arrivals
@@ -250,36 +275,26 @@ class PortListener:
                 self._count_errors(number, slot, dict(slot.port.counters()))
 
     def _check_clocks(self) -> None:
-        """Report suspensions and steps of the clock; a suspension is a hole in all ports.
-
-        A clock that was set forward is followed at a pause of the lines, so that no response time
-        contains the step.
-        """
-        change = self.clock.check()
-        if change.suspended_ns:
-            self._notify(
-                f"the machine slept for {change.suspended_ns / NS_PER_S:.1f} s;"
-                " traffic in the meantime is lost"
-            )
-            for number in range(len(self._slots)):
-                self._inbox.hole(number)
-        if change.step_ns > 0:
-            follows = (
-                "; timestamps follow at the next pause on the line"
-                if self.clock.is_behind_wall_clock
-                else ""
-            )
-            self._notify(f"the clock was set forward by {change.step_ns / NS_PER_S:.1f} s{follows}")
-        elif change.step_ns < 0:
-            back = -change.step_ns / NS_PER_S
-            self._notify(
-                f"the clock was set back by {back:.1f} s; timestamps continue without a step"
-            )
-        if (
-            self.clock.is_behind_wall_clock
-            and monotonic_ns() - self._inbox.newest() > self._idle_ns
-        ):
-            self.clock.catch_up()
+        """Report suspensions and steps of the clock, which the inbox has followed or will."""
+        for step_ns, suspended_ns, followed_ns, cuts_traffic in self._inbox.check_clocks():
+            if suspended_ns:
+                self._notify(
+                    f"the machine slept for {suspended_ns / NS_PER_S:.1f} s;"
+                    " traffic in the meantime is lost"
+                )
+            if step_ns > 0:
+                follows = "" if followed_ns else "; timestamps follow at the next pause on the line"
+                self._notify(f"the clock was set forward by {step_ns / NS_PER_S:.1f} s{follows}")
+            elif step_ns < 0:
+                back = -step_ns / NS_PER_S
+                self._notify(
+                    f"the clock was set back by {back:.1f} s; timestamps continue without a step"
+                )
+            if cuts_traffic:
+                self._notify(
+                    f"timestamps jump by {followed_ns / NS_PER_S:.1f} s in the middle of traffic,"
+                    " because the line does not pause"
+                )
 
     def _count_errors(self, number: int, slot: _PortSlot, last_counts: dict[str, int]) -> None:
         """Add what the driver's counters have gained since the last check; an overrun is a hole."""

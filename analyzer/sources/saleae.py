@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator, Sequence
-from types import TracebackType
 from typing import Self
 
 from analyzer.sources.sigrok import channel_numbers
@@ -48,10 +47,5 @@ class Levels:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Nothing to close: the recording that gives the blocks is closed by its owner."""

@@ -12,7 +12,7 @@ in a thread outside of Python's lock, because a buffer in between would join sep
 >>> Port(tempfile.mktemp(prefix="tty"), Line(19200))
 Traceback (most recent call last):
 ...
-dissectors.errors.PortError: ...: no such port; check the name and the cable
+dissectors.errors.PortError: ...: no such port; ...
 """
 
 from __future__ import annotations
@@ -24,13 +24,11 @@ import re
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import TracebackType
 from typing import Any, Self
 
 from _modlens import Inbox
 from analyzer.line import Line
 from analyzer.sources import SCHEMES
-from analyzer.sources.clock import monotonic_ns
 from analyzer.sources.driver import Driver, counters, mark_errors, reduce_latency
 from dissectors.errors import PortError, UsageError
 
@@ -43,7 +41,8 @@ _PLACEHOLDER = Line(9600, 8, "N", 1)
 """Settings to open a port with that has none, or whose settings are not known yet."""
 
 _ADVICE = {
-    errno.ENOENT: "no such port; check the name and the cable",
+    errno.ENOENT: "no such port; check the name and the cable; modlens ports lists those that are"
+    " here",
     errno.EACCES: "no permission to open it; on Linux join its group (often dialout), log in again",
     errno.EPERM: "no permission to open the port",
     errno.EBUSY: "the port is in use by another program; close it first",
@@ -63,13 +62,15 @@ class Chunk:
     """The bytes of one read, and the time at which it returned (ns since 1970).
 
     That is never before the stop bit of the last byte. `errors` are the positions of bytes that the
-    receiver has marked (parity, framing, break); `hole` says that bytes were lost before these.
+    receiver has marked (parity, framing, break); `hole` says that bytes were lost before these, and
+    `recorded` that the recorder has them.
     """
 
     data: bytes
     time_ns: int
     errors: Sequence[int] = ()
     hole: bool = False
+    recorded: bool = False
 
 
 class Port:
@@ -115,22 +116,21 @@ class Port:
         """The driver's error counters (see `driver.COUNTERS`); empty where it has none."""
         return counters(self._fd) if self._fd is not None and self._is_local else {}
 
-    def close(self) -> None:
-        """Stop reading and close the port; no error if it has been unplugged."""
+    def stop(self) -> None:
+        """Stop the thread that reads a port without a descriptor; the inbox ends the others."""
         if self._reader is not None:
             self._reader.stop()
+
+    def close(self) -> None:
+        """Stop reading and close the port; no error if it has been unplugged."""
+        self.stop()
         with contextlib.suppress(OSError):
             self._port.close()
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def _mark_errors(self) -> None:
@@ -171,10 +171,10 @@ class _ReaderThread:
                 data: bytes = self._port.read(1)
                 data += self._port.read(self._port.in_waiting) if data else b""
                 if data:
-                    self._inbox.put(self._number, monotonic_ns(), data)
+                    self._inbox.put(self._number, data)
         # pyserial raises `TypeError` if the port is closed while it is read.
         except (OSError, ValueError, TypeError):
-            self._inbox.put(self._number, monotonic_ns(), None)
+            self._inbox.put(self._number, None)
 
 
 def lost_port_error(name: str, number: int) -> PortError:

@@ -38,6 +38,11 @@ MIN_BYTES = 24
 
 _MIN_EXPLAINED, _MIN_LOG_ODDS, _MAX_RATES = 0.9, -3.0, 3
 
+_ONLY_BYTES = (
+    "so the receiver's settings were right, but bytes alone do not tell which they were: rate and"
+    " parity are told by a recording of tap --record"
+)
+
 _SETTINGS = re.compile(rb"recording bus=[^\0]* settings=(\d+-\d\w[\d.]+) ")
 _ERROR_OFFSETS = re.compile(rb"errors=(\d+(?:,\d+)*)")
 _ENHANCED_PACKET, _INTERFACE, _SECTION = 6, 1, b"\x0a\x0d\x0d\x0a"
@@ -106,8 +111,12 @@ def infer_settings(recorded_reads: Sequence[RecordedRead], recorded: Line | None
         core.flush()
         evidence_text = evidence(mode, core)
         if evidence_text:
+            found = f"{mode}: {evidence_text} in {len(data):,} bytes"
+            if all(one.time_ns is None for one in recorded_reads):
+                yield f"settings: {found}; {_ONLY_BYTES}"
+                return
             rate = f"{recorded.baud} baud is" if recorded else "rate and bits are"
-            yield f"settings: {rate} right, {mode}: {evidence_text} in {len(data):,} bytes"
+            yield f"settings: {rate} right, {found}"
             yield from _parity(recorded_reads, recorded)
             return
     yield "settings: no checksum matches"

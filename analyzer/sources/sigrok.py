@@ -12,20 +12,29 @@ import configparser
 import io
 import re
 import zipfile
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from types import TracebackType
 from typing import BinaryIO, Self
 
-from dissectors.errors import SourceError, UsageError
+from analyzer.sources.compression import damage_kinds
+from dissectors.errors import CaptureError, UsageError
 
 __all__ = ["Samples", "channel_numbers", "parse_sample_rate"]
 
 BLOCK = 1 << 20
 
+_MAX_METADATA_BYTES = 1 << 20
+_MAX_UNIT_BYTES = 32
+"""Bytes of a sample: sigrok has devices with up to 128 channels; twice as many are no session."""
+
+_ODD: tuple[type[Exception], ...] = (NotImplementedError, RuntimeError, ValueError)
+"""What zipfile raises for a member that is packed oddly, or encrypted."""
+
+_UNDESCRIBED: tuple[type[Exception], ...] = (KeyError, StopIteration, configparser.Error)
+"""What a session raises that lacks a key of its metadata."""
+
 _RATE = re.compile(r"([\d.]+)\s*([kKMG]?)(?:Hz)?")
 _FACTORS = {"": 1.0, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9}
-_LOGIC = re.compile(r"(?P<stem>.+?)(?:-(?P<number>\d+))?")
+_LOGIC = re.compile(r"(?P<stem>.+?)(?:-(?P<number>\d{1,9}))?")
 
 
 class Samples:
@@ -40,8 +49,8 @@ class Samples:
         self.name = name
         try:
             self._zip = zipfile.ZipFile(file)
-        except (OSError, zipfile.BadZipFile) as error:
-            raise SourceError(f"{name}: not a sigrok session: {error}") from error
+        except damage_kinds() + _ODD as error:
+            raise CaptureError(f"not a sigrok session: {error}", path=name) from error
         try:
             self._read_metadata()
         except BaseException:
@@ -59,32 +68,31 @@ class Samples:
                 with self._zip.open(part) as file:
                     while block := file.read(BLOCK):
                         yield block
-            except (OSError, zipfile.BadZipFile, zlib.error, EOFError) as error:
-                raise SourceError(f"{self.name}: {part} cannot be read: {error}") from error
+            except damage_kinds() + _ODD as error:
+                raise CaptureError(f"{part} cannot be read: {error}", path=self.name) from error
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._zip.close()
 
     def _read_metadata(self) -> None:
         """Read sample rate, sample size, channel names, and the list of files with samples."""
         parser = configparser.ConfigParser(interpolation=None, strict=False)
         try:
-            parser.read_file(io.StringIO(self._zip.read("metadata").decode("utf-8", "replace")))
+            with self._zip.open("metadata") as file:
+                text = file.read(_MAX_METADATA_BYTES).decode("utf-8", "replace")
+            parser.read_file(io.StringIO(text))
             device = next(parser[name] for name in parser.sections() if name.startswith("device"))
             stem = device["capturefile"]
             self.unit = int(device.get("unitsize", "1"))
+            if not 0 < self.unit <= _MAX_UNIT_BYTES:
+                raise ValueError(f"samples of {self.unit} bytes")
             self.rate = parse_sample_rate(device["samplerate"])
-        except (KeyError, StopIteration, ValueError, configparser.Error) as error:
-            raise SourceError(
-                f"{self.name}: the session does not describe its samples: {error}"
+        except damage_kinds() + _ODD + _UNDESCRIBED as error:
+            raise CaptureError(
+                f"the session does not describe its samples: {error}", path=self.name
             ) from error
         self.names = {
             int(key.removeprefix("probe")) - 1: name

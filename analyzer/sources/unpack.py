@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import glob
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import IO, Self
@@ -122,13 +122,9 @@ class Archives:
         place, left = path, MEMBER_SEPARATOR.join(rest)
         while left:
             inside = self._inside(place) or {}
-            # Names of members may hold the mark themselves: the longest that fits is meant.
-            fitting = [
-                one for one in inside if left == one or left.startswith(one + MEMBER_SEPARATOR)
-            ]
-            if not fitting:
+            member = _longest_beginning(left, inside)
+            if member is None:
                 raise SourceError(f"{name}: not found in {place}")
-            member = max(fitting, key=len)
             left = left[len(member) + 1 :]
             if not left:
                 return inside[member].open()
@@ -170,3 +166,16 @@ class Archives:
         """Closes what is below this depth, the innermost first."""
         while len(self._chain) > depth:
             self._chain.pop()[1].close()
+
+
+def _longest_beginning(name: str, members: Mapping[str, object]) -> str | None:
+    """The member that a name means or goes through: names may hold the mark themselves.
+
+    >>> _longest_beginning("a!b!c", {"a": 0, "a!b": 0})
+    'a!b'
+    """
+    while name not in members:
+        name, mark, _ = name.rpartition(MEMBER_SEPARATOR)
+        if not mark:
+            return None
+    return name

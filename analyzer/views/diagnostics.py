@@ -14,7 +14,7 @@ from analyzer.addresses import SHORT
 from analyzer.counts import count_of
 from analyzer.views import cells
 from analyzer.views.cells import function_name
-from dissectors.vocabulary import findings
+from dissectors.vocabulary import diagnosis, findings
 
 __all__ = ["describe_driver_errors", "explain_timeouts", "rank_findings"]
 
@@ -31,16 +31,34 @@ _MAX_REQUESTS = 8
 _MAX_BEFORE = 3
 
 
-def rank_findings(stats: Mapping[str, Any]) -> Iterator[tuple[str, int, str, str]]:
+def rank_findings(
+    stats: Mapping[str, Any], doctor: Mapping[str, Any] | None = None
+) -> Iterator[tuple[str, int, str, str]]:
     """Code, count, severity and advice of each finding, the most urgent first.
 
-    They are ordered by severity, then by count.
+    They are ordered by severity, then by count. Where the doctor has found a cause that brings a
+    finding forth, the advice points to it: a finding alone does not know its cause.
     """
+    causes = _causes(doctor)
     known = {one.code: (one.severity, one.advice) for one in findings()}
-    found = [
-        (code, count, *known.get(code, ("info", ""))) for code, count in stats["findings"].items()
-    ]
+    found = []
+    for code, count in stats["findings"].items():
+        severity, advice = known.get(code, ("info", ""))
+        found.append((code, count, severity, causes.get(code, advice)))
     yield from sorted(found, key=lambda one: (_SEVERITY_ORDER[one[2]], -one[1], one[0]))
+
+
+def _causes(doctor: Mapping[str, Any] | None) -> dict[str, str]:
+    """What is said of a finding that a diagnosis explains: the most harmful one that does."""
+    causes: dict[str, str] = {}
+    for row in doctor["diagnoses"] if doctor else ():
+        known = diagnosis(row["code"])
+        where = "" if row["unit"] is None else f" of unit {row['unit']}"
+        for code in known.findings if known else ():
+            causes.setdefault(
+                code, f"Caused by {row['code']}{where}; modlens doctor says what to do."
+            )
+    return causes
 
 
 def describe_driver_errors(bus: Mapping[str, Any]) -> str:

@@ -38,8 +38,9 @@ Cell = str | RegisterValues
 class ColumnLayout:
     """Title, widths and alignment of a column, and its share of the width that is left.
 
-    Without `max_width` and `free_share` (both 0) nothing in the column is cut off: a cell wider
-    than those of the first rows pushes its line to the right.
+    Without `max_width` and `free_share` (both 0), or with `is_whole`, nothing in the column is cut
+    off: a cell wider than the column pushes its line to the right. A column that `gives_way` is as
+    narrow as `min_width` where the terminal has no room.
     """
 
     title: str
@@ -47,6 +48,8 @@ class ColumnLayout:
     align_right: bool = False
     max_width: int = 0
     free_share: int = 0
+    is_whole: bool = False
+    gives_way: bool = False
 
     def width(self, cells: Iterable[Cell]) -> int:
         """The width for the title and these cells, without a share of what is left."""
@@ -77,6 +80,11 @@ class Grid:
         self._gap = "  " if width >= WIDE_COLUMNS else " "
         self._widths = [field.head.width(field.cell(row) for row in rows) for field in fields]
         rest = width - sum(self._widths) - len(self._gap) * (len(fields) - 1)
+        for index, field in reversed(list(enumerate(fields))):
+            if field.head.gives_way and rest < 0:
+                given = min(-rest, self._widths[index] - field.head.min_width)
+                self._widths[index] -= given
+                rest += given
         shares = sum(field.head.free_share for field in fields)
         for index, field in enumerate(fields):
             free_share = field.head.free_share
@@ -105,6 +113,7 @@ def _fitted(cell: Cell, head: ColumnLayout, width: int) -> str:
     text = cell if isinstance(cell, str) else cell.within(width)
     if len(text) <= width and text.isascii():
         return text.rjust(width) if head.align_right else text.ljust(width)
-    if width_of(text) > width and not (head.free_share or head.max_width):
+    is_whole = head.is_whole or not (head.free_share or head.max_width)
+    if width_of(text) > width and is_whole:
         return text
     return fit(text, width, right=head.align_right)

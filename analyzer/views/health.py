@@ -26,17 +26,42 @@ from analyzer.views import cells
 from analyzer.views.grid import ColumnLayout, Grid, GridColumn
 from analyzer.views.screen import Part, Screen, visible
 
-__all__ = ["show_health", "show_verdict"]
+__all__ = ["brief", "reserves", "show_health", "show_verdict", "verdict"]
 
 _VERDICTS = {"healthy": "ok", "trouble": "odd", "broken": "bad", "unknown": "note"}
 _SEVERITIES = {"error": "bad", "warning": "odd", "info": "note"}
 _WIDEST = 100
 
 
+def verdict(doctor: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
+    """The lines of the verdict."""
+    return _wrapped(doctor["sentence"], min(width, _WIDEST), style=_VERDICTS[doctor["verdict"]])
+
+
+def brief(doctor: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
+    """What to check for each cause; the sentence of the first one is part of the verdict."""
+    width = min(width, _WIDEST)
+    for number, row in enumerate(doctor["diagnoses"], 1):
+        code = (f"{number}. {row['code']} ", _SEVERITIES[row["severity"]])
+        is_told = row["sentence"] in doctor["sentence"]
+        said = f"Check: {row['advice']}" if is_told else f"{row['sentence']} {row['advice']}"
+        first, *rest = textwrap.wrap(
+            visible(said), max(width - 3, 20), initial_indent=" " * (len(code[0]) - 3)
+        )
+        yield [code, (first.lstrip(), "")]
+        yield from ([(f"   {line}", "")] for line in rest)
+
+
+def reserves(doctor: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
+    """The table of the units, with its head; nothing where no unit was asked."""
+    if doctor["reserves"]:
+        yield [("reserves of the units", "head")]
+        yield from _reserves(doctor["reserves"], min(width, _WIDEST))
+
+
 def show_verdict(doctor: Mapping[str, Any], screen: Screen) -> None:
     """Print the verdict alone."""
-    style = _VERDICTS[doctor["verdict"]]
-    screen.lines(list(_wrapped(doctor["sentence"], min(screen.width, _WIDEST), style=style)))
+    screen.lines(list(verdict(doctor, screen.width)))
 
 
 def show_health(doctor: Mapping[str, Any], screen: Screen) -> None:
@@ -52,8 +77,7 @@ def _lines(doctor: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
         yield from _diagnosis(number, row, width, names_bus=len(buses) > 1)
     if doctor["reserves"]:
         yield []
-        yield [("reserves of the units", "head")]
-        yield from _reserves(doctor["reserves"], width)
+        yield from reserves(doctor, width)
     if doctor["not_judged"]:
         yield []
         yield [("not judged", "head")]

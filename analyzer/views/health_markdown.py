@@ -2,7 +2,7 @@
 
 >>> doctor = {"sentence": "This line is healthy.", "diagnoses": [], "reserves": []}
 >>> doctor["not_judged"] = []
->>> print("".join(markdown(doctor)), end="")
+>>> print("".join(markdown(doctor)).rstrip())
 **This line is healthy.**
 """
 
@@ -39,6 +39,8 @@ def markdown(doctor: Mapping[str, Any]) -> Iterator[str]:
         yield "\nNot judged:\n\n"
     for row in doctor["not_judged"]:
         yield f"- {_escaped(row['bus'])}: {_escaped(row['what'])}. It takes {row['needs']}.\n"
+    # What is appended to the document, such as a table of --to md, begins a paragraph of its own.
+    yield "\n"
 
 
 def _escaped(text: str) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 from analyzer.addresses import SHORT, render
 from analyzer.views.cells import BASE_TITLES
-from analyzer.views.grid import ColumnLayout, Grid, GridColumn
+from analyzer.views.grid import WIDE_COLUMNS, ColumnLayout, Grid, GridColumn
 from analyzer.views.screen import Screen, visible
 
 __all__ = ["show_grid", "show_map"]
@@ -21,6 +21,7 @@ def show_map(
     if as_json:
         screen.lines([[(json.dumps(row, ensure_ascii=False), "")] for row in rows])
         return
+    changes = "changes" if screen.width >= WIDE_COLUMNS else "chg"
     fields = [
         GridColumn(ColumnLayout("unit", 4, align_right=True), lambda row: str(row["unit"])),
         GridColumn(ColumnLayout("type", 4), lambda row: SHORT[row["register_type"]]),
@@ -28,15 +29,19 @@ def show_map(
             ColumnLayout(BASE_TITLES[base], 6, align_right=True),
             lambda row: render(row["address"], row["register_type"], base),
         ),
-        GridColumn(ColumnLayout("name", 4, max_width=28), lambda row: visible(row["name"] or "")),
         GridColumn(
-            ColumnLayout("value", 8, max_width=24), lambda row: visible(_value(row)), _named
+            ColumnLayout("value", 8, max_width=24, is_whole=True, gives_way=True),
+            lambda row: visible(_value(row)),
+            _named,
         ),
         GridColumn(ColumnLayout("min", 3, align_right=True), lambda row: _figure(row["min"])),
         GridColumn(ColumnLayout("max", 3, align_right=True), lambda row: _figure(row["max"])),
         GridColumn(ColumnLayout("seen", 4, align_right=True), lambda row: str(row["count"])),
-        GridColumn(ColumnLayout("changes", 7, align_right=True), lambda row: str(row["changes"])),
+        GridColumn(ColumnLayout(changes, 3, align_right=True), lambda row: str(row["changes"])),
     ]
+    if any(row["name"] for row in rows):
+        layout = ColumnLayout("name", 12, max_width=28, gives_way=True)
+        fields.insert(3, GridColumn(layout, lambda row: visible(row["name"] or "")))
     if any(row["age_us"] is not None for row in rows):
         fields.append(GridColumn(ColumnLayout("age s", 6, align_right=True), _age))
     if len({row["bus"] for row in rows}) > 1:

@@ -117,6 +117,11 @@ class Screen:
         return self._terminal is not None and self._terminal.is_terminal
 
     @property
+    def is_behind(self) -> bool:
+        """Whether the terminal has not taken yet what was printed before."""
+        return bool(getattr(self._stream, "is_behind", False))
+
+    @property
     def width(self) -> int:
         """Columns: the terminal's, else those of `DEFAULT_COLUMNS`, else 80."""
         if self._terminal is not None:

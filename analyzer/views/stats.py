@@ -7,6 +7,7 @@ object:
 {"transactions": {status: int}, "findings": {code: int},     all buses; those that occurred
  "buses": [{"bus": text, "mode": "rtu" | "ascii" | "tcp" | null,
             "frames": {verdict: int}, "bytes": {verdict: int},
+            "cut": int,                    of the incomplete: cut by the recording's ends
             "duration_us": float | null,   first to last byte; null without a clock
             "busy_us": float | null,       bytes times the character time; null without settings
             "utilization": float | null,   busy share of the duration, 0 to 1
@@ -56,13 +57,20 @@ _INDENT = "           "
 _FAILED = ("no_response", "bad_request", "bad_response")
 
 
-def show_stats(stats: Mapping[str, Any], screen: Screen) -> None:
-    """Print the buses, a line for each unit and function, then the findings, most urgent first."""
-    lines = list(_lines(stats, screen.width))
+def show_stats(
+    stats: Mapping[str, Any], screen: Screen, doctor: Mapping[str, Any] | None = None
+) -> None:
+    """Print the buses, a line for each unit and function, then the findings, most urgent first.
+
+    What the doctor says, if it was asked, takes the place of the findings' advice.
+    """
+    lines = list(_lines(stats, screen.width, doctor))
     screen.lines(lines)
 
 
-def _lines(stats: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
+def _lines(
+    stats: Mapping[str, Any], width: int, doctor: Mapping[str, Any] | None
+) -> Iterator[list[Part]]:
     """All lines of the statistics: buses, units and functions, time-outs, findings."""
     buses = stats["buses"]
     short = cells.labels([bus["bus"] for bus in buses])
@@ -87,7 +95,7 @@ def _lines(stats: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
     if stats["findings"]:
         yield []
         yield [("findings, most urgent first (modlens explain NAME)", "head")]
-        for code, count, severity, advice in rank_findings(stats):
+        for code, count, severity, advice in rank_findings(stats, doctor):
             yield [(f"{count:9,}  ", ""), (f"{code:22}", _SEVERITIES[severity])]
             yield from _wrapped(advice, width)
 
@@ -197,13 +205,13 @@ def _row_fields(*, is_wide: bool) -> list[GridColumn]:
         ),
         GridColumn(ColumnLayout("function", 12, free_share=1), cells.function_name),
         GridColumn(
-            ColumnLayout("transactions" if is_wide else "trans.", 6, align_right=True),
+            ColumnLayout("transactions" if is_wide else "count", 5, align_right=True),
             lambda row: f"{row['transactions']:,}",
         ),
         GridColumn(
-            ColumnLayout("ok", 5, align_right=True), lambda row: _some(_with_status(row, "ok"))
+            ColumnLayout("ok", 4, align_right=True), lambda row: _some(_with_status(row, "ok"))
         ),
-        GridColumn(ColumnLayout("exc", 4, align_right=True), _exceptions, lambda _: "odd"),
+        GridColumn(ColumnLayout("exceptions", 4, align_right=True), _exceptions, lambda _: "odd"),
         GridColumn(ColumnLayout("failed", 6, align_right=True), _failed, lambda _: "bad"),
         GridColumn(ColumnLayout("retry", 5, align_right=True), lambda row: _some(row["retries"])),
     ]
@@ -225,7 +233,9 @@ def _duration(bus: Mapping[str, Any]) -> str:
 
 
 def _damaged(bus: Mapping[str, Any]) -> int:
-    return sum(bus["frames"].get(verdict, 0) for verdict in ("bad_checksum", "incomplete"))
+    bad: int = sum(bus["frames"].get(verdict, 0) for verdict in ("bad_checksum", "incomplete"))
+    cut: int = bus.get("cut", 0)
+    return bad - cut
 
 
 def _damaged_style(bus: Mapping[str, Any]) -> str:

@@ -34,8 +34,9 @@ def summary(stats: Mapping[str, Any]) -> list[str]:
 
 
 def damaged(stats: Mapping[str, Any]) -> int:
-    """The number of damaged frames, noise included."""
-    return sum(count for name, count in _total(stats, "frames").items() if name in DAMAGED)
+    """The number of damaged frames, noise included, without those that the recording cuts."""
+    cut: int = sum(bus.get("cut", 0) for bus in stats["buses"])
+    return sum(count for name, count in _total(stats, "frames").items() if name in DAMAGED) - cut
 
 
 def _total(stats: Mapping[str, Any], what: str) -> dict[str, int]:

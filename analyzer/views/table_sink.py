@@ -5,7 +5,6 @@ from __future__ import annotations
 from itertools import islice
 
 import _modlens
-from analyzer.filters import parse
 from analyzer.views.row_lines import TableOptions, lines
 from analyzer.views.screen import Screen
 
@@ -19,7 +18,7 @@ ROWS_PER_WRITE = 1000
 
 
 class TableSink:
-    """Prints the rows of one table on a screen; see `analyzer.session.Sink`.
+    """Prints the rows of one table on a screen; see `analyzer.pump.Sink`.
 
     `where` is the text of a filter; `FilterError` if it is not valid. At most `limit` rows are
     printed.
@@ -41,7 +40,11 @@ class TableSink:
         self._limit = limit
         self._screen = screen
         self._table_options = table_options
-        self._predicate = None if where is None else parse(where, table).predicate()
+        self._predicate = None
+        if where is not None:
+            from analyzer.filters import parse  # noqa: PLC0415 - loaded where there is a filter
+
+            self._predicate = parse(where, table).predicate()
         self._lines: _modlens.Lines | None = None
 
     def put(self, batch: _modlens.Batch) -> None:

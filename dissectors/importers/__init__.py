@@ -25,7 +25,10 @@ from dissectors.function_lookup import similar_name
 from dissectors.importers.profile_builder import Imported, Options, parse_order
 from dissectors.profile import Profile
 
-__all__ = ["FORMATS", "Format", "Imported", "Options", "Written", "parse_order", "read", "write"]
+__all__ = [
+    "FORMATS", "Format", "Imported", "Options", "Written", "check_format", "detect", "parse_order",
+    "read", "write",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +70,17 @@ FORMATS = {
     ),
     "esphome": Format("ESPHome modbus_controller", "esphome", True, False, ".yaml", _ORDERED),
     "sunspec": Format("SunSpec model JSON", "sunspec", True, False, ".json"),
+    "solarman": Format(
+        "solarman inverter definitions", "solarman", True, False, ".yaml", ("order",)
+    ),
+    "evcc": Format("evcc meter and charger templates", "evcc", True, False, ".yaml", ("order",)),
+    "wb-mqtt-serial": Format(
+        "wb-mqtt-serial templates", "wb_mqtt_serial", True, False, ".json", _ORDERED
+    ),
+    "openhab": Format(
+        "openHAB things of the Modbus binding", "openhab", True, False, ".things", _ORDERED
+    ),
+    "modpoll": Format("modpoll configurations", "modpoll", True, False, ".csv", _ORDERED),
 }
 """Name -> format; the module is dissectors/importers/<module>.py."""
 
@@ -96,6 +110,24 @@ def read(form: str, text: str, name: str, options: Options | None = None) -> Imp
     return Imported(found.model, notes)
 
 
+def detect(text: str, name: str) -> str:
+    """The format of a text: the first one that finds points in it; `ProfileError` if none does."""
+    reasons = {}
+    for form, row in FORMATS.items():
+        if row.reads:
+            try:
+                found = _module(form, "reads").read(text, name, Options())
+            except ModlensError as error:
+                reasons[form] = error.message.removeprefix(f"{name}: ")
+                continue
+            if found.model["registers"]:
+                return form
+    suffix = "." + name.rpartition(".")[2]
+    alike = [f"{form}: {why}" for form, why in reasons.items() if FORMATS[form].suffix == suffix]
+    why = f" ({'; '.join(alike)})" if alike else ""
+    raise ProfileError(f"no register map of a known format{why}", path=name)
+
+
 def _with_format(error: ProfileError, form: str, text: str, name: str) -> ProfileError:
     """The error to raise: one that names the right format where the text is of another one."""
     for other, row in FORMATS.items():
@@ -117,10 +149,15 @@ def write(form: str, profile: Profile) -> Written:
     return Written(text, tuple(notes))
 
 
-def _module(form: str, way: str) -> Any:
+def check_format(form: str, way: str) -> None:
+    """`UsageError` with a similar name where a format does not exist, or does not read or write."""
     known = [name for name, row in FORMATS.items() if getattr(row, way)]
     if form not in known:
         hint = similar_name(form, known)
         question = f"did you mean {hint!r}?" if hint else f"choose from {', '.join(known)}"
         raise UsageError(f"no format {form!r} that it {way}; {question}")
+
+
+def _module(form: str, way: str) -> Any:
+    check_format(form, way)
     return importlib.import_module(f"dissectors.importers.{FORMATS[form].module}")

@@ -33,6 +33,10 @@ _RAW = r"[\"']?(-?(?:0[xX][0-9a-fA-F]{1,16}|\d{1,20}))[\"']?\s*[=:]"
 _LABEL = re.compile(rf"\s*{_RAW}\s*[\"']?(.*?)[\"']?[\s,;|]*", re.DOTALL)
 _BETWEEN_LABELS = re.compile(rf"[,;|\n]\s*(?={_RAW.replace('(-', '(?:-', 1)})")
 
+_NUMBER = r"-?(?:0[xX][0-9a-fA-F]{1,16}|\d{1,20}(?:[.,]\d{1,20})?)"
+_RANGE = re.compile(rf"{_NUMBER}\s*(?:~|-|\u2013|\.\.\.?|to)\s*{_NUMBER}\s*%?")
+"""Limits of the values, such as `0~100%`, where other rows have labels."""
+
 
 @dataclass(frozen=True, slots=True)
 class RowCells:
@@ -123,6 +127,9 @@ class RowCells:
     def labels(self) -> dict[str, str]:
         r"""`0=off;1=on`, `0: off, 1: on` or `{"0": "off"}`."""
         text = self.get("enum").strip().strip("{}")
+        if _RANGE.fullmatch(text):
+            self.builder.note_dropped(["a range of values"])
+            return {}
         labels = {}
         for part in _BETWEEN_LABELS.split(text) if text else []:
             match = _LABEL.fullmatch(part)

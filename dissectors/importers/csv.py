@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dissectors.importers.profile_builder import (
@@ -43,10 +44,14 @@ def read(text: str, name: str, options: Options) -> Imported:
     _note_assumptions(builder, base, options)
     builder.notes += found.notes
     unit = choose_unit((_unit(cells) for _, cells in found.rows), options.unit, name)
-    rows = RowConverter(builder, base, preset)
+    words = name.rpartition("/")[2] if preset.table_in_file_name else ""
+    table = "ir" if "input" in words else "hr" if "holding" in words else None
+    rows = RowConverter(builder, base, preset, table)
     for line, cells in found.rows:
         if _unit(cells) in (None, unit):
-            rows.add(cells, f"line {line}")
+            rows.add(_titled(cells), f"line {line}")
+    if options.base is None and base != "modicon":
+        _note_manual_numbers(builder, [cells.get("address", "") for _, cells in found.rows])
     return builder.build()
 
 
@@ -67,6 +72,17 @@ def _read_own_csv(text: str, name: str, options: Options) -> Imported:
     return Imported(parse(text, name, "csv").model, tuple(notes))
 
 
+def _titled(cells: Mapping[str, str]) -> Mapping[str, str]:
+    """A row whose title is the name where it has no other, and else the note."""
+    title = cells.get("title", "")
+    if not title:
+        return cells
+    if not cells.get("name"):
+        note = "" if cells.get("note") == title else cells.get("note", "")
+        return {**cells, "name": title, "note": note}
+    return {**cells, "note": cells.get("note") or title}
+
+
 def _unit(cells: Mapping[str, str]) -> int | None:
     unit = parse_decimal(cells.get("slave"))
     return unit if isinstance(unit, int) else None
@@ -83,6 +99,21 @@ def _note_assumptions(builder: ProfileBuilder, base: int | str, options: Options
             "a setting of the device that the file does not have; --order overrides it)"
         )
 
+
+def _note_manual_numbers(builder: ProfileBuilder, addresses: Sequence[str]) -> None:
+    """Add a note if all addresses look like the numbers of a manual, such as 40001 or 300101.
+
+    A wire address may look so, too, which is why they are not taken for that.
+    """
+    numbers = [text.strip() for text in addresses if text.strip()]
+    if numbers and all(map(_MANUAL_NUMBER.fullmatch, numbers)):
+        builder.notes.append(
+            f"{numbers[0]} and the others look like the numbers of a manual (40001 is the first"
+            " holding register): give --base modicon if they are"
+        )
+
+
+_MANUAL_NUMBER = re.compile(r"[134](?!0+$)(?:\d{4}|[0-6]\d{4})")
 
 KEYS = (
     "at", "name", "type", "count", "order", "scale", "offset", "sf", "unit", "access", "enum",

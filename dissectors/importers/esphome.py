@@ -65,15 +65,21 @@ def read(text: str, name: str, options: Options) -> Imported:
     return builder.build()
 
 
+_SUBSTITUTED = ("defaults", "substitutions")
+
+
 def _substituted(data: Any) -> Any:
     """The configuration with `$name` and `${name}` replaced by the file's `substitutions`.
+
+    A package has `defaults` for those of the files that include it.
 
     >>> _substituted({"substitutions": {"what": "flow"}, "sensor": [{"name": "${what} 1"}]})
     {'sensor': [{'name': 'flow 1'}]}
     """
-    if not isinstance(data, Mapping) or not isinstance(data.get("substitutions"), Mapping):
+    if not isinstance(data, Mapping):
         return data
-    values = {str(key): str(value) for key, value in data["substitutions"].items()}
+    said = [data[key] for key in _SUBSTITUTED if isinstance(data.get(key), Mapping)]
+    values = {str(key): str(value) for table in said for key, value in table.items()}
 
     def resolve(node: Any) -> Any:
         if isinstance(node, Mapping):
@@ -90,7 +96,9 @@ def _substituted(data: Any) -> Any:
         number = parse_number(node)
         return node if number is None else number
 
-    return resolve({key: value for key, value in data.items() if key != "substitutions"})
+    if not values:
+        return data
+    return resolve({key: value for key, value in data.items() if key not in _SUBSTITUTED})
 
 
 def _controller(data: Mapping[str, Any], options: Options, name: str) -> str | None:

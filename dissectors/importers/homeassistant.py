@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
@@ -20,10 +19,10 @@ from dissectors.importers.profile_builder import (
     Options,
     ProfileBuilder,
     choose_unit,
-    compose_orders,
     parse_decimal,
     parse_row_order,
 )
+from dissectors.importers.python_struct import points_of_structure
 from dissectors.importers.unsupported_keys import UnsupportedKeys
 from dissectors.profile import Profile
 from dissectors.yaml import plain_data, tag_notes
@@ -39,10 +38,6 @@ _KINDS = {
     "uint64": "u64", "float16": "f16", "float32": "f32", "float64": "f64", "string": "str",
 }  # fmt: skip
 _OLD = {"int": "s", "uint": "u", "float": "f"}
-_STRUCT = {
-    "h": "s16", "H": "u16", "i": "s32", "I": "u32", "l": "s32", "L": "u32", "q": "s64", "Q": "u64",
-    "e": "f16", "f": "f32", "d": "f64", "s": "str",
-}  # fmt: skip
 _KNOWN = {
     "name", "address", "register", "slave", "device_address", "input_type", "register_type",
     "write_type", "data_type", "count", "swap", "reverse_order", "scale", "offset",
@@ -161,64 +156,85 @@ def _add_sensor(
 
     `at` is its table and address; with `more` the sensor is an array of `more` + 1 values.
     """
-    word, count, order = _type(row)
     swap = parse_row_order(row.get("swap")) or ("CDAB" if row.get("reverse_order") else None)
-    if word == "str" and swap in ("CDAB", "DCBA"):
-        raise NotConvertible("registers of a text in turned order")
+    keys = {"unit": row.get("unit_of_measurement"), **_numbers(builder, label, row)}
+    if row.get("data_type") == "custom":
+        _add_structure(builder, label, at, row, {**keys, "order": swap})
+        return
+    kind, count = _type(row)
+    if kind == "str" and (more or swap in ("CDAB", "DCBA")):
+        raise NotConvertible("an array of texts" if more else "registers of a text in turned order")
+    if more:
+        count = REGISTERS_OF_TYPE[kind] * (more + 1)
+    shown = None if kind == "u16" else kind
+    builder.add(label, *at, type=shown, count=count, order=swap, **keys)
+
+
+def _numbers(builder: ProfileBuilder, label: str, row: Mapping[str, Any]) -> dict[str, Any]:
+    """Scale, offset and sentinel of a sensor, without those that change nothing."""
     numbers = {key: parse_decimal(row.get(key)) for key in ("scale", "offset", "nan_value")}
     for key, value in numbers.items():
         if value is None and row.get(key) is not None:
             builder.notes.append(f"{label}: {key} {row[key]!r} is not a number; skipped")
-    if word != "str":
-        values = (count or 1) * (more + 1)
-        count = REGISTERS_OF_TYPE[word] * values if values > 1 else None
-    elif more:
-        raise NotConvertible("an array of texts")
     scale, offset = numbers["scale"], numbers["offset"]
-    builder.add(
-        label,
-        *at,
-        type=None if word == "u16" else word,
-        count=count,
-        order=compose_orders(order, swap) if order or swap else None,
-        scale=None if scale in (1, 0) else scale,
-        offset=None if offset == 0 else offset,
-        unit=row.get("unit_of_measurement"),
-        nan=numbers["nan_value"],
-    )
+    return {
+        "scale": None if scale in (1, 0) else scale,
+        "offset": None if offset == 0 else offset,
+        "nan": numbers["nan_value"],
+    }
 
 
-def _type(row: Mapping[str, Any]) -> tuple[str, int | None, str | None]:
-    """The type of a sensor, the registers of a text or the values of an array, and the order.
+def _add_structure(
+    builder: ProfileBuilder,
+    label: str,
+    at: tuple[str, int],
+    row: Mapping[str, Any],
+    keys: Mapping[str, Any],
+) -> None:
+    """Add a point for each run of equal values of a structure, named after its first value."""
+    structure = str(row.get("structure", ""))
+    if row.get("virtual_count", row.get("slave_count")):
+        raise NotConvertible("an array of structures")
+    registers, points = points_of_structure(structure, keys["order"])
+    count = parse_decimal(row.get("count"))
+    if count not in (None, registers):
+        reason = f"structure {structure!r} takes {registers} registers, not the count of {count}"
+        raise NotConvertible(reason)
+    space, address = at
+    for point in points:
+        name = label if len(points) == 1 else f"{label}_{point.first_value}"
+        shown = {
+            "type": None if point.type == "u16" else point.type,
+            "count": point.count,
+            "order": point.order,
+        }
+        builder.add(name, space, address + point.register, **{**keys, **shown})
+    if len(points) > 1:
+        builder.notes.append(
+            f"{label}: structure {structure!r} gives {len(points)} points, "
+            "numbered by their first value"
+        )
 
-    `NotConvertible` where they contradict each other.
-    """
+
+def _type(row: Mapping[str, Any]) -> tuple[str, int | None]:
+    """The type of a sensor, and the registers of a text; `NotConvertible` for an unknown one."""
     word = str(row.get("data_type", "int16"))
     registers = parse_decimal(row.get("count"))
     count = registers if isinstance(registers, int) and registers > 0 else None
     if word == "string":
-        return "str", count or 1, None
+        return "str", count or 1
     if word in _KINDS:
-        return _KINDS[word], None, None
+        return _KINDS[word], None
     if word in _OLD:
         # Until 2021 `count` gave the width of a number in registers, one by default.
         kind = f"{_OLD[word]}{16 * (count or 1)}"
         if kind in REGISTERS_OF_TYPE:
-            return kind, None, None
-    structure = str(row.get("structure", ""))
-    match = re.fullmatch(r"([<>!=@]?)(\d*)([a-zA-Z])(\3*)", structure)
-    if word == "custom" and match and match[3] in _STRUCT:
-        kind = _STRUCT[match[3]]
-        size = int(match[2] or 1) + len(match[4])
-        if kind == "str":
-            return kind, (size + 1) // 2, None
-        # Without a prefix, or with = or @, `struct` uses the machine's byte order, which is nearly
-        # always little-endian.
-        return kind, size, None if match[1] in (">", "!") else "DCBA"
-    raise NotConvertible(f"data type {structure or word!r} is not understood")
+            return kind, None
+    raise NotConvertible(f"data type {word!r} is not understood")
 
 
 _BACK = {kind: word for word, kind in _KINDS.items()}
+_HALVES = {"u8h": ">Bx", "u8l": ">xB", "s8h": ">bx", "s8l": ">xb"}
 _SWAPS = {"CDAB": "word", "BADC": "byte", "DCBA": "word_byte"}
 _HUB = """\
 modbus:
@@ -278,7 +294,9 @@ def _entity(point: Mapping[str, Any], profile: Profile) -> tuple[str, dict[str, 
     if bits == "0" and order in ("ABCD", "CDAB"):
         # Of a register, a binary sensor is the lowest bit.
         return "binary_sensors", {**keys, "input_type": table}
-    if bits or point["type"] not in _BACK:
+    # A structure names each value, and a swap would turn one half of a register into the other.
+    is_half = point["type"] in _HALVES and point.get("count", 1) == 1 and order in ("ABCD", "CDAB")
+    if bits or not (is_half or point["type"] in _BACK):
         return "", {}
     return "sensors", keys | _keys(point, order, table)
 
@@ -300,7 +318,9 @@ def _keys(point: Mapping[str, Any], order: str, table: str) -> dict[str, Any]:
     `table` is the input type; `order` is the order of the point's bytes and words.
     """
     kind = point["type"]
-    keys: dict[str, Any] = {"input_type": table, "data_type": _BACK[kind]}
+    keys: dict[str, Any] = {"input_type": table, "data_type": _BACK.get(kind, "custom")}
+    if kind in _HALVES:
+        keys |= {"count": 1, "structure": _HALVES[kind]}
     width = REGISTERS_OF_TYPE.get(kind)
     if kind == "str":
         keys["count"] = point["count"]

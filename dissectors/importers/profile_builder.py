@@ -240,7 +240,22 @@ class ProfileBuilder:
                 valid.append(point)
             else:
                 self.notes.append(f"{point['name']}: {mistake}; skipped")
-        return valid
+        return self._with_known_scale_factors(valid)
+
+    def _with_known_scale_factors(self, points: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        """The points without those `sf` that name no point, a note for each."""
+        names = {point["name"] for point in points}
+        kept = []
+        for point in points:
+            factor = point.get("sf")
+            if factor in (None, *names):
+                kept.append(point)
+                continue
+            self.notes.append(
+                f"{point['name']}: there is no point {factor!r} for its scale factor; left unscaled"
+            )
+            kept.append({key: value for key, value in point.items() if key != "sf"})
+        return kept
 
     def _note(self, note: str) -> None:
         self.notes.append(self.where + note)

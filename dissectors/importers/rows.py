@@ -36,10 +36,13 @@ NO_PRESET = Preset("plain", ())
 _ADDRESS = re.compile(
     r"(?:(?P<table>[a-z]+)\s*:?\s*|(?P<digit>[134])x)?"
     r"(?P<number>0x[0-9a-f]{1,9}|[0-9][0-9a-f]{0,9}h|\d{1,9})"
-    r"(?:\s*[-\u2013]\s*(?P<last>\d{1,9})|\.(?P<bit>\d{1,5})(?P<text>[HL])?|\.(?P<half>lo|hi))?"
+    r"(?:\s*[-\u2013~]\s*(?P<last>\d{1,9})|\.b?(?P<bit>\d{1,5})(?P<text>[HL])?|\.(?P<half>lo|hi))?"
     r"(?P<array>(?:\s*\[\d{1,5}\])*)",
     re.IGNORECASE,
 )
+_BITS_OF_REGISTER = re.compile(r"\s*([1-9]|1[0-5])\s*bits?\s*", re.IGNORECASE)
+"""A type such as `4bit`: so many bits of a register, from the bit of its address on."""
+
 _DIGITS = {"0": "co", "1": "di", "3": "ir", "4": "hr"}
 _LAST = 0xFFFF
 _BITS = 16
@@ -75,10 +78,14 @@ class RowConverter:
     builder: ProfileBuilder
     base: int | str
     preset: Preset = NO_PRESET
+    table: str | None = None
+    """The table of rows that do not say theirs, where the file's name says it."""
 
     def add(self, row: Mapping[str, str], where: str) -> None:
         """Add a row, given as its cells by key; `where` is its line."""
         self.builder.where = f"{where}, "
+        access = row.get("access", "")
+        row = {**row, "access": self.preset.access.get(normalized(access), access)}
         cells = RowCells(row, f"{where}, {row.get('name') or 'no name'}", self.builder)
         try:
             self._add(cells)
@@ -105,6 +112,12 @@ class RowConverter:
                 cells.note(f"a coil is a bool, not {cells.get('type')!r}")
             keys["count"] = count if isinstance(count, int) and count > 1 else None
             self.builder.add(cells.get("name"), place.space, place.address, **keys)
+            return
+        width = self._bit_count(cells.get("type"))
+        if width:
+            low = place.bit or 0
+            part = (low, low + width - 1)
+            self.builder.add(cells.get("name"), place.space, place.address, part=part, **keys)
             return
         word, count = self._type_and_count(kind, place, cells)
         order = cells.order() or place.order or kind.order
@@ -139,6 +152,7 @@ class RowConverter:
         else:
             space = stated_space or _DIGITS.get(match["digit"] or "")
             wire = address - int(self.base)
+        space = space or self.table
         if space is None:
             self.builder.note_once("no column names the table: holding registers (assumed)")
         if not 0 <= wire <= _LAST:
@@ -198,6 +212,11 @@ class RowConverter:
             raise NotConvertible(f"table {table or function!r} is not known")
         return space
 
+    def _bit_count(self, text: str) -> int:
+        """How many bits of a register a type takes; 0 where it takes whole ones."""
+        bits = _BITS_OF_REGISTER.fullmatch(text)
+        return int(bits[1]) if bits else self.preset.bit_types.get(normalized(text), 0)
+
     def _kind(self, text: str) -> _RowType:
         """The type that a cell names, with order or length where the name states it."""
         word = normalized(text)
@@ -210,6 +229,8 @@ class RowConverter:
             return _RowType("str", registers=(int(sized[2]) + 1) // 2)
         word = word.removesuffix("array")
         own = self.preset.types.get(word)
+        if self._bit_count(text):
+            return _RowType("u16")
         if own or word in TYPE_NAMES:
             return _RowType(
                 own or TYPE_NAMES[word], has_width=bool(own) or word not in TYPES_WITHOUT_WIDTH

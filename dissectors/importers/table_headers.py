@@ -44,7 +44,8 @@ _HEADER_WORDS: Mapping[str, tuple[str, ...]] = {
                "action"),
     "count": ("count", "quantity", "registers", "register count", "number of registers"),
     "length": ("length", "len", "size"),
-    "note": ("description", "documented name", "note", "notes", "comment"),
+    "title": ("documented name",),
+    "note": ("description", "note", "notes", "comment"),
     "group": ("group", "category"),
     "enum": ("enum", "values"),
     "nan": ("nan", "no value", "invalid value", "error value"),
@@ -125,6 +126,12 @@ class Preset:
     types: Mapping[str, str] = field(default_factory=dict)
     scaled_units: bool = False
     """Whether a unit such as `0.1V` has the scale in it."""
+    bit_types: Mapping[str, int] = field(default_factory=dict)
+    """Normalized word for a type -> how many bits of a register it takes."""
+    access: Mapping[str, str] = field(default_factory=dict)
+    """Normalized words for access that mean something else than usual -> the usual ones."""
+    table_in_file_name: bool = False
+    """Whether the file's name says that the registers are input or holding registers."""
     ignored_columns: tuple[str, ...] = ()
     """Columns that say nothing of registers: how often to ask, and the like."""
 
@@ -143,8 +150,19 @@ PRESETS = (
     Preset(
         "PythonProtocolGateway",
         ("variablename", "datatype", "register", "documentedname"),
-        types={"uint": "u32", "int": "s32", "16bitflags": "u16", "32bitflags": "u32"},
+        types={
+            "uint": "u32",
+            "int": "s32",
+            "16bitflags": "u16",
+            "32bitflags": "u32",
+            "asciile": "str",
+        },
+        bit_types={"byte": 8, "uint8": 8, "8bitflags": 8},
+        # What may be written is read, too; WD is writable in the manual, but switched off.
+        access={"w": "rw", "wd": "r"},
         scaled_units=True,
+        table_in_file_name=True,
+        ignored_columns=("hadiscovery", "readinterval", "readcommand"),
     ),
 )
 """The tables that are recognized by their header line."""

@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from dissectors import toml
 from dissectors.errors import ProfileError
 from dissectors.importers.profile_builder import (
     REGISTERS_OF_TYPE,
@@ -64,10 +64,7 @@ class _Field:
 
 def read(text: str, name: str, options: Options) -> Imported:
     """Read the fields of a configuration; `ProfileError` where it has no inputs.modbus."""
-    try:
-        tree: Any = tomllib.loads(text.lstrip("\ufeff"))
-    except tomllib.TOMLDecodeError as error:
-        raise ProfileError(f"not TOML: {error}", path=name) from None
+    tree: Any = toml.load(text.lstrip("\ufeff"), name)
     inputs = _table(tree.get("inputs")).get("modbus")
     plugins = _tables(inputs if isinstance(inputs, list) else [inputs])
     if not plugins:

@@ -17,6 +17,10 @@ from tests.conftest import CAPTURES, ROOT
 
 Rows = Callable[[Any], object]
 
+READING = (1, 2, 3, 4, 20, 23, 24)
+WRITING = (5, 6, 15, 16, 21, 22, 23)
+"""Functions that read or write registers, bits, files or the FIFO queue (V1.1b3, section 6)."""
+
 RECORDING = str(CAPTURES / "pymodbus_disturbed" / "recording.jsonl")
 
 SELECTED: list[tuple[str, str, Rows]] = [
@@ -36,8 +40,8 @@ SELECTED: list[tuple[str, str, Rows]] = [
     ("transactions", "glitch", lambda row: "stray_bytes" in row.findings),
     ("transactions", "findings", lambda row: row.findings),
     ("transactions", "not findings", lambda row: not row.findings),
-    ("transactions", "write", lambda row: row.operation == "write"),
-    ("transactions", "read", lambda row: row.operation == "read"),
+    ("transactions", "write", lambda row: row.function in WRITING),
+    ("transactions", "read", lambda row: row.function in READING),
     ("transactions", "coil", lambda row: row.register_type == "coil"),
     ("transactions", "rtu", lambda row: row.mode == "rtu"),
     ("transactions", "tcp", lambda row: row.mode == "tcp"),
@@ -57,7 +61,7 @@ SELECTED: list[tuple[str, str, Rows]] = [
     (
         "transactions", "(retry or no_response) and write",
         lambda row: ("retry" in row.findings or row.status == "no_response")
-        and row.operation == "write",
+        and row.function in WRITING,
     ),
     ("frames", "ok", lambda row: row.verdict == "ok"),
     ("frames", "not ok", lambda row: row.verdict != "ok"),
@@ -228,7 +232,11 @@ TOLD: list[tuple[str, str, str]] = [
     ("transactions", "function == 'Read Coils'", "names stand in function_name"),
     ("transactions", "function == read_coils", "`'Read Coils' in function_name`"),
     ("transactions", "exception == illegal_data_address", "in exception_name"),
-    ("transactions", "response_time_us > 50ms", "without a unit"),
+    (
+        "transactions",
+        "response_time_us > 50ms",
+        "without a unit; 50ms is 50000, because _us columns",
+    ),
     # Values of closed sets
     ("transactions", "status == 'no_respons'", "did you mean 'no_response'?"),
     ("transactions", "status == 'timeout'", "did you mean 'no_response'?"),
@@ -287,6 +295,13 @@ TOLD: list[tuple[str, str, str]] = [
     ("transactions", "status", "as in `status == "),
     ("transactions", "address == 400001", "'400001' in quotes, wire address 0"),
 ]
+
+
+def test_write_and_read_alone_mean_every_function_that_does() -> None:
+    """File records and read/write are among them, whose operations are `other` and `read_write`."""
+    rows = decode(str(CAPTURES / "pymodbus_all_functions" / "recording.jsonl")).transactions
+    assert {row.function for row in rows.where("write")} == set(WRITING)
+    assert {row.function for row in rows.where("read")} == set(READING)
 
 
 def touches(row: Any, kind: str, address: int) -> bool:

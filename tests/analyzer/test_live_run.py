@@ -5,20 +5,23 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import closing
+from pathlib import Path
 
 import pytest
 
 if sys.platform != "linux":
     pytest.skip("the line is one of Linux' ptys", allow_module_level=True)
 
+from analyzer.exports.recorder import Recorder
 from analyzer.line import parse_line
 from analyzer.live_run import LiveRun
-from analyzer.session import Settings
+from analyzer.settings import Settings
 from analyzer.sources import port_listener as sources
-from analyzer.sources.serial import Chunk, Port
+from analyzer.sources.serial import Port
 from analyzer.views.live.health import lines
 from analyzer.views.live.state import LiveState
 from analyzer.views.row_lines import TableOptions
+from tests.support.raw_recording import RTAC_HEAD, packets
 
 PAIR = bytes.fromhex("010300000001840a0103020007f986")
 
@@ -47,17 +50,15 @@ def test_what_the_driver_counts_is_shown(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @pytest.mark.parametrize("wanted", [False, True])
-def test_reads_go_to_the_engine_by_themselves_or_to_who_wants_them(wanted: bool) -> None:
-    """With and without a listener to raw reads the rows are the same, and A+B keeps its lines."""
+def test_reads_go_to_the_engine_and_to_a_recorder(wanted: bool, tmp_path: Path) -> None:
+    """With and without a recorder the rows are the same, and A+B keeps its lines."""
     pairs = [os.openpty() for _ in range(2)]
     name = "+".join(os.ttyname(near) for _, near in pairs)
-    on_read: list[tuple[str | None, bytes]] = []
-
-    def hear(bus: str, line: str | None, chunk: Chunk) -> None:
-        on_read.append((line, chunk.data))
-
     settings = Settings(line=parse_line("19200-8E1"))
-    with closing(LiveRun([name], settings, on_read=hear if wanted else None)) as run:
+    recorder = Recorder(str(tmp_path / "bus.pcapng"))
+    with closing(LiveRun([name], settings)) as run:
+        if wanted:
+            run.record(recorder.core)
         batches = run.batches()
         os.write(pairs[0][0], PAIR[:8])
         next(batches)
@@ -66,7 +67,10 @@ def test_reads_go_to_the_engine_by_themselves_or_to_who_wants_them(wanted: bool)
         found += list(run.finish().frames)
     rows = [(row.line, row.direction, row.hex) for row in found]
     assert rows == [("A", "request", PAIR[:8]), ("B", "response", PAIR[8:])]
-    ends = [("A", b""), ("B", b"")]
-    assert on_read == ([("A", PAIR[:8]), ("B", PAIR[8:]), *ends] if wanted else [])
+    recorder.close()
+    data = (tmp_path / "bus.pcapng").read_bytes()
+    recorded = [(port, payload[RTAC_HEAD:]) for port, _, payload, _ in packets(data)]
+    ends = [(0, b""), (1, b"")]
+    assert recorded == ([(0, PAIR[:8]), (1, PAIR[8:]), *ends] if wanted else [])
     for fd in (fd for pair in pairs for fd in pair):
         os.close(fd)

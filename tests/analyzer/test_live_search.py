@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from pathlib import Path
 
 import pytest
 
@@ -18,10 +19,10 @@ if sys.platform != "linux":
     pytest.skip("the line is one of Linux' ptys", allow_module_level=True)
 
 from analyzer import live_run
-from analyzer.line import Line
-from analyzer.live_run import LiveRun, Tap
-from analyzer.session import Settings
-from analyzer.sources.serial import Chunk
+from analyzer.exports.recorder import Recorder
+from analyzer.live_run import LiveRun
+from analyzer.settings import Settings
+from tests.support.raw_recording import RTAC_HEAD, packets
 
 PAIR = bytes.fromhex("010300000001840a"), bytes.fromhex("0103020007f986")
 LONGEST_S = 20.0
@@ -49,20 +50,12 @@ def until(run: LiveRun, done: Callable[[], bool], act: Callable[[], None]) -> in
     return transactions
 
 
-def test_what_a_search_without_result_heard_is_kept(pty: tuple[int, str]) -> None:
+def test_what_a_search_without_result_heard_is_kept(pty: tuple[int, str], tmp_path: Path) -> None:
     """Every byte reaches the recording and the rows, and the end says what it may be."""
     far, name = pty
     said: list[str] = []
-    reads: list[bytes] = []
-    lines: list[Line | None] = []
     rng = random.Random(1)
     sent = bytearray()
-
-    def keep(bus: str, line: str | None, chunk: Chunk) -> None:
-        reads.append(chunk.data)
-
-    def note(tap: Tap, line: Line | None) -> None:
-        lines.append(line)
 
     def noise() -> None:
         data = rng.randbytes(40)
@@ -71,16 +64,21 @@ def test_what_a_search_without_result_heard_is_kept(pty: tuple[int, str]) -> Non
         os.write(far, data)
 
     settings = Settings(tables=("frames", "transactions", "findings"))
-    run = LiveRun([name], settings, notify=said.append, on_read=keep, on_settings=note)
+    run = LiveRun([name], settings, notify=said.append)
+    recorder = Recorder(str(tmp_path / "bus.pcapng"))
     with closing(run):
+        run.record(recorder.core)
         until(run, lambda: len(sent) > 1500, noise)
         rows = run.finish()
         counted = run.stats()["buses"]
+    recorder.close()
+    (data,) = [one.read_bytes() for one in tmp_path.iterdir()]
+    reads = [payload[RTAC_HEAD:] for _, _, payload, _ in packets(data)]
     recorded = b"".join(reads)
     # The first milliseconds after each change of the settings belong to those before.
     assert len(recorded) > 400
     assert all(bytes(sent).find(data) >= 0 for data in reads if data)
-    assert lines
+    assert b" settings=" in data
     assert sum(sum(bus["bytes"].values()) for bus in counted) == len(recorded)
     assert sum(len(row.hex) for row in rows.frames) == len(recorded)
     assert any("no line settings fit" in text for text in said), said

@@ -9,7 +9,9 @@ import pytest
 
 import _modlens
 from analyzer import SourceError, UsageError
-from analyzer.session import FileRun, RecordingStatus, Run, Settings, Sink, pump
+from analyzer.pump import Run, Sink, pump
+from analyzer.session import FileRun, RecordingStatus
+from analyzer.settings import Settings
 
 
 class Counter:

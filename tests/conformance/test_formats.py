@@ -11,7 +11,7 @@ import pytest
 import _modlens
 from analyzer import decode
 from analyzer.line import parse_line
-from analyzer.sources import FORMATS
+from analyzer.sources import all_formats
 from analyzer.sources.detect import detect_format
 from tests.conftest import CAPTURES, ROOT, Modlens
 from tests.support import captures, sigrok
@@ -58,11 +58,11 @@ def text_of(name: str) -> bytes:
 
 def test_each_format_is_tried_here() -> None:
     """All formats, binary ones and dialects, are tried in these tests."""
-    assert set(FORMATS) == {*BINARY, *ROWS}
+    assert set(all_formats()) == {*BINARY, *ROWS}
 
 
 @pytest.mark.parametrize("named", [False, True])
-@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize("name", all_formats())
 def test_a_format_gives_its_frames(name: str, named: bool, tmp_path: Path) -> None:
     """Those that its row names, whether it is found or named."""
     path = tmp_path / "recording"
@@ -91,10 +91,10 @@ def formats(modlens: Modlens) -> str:
     return modlens("formats").out
 
 
-@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize("name", all_formats())
 def test_a_format_is_explained(name: str, modlens: Modlens) -> None:
     """`modlens formats` shows it, with its sample."""
-    kind = FORMATS[name]
+    kind = all_formats()[name]
     assert kind.title
     assert kind.sample
     assert kind.title in formats(modlens)

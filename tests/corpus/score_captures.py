@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import _modlens
-from analyzer.session import FileRun, RecordingStatus, Settings
+from analyzer.session import FileRun, RecordingStatus
+from analyzer.settings import Settings
 from tests.corpus.explained import EXPLAINED
 from tests.corpus.score import Score
 

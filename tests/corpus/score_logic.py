@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from analyzer.session import FileRun, RecordingStatus, Settings
+from analyzer.session import FileRun, RecordingStatus
+from analyzer.settings import Settings
 from tests.corpus.score import Score
 
 __all__ = ["score"]

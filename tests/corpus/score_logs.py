@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from analyzer.session import FileRun, RecordingStatus, Settings
+from analyzer.session import FileRun, RecordingStatus
+from analyzer.settings import Settings
 from dissectors.errors import SourceError
 from tests.corpus.score import Score
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import doctest
 import re
 import subprocess
 import sys
@@ -28,6 +30,19 @@ class Block:
 def blocks(document: str, language: str) -> list[Block]:
     """The blocks of one language in a document of the root folder."""
     return [block for block in _blocks(text_of(document)) if block.language == language]
+
+
+def try_examples(document: str) -> tuple[int, int]:
+    """How many examples in Python a document has, and how many failed.
+
+    All blocks are tried in turn, in one session, at the root of the checkout.
+    """
+    text = "".join(block.text for block in blocks(document, "python"))
+    example = doctest.DocTestParser().get_doctest(text, {}, document, document, 0)
+    runner = doctest.DocTestRunner()
+    with contextlib.chdir(ROOT):
+        runner.run(example)
+    return len(example.examples), runner.summarize().failed
 
 
 def text_of(document: str) -> str:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import doctest
-import fcntl
 import os
 import pty
 import re
 import signal
-import struct
 import subprocess
-import termios
 import time
 from pathlib import Path
 
@@ -19,7 +15,7 @@ import pytest
 import _modlens
 from analyzer.cli import COMMANDS
 from analyzer.exports import FORMATS as WRITTEN
-from analyzer.sources import FORMATS
+from analyzer.sources import all_formats
 from tests.conftest import ROOT, TIMEOUT_S, command, environment
 from tests.docs.documents import (
     COLUMNS,
@@ -29,7 +25,9 @@ from tests.docs.documents import (
     shell,
     shell_environment,
     text_of,
+    try_examples,
 )
+from tests.support.printed import printed
 
 README = "README.md"
 SHOWN = 16
@@ -103,20 +101,10 @@ def picture() -> Block:
 
 def on_a_terminal(words: list[str]) -> str:
     """What a terminal of 80 columns without colours shows of a command, tables and notes alike."""
-    control, screen = pty.openpty()
-    fcntl.ioctl(screen, termios.TIOCSWINSZ, struct.pack("HHHH", 60, COLUMNS, 0, 0))
-    env = environment(NO_COLOR="1", TERM="xterm")
-    running = subprocess.Popen(words, cwd=ROOT, env=env, stdout=screen, stderr=screen)
-    os.close(screen)
-    shown = b""
-    try:
-        while data := os.read(control, 1 << 16):
-            shown += data
-    except OSError:  # how Linux says that nobody is left at the other end
-        pass
-    os.close(control)
-    assert running.wait(TIMEOUT_S) == 0
-    return re.sub(r"\x1b\[[0-9;]*m", "", shown.decode()).replace("\r\n", "\n")
+    env = environment(NO_COLOR="1", TERM="xterm", PAGER="cat")
+    shown, status = printed(words, env, cwd=ROOT, lines=60, columns=COLUMNS)
+    assert status == 0
+    return re.sub(r"\x1b\[[0-9;]*m", "", shown)
 
 
 def pictured(screen: str) -> str:
@@ -149,17 +137,9 @@ def test_the_picture_is_what_the_demo_prints() -> None:
 
 def test_the_examples_in_python_are_true() -> None:
     """Every block in turn, in one session, at the root of the checkout."""
-    text = "".join(block.text for block in blocks(README, "python"))
-    example = doctest.DocTestParser().get_doctest(text, {}, README, README, 0)
-    assert len(example.examples) > 5
-    runner = doctest.DocTestRunner()
-    before = Path.cwd()
-    os.chdir(ROOT)
-    try:
-        runner.run(example)
-    finally:
-        os.chdir(before)
-    assert runner.summarize().failed == 0
+    tried, failed = try_examples(README)
+    assert tried > 5
+    assert failed == 0
 
 
 def test_the_table_of_commands_is_the_registry() -> None:
@@ -172,11 +152,12 @@ def test_the_tables_of_formats_are_the_registries() -> None:
     """What can be read, in the words of `modlens formats`, and what can be written."""
     table = rows_of_table(README, "| read |")
     named = [name for row in table for name in re.findall(r"`([^`]+)`", row[0])]
-    assert named == list(FORMATS)
+    formats = all_formats()
+    assert named == list(formats)
     for row in table:
         (name, *others) = re.findall(r"`([^`]+)`", row[0])
         if not others:
-            assert row[1:] == [FORMATS[name].title, FORMATS[name].clock]
+            assert row[1:] == [formats[name].title, formats[name].clock]
     assert [row[0] for row in rows_of_table(README, "| written |")] == [f"`{n}`" for n in WRITTEN]
 
 
@@ -186,6 +167,6 @@ def test_links_lead_somewhere(document: str) -> None:
     text = text_of(document)
     for target in re.findall(r"\]\(([^)#:]+)\)", text):
         assert (ROOT / target).exists(), target
-    targets = set(re.findall(r"^([a-z]+):", text_of("Makefile"), re.MULTILINE))
-    for name in re.findall(r"(?:^ *|`|\$ )make ([a-z]+)", text, re.MULTILINE):
+    targets = set(re.findall(r"^([a-z-]+):", text_of("Makefile"), re.MULTILINE))
+    for name in re.findall(r"(?:^ *|`|\$ )make ([a-z-]+)", text, re.MULTILINE):
         assert name in targets, name

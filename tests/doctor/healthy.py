@@ -151,6 +151,24 @@ def pipelined(rng: Random) -> Case:
     return site.case(None)
 
 
+def two_at_once(rng: Random) -> Case:
+    """A client that sends two requests together, now and then one, and waits for all answers."""
+    site = Site(rng, units=1)
+    flow = site.network.flow(CLIENTS[0], SERVER)
+    now_s, number = flow.open(0.0) + 0.001, 0
+    server = Server(site.plant, rng)
+    requests = _count(rng)
+    while number < requests:
+        count = 1 if rng.random() < 0.2 else 2
+        due = [_pipelined_request(site, server, flow, number + k, now_s) for k in range(count)]
+        for data in due:
+            now_s += rng.uniform(0.01, 0.05)
+            flow.send(now_s, False, data)
+        now_s += 0.1
+        number += count
+    return site.case(None)
+
+
 def _pipelined_request(site: Site, server: Server, flow: Flow, number: int, now_s: float) -> bytes:
     """Send one; what will be the answer."""
     poll = site.plant.polls[number % len(site.plant.polls)]
@@ -175,5 +193,6 @@ STYLES: tuple[Callable[[Random], Case], ...] = (
     one_client,
     several_clients,
     pipelined,
+    two_at_once,
     without_settings,
 )

@@ -15,14 +15,27 @@ from tests.doctor.captured import TROUBLED, captures, healthy_captures
 from tests.doctor.cases import COUNTER_CASES, KINDS, make
 from tests.doctor.examine import diagnose, examine, ran, subject_fits, written
 from tests.doctor.healthy import LINES, healthy_line
-from tests.doctor.not_yet import marked
 
 SEED = 1
 LINES_A_TEST = 5
+BEYOND_REACH = {
+    "a float that straddles two quantities": "two registers that are halves of different floats"
+    " look like one float in another order of words; the counters keep no series of values that"
+    " could tell the two apart",
+}
+"""Near confusions that the doctor cannot tell, with the reason."""
+
+
+def _case(name: str) -> object:
+    why = BEYOND_REACH.get(name)
+    marks = [] if why is None else [pytest.mark.xfail(reason=why, strict=True)]
+    return pytest.param(name, id=name, marks=marks)
+
+
 WORDS = {capture.name: (capture.file, capture.words) for capture in captures()}
 
 
-@pytest.mark.parametrize("name", marked(KINDS))
+@pytest.mark.parametrize("name", KINDS)
 def test_each_kind_is_named_first_with_its_subject(name: str) -> None:
     case = make(name, SEED)
     outcome = examine(case)
@@ -30,7 +43,7 @@ def test_each_kind_is_named_first_with_its_subject(name: str) -> None:
     assert outcome.fits, (case.expected, outcome.rows[0])
 
 
-@pytest.mark.parametrize("name", marked(COUNTER_CASES))
+@pytest.mark.parametrize("name", [_case(name) for name in COUNTER_CASES])
 def test_neighbours_are_not_confused(name: str) -> None:
     case = make(name, SEED)
     outcome = examine(case)
@@ -38,7 +51,7 @@ def test_neighbours_are_not_confused(name: str) -> None:
     assert outcome.place == 1 if case.expected else not outcome.confused, said
 
 
-@pytest.mark.parametrize("name", marked(TROUBLED))
+@pytest.mark.parametrize("name", TROUBLED)
 def test_what_was_recorded_because_of_a_trouble_is_named_first(name: str) -> None:
     file, words = WORDS[name]
     rows = diagnose(file, words, CAPTURES)

@@ -12,7 +12,6 @@ import pytest
 
 from tests.doctor.cases import make
 from tests.doctor.examine import diagnose, subject_fits, written
-from tests.doctor.not_yet import marked
 
 SEED = 2
 TIMELESS = (
@@ -37,7 +36,7 @@ ON_TCP = {"dead_unit_cost": "gateway_unit_id"}
 """Behind a gateway, a unit that never answers may be a number that the gateway does not know."""
 
 
-@pytest.mark.parametrize("kind", marked(TIMELESS, "views of "))
+@pytest.mark.parametrize("kind", TIMELESS)
 def test_all_views_give_the_same_diagnosis(kind: str, tmp_path: Path) -> None:
     """A quantity that a device drops in silence is as well seen in a log without a clock."""
     case = make(kind, SEED)
@@ -51,7 +50,7 @@ def test_all_views_give_the_same_diagnosis(kind: str, tmp_path: Path) -> None:
         assert subject_fits(rows[0], expected), (view, [row["sentence"] for row in rows])
 
 
-@pytest.mark.parametrize("kind", marked(["slow_answers"], "views of "))
+@pytest.mark.parametrize("kind", ["slow_answers"])
 def test_what_needs_times_is_seen_by_those_who_have_a_clock(kind: str, tmp_path: Path) -> None:
     case = make(kind, SEED)
     assert case.expected is not None

@@ -20,7 +20,7 @@ for module in pkgutil.walk_packages(analyzer.__path__, "analyzer."):
 from analyzer.cli.keys import Keys
 from analyzer.sources.driver import mark_errors
 with Keys() as keys:
-    assert keys.pressed() == ""
+    assert keys.pressed() == []
 assert mark_errors(0) is False
 """
 

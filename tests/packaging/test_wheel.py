@@ -18,6 +18,7 @@ from pathlib import Path, PurePosixPath
 
 import pytest
 
+from release.shell_files import files
 from tests.conftest import CAPTURES, ROOT, Modlens, environment, without
 
 RECORDING = CAPTURES / "pymodbus_disturbed" / "recording.jsonl"
@@ -151,8 +152,31 @@ def test_one_wheel_serves_all_versions_of_python(wheel: Path) -> None:
 def test_the_wheel_holds_nothing_else(wheel: Path) -> None:
     """The wheel has no tests, no recordings, and no sources of the core."""
     tops = {name.split("/")[0] for name in contents(wheel)}
-    info = {top for top in tops if top.endswith(".dist-info")}
+    info = {top for top in tops if top.endswith((".dist-info", ".data"))}
     assert tops == {"_modlens", *PACKAGES, *info}
+    data = {name.split("/", 1)[1] for name in contents(wheel) if ".data/" in name}
+    assert data == {f"data/share/{name}" for name in files()}
+
+
+def test_the_wheel_holds_the_licences_of_what_is_in_it(wheel: Path) -> None:
+    """The licence of modlens, and those of everything that is compiled in."""
+    with zipfile.ZipFile(wheel) as archive:
+        for name in ("LICENSE", "THIRD_PARTY.md", "THIRD_PARTY_LICENSES.txt"):
+            (found,) = (one for one in archive.namelist() if one.endswith(f"/licenses/{name}"))
+            assert archive.read(found) == (ROOT / name).read_bytes()
+
+
+def test_nothing_under_the_gpl_is_in_the_wheel(wheel: Path) -> None:
+    """Scapy (GPL-2.0) is installed beside modlens; no file of it is in the wheel."""
+    names = contents(wheel)
+    assert not [name for name in names if "scapy" in name.lower()]
+
+
+def test_the_wheel_brings_completion_and_manual_pages(installed: dict[str, str]) -> None:
+    """Under `share/` of the environment, where a shell and man look for them."""
+    share = Path(installed["VIRTUAL_ENV"]) / "share"
+    for name, text in files().items():
+        assert (share / name).read_text(encoding="utf-8") == text
 
 
 @pytest.fixture(scope="session")
@@ -178,7 +202,7 @@ def test_the_sdist_holds_both_packages_and_the_border(sdist: Path) -> None:
 
 def test_the_sdist_holds_what_the_core_embeds(sdist: Path) -> None:
     """Every source of the crates that are shipped, and every file that one of them takes in."""
-    not_shipped = {ROOT / "crates/modlens-bench"}
+    not_shipped = {ROOT / "crates/modlens-bench", ROOT / "crates/modlens-tap"}
     crates = {path.parent for path in ROOT.glob("crates/*/Cargo.toml")} - not_shipped
     sources = [path for crate in crates for path in (crate / "src").rglob("*.rs")]
     assert len(crates) > 1

@@ -24,7 +24,9 @@ TESTS_OF_CRATES = {
         "tests/analyzer/exports/test_sink.py",
         "tests/analyzer/exports/test_types.py",
     ),
+    "modlens-recorder": ("tests/analyzer/exports/test_recorder.py", "tests/faults"),
     "modlens-py": ("tests/border",),
+    "modlens-tap": ("tests/packaging/test_gateway_tap.py",),
     "modlens-bench": (),
 }
 """Tests in Python that show what a crate does; its own are run as well."""

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import sys
 import time
+from dataclasses import replace
 
 from analyzer.cli.live_screen import LiveScreen
 from analyzer.line import parse_line
 from analyzer.live_run import BusStatus
-from analyzer.session import FileRun, Settings
+from analyzer.session import FileRun
+from analyzer.settings import Settings
 from analyzer.views.live.state import LiveState
 from analyzer.views.row_lines import TableOptions
 from analyzer.views.screen import stdout
@@ -23,13 +25,17 @@ SECONDS = 83.0
 
 def main(path: str, view: str) -> None:
     """Put all of the recording on the board, then obey the keys."""
-    run = FileRun([path], Settings(line=parse_line("19200-8E1")))
+    settings = Settings(line=parse_line("19200-8E1"))
+    settings = replace(settings, tables=(*settings.tables, "diagnoses"))
+    run = FileRun([path], settings)
+    ended: list[bool] = []
     ticks = iter([0.0])
     status = BusStatus(path, "19200-8E1", "given", None)
     state = LiveState(
         TableOptions("wire", "utc", (path,)),
         run.stats,
         lambda: [status],
+        lambda: run.doctor() if ended else None,
         clock=lambda: next(ticks, SECONDS),
     )
     screen = LiveScreen(state, view, stdout())
@@ -37,6 +43,7 @@ def main(path: str, view: str) -> None:
         for batch in run.batches():
             screen.put(batch)
         empty = run.finish()
+        ended.append(True)
         screen.draw()
         while not screen.quit_requested:
             screen.put(empty)

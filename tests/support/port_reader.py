@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import closing
-from types import TracebackType
 from typing import Self
 
 from _modlens import Inbox
@@ -25,19 +24,23 @@ class PortReader:
         self.port.listen(self._inbox, 0)
 
     def read(self, timeout: float = TIMEOUT_S) -> tuple[bytes, int, list[int]] | None:
-        """The next read: bytes, monotonic time in ns, offsets of marked bytes; None on time-out.
+        """The next read: bytes, time in ns since 1970, offsets of marked bytes; None on time-out.
 
         `PortError` when the port has ended.
         """
         if not self._waiting:
             taken = self._inbox.take(timeout)
-            self._waiting = [(data, time_ns, errors) for _, time_ns, data, errors, _ in taken]
+            self._waiting = [(data, time_ns, errors) for _, time_ns, data, errors, *_ in taken]
         if not self._waiting:
             return None
         data, time_ns, errors = self._waiting.pop(0)
         if data is None:
             raise lost_port_error(self.port.name, errors[0])
         return data, time_ns, errors
+
+    def now_ns(self) -> int:
+        """The present time on the clock of the reads."""
+        return self._inbox.now_ns()
 
     def read_up_to(self, count: int) -> bytes:
         """Read `count` bytes in as many reads as it takes; fewer on time-out."""
@@ -61,12 +64,7 @@ class PortReader:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """End the reader, close the port."""
         self._inbox.close()
         self.port.close()

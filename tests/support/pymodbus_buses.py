@@ -16,7 +16,6 @@ import time
 from collections.abc import Callable, Collection, Coroutine, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
 from typing import Self, cast
 
 from pymodbus import FramerType, ModbusException
@@ -135,12 +134,7 @@ class Servers:
             asyncio.run_coroutine_threadsafe(start, self._loop).result(START_TIMEOUT_S)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close the ports and end the loop."""
         for server in self._servers:
             stop: Callable[[], Coroutine[None, None, None]] = server.shutdown

@@ -9,13 +9,11 @@ Needs the right to capture on the loopback interface and to listen on port 502 (
 from __future__ import annotations
 
 import argparse
-import asyncio
 import contextlib
 import logging
 import platform
-import threading
 import time
-from collections.abc import Callable, Coroutine, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -27,11 +25,12 @@ from pymodbus.server import ModbusTcpServer
 
 from tests.support.expected import Frame
 from tests.support.middlemen import Idle, Middleman, Mixing, OneBehind, OneClient, OnlyKnown
+from tests.support.pymodbus_server import serving
 from tests.support.recording import CAPTURES, frame_lines, toml_text
 from tests.support.sniffer import Sniffer
 from tests.support.trouble_scenarios import Manner, device
 
-PORT, BEHIND, START_S, TIMEOUT_S = 502, 5502, 5.0, 0.25
+PORT, BEHIND, TIMEOUT_S = 502, 5502, 0.25
 EXCEPTION_BIT = 0x80
 
 Client = Callable[[], Any]
@@ -168,25 +167,10 @@ PLAYS: Mapping[str, Play] = {
 }
 
 
-@contextlib.contextmanager
-def served() -> Iterator[None]:
+def served() -> contextlib.AbstractContextManager[None]:
     """A pymodbus server with units 1 and 2 in a thread of its own."""
-    loop = asyncio.new_event_loop()
-    threading.Thread(target=loop.run_forever, daemon=True).start()
-
-    async def start() -> ModbusTcpServer:
-        devices = [device(1), device(2, Manner(shift=500))]
-        server = ModbusTcpServer(devices, address=("127.0.0.1", BEHIND))
-        await server.serve_forever(background=True)
-        return server
-
-    server = asyncio.run_coroutine_threadsafe(start(), loop).result(START_S)
-    try:
-        yield
-    finally:
-        stop: Callable[[], Coroutine[None, None, None]] = server.shutdown
-        asyncio.run_coroutine_threadsafe(stop(), loop).result(START_S)
-        loop.call_soon_threadsafe(loop.stop)
+    devices = [device(1), device(2, Manner(shift=500))]
+    return serving(lambda: ModbusTcpServer(devices, address=("127.0.0.1", BEHIND)))
 
 
 def record(name: str, into: Path) -> None:
@@ -258,7 +242,7 @@ def main() -> None:
     parser.add_argument("name", nargs="*", default=list(PLAYS))
     parser.add_argument("--into", type=Path, default=CAPTURES, help="folder of the captures")
     options = parser.parse_args()
-    logging.disable(logging.CRITICAL)  # pymodbus logs each answer that was spoilt on purpose
+    logging.disable(logging.CRITICAL)  # pymodbus logs each answer that was damaged on purpose
     for name in options.name:
         record(name, options.into)
 

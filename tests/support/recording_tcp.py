@@ -10,13 +10,11 @@ looked at by anything of modlens.
 from __future__ import annotations
 
 import argparse
-import asyncio
 import contextlib
 import platform
 import subprocess
-import threading
 import time
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -28,10 +26,11 @@ from pymodbus.server import ModbusTcpServer
 
 from tests.support.devices import FLOATS_ADDRESS, demo_device, identity, prime_counters
 from tests.support.expected import Frame
+from tests.support.pymodbus_server import serving
 from tests.support.recording import CAPTURES, frame_lines, toml_text
 
 NAME = "pymodbus_tcp"
-UNIT, PORT, START_S, CAPTURE_S = 1, 502, 5.0, 0.5
+UNIT, PORT, CAPTURE_S = 1, 502, 0.5
 EXCEPTION_BIT = 0x80
 SHOWS = (
     "One connection to port 502: reads of registers and bits, writes, a read of an address that is "
@@ -56,29 +55,16 @@ def script(client: Any) -> Iterator[Callable[[], object]]:
     yield lambda: client.read_device_information(read_code=1, object_id=0, device_id=UNIT)
 
 
-@contextlib.contextmanager
-def served(note: Callable[[bool, bytes], bytes]) -> Iterator[None]:
+def served(note: Callable[[bool, bytes], bytes]) -> contextlib.AbstractContextManager[None]:
     """A server in a thread of its own."""
-    loop = asyncio.new_event_loop()
-    threading.Thread(target=loop.run_forever, daemon=True).start()
-
-    async def start() -> ModbusTcpServer:
-        server = ModbusTcpServer(
+    return serving(
+        lambda: ModbusTcpServer(
             demo_device(UNIT),
             identity=identity(),
             address=("127.0.0.1", PORT),
             trace_packet=note,
         )
-        await server.serve_forever(background=True)
-        return server
-
-    server = asyncio.run_coroutine_threadsafe(start(), loop).result(START_S)
-    try:
-        yield
-    finally:
-        stop: Callable[[], Coroutine[None, None, None]] = server.shutdown
-        asyncio.run_coroutine_threadsafe(stop(), loop).result(START_S)
-        loop.call_soon_threadsafe(loop.stop)
+    )
 
 
 def record(into: Path) -> list[Frame]:

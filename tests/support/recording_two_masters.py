@@ -90,9 +90,9 @@ def frames_of(truth: Sequence[Sent], answers: Set[bytes]) -> list[Frame]:
             frames.append(_frame(sent.data, direction))
             continue
         whole = next((one for one in {*requests, *answers} if sent.data.endswith(one)), b"")
-        spoilt = sent.data.removesuffix(whole)
-        if spoilt:
-            frames.append({"verdict": "noise", "hex": spoilt.hex()})
+        noise = sent.data.removesuffix(whole)
+        if noise:
+            frames.append({"verdict": "noise", "hex": noise.hex()})
         if whole:
             frames.append(_frame(whole, "request" if whole in requests else "response"))
     return frames

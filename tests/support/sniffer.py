@@ -11,7 +11,6 @@ import socket
 import struct
 import threading
 import time
-from types import TracebackType
 from typing import Self
 
 __all__ = ["Sniffer"]
@@ -39,12 +38,7 @@ class Sniffer:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Wait for what is still on its way."""
         time.sleep(SETTLE_S)
         self._stopping = True

@@ -12,7 +12,6 @@ import shlex
 import subprocess
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import Self
 
 from tests.conftest import ROOT, TIMEOUT_S, environment, need_program
@@ -77,11 +76,6 @@ class Terminal:
         )
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """End it and its server."""
         subprocess.run([*self._tmux, "kill-server"], check=False, timeout=TIMEOUT_S)

@@ -1,4 +1,4 @@
-"""The view of a bus's health: utilization, poll cycle, retries, timeouts, damage, findings."""
+"""The view of health: what is wrong, then utilization, poll cycle, reserves, findings."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Iterator
 from typing import Any
 
-from analyzer.views import cells
+from analyzer.views import cells, health
 from analyzer.views.diagnostics import describe_driver_errors, explain_timeouts, rank_findings
 from analyzer.views.live.state import LiveState
 from analyzer.views.screen import Part, fit, visible
@@ -19,14 +19,19 @@ _ADVICE_AT = 34
 
 
 def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
-    """The lines of each bus, then the findings, most urgent first."""
+    """What is wrong, the lines of each bus, the reserves of the units, the findings."""
     stats = state.statistics
     if not stats.get("buses"):
         return [[("no traffic yet", "dim")]]
     out: list[list[Part]] = []
+    judged = state.judgement
+    if judged is not None:
+        out += [*health.verdict(judged, width), *health.brief(judged, width), []]
     for bus in stats["buses"]:
         out += _bus(bus, state, width)
-    findings = list(rank_findings(stats))
+    if judged is not None:
+        out += health.reserves(judged, width)
+    findings = list(rank_findings(stats, judged))
     if findings:
         out.append([("findings, most urgent first (modlens explain NAME)", "head")])
     # Where there is room, the advice of the most urgent ones is shown in full.
@@ -56,6 +61,7 @@ def _bus(bus: dict[str, Any], state: LiveState, width: int) -> Iterator[list[Par
     yield [(fit(f"{visible(bus['bus'])}: {bus['mode'] or 'no frames yet'}", width), "head")]
     frames = bus["frames"]
     damaged = sum(frames.get(verdict, 0) for verdict in ("bad_checksum", "incomplete"))
+    damaged -= bus.get("cut", 0)
     yield [*_utilization(bus, state), (f"   poll cycle {_cycle(bus)}", "")]
     total = sum(frames.values())
     yield [

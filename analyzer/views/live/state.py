@@ -7,7 +7,7 @@ transaction only when the screen is refreshed.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,6 +22,9 @@ __all__ = ["LiveState", "RegisterValue", "UnitAge"]
 MAX_REQUESTS = 4096
 HIGHLIGHT_S = 2.0
 """How long a changed value is highlighted."""
+
+JUDGE_S = 2.0
+"""How often the doctor is asked."""
 
 DEAD_REQUESTS = 3
 """A unit is shown as dead when so many requests in a row were not answered."""
@@ -66,14 +69,17 @@ RegisterKey = tuple[str, int, str, int]
 class LiveState:
     """Rows and statistics of a tap.
 
-    `stats` returns the statistics so far, `statuses` what is known of the buses besides. While
-    `paused`, what is shown stays as it is. `seen` counts the transactions.
+    `stats` returns the statistics so far, `statuses` what is known of the buses besides, `doctor`
+    what is wrong, which is asked every two seconds, `trouble` why nothing can be recorded at the
+    moment. While `paused`, what is shown stays as it is. `seen` counts the transactions.
     """
 
     table_options: TableOptions
     stats: Callable[[], dict[str, Any]]
     statuses: Callable[[], Sequence[BusStatus]] = list
+    doctor: Callable[[], Mapping[str, Any] | None] = lambda: None
     clock: Callable[[], float] = time.monotonic
+    trouble: Callable[[], str | None] = lambda: None
     paused: bool = False
     history: History = field(default_factory=History)
     seen: int = 0
@@ -83,13 +89,15 @@ class LiveState:
     _ages: dict[tuple[str, int], UnitAge] = field(default_factory=dict)
     _stats: dict[str, Any] = field(default_factory=dict)
     _statuses: Sequence[BusStatus] = ()
+    _judgement: Mapping[str, Any] | None = None
+    _judged: float = float("-inf")
     _activity: Activity = field(default_factory=Activity)
 
     def __post_init__(self) -> None:
         self.started = self.clock()
 
     def put(self, batch: _modlens.Batch) -> None:
-        """Add a batch; see `analyzer.session.Sink`."""
+        """Add a batch; see `analyzer.pump.Sink`."""
         table = batch.transactions
         if not len(table):
             return
@@ -113,6 +121,8 @@ class LiveState:
         self._statuses = self.statuses()
         now = self.clock()
         self._activity.update(self._stats, now)
+        if self._judgement is None or now - self._judged >= JUDGE_S:
+            self._judgement, self._judged = self.doctor(), now
         for key, (row, is_new) in self._requests.items():
             if is_new:
                 self._requests[key] = (row, False)
@@ -122,6 +132,11 @@ class LiveState:
     def statistics(self) -> dict[str, Any]:
         """The statistics of the last refresh."""
         return self._stats
+
+    @property
+    def judgement(self) -> Mapping[str, Any] | None:
+        """What the doctor said last; see `analyzer.views.health`."""
+        return self._judgement
 
     @property
     def bus_statuses(self) -> Sequence[BusStatus]:

@@ -22,8 +22,8 @@ def status_line(state: LiveState, width: int) -> list[Part]:
     """Line settings, the last frame, lost ports: as much as fits, the same share for each bus."""
     statuses = state.bus_statuses
     names = labels([status.bus for status in statuses])
-    parts: list[Part] = []
-    left = width
+    parts: list[Part] = _recording_trouble(state, width)
+    left = width - sum(width_of(text) for text, _ in parts)
     for at, status in enumerate(statuses):
         name = f"{visible(names[status.bus])}: " if len(statuses) > 1 else ""
         text, style = _state(status, state.activity.of(status.bus), state)
@@ -37,6 +37,15 @@ def status_line(state: LiveState, width: int) -> list[Part]:
             parts.append((_BETWEEN, "dim"))
             left -= len(_BETWEEN)
     return parts
+
+
+def _recording_trouble(state: LiveState, width: int) -> list[Part]:
+    """That nothing can be recorded, at the beginning of the line; it may take most of it."""
+    trouble = state.trouble()
+    if trouble is None:
+        return []
+    text = f"NOT RECORDING: {visible(trouble)}"
+    return [(fit(text, min(width_of(text), width * 2 // 3)), "bad"), (_BETWEEN, "dim")]
 
 
 def _state(status: BusStatus, activity: BusActivity, state: LiveState) -> tuple[str, str]:

@@ -51,7 +51,7 @@ def _fields(state: LiveState, *, is_wide: bool) -> list[GridColumn]:
             ColumnLayout("function", 12, max_width=28 if is_wide else 18), cells.function_name
         ),
         GridColumn(
-            ColumnLayout("transactions" if is_wide else "trans.", 6, align_right=True),
+            ColumnLayout("transactions" if is_wide else "count", 6, align_right=True),
             lambda row: f"{row['transactions']:,}",
         ),
         GridColumn(ColumnLayout("per s", 5, align_right=True), rate),

@@ -193,7 +193,7 @@ impl ModlensRun {
             if row.retry_of.is_some() {
                 self.label(row.request.frame, Label::Retry);
             }
-            if let Some(old) = row.late_for {
+            if let Some(old) = row.late_response_to {
                 // A late response has a row of its own, but for the scorer it shares the transaction of its request.
                 self.label(row.response.frame, Label::Late);
                 if let Some(&place) = self.index_of_frame.get(&row.response.frame) {
@@ -208,7 +208,7 @@ impl ModlensRun {
         let (claim, frame) = match row.status {
             Status::Ok | Status::Exception => (TransactionClaim::Answered, row.response.frame),
             Status::NoResponse => (TransactionClaim::Silent, row.request.frame),
-            Status::Unsolicited if row.late_for.is_some() => (TransactionClaim::Late, row.response.frame),
+            Status::Unsolicited if row.late_response_to.is_some() => (TransactionClaim::Late, row.response.frame),
             Status::Unsolicited => (TransactionClaim::Unasked, row.response.frame),
             _ => return,
         };

@@ -111,8 +111,7 @@ pub fn damaged_differences(case: &Case, reported: &[ReportedFrame]) -> String {
         reported.iter().filter(|frame| !frame.is_whole).map(|frame| (frame.line, frame.start)).collect();
     let wanted: HashSet<(u8, u64)> = case.truth.iter().filter(|t| !t.valid).map(|truth| (truth.line, truth.start)).collect();
     let missed = case.truth.iter().filter(|truth| !truth.valid && !claims.contains(&(truth.line, truth.start)));
-    let mut rows: Vec<(u8, u64, String)> =
-        missed.map(|truth| (truth.line, truth.start, format!("not located: {}", describe(truth)))).collect();
+    let mut rows: Vec<(u8, u64, String)> = missed.map(|truth| (truth.line, truth.start, not_located(truth, reported))).collect();
     rows.extend(loss_errors(case, reported));
     let mut wrong: Vec<&(u8, u64)> = claims.difference(&wanted).collect();
     wrong.sort();
@@ -123,6 +122,20 @@ pub fn damaged_differences(case: &Case, reported: &[ReportedFrame]) -> String {
         writeln!(text, "{start:>8}  {what}\n          {}", context(case, reported, line, start)).expect("text can grow");
     }
     text
+}
+
+/// What is told of a damaged frame instead of its start: nothing, so noise; a frame that ends in it or behind it; a frame that
+/// begins behind its first byte; or a whole frame.
+fn not_located(truth: &TruthFrame, reported: &[ReportedFrame]) -> String {
+    let is_here = |frame: &&ReportedFrame| frame.line == truth.line && frame.start < truth.end && frame.end > truth.start;
+    let told = match reported.iter().find(is_here) {
+        None => String::from("noise"),
+        Some(frame) => {
+            let condition = if frame.is_whole { "whole" } else { "damaged" };
+            format!("{condition} {}..{}", frame.start, frame.end)
+        }
+    };
+    format!("not located, told {told}: {}", describe(truth))
 }
 
 /// Frames that lost bytes and did not get the label, and frames that got the label although no bytes are missing.

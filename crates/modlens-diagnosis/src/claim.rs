@@ -68,6 +68,8 @@ pub struct Claim {
     pub client: Option<String>,
     /// So many bear it.
     pub share: Share,
+    /// Requests that it spoils, for the order of diagnoses.
+    pub harm: u64,
     /// The first of them.
     pub first: Option<Place>,
     /// The last of them.
@@ -98,6 +100,7 @@ impl Claim {
             address: None,
             client: None,
             share: tally.share(),
+            harm: tally.failed,
             first: tally.first,
             last: tally.last,
             has_begun: tally.before > 0 && none_of(tally.before) < MAX_CHANCE,
@@ -134,6 +137,7 @@ impl Claim {
     #[must_use]
     pub fn with_share(mut self, share: Share) -> Self {
         self.share = share;
+        self.harm = share.failed;
         self.at_most = severity_of(share);
         self
     }

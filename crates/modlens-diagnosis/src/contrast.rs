@@ -2,6 +2,7 @@
 
 mod before;
 mod bus;
+mod epochs;
 mod network;
 mod noise;
 mod request;
@@ -12,16 +13,29 @@ mod unit;
 
 use std::collections::BTreeMap;
 
-use modlens_engine::records::Batch;
+use modlens_engine::records::{Batch, Connection};
 use modlens_protocol::functions::Functions;
 
 pub use bus::{BusContrast, BusFacts, WINDOW};
+pub use epochs::Epochs;
 pub use network::{ClientCounts, Connections};
 pub use noise::{NoiseCounts, NoiseKey, NoiseRuns};
-pub use request::{Lonely, RequestCounts};
-pub use unit::{LengthRatios, Runs, UnitCounts, EXCEPTIONS};
+pub use request::{Lonely, Pair, RequestCounts};
+pub use unit::{LengthRatios, Overtaken, Pauses, Runs, UnitCounts, EXCEPTIONS};
 
 use crate::observation::{FrameObservation, Observation};
+use tally::{mix, mix_bytes};
+
+/// Buses, units and distinct requests that are counted, all buses taken together: those with the least hashes of their names.
+const MOST: Bounds = Bounds { buses: 1024, units: 4096, requests: 16_384 };
+
+/// How many of each are kept.
+#[derive(Clone, Copy)]
+struct Bounds {
+    buses: usize,
+    units: usize,
+    requests: usize,
+}
 
 /// The counters of all buses.
 ///
@@ -40,6 +54,8 @@ use crate::observation::{FrameObservation, Observation};
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Contrast {
     buses: BTreeMap<String, BusContrast>,
+    /// Whether something was left out, for want of room.
+    overflowed: bool,
 }
 
 impl Contrast {
@@ -65,20 +81,55 @@ impl Contrast {
             }
             rest = &rest[run..];
         }
+        self.prune(MOST);
+    }
+
+    /// Leaves out what is beyond the bounds. What is kept depends on names only: what is among the least hashes of the whole is
+    /// so in each part, too, and is never left out.
+    fn prune(&mut self, most: Bounds) {
+        // By the bus first, so that those that are kept are kept whole, but for one.
+        let of = |name: &str, what: u64| mix_bytes(name.as_bytes()) >> 32 << 32 | mix(what) >> 32;
+        let buses: Vec<u64> = self.buses.keys().map(|name| of(name, 0)).collect();
+        if let Some(limit) = limit(buses, most.buses) {
+            self.overflowed = true;
+            self.buses.retain(|name, _| of(name, 0) < limit);
+        }
+        let units = |bus: &BusContrast| bus.units.len();
+        if self.buses.values().map(units).sum::<usize>() > most.units {
+            let all = self.buses.iter().flat_map(|(name, bus)| bus.units.keys().map(move |unit| of(name, u64::from(*unit) + 1)));
+            let limit = limit(all.collect(), most.units).expect("there are more");
+            self.overflowed = true;
+            self.buses.iter_mut().for_each(|(name, bus)| bus.units.retain(|unit, _| of(name, u64::from(*unit) + 1) < limit));
+        }
+        if self.buses.values().map(|bus| bus.requests.len()).sum::<usize>() > most.requests {
+            let all = self.buses.iter().flat_map(|(name, bus)| bus.requests.hashes().map(move |hash| of(name, hash)));
+            let limit = limit(all.collect(), most.requests).expect("there are more");
+            self.overflowed = true;
+            self.buses.iter_mut().for_each(|(name, bus)| bus.requests.retain(|hash| of(name, hash) < limit));
+        }
+    }
+
+    /// Whether there were more buses, units or requests than are counted.
+    pub fn overflowed(&self) -> bool {
+        self.overflowed || self.buses.values().any(|bus| bus.requests.overflowed)
     }
 
     /// Counts connections; the bus of a connection is its server.
     fn observe_connections(&mut self, batch: &Batch) {
         for row in &batch.connections {
-            if !self.buses.contains_key(&row.server) {
-                self.buses.insert(row.server.clone(), BusContrast::default());
-            }
-            self.buses.get_mut(&row.server).expect("just added").connection(row);
+            self.observe_connection(row);
         }
     }
 
+    pub(crate) fn observe_connection(&mut self, row: &Connection) {
+        if !self.buses.contains_key(&row.server) {
+            self.buses.insert(row.server.clone(), BusContrast::default());
+        }
+        self.buses.get_mut(&row.server).expect("just added").connection(row);
+    }
+
     /// The counters of the bus with this index in the batch.
-    fn bus(&mut self, batch: &Batch, index: u32) -> &mut BusContrast {
+    pub(crate) fn bus(&mut self, batch: &Batch, index: u32) -> &mut BusContrast {
         let row = &batch.buses[index as usize];
         if !self.buses.contains_key(&row.name) {
             self.buses.insert(row.name.clone(), BusContrast::default());
@@ -98,12 +149,19 @@ impl Contrast {
                 }
             }
         }
+        self.overflowed |= later.overflowed;
+        self.prune(MOST);
     }
 
     /// The buses by name, each with all that has been counted so far.
     pub fn buses(&self) -> impl Iterator<Item = (&str, BusContrast)> {
         self.buses.iter().map(|(name, bus)| (name.as_str(), bus.completed()))
     }
+}
+
+/// The hash from which on there are too many; `None` if there are not.
+fn limit(mut hashes: Vec<u64>, most: usize) -> Option<u64> {
+    (hashes.len() > most).then(|| *hashes.select_nth_unstable(most).1)
 }
 
 /// Rows that know their bus.
@@ -121,5 +179,46 @@ impl RunsOfBus for [modlens_engine::records::Frame] {
 impl RunsOfBus for [modlens_engine::records::Transaction] {
     fn partition_point_by_bus(&self, bus: u32) -> usize {
         self.iter().position(|row| row.bus != bus).unwrap_or(self.len())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::observation::RequestKey;
+
+    fn contrast(buses: std::ops::Range<u16>) -> Contrast {
+        let mut all = Contrast::default();
+        for number in buses {
+            let bus = all.buses.entry(format!("10.0.{number}.1:502")).or_default();
+            for unit in 0..8u8 {
+                bus.units.entry(unit).or_default();
+                let key = RequestKey { unit, function: 3, address: number, quantity: 1 };
+                bus.requests.entry(key.hash(), key);
+            }
+        }
+        all
+    }
+
+    #[test]
+    fn what_is_kept_depends_on_names_only() {
+        let most = Bounds { buses: 20, units: 50, requests: 30 };
+        let mut whole = contrast(0..40);
+        whole.prune(most);
+        let mut merged = contrast(0..25);
+        merged.prune(most);
+        let mut later = contrast(25..40);
+        later.prune(most);
+        merged.merge(&later);
+        merged.prune(most);
+        let kept = |all: &Contrast| {
+            let units: usize = all.buses.values().map(|bus| bus.units.len()).sum();
+            let requests: usize = all.buses.values().map(|bus| bus.requests.len()).sum();
+            (all.buses.len(), units, requests)
+        };
+        assert_eq!(kept(&whole), (20, 50, 30));
+        assert!(whole.overflowed() && merged.overflowed());
+        assert_eq!(kept(&merged), kept(&whole));
+        assert!(whole.buses.keys().eq(merged.buses.keys()));
     }
 }

@@ -53,20 +53,35 @@ pub const KINDS: &[Kind] = &[
 
 /// A kind that explains the failures of another one, of the same unit or of the whole line.
 const EXPLAINS: &[(&str, &[&str])] = &[
-    ("two_masters", &["line_noise", "duplicate_address", "polled_too_fast", "slow_answers", "bystander"]),
-    ("swapped_wires", &["wrong_line_settings", "foreign_protocol", "line_noise", "dead_unit_cost"]),
+    (
+        "two_masters",
+        &[
+            "foreign_protocol",
+            "gaps_in_frames",
+            "line_noise",
+            "duplicate_address",
+            "polled_too_fast",
+            "slow_answers",
+            "bystander",
+        ],
+    ),
+    ("swapped_wires", &["no_bias", "wrong_line_settings", "foreign_protocol", "line_noise", "dead_unit_cost"]),
     ("wrong_line_settings", &["line_noise", "dead_unit_cost", "duplicate_address", "driver_enable"]),
     ("duplicate_address", &["line_noise", "driver_enable"]),
-    ("driver_enable", &["line_noise"]),
+    ("driver_enable", &["line_noise", "foreign_protocol", "no_bias"]),
+    ("connection_churn", &["bystander", "polled_too_fast", "slow_answers"]),
+    ("block_too_long", &["register_hole", "bystander", "polled_too_fast"]),
+    ("wrong_function", &["register_hole"]),
+    ("slow_answers", &["polled_too_fast"]),
     ("gateway_unit_id", &["dead_unit_cost", "device_busy"]),
     ("polled_too_fast", &["bystander"]),
     ("own_echo", &["duplicate_address", "dead_unit_cost", "line_noise", "driver_enable", "wrong_line_settings"]),
     ("framing_mismatch", &["dead_unit_cost", "polled_too_fast", "device_absent", "gateway_unit_id", "connection_churn"]),
-    ("gateway_mixup", &["slow_answers", "bystander", "device_absent"]),
+    ("gateway_mixup", &["slow_answers", "bystander", "device_absent", "polled_too_fast", "dead_unit_cost"]),
     ("connection_limit", &["connection_churn"]),
     ("bystander", &["duplicate_address"]),
     ("device_absent", &["polled_too_fast"]),
-    ("lockstep", &["slow_answers", "gateway_mixup"]),
+    ("lockstep", &["slow_answers", "gateway_mixup", "value_spike"]),
 ];
 
 /// What all kinds claim of a bus, without what another claim explains.

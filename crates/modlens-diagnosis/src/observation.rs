@@ -2,7 +2,7 @@
 
 mod damage;
 
-use modlens_engine::records::{Batch, Frame, Transaction};
+use modlens_engine::records::{Batch, Frame, InnerPauses, Transaction};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
@@ -46,7 +46,9 @@ pub enum Outcome {
     BadRequest,
     /// An answer without a request, or too late for it.
     Unasked,
-    /// Nothing can be said: a broadcast, or the recording does not show the answer.
+    /// The recording does not show the answer, and no clock tells that the master has waited for it.
+    NotSeen,
+    /// Nothing can be said: a broadcast.
     Unknown,
 }
 
@@ -60,7 +62,7 @@ impl Outcome {
     /// Whether it tells how the line works: neither an answer alone nor something unknown.
     #[inline]
     pub fn counts(self) -> bool {
-        !matches!(self, Self::Unasked | Self::Unknown)
+        !matches!(self, Self::Unasked | Self::NotSeen | Self::Unknown)
     }
 }
 
@@ -75,8 +77,21 @@ pub struct Data {
     pub all_zeros: bool,
     /// Hash of the first two registers.
     pub head_hash: u64,
+    /// The first two registers; the second one is 0 where there is none.
+    pub head: [u16; 2],
+    /// The first or the last register is FFFF; and 0000.
+    pub touches: [bool; 2],
     /// How many bytes.
     pub length: u16,
+}
+
+/// How the values of an answer go on with what was read before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shift {
+    /// They continue the series of the request before; by accident once in 2 to the power of this.
+    ToRequestBefore(u32),
+    /// They continue neither that one nor their own.
+    Elsewhere,
 }
 
 /// Which request: unit, function, address and quantity.
@@ -129,7 +144,7 @@ pub struct Observation {
     /// How long after the request its answer came, where that was too late.
     pub late: Option<Ns>,
     /// It is the late answer to this transaction.
-    pub late_for: Option<u64>,
+    pub late_response_to: Option<u64>,
     /// Silence before the request.
     pub gap: Option<Ns>,
     /// It repeats an earlier request.
@@ -142,6 +157,8 @@ pub struct Observation {
     pub is_own_echo: bool,
     /// The data are those that another request was answered with a moment ago.
     pub is_of_another: bool,
+    /// Shortly after a silence: whether the values continue the series of the request before, not their own.
+    pub shift: Option<Shift>,
     /// The unit that answered, where it is another one.
     pub answered_by: Option<u8>,
     /// Which part of the damaged frame is damaged.
@@ -166,6 +183,11 @@ impl Observation {
     pub fn key(&self) -> Option<RequestKey> {
         let (address, quantity) = self.range?;
         Some(RequestKey { unit: self.unit, function: self.function, address, quantity })
+    }
+
+    /// Whether it reads from unit 0, which is for writing to all units (serial line, 2.1).
+    pub fn is_read_of_all(&self) -> bool {
+        self.unit == 0 && self.findings.has(Finding::BroadcastRead)
     }
 
     /// What a row shows.
@@ -200,13 +222,14 @@ impl Observation {
             response_time: row.response_time,
             waited: row.waited,
             late: row.late_response,
-            late_for: row.late_for,
+            late_response_to: row.late_response_to,
             gap: row.gap,
             is_retry: row.retry_of.is_some(),
             findings,
             request_head: request_head(batch, row),
             is_own_echo: row.status == Status::BadResponse && is_echo(batch, row),
             is_of_another: false,
+            shift: None,
             answered_by: findings
                 .has(Finding::WrongUnit)
                 .then(|| answering_unit(row.mode, row.response.wire.of(&batch.arena)))
@@ -227,7 +250,8 @@ fn outcome(status: Status) -> Outcome {
         Status::BadResponse => Outcome::Garbled,
         Status::BadRequest => Outcome::BadRequest,
         Status::Unsolicited => Outcome::Unasked,
-        Status::Broadcast | Status::NotObserved => Outcome::Unknown,
+        Status::NotObserved => Outcome::NotSeen,
+        Status::Broadcast => Outcome::Unknown,
     }
 }
 
@@ -259,7 +283,12 @@ fn answering_unit(mode: Mode, wire: &[u8]) -> Option<u8> {
 const COMPARED_BYTES: usize = 4;
 
 fn data(block: &[u8], bits: bool) -> Data {
+    let register = |at: usize| block.get(at..at + 2).map_or(0, |pair| u16::from_be_bytes([pair[0], pair[1]]));
+    let head = if bits { [0, 0] } else { [register(0), register(2)] };
+    let last = register(block.len().saturating_sub(2));
     Data {
+        head,
+        touches: [head[0] == 0xFFFF || last == 0xFFFF, head[0] == 0 || last == 0],
         hash: mix_bytes(block),
         all_ones: !bits && !block.is_empty() && block.iter().all(|byte| *byte == 0xFF),
         all_zeros: !bits && !block.is_empty() && block.iter().all(|byte| *byte == 0),
@@ -293,6 +322,10 @@ pub struct FrameObservation {
     pub bytes: Vec<u8>,
     /// Silence before it.
     pub gap: Option<Ns>,
+    /// Silences inside it.
+    pub pauses: InnerPauses,
+    /// Which part of a damaged request is damaged, where no transaction has it.
+    pub damage: Option<DamagedPart>,
 }
 
 /// Bytes of a run of noise that are looked at.
@@ -315,6 +348,8 @@ impl FrameObservation {
             txn: row.txn,
             bytes: wire[..kept].to_vec(),
             gap: row.gap,
+            pauses: row.pauses,
+            damage: damage::damaged_request(row, wire),
         }
     }
 }

@@ -28,11 +28,19 @@ impl Report {
         for (name, bus) in &buses {
             let view = View::new(bus);
             let claims = kinds::claims(&view);
-            rows.extend(claims.iter().map(|claim| sentences::row(name, bus, claim)));
+            rows.extend(claims.iter().map(|claim| (claim.harm, sentences::row(name, bus, claim))));
             reserves.extend(reserves::of_bus(name, bus));
             unjudged.extend(unjudged::of_bus(name, bus));
         }
-        rows.sort_by_key(|row| std::cmp::Reverse(harm(row)));
+        if contrast.overflowed() {
+            unjudged.push(json!({
+                "bus": buses.first().map_or("", |(name, _)| *name),
+                "what": "everything: there are more buses, units or requests than are counted, and a part of them was left out",
+                "needs": "a recording of a part of the network, or --between for less time",
+            }));
+        }
+        rows.sort_by_key(|(spoiled, row)| std::cmp::Reverse(harm(*spoiled, row)));
+        let rows: Vec<DiagnosisRow> = rows.into_iter().map(|(_, row)| row).collect();
         let (word, sentence) = verdict::verdict(&buses, &rows);
         let requests: u64 = buses.iter().map(|(_, bus)| bus.requests_seen.total).sum();
         let failed: u64 = buses.iter().map(|(_, bus)| bus.requests_seen.failed).sum();
@@ -49,6 +57,11 @@ impl Report {
         self.rows
     }
 
+    /// The numbers of the transactions that the diagnoses name as examples.
+    pub fn examples(&self) -> Vec<u64> {
+        self.rows.iter().flat_map(|row| row.examples.iter().copied()).collect()
+    }
+
     /// The whole as JSON; `docs/doctor.schema.json` describes it.
     pub fn json(&self) -> &Json {
         &self.document
@@ -56,14 +69,14 @@ impl Report {
 }
 
 /// The order of diagnoses: by severity, then by how many failures they explain, then by how sure they are.
-fn harm(row: &DiagnosisRow) -> (u8, u64, u64, std::cmp::Reverse<String>) {
+fn harm(spoiled: u64, row: &DiagnosisRow) -> (u8, u64, u64, std::cmp::Reverse<String>) {
     let severity = match row.severity {
         Severity::Error => 2,
         Severity::Warning => 1,
         Severity::Info => 0,
     };
     let sureness = row.chance.map_or(0, |chance| (-chance.max(1e-300).log10() * 10.0) as u64);
-    (severity, row.failed, sureness, std::cmp::Reverse(row.code.to_owned()))
+    (severity, spoiled, sureness, std::cmp::Reverse(row.code.to_owned()))
 }
 
 fn row_json(row: &DiagnosisRow) -> Json {
@@ -76,7 +89,8 @@ fn row_json(row: &DiagnosisRow) -> Json {
     })
 }
 
-fn time_text(ns: i64) -> String {
+/// A time as tables show it.
+pub(crate) fn time_text(ns: i64) -> String {
     let mut text = Vec::new();
     modlens_protocol::timestamp::push_time(ns, &mut text);
     String::from_utf8_lossy(&text).into_owned()

@@ -86,6 +86,28 @@ pub fn at_least(share: Share, probability: f64) -> f64 {
     sum_of_tail((share.failed..=n).map(|k| ln_choose(n, k) + k as f64 * p.ln() + (n - k) as f64 * (1.0 - p).ln()))
 }
 
+/// The chance of `failed` or fewer failures among `total`, each of which fails with this probability.
+///
+/// ```
+/// use modlens_diagnosis::statistics::{at_most, Share};
+/// // No head in three throws: 1 in 8.
+/// assert!((at_most(Share { failed: 0, total: 3 }, 0.5) - 0.125).abs() < 1e-12);
+/// ```
+pub fn at_most(share: Share, probability: f64) -> f64 {
+    at_least(Share { failed: share.total - share.failed, total: share.total }, 1.0 - probability)
+}
+
+/// The chance of two independent observations, by Fisher's method for two.
+///
+/// ```
+/// // Two that come about once in ten times each: by accident once in eighteen.
+/// assert!((modlens_diagnosis::statistics::both(0.1, 0.1) - 0.0561).abs() < 1e-4);
+/// ```
+pub fn both(one: f64, other: f64) -> f64 {
+    let product = (one * other).max(f64::MIN_POSITIVE);
+    (product * (1.0 - product.ln())).min(1.0)
+}
+
 /// The chance that failures spread by accident stand in no more runs than these (Wald and Wolfowitz).
 ///
 /// ```

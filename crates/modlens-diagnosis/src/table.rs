@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use modlens_protocol::finding::Severity;
+use modlens_protocol::finding::{Finding, Severity};
 use serde_json::Value as Json;
 
 /// The embedded table.
@@ -30,6 +30,8 @@ pub struct Diagnosis {
     pub contrast: String,
     /// What must not be there.
     pub absent: String,
+    /// The findings that it brings forth.
+    pub findings: Vec<Finding>,
     /// What it may be taken for.
     pub confusions: Vec<Confusion>,
     /// The sentence, with places in braces.
@@ -73,7 +75,10 @@ fn row(row: &Json) -> Result<Diagnosis, String> {
     };
     let confusions: Option<Vec<Confusion>> =
         row["confusions"].as_array().map_or(Some(Vec::new()), |all| all.iter().map(confusion).collect());
+    let finding = |one: &Json| one.as_str().and_then(Finding::from_code);
+    let findings: Option<Vec<Finding>> = row["findings"].as_array().and_then(|all| all.iter().map(finding).collect());
     Ok(Diagnosis {
+        findings: findings.ok_or(format!("{code}: findings"))?,
         code: code.to_owned(),
         title: text("title")?,
         severity,

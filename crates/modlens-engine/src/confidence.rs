@@ -85,6 +85,15 @@ pub fn of_unambiguous(likeness: Likeness) -> u8 {
     most as u8
 }
 
+/// The most that a frame may have by the log2 odds of its direction, as the search states them.
+#[inline]
+pub fn of_direction(odds: f32) -> u8 {
+    if odds >= weights::CERTAIN_DIRECTION_BITS {
+        return u8::MAX;
+    }
+    between(weights::DIRECTION_ODDS_BITS, odds) as u8
+}
+
 /// The confidence of a row that is no good frame.
 pub fn of_verdict(verdict: Verdict) -> u8 {
     match verdict {
@@ -96,9 +105,9 @@ pub fn of_verdict(verdict: Verdict) -> u8 {
 }
 
 /// The value at `lead` of a line through these points (lead, bits), which is level behind the last one.
-fn between(points: [(f32, f32); 5], lead: f32) -> f32 {
+fn between<const N: usize>(points: [(f32, f32); N], lead: f32) -> f32 {
     let segment = points.windows(2).find(|ends| lead < ends[1].0);
-    let Some(&[(from, low), (to, high)]) = segment.and_then(|ends| ends.first_chunk()) else { return points[4].1 };
+    let Some(&[(from, low), (to, high)]) = segment.and_then(|ends| ends.first_chunk()) else { return points[N - 1].1 };
     low + (high - low) * (lead.max(from) - from) / (to - from)
 }
 

@@ -70,6 +70,8 @@ pub struct Input {
     pub has_multibyte_reads: bool,
     /// A read had a time.
     pub has_times: bool,
+    /// Bytes had times of their own, as only a serial line gives them.
+    pub has_byte_times: bool,
     /// Bytes of the longest read that had a time.
     longest_read_bytes: usize,
     /// The receiver has marked line errors or losses.
@@ -82,10 +84,9 @@ impl Input {
         Self { char_ns, ..Self::default() }
     }
 
-    /// An empty input whose first byte will have this offset.
-    #[cfg(test)]
-    pub fn at(offset: u64) -> Self {
-        Self { offset, first_read_start: offset, ..Self::default() }
+    /// Says which offset the first byte will have; the input is empty.
+    pub fn begin_at(&mut self, offset: u64) {
+        (self.offset, self.first_read_start) = (offset, offset);
     }
 
     /// Whether a chunk can be appended without changing how the bytes before it are decided: it has no marks, and times (or
@@ -141,6 +142,7 @@ impl Input {
                 self.push_read(read_of(chunk, end, time, starts_record));
             }
             Times::Bytes(times) => {
+                self.has_byte_times = true;
                 let first = end - chunk.bytes.len() as u64;
                 for (i, &time) in times.iter().take(chunk.bytes.len()).enumerate() {
                     self.push_read(read_of(chunk, first + i as u64 + 1, time, i == 0 && starts_record));

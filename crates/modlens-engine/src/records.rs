@@ -8,6 +8,7 @@ mod connection;
 pub use buses::{Bus, Buses, Network};
 pub use connection::{Connection, End};
 
+use std::mem::take;
 use std::sync::{Arc, Mutex};
 
 use modlens_profiles::points::PlanInstance;
@@ -54,6 +55,8 @@ pub struct Frame {
     pub elapsed: Option<Ns>,
     /// Silence before the frame.
     pub gap: Option<Ns>,
+    /// Silences inside the frame.
+    pub pauses: InnerPauses,
     /// Framing.
     pub mode: Mode,
     /// Who sent it.
@@ -82,6 +85,15 @@ pub struct Frame {
     pub origin: u64,
     /// Line or packet number of its last byte.
     pub last_origin: u64,
+}
+
+/// The silences between the reads inside a frame: those of the sender, or of the adapter that held bytes back.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct InnerPauses {
+    /// The longest; 0 without any.
+    pub longest: Ns,
+    /// How many there are.
+    pub count: u32,
 }
 
 /// The request or the response of a transaction.
@@ -131,7 +143,7 @@ pub struct Transaction {
     /// The transaction whose request is repeated here.
     pub retry_of: Option<u64>,
     /// The transaction that this late response belongs to.
-    pub late_for: Option<u64>,
+    pub late_response_to: Option<u64>,
     /// Silence before the request.
     pub gap: Option<Ns>,
     /// MBAP transaction identifier.
@@ -272,21 +284,20 @@ impl Drop for Batch {
             return;
         }
         let Ok(mut memories) = self.pool.0.lock() else { return };
-        if memories.len() == MAX_POOLED_BATCHES {
-            return;
+        if memories.len() < MAX_POOLED_BATCHES {
+            self.arena.clear();
+            self.codes.clear();
+            self.frames.clear();
+            self.transactions.clear();
+            self.findings.clear();
+            memories.push((
+                take(&mut self.arena),
+                take(&mut self.codes),
+                take(&mut self.frames),
+                take(&mut self.transactions),
+                take(&mut self.findings),
+            ));
         }
-        self.arena.clear();
-        self.codes.clear();
-        self.frames.clear();
-        self.transactions.clear();
-        self.findings.clear();
-        let mut memory = Memory::default();
-        std::mem::swap(&mut memory.0, &mut self.arena);
-        std::mem::swap(&mut memory.1, &mut self.codes);
-        std::mem::swap(&mut memory.2, &mut self.frames);
-        std::mem::swap(&mut memory.3, &mut self.transactions);
-        std::mem::swap(&mut memory.4, &mut self.findings);
-        memories.push(memory);
     }
 }
 

@@ -33,6 +33,7 @@ struct FunctionCounts {
 /// The transactions with one unit, by function.
 #[derive(Clone, Debug, Default)]
 struct UnitCounts {
+    unit: u8,
     functions: Vec<FunctionCounts>,
     /// For each function code, its index in `functions` plus one; 0 where it has not appeared.
     indices: Vec<u8>,
@@ -46,7 +47,10 @@ struct BusCounts {
     /// By verdict, in the order of `Verdict::ALL`.
     frames: [u64; 5],
     bytes: [u64; 5],
-    /// By unit number; empty before the first transaction.
+    /// Incomplete frames that the beginning or the end of a recording cuts.
+    cut: u64,
+    /// For each unit number, its index in `units` plus one; 0 where it has not appeared, empty before the first transaction.
+    unit_indices: Vec<u16>,
     units: Vec<UnitCounts>,
     silence: Option<SilenceComparison>,
     requests: RequestTable,
@@ -98,7 +102,8 @@ impl Stats {
         counts.mode = Some(mode);
         counts.frames[frame.verdict as usize] += 1;
         counts.bytes[frame.verdict as usize] += frame.wire.len() as u64;
-        if !frame.verdict.is_good() {
+        counts.cut += u64::from(frame.is_cut);
+        if !frame.verdict.is_good() && !frame.is_cut {
             counts.requests.note_damaged_frame(frame.number);
         }
         counts.add_bus_time(frame.start.zip(frame.end));
@@ -154,12 +159,39 @@ impl Stats {
         for span in spans {
             counts.add_bus_time(span);
         }
-        counts.requests.record_exchange(key, spans[0].map(|(start, _)| start));
+        let taken = spans[0].zip(spans[1]).map(|(request, response)| response.1 - request.0);
+        counts.requests.record_exchange(key, spans[0].map(|(start, _)| start), taken);
         let function = counts.function(key.unit(), key.function());
         function.statuses[Status::Ok as usize] += 1;
         if let Some(time) = response_time {
             function.response_times.add(time);
         }
+    }
+
+    /// How many transactions with a unit were counted on the bus of this index here, and how many of them with a response.
+    fn counts_of(&self, bus: usize, unit: u8) -> (u64, u64) {
+        let functions = self.buses[bus].units.get(usize::from(unit)).map_or(&[][..], |counts| &counts.functions);
+        let sum = |of: &dyn Fn(&FunctionCounts) -> u64| functions.iter().map(of).sum::<u64>();
+        let responses = [Status::Ok, Status::Exception, Status::BadResponse];
+        let with_response = |counts: &FunctionCounts| responses.iter().map(|&status| counts.statuses[status as usize]).sum();
+        (sum(&|counts| counts.statuses.iter().sum()), sum(&with_response))
+    }
+
+    /// How many transactions with a unit were counted on a bus.
+    pub(crate) fn transactions_of(&self, bus: usize, unit: u8) -> u64 {
+        self.counts_of(bus, unit).0
+    }
+
+    /// How many transactions with a unit and its response, sound or damaged, were counted on a bus.
+    pub(crate) fn responses_of(&self, bus: usize, unit: u8) -> u64 {
+        self.counts_of(bus, unit).1
+    }
+
+    /// How many bytes of a bus belong to valid frames, and how many there are.
+    pub(crate) fn valid_bytes_of(&self, bus: usize) -> (u64, u64) {
+        let bytes = &self.buses[bus].bytes;
+        let valid = bytes[Verdict::Ok as usize] + bytes[Verdict::NoChecksum as usize];
+        (valid, bytes.iter().sum())
     }
 
     /// Counts a finding.
@@ -192,8 +224,9 @@ impl BusCounts {
 
     /// The counters of a function of a unit, which are added if they are new.
     fn function(&mut self, unit: u8, function: u8) -> &mut FunctionCounts {
-        match self.units.get(usize::from(unit)).and_then(|unit| unit.indices.get(usize::from(function))) {
-            Some(&index @ 1..) => &mut self.units[usize::from(unit)].functions[usize::from(index) - 1],
+        let at = self.unit_indices.get(usize::from(unit)).map_or(0, |&index| usize::from(index));
+        match self.units.get(at.wrapping_sub(1)).and_then(|unit| unit.indices.get(usize::from(function))) {
+            Some(&index @ 1..) => &mut self.units[at - 1].functions[usize::from(index) - 1],
             _ => self.add_function(unit, function),
         }
     }
@@ -201,8 +234,14 @@ impl BusCounts {
     /// Adds a function of a unit, which is not there yet, with its counters at 0.
     #[cold]
     fn add_function(&mut self, unit: u8, function: u8) -> &mut FunctionCounts {
-        self.units.resize_with(256, UnitCounts::default);
-        let UnitCounts { functions, indices } = &mut self.units[usize::from(unit)];
+        self.unit_indices.resize(256, 0);
+        let index = &mut self.unit_indices[usize::from(unit)];
+        if *index == 0 {
+            self.units.push(UnitCounts { unit, ..UnitCounts::default() });
+            // There are at most 256 units.
+            *index = self.units.len() as u16;
+        }
+        let UnitCounts { functions, indices, .. } = &mut self.units[usize::from(*index) - 1];
         indices.resize(256, 0);
         functions.push(FunctionCounts { function, ..FunctionCounts::default() });
         // There are at most 128 functions, since their codes have seven bits.
@@ -212,10 +251,12 @@ impl BusCounts {
 
     /// Unit number and counters of each function, sorted by unit and function.
     fn functions(&self) -> impl Iterator<Item = (usize, &FunctionCounts)> {
-        self.units.iter().enumerate().flat_map(|(unit, counts)| {
+        let mut units: Vec<&UnitCounts> = self.units.iter().collect();
+        units.sort_by_key(|counts| counts.unit);
+        units.into_iter().flat_map(|counts| {
             let mut functions: Vec<&FunctionCounts> = counts.functions.iter().collect();
             functions.sort_by_key(|counts| counts.function);
-            functions.into_iter().map(move |counts| (unit, counts))
+            functions.into_iter().map(move |found| (usize::from(counts.unit), found))
         })
     }
 
@@ -226,11 +267,11 @@ impl BusCounts {
         let span = self.first.zip(self.last).map(|(first, last)| last - first).filter(|&span| span > 0);
         json!({
             "bus": self.name, "mode": self.mode.map(Mode::text),
-            "frames": by_verdict(&self.frames), "bytes": by_verdict(&self.bytes),
+            "frames": by_verdict(&self.frames), "bytes": by_verdict(&self.bytes), "cut": self.cut,
             "duration_us": span.map(|ns| ns as f64 / 1000.0), "busy_us": span.map(|_| self.busy_ns as f64 / 1000.0),
             "silence": self.silence.map(SilenceComparison::json),
             "utilization": span.map(|span| self.busy_ns as f64 / span as f64), "units": units,
-            "cycle": self.requests.cycle(), "timeouts": self.requests.timeouts(functions),
+            "cycle": self.requests.cycle(), "polls": self.requests.polls(functions), "timeouts": self.requests.timeouts(functions),
         })
     }
 }
@@ -246,7 +287,7 @@ impl FunctionCounts {
         let exceptions: BTreeMap<String, u64> = self.exceptions.iter().map(|(code, &count)| (code.to_string(), count)).collect();
         json!({
             "unit": unit, "function": self.function, "transactions": self.statuses.iter().sum::<u64>(), "statuses": statuses,
-            "retries": self.retries, "exceptions": exceptions, "response_time": self.response_times.json(),
+            "retries": self.retries, "exceptions": exceptions, "response_time": self.response_times.json_with_buckets(),
         })
     }
 }

@@ -108,6 +108,9 @@ weights! {
         SAME_AGAIN_NEWEST_SHARE: f32 = 1.0 / 32.0;
         /// At first the late response follows the response to a retry in one case of ten.
         PRIOR_LATE_RESPONSE_SHARE: f32 = 1.0 / 10.0;
+        /// Where no request is outstanding, so small a share of requests, relative to half of that on other lines, says that only
+        /// responses are heard.
+        ONE_SIDE_SHARE: f32 = 0.5;
         /// A learned share of unsolicited, unanswered or late frames is not believed to be smaller.
         MIN_TURN_SHARE: f32 = 0.004;
         /// A learned share of unsolicited, unanswered or late frames is not believed to be larger.
@@ -324,17 +327,19 @@ weights! {
         /// Rows with less are unconfirmed: odds of 32 to 1.
         MIN_FIRM_BITS: u8 = 5;
         /// Confidence by lead, where length and direction are specified: points (lead, odds), counted on simulated lines.
-        SPECIFIED_ODDS_BITS: [(f32, f32); 5] = [(0.0, 3.0), (5.0, 6.5), (20.0, 11.0), (40.0, 12.0), (60.0, 15.0)];
+        SPECIFIED_ODDS_BITS: [(f32, f32); 5] = [(0.0, 3.0), (5.0, 7.2), (20.0, 11.0), (40.0, 12.0), (60.0, 15.0)];
         /// The same where the response may equal the request.
-        EQUAL_LAYOUTS_ODDS_BITS: [(f32, f32); 5] = [(0.0, 3.0), (5.0, 6.5), (20.0, 7.5), (40.0, 8.0), (60.0, 10.0)];
+        EQUAL_LAYOUTS_ODDS_BITS: [(f32, f32); 5] = [(0.0, 3.0), (5.0, 6.5), (20.0, 8.2), (40.0, 8.6), (60.0, 10.0)];
         /// The same where any length would do.
         OPEN_LENGTH_ODDS_BITS: [(f32, f32); 5] = [(0.0, 3.0), (5.0, 6.5), (10.0, 7.5), (20.0, 8.0), (60.0, 10.0)];
+        /// The most by the odds of its direction, in a row of equal frames: points (log2 odds of the search, counted odds).
+        DIRECTION_ODDS_BITS: [(f32, f32); 6] = [(2.0, 2.0), (2.5, 5.0), (4.5, 5.4), (5.0, 7.4), (10.0, 8.0), (12.0, 15.0)];
         /// What a frame loses in the middle of noise.
         NOISE_ODDS_BITS: f32 = 2.0;
         /// The most for an unconfirmed frame.
-        UNCONFIRMED_ODDS_BITS: u8 = 5;
-        /// A frame that stood alone in the same noise before.
-        RECURRING_ODDS_BITS: u8 = 1;
+        UNCONFIRMED_ODDS_BITS: u8 = 6;
+        /// A frame that stood alone in the same noise before: six of seven are accidents.
+        RECURRING_ODDS_BITS: u8 = 0;
         /// A damaged frame: 97 of 100 stand where they are said to.
         DAMAGED_CONFIDENCE_BITS: u8 = 5;
         /// A record of a recording without checksums, which its program has printed as a frame.
@@ -351,7 +356,7 @@ weights! {
         /// A response with the transaction identifier of its request, which it fits: no line was simulated that shows more.
         ANSWER_BY_ID_BITS: u8 = 11;
         /// A response that fits the request before it, on a serial line.
-        ANSWER_IN_TURN_BITS: u8 = 11;
+        ANSWER_IN_TURN_BITS: u8 = 13;
         /// As above, on two lines whose reads come late: their order is not certain.
         ANSWER_IN_LATE_READS_BITS: u8 = 9;
         /// As above, to a retry: it may be the late response to the first request.
@@ -368,20 +373,29 @@ weights! {
         SILENCE_BEFORE_RETRY_BITS: u8 = 9;
         /// No response to a retry, since another request followed.
         SILENCE_OF_RETRY_BITS: u8 = 6;
-        /// No response, since another request followed, from a master that seldom retries or after the time of a time-out.
-        SILENCE_BEFORE_ANOTHER_BITS: u8 = 5;
+        /// No response, since another request followed, from a master that seldom retries.
+        SILENCE_BY_HABIT_BITS: u8 = 9;
+        /// No response, since another request followed after the time of a time-out.
+        SILENCE_BEFORE_ANOTHER_BITS: u8 = 9;
         /// As above without that evidence, of a unit that was never heard.
         SILENCE_OF_UNKNOWN_UNIT_BITS: u8 = 3;
+        /// No response, on a line that has shown none so far: perhaps it carries one side only, or something else.
+        SILENCE_OF_ALL_BITS: u8 = 1;
         /// Evidence in the time before the next request that shows a time-out rather than a response that was not recorded.
         TIMEOUT_EVIDENCE_BITS: f32 = 3.0;
         /// No response within the waiting time.
-        SILENCE_TIMED_OUT_BITS: u8 = 7;
+        SILENCE_TIMED_OUT_BITS: u8 = 9;
         /// A response that came after the waiting time, or behind a retry.
         LATE_RESPONSE_BITS: u8 = 7;
         /// A response that was sent twice.
-        DUPLICATE_RESPONSE_BITS: u8 = 5;
+        DUPLICATE_RESPONSE_BITS: u8 = 4;
+        /// A late response, or a copy of one, that equals its request: as a rule it is one of the two, or an echo.
+        BELATED_MIRROR_BITS: u8 = 2;
         /// A response that nobody asked for.
         UNEXPECTED_RESPONSE_BITS: u8 = 4;
+        /// As above, where its request may only be seen later, since two lines' reads come late or have no times, or where hardly
+        /// any request is heard.
+        UNEXPECTED_IN_ANY_ORDER_BITS: u8 = 2;
         /// A transaction with less is unconfirmed.
         UNCONFIRMED_TRANSACTION_BITS: u8 = 5;
     }
@@ -415,6 +429,9 @@ weights! {
         FURTHER_DAMAGED_FRAME_BITS: f32 = 8.0;
         /// Damaged frames are searched for in so many bytes at each end of a region; what lies between in a longer one is noise.
         SEARCHED_BYTES: usize = 320;
+        /// Unframed bytes within which a driver that takes out flow control bytes has damaged some frame: among so many,
+        /// a line that loses 1 byte in 128 loses 16. Then no place is tried any more.
+        FLOW_CONTROL_SEARCH_BYTES: usize = 2048;
         /// Gain of a candidate that ends exactly where a pause, a valid frame or the end of the recording is.
         FRAME_END_BITS: f32 = 4.0;
         /// The most that the stray bytes in front of a candidate cost together.
@@ -433,6 +450,39 @@ weights! {
         RETRY_BITS: f32 = 4.0;
         /// Selection cost of any request of the poll cycle.
         POLL_REQUEST_BITS: f32 = 5.0;
+        /// A burst in a place where a frame is due nearly for certain: a response between two requests, a request in front of a
+        /// response.
+        DUE_BURST_BITS: f32 = 4.0;
+        /// As above, where a unit may as well have been silent, because the same request follows.
+        UNPROVEN_RESPONSE_BITS: f32 = 0.0;
+        /// As above, on a line that one side has to itself: any frame of it may stand there, or none.
+        ONE_SIDED_BURST_BITS: f32 = -2.0;
+        /// As above, where nothing but a time-out shows that there was a request that nobody could read.
+        UNPROVEN_REQUEST_BITS: f32 = -3.0;
+        /// Gain for each byte of a burst behind the first: noise seldom comes in a row.
+        BURST_BYTE_BITS: f32 = 2.0;
+        /// The most that the number of bytes of a burst is worth.
+        MAX_BURST_BITS: f32 = 12.0;
+        /// Gain for a burst that begins with the unit that is due.
+        DUE_UNIT_BITS: f32 = 8.0;
+        /// Gain for a burst whose second byte is the function that is due.
+        DUE_FUNCTION_BITS: f32 = 6.0;
+        /// Gain for a burst with the length that is due, or a few bytes less.
+        BURST_LENGTH_BITS: f32 = 3.0;
+        /// The most that the time of a burst is worth, for it or against it.
+        MAX_BURST_TIME_BITS: f32 = 4.0;
+        /// The most that a time-out behind a burst is worth, and that a pause that is none is worth against it.
+        MAX_BURST_TIMEOUT_BITS: f32 = 6.0;
+        /// Cost of each stray byte between a pause and a burst.
+        BURST_STRAY_BITS: f32 = 1.5;
+        /// At most so many stray bytes stand between a pause and a burst.
+        MAX_BURST_STRAY_BYTES: usize = 6;
+        /// A burst among more noise than this is noise, too.
+        MAX_BURST_NOISE_BYTES: usize = 16;
+        /// A second transmitter sends at most so many bytes behind the end of a burst.
+        MAX_BURST_OVERHANG_BYTES: usize = 48;
+        /// In a longer region without recognised frames, no burst is a frame by its place.
+        MAX_BURST_REGION_BYTES: usize = 300;
         /// Cost of bytes that are missing in front of a frame.
         MISSING_HEAD_BITS: f32 = 5.0;
         /// Cost of one to three bytes that are missing inside a frame: what happened, and where.

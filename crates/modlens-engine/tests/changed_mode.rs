@@ -35,6 +35,46 @@ fn mbap() -> Vec<u8> {
     (1..=5u8).flat_map(|id| [0, id, 0, 0, 0, 6, 1, 3, 0, id, 0, 2]).collect()
 }
 
+/// The rows of these bytes on a line whose framing has to be found, with or without line settings.
+fn framed(bytes: &[u8], has_settings: bool, piece: usize) -> Batch {
+    let (mut session, _) = session(false, Clock::None);
+    let mut options = BusOptions::named("detected");
+    options.line = has_settings.then(|| "19200-8E1".parse().unwrap());
+    let bus = session.add_bus(options);
+    bytes.chunks(piece).for_each(|bytes| session.feed(bus, &Chunk { bytes, ..Chunk::default() }));
+    session.flush();
+    session.take()
+}
+
+/// How many good frames there are of each mode: RTU, ASCII, TCP.
+fn good_by_mode(batch: &Batch) -> [usize; 3] {
+    [Mode::Rtu, Mode::Ascii, Mode::Tcp].map(|mode| {
+        let of_mode = |frame: &&modlens_engine::records::Frame| frame.mode == mode && frame.verdict == Verdict::Ok;
+        batch.frames.iter().filter(of_mode).count()
+    })
+}
+
+#[test]
+fn rtu_is_given_up_where_another_framing_follows() {
+    let rtu: Vec<u8> = (0..10).flat_map(|at| [read_request(5, at, 1), read_response(5, &[at])].concat()).collect();
+    for piece in [7, 100_000] {
+        let ascii = [&rtu[..], &ASCII.repeat(100)].concat();
+        let good = good_by_mode(&framed(&ascii, true, piece));
+        assert!(good[0] >= 20 && good[1] >= 298, "{good:?}");
+        let tcp = [&rtu[..], &mbap().repeat(60)].concat();
+        let good = good_by_mode(&framed(&tcp, false, piece));
+        assert!(good[0] >= 20 && good[2] >= 298, "{good:?}");
+    }
+}
+
+#[test]
+fn line_settings_rule_tcp_out() {
+    // Truncated requests of a serial line: at the wrong place they look like MBAP headers (messaging on TCP/IP, 3.1.3).
+    let truncated: Vec<u8> = (0..200u8).flat_map(|id| [0, id, 0, 0, 0, 6, 1, 3, 0, id, 0, 2]).collect();
+    assert_eq!(good_by_mode(&framed(&truncated, true, 64))[2], 0);
+    assert_eq!(good_by_mode(&framed(&truncated, false, 64))[2], 200);
+}
+
 #[test]
 fn another_framing_in_front_does_not_hide_rtu() {
     for front in [ASCII.to_vec(), mbap()] {

@@ -6,10 +6,11 @@ use modlens_engine::records::Batch;
 use modlens_engine::session::{BusOptions, Session};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
+use modlens_protocol::source::Clock;
 use modlens_protocol::status::Status;
-use modlens_readers::chunk::Chunk;
+use modlens_readers::chunk::{Chunk, Times};
 
-use wire::{frame, read_request, read_response};
+use wire::{frame, read_request, read_response, MS};
 
 /// A poll cycle of two units, repeated until the framer is familiar with both.
 fn cycle() -> Vec<u8> {
@@ -208,4 +209,59 @@ fn bytes_missing_on_one_of_two_lines_without_a_clock_are_reported_where_they_are
         assert_eq!(reported.len(), 1, "{missing:?}: {reported:?}");
         assert!((reported[0].0..=reported[0].1).contains(&place), "{missing:?}: {reported:?}");
     }
+}
+
+#[test]
+fn a_response_between_two_requests_is_located_although_its_header_is_wrong() {
+    let (before, batch) = with_damage(|_, response| {
+        response[0] ^= 0x50;
+        response[1] ^= 0x64;
+        response[4] ^= 0x22;
+    });
+    let found = damaged_frames(&before, &batch);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert_eq!(found[0].0, 8);
+    let row = batch.transactions.iter().filter(|row| row.unit == 1).nth(6).expect("the request has its row");
+    assert_eq!(row.status, Status::BadResponse);
+}
+
+#[test]
+fn a_request_in_front_of_its_response_is_located_although_its_header_is_wrong() {
+    let (before, batch) = with_damage(|request, _| {
+        request[0] ^= 0x50;
+        request[1] ^= 0x64;
+        request[4] ^= 0x22;
+    });
+    let found = damaged_frames(&before, &batch);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert_eq!(found[0].0, 0);
+}
+
+/// The rows of these frames, each of which came as a read, so many milliseconds behind the one before.
+fn decode_timed(frames: &[(i64, Vec<u8>)]) -> Batch {
+    let (mut session, bus) = wire::session(false, Clock::Relative);
+    let mut time = 0;
+    for (wait, bytes) in frames {
+        time += wait * MS;
+        session.feed(bus, &Chunk { bytes, times: Times::Read(time), ..Chunk::default() });
+    }
+    session.flush();
+    session.take()
+}
+
+#[test]
+fn the_first_byte_of_a_request_in_front_of_a_time_out_is_that_request_and_noise_is_not() {
+    let exchange = [(30, read_request(1, 0x6B, 2)), (8, read_response(1, &[0x1234, 0x5678]))];
+    let exchanges = |count| std::iter::repeat_n(exchange.clone(), count).flatten();
+    let mut frames: Vec<(i64, Vec<u8>)> = exchanges(12).collect();
+    let before = frames.iter().map(|(_, bytes)| bytes.len()).sum::<usize>();
+    frames.push((30, vec![1]));
+    frames.push((260, read_request(1, 0x6B, 2)));
+    frames.push((8, read_response(1, &[0x1234, 0x5678])));
+    frames.push((5, vec![0x57]));
+    frames.extend(exchanges(2));
+    let batch = decode_timed(&frames);
+    let found = damaged_frames(&vec![0; before], &batch);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert_eq!((found[0].0, found[0].1), (0, Verdict::Incomplete));
 }

@@ -116,7 +116,7 @@ fn a_live_row_without_response_comes_with_the_next_request_or_after_ten_seconds(
     tap.send(12_000, &read_response(2, &[3, 4]));
     tap.session.poll(tap.now + 100 * MS);
     let batch = tap.session.take();
-    assert_eq!(batch.transactions[0].late_for, Some(2));
+    assert_eq!(batch.transactions[0].late_response_to, Some(2));
 }
 
 #[test]

@@ -40,7 +40,7 @@ pub fn match_response(functions: &Functions, asked: RequestRef<'_>, unit: u8, pd
         return ResponseMatch::Partly;
     }
     if !row.response.fits(&pdu[1..]) {
-        return ResponseMatch::No;
+        return if counts_registers(row, asked.pdu, pdu) { ResponseMatch::Partly } else { ResponseMatch::No };
     }
     if row.response.shape().is_some_and(|shape| !shape.groups_fit(&pdu[1..])) {
         return ResponseMatch::Partly;
@@ -64,6 +64,15 @@ pub fn expected_data_bytes(row: &FunctionRow, request: &[u8]) -> Option<usize> {
 pub fn data_bytes(row: &FunctionRow, response: &[u8]) -> Option<usize> {
     let (at, _) = row.offsets.response_block?;
     response.len().checked_sub(1 + at)
+}
+
+/// Whether a response to this request has the registers asked for, but counts these in place of their bytes, as some units do.
+pub fn counts_registers(row: &FunctionRow, request: &[u8], response: &[u8]) -> bool {
+    let Some((at, false)) = row.offsets.response_block else { return false };
+    let expected = expected_data_bytes(row, request);
+    expected.is_some()
+        && data_bytes(row, response) == expected
+        && response.get(at).map(|&count| 2 * usize::from(count)) == expected
 }
 
 /// The fields that the response should repeat and does not: (name, value in the request, value in the response).

@@ -85,6 +85,11 @@ findings! {
         "The tap did not deliver them; the devices may well have received the whole frame."
         "Buffer overruns in the tap: a slow computer, a long USB cable or hub, an adapter with a small buffer. The line is not the cause."
         "";
+    FlowControl "flow_control" Error
+        "the serial driver took a byte out of this frame as software flow control"
+        "The driver of the tap's port takes 0x11 (XON) and 0x13 (XOFF) for commands to itself; the devices received the whole frame."
+        "Switch software flow control off at the port: stty -ixon -ixoff, or XON/XOFF in the terminal program or serial server that recorded this."
+        "";
     Collision "collision" Error
         "another device transmitted during this frame"
         "Two drivers were enabled at once; where they conflict, the bus usually reads 0, and both frames are lost."
@@ -120,6 +125,31 @@ findings! {
         "What the other side sends is not heard, so that neither missing nor wrong responses can be told."
         "The tap: which wires or which direction of the switch port it is connected to, and whether any unit responds at all."
         "serial line 2.1";
+    NoValidFrame "no_valid_frame" Error
+        "next to none of the bytes belong to a valid frame"
+        "No framing fits: neither RTU nor ASCII nor Modbus/TCP."
+        "Baud rate, parity, data and stop bits, swapped wires; whether the line carries Modbus at all."
+        "serial line 2.5";
+    SwappedChecksum "swapped_checksum" Warning
+        "the unit sends the two bytes of its checksum in the wrong order"
+        "The low byte comes first; a master that follows the specification drops these responses."
+        "The unit's firmware, or its setting for the order of the CRC."
+        "serial line 2.5.1.2";
+    MissingChecksum "missing_checksum" Warning
+        "the unit sends no checksum"
+        "A master that follows the specification drops these responses, and damage to them cannot be told."
+        "The unit's firmware or settings; a converter that removes the checksum."
+        "serial line 2.5.1";
+    PaddedResponses "padded_responses" Info
+        "the unit sends the same bytes behind each response"
+        "Receivers that separate frames by silence treat them as part of the frame."
+        "How long the unit keeps its driver enabled; the unit's firmware."
+        "serial line 2.5.1";
+    AnswersAsOtherUnit "answers_as_other_unit" Warning
+        "requests to this unit are answered by another one"
+        "A master that compares the address drops these responses."
+        "A gateway or converter that puts its own address into responses; the address set in the unit."
+        "serial line 2.2";
     Retry "retry" Warning
         "the same request was sent again because no response had come"
         "Retries hide problems from the application but use up bus time."

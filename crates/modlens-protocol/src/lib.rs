@@ -8,7 +8,8 @@
 //! - `checksum` has CRC-16 and LRC, `mbap` the header of Modbus/TCP, `line` the settings of a serial line with the times
 //!   that follow from them.
 //! - `framing`, `status`, `finding`, `register_type` and `source` are the enumerations that rows consist of.
-//! - `decimal`, `hex` and `timestamp` append values as text; all readers and writers share them.
+//! - `decimal`, `hex` and `timestamp` append values as text; all readers and writers share them. `mix` hashes numbers, to
+//!   choose some of them.
 
 pub mod checksum;
 pub mod decimal;
@@ -19,6 +20,7 @@ pub mod functions;
 pub mod hex;
 pub mod line;
 pub mod mbap;
+pub mod mix;
 pub mod pdu;
 pub mod recognize;
 pub mod register_type;

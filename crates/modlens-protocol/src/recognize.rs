@@ -16,6 +16,33 @@ pub fn mode_by_valid_frames(functions: &Functions, bytes: &[u8]) -> Option<Mode>
     scores.into_iter().rev().max_by_key(|(score, _)| *score).filter(|(score, _)| *score > 0).map(|(_, mode)| mode)
 }
 
+/// As `mode_by_valid_frames`, for a serial line, which has no MBAP.
+pub fn serial_mode_by_valid_frames(functions: &Functions, bytes: &[u8]) -> Option<Mode> {
+    let (rtu, ascii) = (valid_rtu_bytes(functions, bytes), valid_ascii_bytes(bytes));
+    (rtu.max(ascii) > 0).then_some(if ascii > rtu { Mode::Ascii } else { Mode::Rtu })
+}
+
+/// How many of the bytes are in valid frames of this mode. MBAP has no checksum: two frames in a row are asked for.
+pub fn valid_bytes(functions: &Functions, mode: Mode, bytes: &[u8]) -> usize {
+    match mode {
+        Mode::Rtu => valid_rtu_bytes(functions, bytes),
+        Mode::Ascii => valid_ascii_bytes(bytes),
+        Mode::Tcp => consecutive_tcp_bytes(functions, bytes),
+    }
+}
+
+/// How many of the bytes are in Modbus/TCP frames of which at least two follow each other, wherever those begin.
+fn consecutive_tcp_bytes(functions: &Functions, bytes: &[u8]) -> usize {
+    let (mut at, mut valid) = (0, 0);
+    while at < bytes.len() {
+        let run = valid_tcp_bytes(functions, &bytes[at..]);
+        let first = announced_length(&bytes[at..]).unwrap_or(0);
+        valid += if run > first { run } else { 0 };
+        at += run.max(1);
+    }
+    valid
+}
+
 /// How many of the bytes are in valid frames of a serial line: RTU or ASCII, whichever has more.
 pub fn valid_serial_bytes(functions: &Functions, bytes: &[u8]) -> usize {
     valid_rtu_bytes(functions, bytes).max(valid_ascii_bytes(bytes))
@@ -89,6 +116,15 @@ pub fn mode_by_appearance(functions: &Functions, bytes: &[u8]) -> Mode {
         (true, _) => Mode::Ascii,
         (false, true) => Mode::Tcp,
         (false, false) => Mode::Rtu,
+    }
+}
+
+/// As `mode_by_appearance`, for a serial line.
+pub fn serial_mode_by_appearance(bytes: &[u8]) -> Mode {
+    if looks_like_ascii(bytes) {
+        Mode::Ascii
+    } else {
+        Mode::Rtu
     }
 }
 

@@ -5,6 +5,7 @@ mod arguments;
 mod batch;
 mod capsule;
 mod capture;
+mod days;
 mod dialects;
 #[cfg(feature = "files")]
 mod files;
@@ -12,6 +13,7 @@ mod functions;
 mod inbox;
 mod lines;
 mod profile;
+mod recorder;
 mod session;
 mod stream;
 mod table;
@@ -73,9 +75,10 @@ fn finding_json(finding: Finding) -> Json {
 
 fn diagnosis_json(row: &Diagnosis) -> Json {
     let confusions: Json = row.confusions.iter().map(|one| json!({"code": one.code, "difference": one.difference})).collect();
+    let findings: Vec<&str> = row.findings.iter().map(|finding| finding.doc().code).collect();
     json!({
         "code": row.code, "severity": row.severity.text(), "title": row.title, "contrast": row.contrast, "absent": row.absent,
-        "confusions": confusions, "advice": row.advice, "proof": row.proof, "needs": row.needs,
+        "confusions": confusions, "findings": findings, "advice": row.advice, "proof": row.proof, "needs": row.needs,
     })
 }
 
@@ -112,10 +115,8 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(profile::profile_schema, module)?)?;
     module.add_function(wrap_pyfunction!(profile::shipped_profiles, module)?)?;
     module.add_function(wrap_pyfunction!(profile::convert, module)?)?;
-    module.add_function(wrap_pyfunction!(capture::recording_head, module)?)?;
-    module.add_function(wrap_pyfunction!(capture::recording_port, module)?)?;
-    module.add_function(wrap_pyfunction!(capture::recording_read, module)?)?;
     module.add_class::<capture::Capture>()?;
+    module.add_class::<days::Days>()?;
     module.add_class::<dialects::Dialects>()?;
     #[cfg(feature = "files")]
     module.add_class::<files::RowFile>()?;
@@ -131,6 +132,7 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<lines::Pieces>()?;
     module.add_class::<stream::ArrowStream>()?;
     module.add_class::<inbox::Inbox>()?;
+    module.add_class::<recorder::Recorder>()?;
     module.add_class::<view::Lines>()?;
     module.add_function(wrap_pyfunction!(view::carried, module)?)?;
     module.add_class::<batch::Batch>()?;

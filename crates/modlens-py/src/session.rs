@@ -14,6 +14,7 @@ use modlens_readers::logic::Wiring;
 use modlens_readers::pcap::Ports;
 use modlens_readers::text::{day_of, ClockSettings, Reader};
 use modlens_tables::columns::TableKind;
+use modlens_tables::overview::Overview;
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use serde_json::json;
@@ -35,6 +36,16 @@ fn framing(name: &str) -> PyResult<Option<Mode>> {
     })
 }
 
+/// The number of a line of a bus.
+fn line_number(line: Option<&str>) -> PyResult<u8> {
+    Ok(match line {
+        None => 0,
+        Some("A") => 1,
+        Some("B") => 2,
+        Some(other) => return Err(value_error(format!("line {other:?} is neither A nor B"))),
+    })
+}
+
 /// The word by which Python knows a clock.
 fn clock_name(clock: Clock) -> &'static str {
     match clock {
@@ -50,14 +61,23 @@ pub struct Session {
     core: Core,
     /// What is counted for diagnoses, if these are wanted.
     contrast: Option<Contrast>,
+    /// What is collected for reports, if they are wanted.
+    overview: Option<Overview>,
     buses: usize,
 }
 
 #[pymethods]
 impl Session {
     #[new]
-    #[pyo3(signature = (functions, *, live=false, timeout_ns=None, tables=None))]
-    fn new(functions: &Functions, live: bool, timeout_ns: Option<i64>, tables: Option<Vec<String>>) -> PyResult<Self> {
+    #[pyo3(signature = (functions, *, live=false, timeout_ns=None, tables=None, bus_name=None, overview=false))]
+    fn new(
+        functions: &Functions,
+        live: bool,
+        timeout_ns: Option<i64>,
+        tables: Option<Vec<String>>,
+        bus_name: Option<String>,
+        overview: bool,
+    ) -> PyResult<Self> {
         let mut wanted = WantedTables { frames: tables.is_none(), transactions: tables.is_none(), findings: tables.is_none() };
         let mut contrast = None;
         for name in tables.unwrap_or_default() {
@@ -70,10 +90,15 @@ impl Session {
                 TableKind::Diagnoses => contrast = Some(Contrast::default()),
             }
         }
-        if contrast.is_some() {
+        let overview = overview.then(Overview::default);
+        if contrast.is_some() || overview.is_some() {
             (wanted.frames, wanted.transactions) = (true, true);
         }
-        Ok(Self { core: Core::new(Arc::clone(&functions.core), wanted, live, timeout_ns), contrast, buses: 0 })
+        let mut core = Core::new(Arc::clone(&functions.core), wanted, live, timeout_ns);
+        if let Some(name) = bus_name {
+            core.name_buses(name);
+        }
+        Ok(Self { core, contrast, overview, buses: 0 })
     }
 
     #[pyo3(signature = (profile, units, *, bus=None))]
@@ -108,6 +133,13 @@ impl Session {
         Ok(number)
     }
 
+    #[pyo3(signature = (bus, offset, *, line=None))]
+    fn begin_at(&mut self, bus: usize, offset: u64, line: Option<&str>) -> PyResult<()> {
+        self.check_bus(bus)?;
+        self.core.begin_at(bus, line_number(line)?, offset);
+        Ok(())
+    }
+
     #[allow(clippy::too_many_arguments)] // The keywords of one Python call.
     #[pyo3(signature = (bus, data, time_ns=None, *, line=None, errors=None, hole=false))]
     fn feed(
@@ -121,12 +153,7 @@ impl Session {
         hole: bool,
     ) -> PyResult<()> {
         self.check_bus(bus)?;
-        let line = match line {
-            None => 0,
-            Some("A") => 1,
-            Some("B") => 2,
-            Some(other) => return Err(value_error(format!("line {other:?} is neither A nor B"))),
-        };
+        let line = line_number(line)?;
         let errors = errors.unwrap_or_default();
         let times = time_ns.map_or(Times::None, Times::Read);
         let chunk = Chunk { bytes: data, line, times, error_positions: &errors, follows_loss: hole, ..Chunk::default() };
@@ -262,6 +289,24 @@ impl Session {
         py.detach(|| if file { self.core.flush_file() } else { self.core.flush() });
     }
 
+    fn close(&mut self, bus: usize) -> PyResult<()> {
+        self.check_bus(bus)?;
+        self.core.close_bus(bus);
+        Ok(())
+    }
+
+    fn close_capture(&mut self, capture: usize) -> PyResult<()> {
+        self.capture(capture)?;
+        self.core.close_capture(capture);
+        Ok(())
+    }
+
+    fn close_logic(&mut self, logic: usize) -> PyResult<()> {
+        self.logic(logic)?;
+        self.core.close_logic(logic);
+        Ok(())
+    }
+
     fn pending_rows(&self) -> usize {
         self.core.pending_rows()
     }
@@ -285,6 +330,17 @@ impl Session {
     /// What the doctor says so far, as JSON; null where diagnoses are not wanted.
     fn doctor(&self) -> String {
         self.contrast.as_ref().map_or(serde_json::Value::Null, |contrast| Report::of(contrast).json().clone()).to_string()
+    }
+
+    /// Doctor, statistics and overview in one; null where something is not wanted.
+    fn document(&self) -> String {
+        let report = self.contrast.as_ref().map(Report::of);
+        let examples: Vec<u64> = report.as_ref().map_or_else(Vec::new, Report::examples);
+        json!({
+            "doctor": report.as_ref().map(Report::json), "statistics": self.core.stats_json(),
+            "overview": self.overview.as_ref().map(|overview| overview.json(&examples)),
+        })
+        .to_string()
     }
 
     fn stats(&self) -> String {
@@ -323,6 +379,9 @@ impl Session {
         let batch = self.core.take();
         if let Some(contrast) = &mut self.contrast {
             contrast.observe(&batch);
+        }
+        if let Some(overview) = &mut self.overview {
+            overview.observe(&batch);
         }
         batch
     }

@@ -139,8 +139,8 @@ impl Table {
         }))
     }
 
-    fn partitions(&self) -> Vec<(Option<String>, String, Self)> {
-        let parts = self.core.partitions();
+    fn partitions(&self, py: Python<'_>) -> Vec<(Option<String>, String, Self)> {
+        let parts = py.detach(|| self.core.partitions());
         parts.into_iter().map(|(date, bus, core)| (date, bus, Self { core })).collect()
     }
 

@@ -350,3 +350,137 @@ fn nothing_is_guessed_where_a_format_is_named() {
     assert!(reader.next(true).is_none());
     assert_eq!(reader.unread_lines().count, 1);
 }
+
+/// An RTU frame in the wrapper of Solarman V5 as pysolarmanv5 documents it, without the checksum at its end.
+fn solarman_without_sum(control: u16, rtu_frame: &[u8]) -> Vec<u8> {
+    let [low, high] = control.to_le_bytes();
+    let is_request = control == 0x4510;
+    let payload = if is_request { 15 } else { 14 };
+    let length = (payload + rtu_frame.len()) as u8;
+    let header = [0xA5, length, 0, low, high, 7, 0, 0x31, 0x52, 0x1A, 0x6B];
+    [&header[..], &[2], &vec![0; payload - 1], rtu_frame, &[0, 0x15]].concat()
+}
+
+#[test]
+fn wrappers_of_solarman_are_taken_off_before_their_checksum_is_put_in() {
+    let [request, response] = [rtu(&[1, 3, 0, 0x28, 0, 3]), rtu(&[1, 3, 6, 0, 0xFA, 1, 0x2C, 0, 9])];
+    let (open_request, mut whole) = (solarman_without_sum(0x4510, &request), solarman_without_sum(0x1510, &response));
+    let last = whole.len() - 2;
+    whole[last] = whole[1..last].iter().fold(0u8, |sum, &b| sum.wrapping_add(b));
+    let notations: [Notation; 3] = [
+        ("Python", |bytes| format!("bytearray(b'{}')", each(bytes, "", |b| format!("\\x{b:02x}")))),
+        ("blanks", spaced),
+        ("no separator", |bytes| each(bytes, "", |b| format!("{b:02x}"))),
+    ];
+    for (name, print) in notations {
+        let text = format!("Sent data:  {}\nReceived data:  {}\n", print(&open_request), print(&whole));
+        let expected = [(Some(Side::Sent), request.clone()), (Some(Side::Received), response.clone())];
+        assert_eq!(read(&text).0, expected, "{name}: {text}");
+    }
+}
+
+#[test]
+fn the_rtu_form_of_an_mbap_frame_is_a_copy_of_it() {
+    let json = |bytes: &[u8]| format!("{{\"type\":\"Buffer\",\"data\":[{}]}}", each(bytes, ",", |b| b.to_string()));
+    let plain = |bytes: &[u8]| each(bytes, "", |b| format!("{b:02x}"));
+    let answer = rtu(&[1, 0x83, 2]);
+    for (transaction, adu) in [(0x2C, [1, 1, 0, 0, 0, 1]), (0x1234, [5, 3, 0, 0x6B, 0, 3]), (7, [2, 6, 0, 1, 0, 9])] {
+        let (outer, inner) = (tcp(transaction, &adu), rtu(&adu));
+        let expected = [(Some(Side::Received), outer.clone()), (Some(Side::Sent), answer.clone())];
+        let (o, i, a) = (spaced(&outer), spaced(&inner), spaced(&answer));
+        for text in [
+            format!("socket received {o}\nrequest received by the server: {i}\nsending {a}\n"),
+            format!(
+                "rx: <{o}>\nreceived {}\n{{\"received\":{}}}\nsend: {a}\nsend {}\n",
+                plain(&inner),
+                json(&inner),
+                json(&answer)
+            ),
+        ] {
+            assert_eq!(read(&text).0, expected, "{text}");
+        }
+        let without_words = format!("socket {o}\nunwrapped {i}\n");
+        let may_be_echo = adu[1] == 6;
+        assert_eq!(frames_of(&without_words).len(), if may_be_echo { 2 } else { 1 }, "{without_words}");
+        // A gateway has received the one and sent the other.
+        let passed_on = format!("TCP received {o}\nRTU sent {i}\n");
+        assert_eq!(frames_of(&passed_on), [&outer[..], &inner]);
+    }
+}
+
+/// A call of node-modbus-serial's server, with what it prints of one request and its response.
+fn node_server(transaction: u16, adu: &[u8], answer: &[u8]) -> String {
+    let (outer, inner, answer) = (tcp(transaction, adu), rtu(adu), rtu(answer));
+    let low = |bytes: &[u8]| each(bytes, " ", |b| format!("{b:02x}"));
+    let (o, i, a) = (low(&outer), low(&inner), low(&answer));
+    let json = |bytes: &[u8]| each(bytes, ",", |b| b.to_string());
+    format!(
+        " modbus-serial {{ action: 'socket data',\n  modbus-serial   data: <Buffer {o}> }} +50ms\n\
+         modbus-serial {{ action: 'receive',\n  modbus-serial   data: <Buffer {i}>,\n\
+         modbus-serial   requestBufferLength: {} }} +1ms\n\
+         modbus-serial {{\"action\":\"receive\",\"data\":{{\"type\":\"Buffer\",\"data\":[{}]}}}} +0ms\n\
+         modbus-serial {{ action: 'server response',\n  modbus-serial   responseBuffer: '{}' }} +0ms\n\
+         modbus-serial {{ action: 'send', data: <Buffer {a}> }} +0ms\n\
+         modbus-serial {{\"action\":\"send string\",\"data\":{{\"type\":\"Buffer\",\"data\":[{}]}}}} +0ms\n",
+        inner.len(),
+        json(&inner),
+        a.replace(' ', ""),
+        json(&answer),
+    )
+}
+
+#[test]
+fn a_server_of_node_modbus_serial_prints_each_frame_several_times() {
+    let [ask, coil, echo] = [[9, 3, 0, 2, 0, 1], [9, 1, 0, 0, 0, 4], [9, 6, 0, 2, 0, 0x11]];
+    let [said, refused] = [&[9, 3, 2, 0, 0x11][..], &[9, 0x81, 4]];
+    let text = node_server(8, &ask, said) + &node_server(9, &coil, refused) + &node_server(10, &echo, &echo);
+    let sent = |adu: &[u8]| (Some(Side::Sent), rtu(adu));
+    let received = |transaction, adu: &[u8]| (Some(Side::Received), tcp(transaction, adu));
+    let expected = [received(8, &ask), sent(said), received(9, &coil), sent(refused), received(10, &echo), sent(&echo)];
+    assert_eq!(read(&text).0, expected, "{text}");
+}
+
+/// A request and its response as programs list them for people: a field a line.
+const LISTED: &str = "\
+Request:
+Transaction ID: 0x0001
+Protocol ID: 0x0000
+Length: 0x0006
+Unit ID: 0x01
+Function: 0x03 (Read Holding Registers)
+Start address: 0x006B
+Quantity: 0x0003
+
+Response:
+Transaction ID: 0x0001
+Protocol ID: 0x0000
+Length: 0x0009
+
+Unit ID: 0x01
+Function: 0x03
+Byte count: 0x06
+Data: 02 2B 00 00 00 64  # 555, 0, 100
+";
+
+#[test]
+fn fields_of_one_line_each_are_a_frame_where_the_header_announces_them() {
+    let request = tcp(1, &[1, 3, 0, 0x6B, 0, 3]);
+    let response = tcp(1, &[1, 3, 6, 2, 0x2B, 0, 0, 0, 0x64]);
+    let (strings, unread) = read(LISTED);
+    assert_eq!(strings, [(Some(Side::Sent), request.clone()), (Some(Side::Received), response.clone())]);
+    assert_eq!(unread, 2, "the two titles");
+    let plain = LISTED.replace("0x", "").replace("Request:", "").replace("Response:", "").replace(": ", " = ");
+    assert_eq!(read(&plain), (vec![(None, request), (None, response)], 0));
+}
+
+#[test]
+fn fields_that_their_header_does_not_announce_are_no_frame() {
+    for (right, wrong) in
+        [("0x0006", "0x0007"), ("Protocol ID: 0x0000", "Protocol ID: 0x0001"), ("Function: 0x03", "Function: 0x49")]
+    {
+        let (strings, _) = read(&LISTED.replace(right, wrong));
+        assert!(strings.len() < 2, "{right} -> {wrong}: {strings:?}");
+    }
+    let registers = "reg 1: 0001\nreg 2: 0000\nreg 3: 0006\nreg 4: 0103\nreg 5: 006B\nreg 6: 0003\n";
+    assert_eq!(read(registers).0, [], "no field ends with the unit");
+}

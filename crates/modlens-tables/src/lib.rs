@@ -5,10 +5,11 @@
 //! - `cell_text` is the text of a value, as in CSV; filters compare this text.
 //! - `predicate` evaluates filter expressions.
 //! - `latest_values` keeps the last value of every register and point, `register_survey` collects what a master reads and
-//!   writes, for a first profile of a device.
+//!   writes, for a first profile of a device, `overview` what happened over time, for reports.
 
 pub mod cell_text;
 pub mod columns;
 pub mod latest_values;
+pub mod overview;
 pub mod predicate;
 pub mod register_survey;

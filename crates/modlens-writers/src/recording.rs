@@ -14,7 +14,8 @@
 //!   footer), then the bytes of the line. The events are those of the link type: 2 for bytes; 5 if bytes were lost before
 //!   these; 8 if the receiver reported errors for some of them (parity, framing, break); 6, without bytes, if the port
 //!   disappeared or the tap ended. Our custom option of the packet lists the positions of the bytes with errors, as
-//!   `errors=3,7`. The direction is not recorded: event 2 is "received" because a tap only receives.
+//!   `errors=3,7`. Event 0, without bytes, is a clock that somebody has set: our custom option is `clock_step=NS`, by which
+//!   the times of the port jump from here on. The direction is not recorded: event 2 is "received" because a tap only receives.
 //!
 //! Blocks are self-contained: a file that was cut off anywhere can be read up to its last complete block.
 
@@ -27,6 +28,7 @@ use modlens_protocol::Ns;
 /// Link type RTAC serial.
 pub const LINK_RTAC: u16 = 250;
 
+const STATUS: u8 = 0;
 const RECEIVED: u8 = 2;
 const BYTES_LOST: u8 = 5;
 const PORT_CLOSED: u8 = 6;
@@ -76,17 +78,13 @@ pub fn port(name: &str, bus: (usize, &str), line: Option<&str>, settings: Option
 
 /// Appends one read of the port with this interface number.
 pub fn read(interface: u32, read: &PortRead<'_>, out: &mut Vec<u8>) {
-    let time = read.time.max(0) as u64;
     let event = match (read.hole, read.errors) {
         (true, _) if read.bytes.is_empty() => PORT_CLOSED,
         (true, _) => BYTES_LOST,
         (false, []) => RECEIVED,
         _ => RECEIVE_ERRORS,
     };
-    let start = blocks::begin_packet(interface, time, out);
-    out.extend_from_slice(&((time / 1_000_000_000) as u32).to_be_bytes());
-    out.extend_from_slice(&((time % 1_000_000_000 / 1000) as u32).to_be_bytes());
-    out.extend_from_slice(&[event, 0, 0, 0]);
+    let start = begin(interface, read.time, event, out);
     out.extend_from_slice(read.bytes);
     blocks::end_bytes(start, out);
     if !read.errors.is_empty() {
@@ -95,6 +93,25 @@ pub fn read(interface: u32, read: &PortRead<'_>, out: &mut Vec<u8>) {
         blocks::end_options(out);
     }
     blocks::end_block(start, out);
+}
+
+/// Appends a mark: the times of this port jump by `step` to `time`, because the wall clock was set.
+pub fn clock_step(interface: u32, time: Ns, step: Ns, out: &mut Vec<u8>) {
+    let start = begin(interface, time, STATUS, out);
+    blocks::end_bytes(start, out);
+    blocks::custom(out, |out| out.extend_from_slice(format!("clock_step={step}").as_bytes()));
+    blocks::end_options(out);
+    blocks::end_block(start, out);
+}
+
+/// Begins a packet with the header of the link type.
+fn begin(interface: u32, time: Ns, event: u8, out: &mut Vec<u8>) -> usize {
+    let time = time.max(0) as u64;
+    let start = blocks::begin_packet(interface, time, out);
+    out.extend_from_slice(&((time / 1_000_000_000) as u32).to_be_bytes());
+    out.extend_from_slice(&((time % 1_000_000_000 / 1000) as u32).to_be_bytes());
+    out.extend_from_slice(&[event, 0, 0, 0]);
+    start
 }
 
 #[cfg(test)]

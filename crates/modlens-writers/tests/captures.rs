@@ -47,12 +47,18 @@ fn ethernet(sent: &Sent) -> Vec<u8> {
 
 /// A pcap file, little-endian, a packet each 10 ms.
 fn pcap(link: u32, packets: &[Vec<u8>]) -> Vec<u8> {
+    pcap_every(10_000, link, packets)
+}
+
+/// The same with a packet each `step` microseconds.
+fn pcap_every(step: u64, link: u32, packets: &[Vec<u8>]) -> Vec<u8> {
     let mut out = Vec::new();
     for word in [0xA1B2_C3D4, 0x0004_0002, 0, 0, 262_144, link] {
         out.extend(u32::to_le_bytes(word));
     }
     for (number, packet) in (0..).zip(packets) {
-        for word in [1_700_000_000 + number / 100, number % 100 * 10_000, packet.len() as u32, packet.len() as u32] {
+        let (seconds, micros) = ((number * step / 1_000_000) as u32, (number * step % 1_000_000) as u32);
+        for word in [1_700_000_000 + seconds, micros, packet.len() as u32, packet.len() as u32] {
             out.extend(u32::to_le_bytes(word));
         }
         out.extend(packet);
@@ -74,6 +80,16 @@ fn decoded_in(file: &[u8], block: usize, ports: Ports) -> (Batch, Vec<(String, u
 
 fn decoded(file: &[u8]) -> Batch {
     decoded_in(file, usize::MAX, Ports::default()).0
+}
+
+/// The frames, the transactions, the findings and the connections with all of their columns.
+fn csv(batch: Batch) -> String {
+    let (mut out, batch) = (Vec::new(), Arc::new(batch));
+    for kind in [TableKind::Frames, TableKind::Transactions, TableKind::Findings, TableKind::Connections] {
+        let columns: Vec<usize> = (0..kind.columns().len()).collect();
+        modlens_writers::csv::rows(&Table::new(Arc::clone(&batch), kind), &columns, &mut out);
+    }
+    String::from_utf8(out).unwrap()
 }
 
 /// What does not depend on packets: status, unit, function, identifier, both PDUs.
@@ -177,14 +193,31 @@ proptest! {
     fn blocks_of_any_size_give_the_same_rows(sizes in prop::collection::vec((1u8..=30, 1usize..60), 1..6), block in 1usize..200) {
         let file = file(&poll(&sizes));
         let (whole, parts) = (decoded(&file), decoded_in(&file, block, Ports::default()).0);
-        let csv = |batch: Batch| {
-            let (mut out, batch) = (Vec::new(), Arc::new(batch));
-            for kind in [TableKind::Frames, TableKind::Transactions] {
-                let columns: Vec<usize> = (0..kind.columns().len()).collect();
-                modlens_writers::csv::rows(&Table::new(Arc::clone(&batch), kind), &columns, &mut out);
+        prop_assert_eq!(csv(parts), csv(whole));
+    }
+
+    /// Each message in a packet of its own, as on nearly all connections; the answers to some requests do not come, and
+    /// requests that wait, for 30 s, are passed by the exchanges behind them.
+    #[test]
+    fn requests_without_answer_change_nothing_of_those_behind_them(
+        exchanges in prop::collection::vec((1u8..=30, 0u8..4, 0u16..60), 1..90),
+        step in prop::sample::select(vec![10_000u64, 400_000, 2_000_000]),
+        block in 1usize..400,
+    ) {
+        let sizes: Vec<(u8, usize)> = exchanges.iter().map(|(quantity, ..)| (*quantity, 300)).collect();
+        let mut sent = poll(&sizes);
+        for (pair, (_, _, again)) in sent.chunks_mut(2).zip(&exchanges) {
+            if *again < 8 {
+                // Identifiers that come again while the first request of that name still waits.
+                for message in pair {
+                    message.bytes[..2].copy_from_slice(&again.to_be_bytes());
+                }
             }
-            String::from_utf8(out).unwrap()
-        };
+        }
+        let is_kept = |at: usize| at.is_multiple_of(2) || exchanges[at / 2].1 > 0;
+        let packets: Vec<Vec<u8>> = (0..sent.len()).filter(|&at| is_kept(at)).map(|at| ethernet(&sent[at])).collect();
+        let file = pcap_every(step, ETHERNET, &packets);
+        let (whole, parts) = (decoded(&file), decoded_in(&file, block, Ports::default()).0);
         prop_assert_eq!(csv(parts), csv(whole));
     }
 

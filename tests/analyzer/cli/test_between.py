@@ -6,7 +6,7 @@ import json
 import operator
 import time
 from collections.abc import Callable, Iterator
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -132,14 +132,17 @@ def test_nothing_between_is_told(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("bounds", "said"),
     [
-        (("yesterday", "2026-01-01"), "not a time"),
+        (("last week", "2026-01-01"), "not a time"),
         (("1", "inf"), "not a time"),
         (("2", "1"), "T2 is before"),
         (("2", "2"), "T2 is before T1, or equal"),
         (("12:00", "12:00"), "T2 is before T1, or equal"),
         (("1", "2026-01-01"), "not one of each"),
         (("12:00", "2026-01-01"), "not one of each"),
-        (("12:00", "25:00"), "not a time; write 2023-10-11T14:00:00Z, 14:00:00, or seconds"),
+        (
+            ("12:00", "25:00"),
+            "not a time; write 2023-10-11T14:00:00Z, 14:00:00, yesterday, or seconds",
+        ),
     ],
 )
 def test_what_cannot_be_between(
@@ -149,3 +152,26 @@ def test_what_cannot_be_between(
     assert main(["export", RECORDING, "-o", str(out), "--between", *bounds]) == 2
     assert said in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_yesterday_and_today_are_midnights(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the zone in which the table shows times: in Kiritimati it is a day later than in UTC."""
+    monkeypatch.setenv("TZ", "Pacific/Kiritimati")
+    time.tzset()
+    try:
+        for zone in ("local", "utc"):
+            text = combine_filters(None, ["yesterday", "today"], zone=zone)
+            now = datetime.now().astimezone() if zone == "local" else datetime.now(UTC)
+            midnight = now.replace(hour=0, minute=0, second=0, microsecond=0)
+            dates = [str((midnight - timedelta(back)).date()) for back in (1, 0)]
+            assert text == combine_filters(None, dates, zone=zone)
+    finally:
+        monkeypatch.undo()
+        time.tzset()
+
+
+def test_one_bound_is_too_few_and_says_what_to_write(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["export", "--between", "yesterday"]) == 2
+    assert "such as --between yesterday today" in capsys.readouterr().err
+    assert main(["doctor", RECORDING, "--unit", "3"]) == 2
+    assert "--where 'unit == 3'" in capsys.readouterr().err

@@ -107,5 +107,5 @@ def test_what_has_no_packets(tmp_path: Path, modlens: Modlens) -> None:
     path.write_text("01 03 00 00 00 01 84 0a\n01 03 02 00 07 f9 86\n")
     done = modlens("export", str(path), "--style", "original", "-o", str(out))
     assert done.status == 3
-    assert "works only with pcap and pcapng" in done.err
+    assert "must be a pcap or pcapng itself" in done.err
     assert not out.exists()

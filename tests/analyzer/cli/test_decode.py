@@ -23,7 +23,7 @@ def test_the_table_is_for_stdout_and_the_rest_for_stderr(modlens: Modlens) -> No
     """What was detected, how sure, which clock; the summary at the end."""
     done = modlens("decode", POLLS, "--line", "19200-8E1")
     assert done.status == 0
-    assert done.out.splitlines()[0].split()[:2] == ["trans.", "time"]
+    assert done.out.splitlines()[0].split()[:2] == ["no.", "time"]
     said = done.err.splitlines()
     assert said[0].startswith(f"{POLLS}: chunks (100 % certain:")
     assert "UTC timestamps, resolution 1 us, mode rtu" in said[0]
@@ -88,7 +88,7 @@ def test_several_outputs_in_one_pass(modlens: Modlens, tmp_path: Path) -> None:
         assert f" {name}" in next(line for line in done.err.splitlines() if str(path) in line)
     assert sorted(tmp_path.iterdir()) == sorted(outputs.values())
     both = modlens("decode", DISTURBED, "-o", tmp_path / "again.csv", "--to", "table")
-    assert both.out.splitlines()[0].split()[0] == "trans."
+    assert both.out.splitlines()[0].split()[0] == "no."
 
 
 def test_export_says_nothing(modlens: Modlens, tmp_path: Path) -> None:

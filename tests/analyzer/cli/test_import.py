@@ -5,6 +5,7 @@ Wrong files, encodings, spreadsheets of other countries: each is said with what,
 
 from __future__ import annotations
 
+import re
 import sys
 import tomllib
 from pathlib import Path
@@ -123,11 +124,11 @@ def test_wrong_files(
 
 
 def test_a_file_that_is_not_there(tmp_path: Path, modlens: Modlens) -> None:
-    """A missing file and a folder are reported by name."""
+    """A missing file is reported by name; a folder without files gives nothing."""
     done = modlens("import", "csv", tmp_path / "no.csv")
     assert (done.status, "no.csv: cannot be read: No such file" in done.err) == (3, True)
     done = modlens("import", "csv", tmp_path)
-    assert (done.status, "cannot be read: Is a directory" in done.err) == (3, True)
+    assert (done.status, "0 of 0 files taken" in done.err) == (3, True)
 
 
 def test_a_spreadsheet_of_another_country(tmp_path: Path, modlens: Modlens) -> None:
@@ -232,11 +233,11 @@ def test_one_bad_profile_hides_no_other(tmp_path: Path, modlens: Modlens) -> Non
     paths = {"MODLENS_PROFILES": str(tmp_path), "PYTHONPATH": str(tmp_path)}
     listed = modlens("profiles", **paths)
     assert listed.status == 0
-    assert "bad          cannot be used: " in listed.out
+    assert re.search(r"^bad +cannot be used: ", listed.out, re.MULTILINE)
     assert f'{tmp_path}/bad.toml:3: registers[0].at: "x" is not an address' in listed.out
     assert "cannot be loaded: ModuleNotFoundError: No module named 'acme_gone'" in listed.out
     assert "is not the text of a profile, but int" in listed.out
-    assert "mightyzap    IR Robot" in listed.out
+    assert re.search(r"^mightyzap +IR Robot", listed.out, re.MULTILINE)
     assert "folder" not in listed.out
     bus = of(tmp_path / "bus.hex", "01 03 00 D2 00 01 24 33\n01 03 02 03 E8 B8 FA\n")
     found = modlens("match", bus, **paths)
@@ -259,3 +260,41 @@ def test_a_bus_file_tells_all_its_mistakes(tmp_path: Path, modlens: Modlens) -> 
     assert keys == ["bus[0].mode", "bus[0].line", "bus[0].units.1", "bus[0].units.2",
                     "bus[0].units.3-x"]  # fmt: skip
     assert "no.toml: cannot be read: No such file or directory" in done.err
+
+
+def test_a_folder_says_what_was_taken_and_why_not(modlens: Modlens, tmp_path: Path) -> None:
+    """Each file has its line; the profiles are written to another folder of the same shape."""
+    maps, out = tmp_path / "maps", tmp_path / "profiles"
+    (maps / "inner").mkdir(parents=True)
+    (maps / "a.csv").write_text("Address,Name\n7,flow\n8,\n")
+    (maps / "inner" / "b.yaml").write_text(
+        "parameters:\n  - items:\n      - {name: x, rule: 1, registers: [7]}\n"
+    )
+    (maps / "notes.txt").write_text("remember the milk\n")
+    done = modlens("import", "auto", maps, "-o", out)
+    assert done.status == 0
+    lines = done.out.splitlines()
+    assert [line.split(":")[0].split() for line in lines] == [
+        ["taken", "a.csv"],
+        ["taken", "inner/b.yaml"],
+        ["not", "taken", "notes.txt"],
+    ]
+    assert "no register map" in lines[2]
+    assert "2 of 3 files taken" in done.err
+    assert sorted(path.name for path in out.rglob("*.toml")) == ["a.toml", "b.toml"]
+    assert modlens("profiles", "check", out / "inner" / "b.toml").status == 0
+
+
+def test_a_file_alone_is_read_as_what_it_is(modlens: Modlens, tmp_path: Path) -> None:
+    """Without a format it is found; where there is none, each like it says why."""
+    (tmp_path / "a.csv").write_text("Address,Name\n7,flow\n")
+    done = modlens("import", tmp_path / "a.csv")
+    assert (done.status, "read as csv (detected)" in done.err) == (0, True)
+    (tmp_path / "b.json").write_text('{"device": {"protocol": "ivtm", "channels": [{}]}}')
+    assert "wb-mqtt-serial: protocol ivtm, not Modbus" in modlens("import", tmp_path / "b.json").err
+
+
+def test_a_folder_without_a_map_is_unreadable(modlens: Modlens, tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("remember the milk\n")
+    assert modlens("import", "auto", tmp_path).status == 3
+    assert "did you mean 'solarman'" in modlens("import", "solarmann", tmp_path).err

@@ -92,7 +92,8 @@ def test_match_finds_the_profile(tmp_path: Path, modlens: Modlens) -> None:
     lines = done.out.splitlines()
     assert lines[0] == "unit 1"
     assert lines[1].startswith("  100 %  mightyzap: 3 of 3 requested addresses are in this profile")
-    assert lines[2].startswith("    0 %  grundfos")
+    assert all(int(line.split()[0]) < 60 for line in lines[2:])
+    assert len(lines) == 6
 
 
 def test_refusals_and_cut_values_lower_the_score(tmp_path: Path, modlens: Modlens) -> None:

@@ -18,7 +18,7 @@ from analyzer import decode
 from analyzer.cli.limited_run import LimitedRun
 from analyzer.cli.triggers import StopConditions
 from analyzer.exports.sink import ExportSink, parse_target
-from analyzer.session import pump
+from analyzer.pump import pump
 from tests.conftest import ROOT, command, environment
 
 REQUEST, RESPONSE = bytes.fromhex("010300000001840a"), bytes.fromhex("0103020007f986")
@@ -61,6 +61,14 @@ class Line:
         """The core's."""
         found: dict[str, Any] = json.loads(self._core.stats())
         return found
+
+    def doctor(self) -> dict[str, Any]:
+        """Nothing is judged here."""
+        return {}
+
+    def document(self) -> dict[str, Any]:
+        """What both say."""
+        return {"statistics": self.stats(), "doctor": self.doctor()}
 
 
 def record(

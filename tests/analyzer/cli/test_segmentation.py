@@ -11,7 +11,8 @@ import pytest
 import _modlens
 from analyzer import UsageError, decode
 from analyzer.line import parse_line
-from analyzer.session import FileRun, Settings
+from analyzer.session import FileRun
+from analyzer.settings import Settings
 from tests.conftest import CAPTURES, Modlens
 
 FLOWMETER = CAPTURES / "flowmeter_15l_min" / "recording.jsonl"

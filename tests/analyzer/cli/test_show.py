@@ -11,7 +11,7 @@ import pytest
 
 from analyzer import decode
 from analyzer.cli.show import parse_hex
-from analyzer.sources import FORMATS
+from analyzer.sources import all_formats
 from tests.conftest import CAPTURES, ROOT, Modlens, command, environment
 
 SEED = CAPTURES / "seed_rtu" / "recording.hex"
@@ -32,6 +32,12 @@ def test_hex_is_taken_in_any_spacing(text: str, modlens: Modlens) -> None:
     assert done.status == 0
     assert "request, rtu, ok" in done.out
     assert "CRC OK" in done.out
+
+
+def test_a_picture_for_a_ticket_stands_between_fences(modlens: Modlens) -> None:
+    """--to md prints the same between fences, which keep the columns."""
+    shown = modlens("show", REQUEST).out
+    assert modlens("show", REQUEST, "--to", "md").out == f"```text\n{shown}```\n"
 
 
 def test_words_may_come_one_by_one(modlens: Modlens) -> None:
@@ -226,9 +232,17 @@ def test_formats_are_listed_with_samples(modlens: Modlens) -> None:
     """`formats` lists every format with a sample."""
     done = modlens("formats")
     assert done.status == 0
-    for kind in FORMATS.values():
+    for kind in all_formats().values():
         assert kind.name in done.out
         assert kind.sample[0] in done.out
+
+
+def test_columns_are_explained(modlens: Modlens) -> None:
+    """A column by its name, in each table that has it; a finding goes first."""
+    done = modlens("explain", "response_time_us")
+    assert done.status == 0
+    assert "response_time_us (column)" in done.out
+    assert "transactions: " in done.out
 
 
 def test_explain_lists_its_words(modlens: Modlens) -> None:

@@ -161,13 +161,44 @@ def test_every_transaction_appears_once(mode: str, tmp_path: Path) -> None:
     assert "Traceback" not in running.err
 
 
+def test_the_doctor_listens(tmp_path: Path) -> None:
+    """A unit that is not there: the verdict at the end; with --doctor the cause and the cure.
+
+    The report of the tap says the same.
+    """
+    said = []
+    with polling("rtu") as (bus, client):
+        client.comm_params.timeout_connect = 0.1
+        page = tmp_path / "report.html"
+        for words in ((), ("--doctor", "--report", page)):
+            with Tap(bus.path("tap"), *words) as running:
+                for number in range(24):
+                    with contextlib.suppress(ModbusException):
+                        client.read_holding_registers(0, count=2, device_id=UNIT + number % 2)
+                bus.wait_idle()
+                time.sleep(0.3)
+                assert running.stop() == 0
+                said.append(running)
+    plain, doctor = said
+    assert f"Unit {UNIT + 1} never answers" in " ".join(plain.err.split())
+    assert "dead_unit_cost (" not in plain.out
+    out = " ".join(doctor.out.split())
+    assert out.startswith("This line")
+    assert "1. dead_unit_cost (error)" in out
+    assert "Check:" in out
+    assert "reserves of the units" in out
+    told = page.read_text("utf-8")
+    assert f"Unit {UNIT + 1} never answers" in told
+    assert "dead_unit_cost" in told
+
+
 def test_the_screen_shows_what_happens_as_it_happens(tmp_path: Path) -> None:
     """A line for each transaction, soon after it; then the summary."""
     with polling("rtu") as (bus, client), Tap(bus.path("tap"), "--times", "elapsed") as running:
         truth = follow(bus, client)
         assert running.stop(signal.SIGTERM) == 0
     head, *lines = running.out.splitlines()
-    assert head.split()[:4] == ["trans.", "elapsed", "s", "unit"]
+    assert head.split()[:4] == ["no.", "elapsed", "s", "unit"]
     assert len(lines) == len(truth)
     assert all(len(line) <= 80 for line in [head, *lines])
 

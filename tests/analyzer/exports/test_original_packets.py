@@ -98,7 +98,7 @@ def test_what_is_no_capture_is_refused(tmp_path: Path) -> None:
     """A text recording is refused, because it has no packets."""
     path = tmp_path / "bus.hex"
     path.write_text("01 03\n")
-    with pytest.raises(SourceError, match="works only with pcap and pcapng"):
+    with pytest.raises(SourceError, match="must be a pcap or pcapng itself"):
         cut(path, {1}, tmp_path / "part.pcapng")
 
 

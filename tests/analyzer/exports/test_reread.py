@@ -4,8 +4,8 @@ What cannot be the same, and why:
 
 - `source` names the packet of the capture, not the line of the recording.
 - The order of findings of different frames: each comes with its packet.
-- Findings on a connection (lost segments, segments sent twice) belong to no frame, and so to no
-  packet.
+- Findings on a connection (lost segments, segments sent twice) and on a line as a whole (a unit
+  that pads its responses) belong to no frame, and so to no packet.
 - Of a live tap: the end of a transaction that nothing follows. Its packets are written when it is
   open, and the file ends before its end is known.
 """
@@ -29,6 +29,7 @@ from tests.conftest import CAPTURES, need_program
 from tests.support.tshark import environment
 
 pyarrow = pytest.importorskip("pyarrow")
+pytest.importorskip("pyarrow.compute")
 
 TABLES = ("frames", "transactions", "findings", "readings")
 
@@ -40,6 +41,7 @@ def rows(source: Decoding, table: str, skip: Iterable[str] = ("source",)) -> lis
     listed: list[dict[str, Any]] = pyarrow.table(getattr(source, table)).to_pylist()
     found = [{key: row[key] for key in row if key not in skip} for row in listed]
     if table == "findings":
+        found = [row for row in found if row["frame"] is not None]
         found.sort(key=lambda row: (row["frame"], row["code"], row["detail"]))
     return found
 
@@ -58,6 +60,7 @@ def _arrow(source: Decoding, table: str) -> Any:
     if "source" in found.column_names:
         found = found.drop_columns(["source"])
     if table == "findings":
+        found = found.filter(pyarrow.compute.field("frame").is_valid())
         found = found.sort_by([(key, "ascending") for key in ("frame", "code", "detail")])
     return found.combine_chunks()
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import socket
 import urllib.request
+from dataclasses import astuple
+from functools import partial
 from typing import Any
 
 import pytest
@@ -13,6 +15,7 @@ pytest.importorskip("prometheus_client")
 from prometheus_client.parser import text_string_to_metric_families
 
 from analyzer import SourceError, UsageError
+from analyzer.exports.recorder import RecordingStatus
 from analyzer.feeds.metrics import Metrics, parse_address
 from tests.analyzer.cli.test_triggers import batches
 
@@ -48,6 +51,24 @@ def test_a_scraper_reads_what_happened() -> None:
     metrics.close()
     with socket.socket() as probe:
         assert probe.connect_ex(("127.0.0.1", port)) != 0
+
+
+def test_trouble_of_the_recording_is_a_metric() -> None:
+    """While a disk is full, and what is missing afterwards; nothing where nothing is recorded."""
+    for trouble, lost in ((None, 0), ("bus.pcapng: no space left", 17)):
+        status = RecordingStatus("bus.pcapng", trouble, trouble is not None, 100, lost, 0)
+        metrics = Metrics(
+            ("127.0.0.1", 0), lambda: STATS, None, partial(RecordingStatus, *astuple(status))
+        )
+        for batch in batches("."):
+            metrics.put(batch)
+        found = scrape(metrics)
+        metrics.close()
+        assert found["modlens_recording_works"] == (trouble is None)
+        assert found["modlens_recording_lost_bytes"] == lost
+    metrics = Metrics(("127.0.0.1", 0), lambda: STATS)
+    assert not any("recording" in name for name in scrape(metrics))
+    metrics.close()
 
 
 def test_a_port_that_is_taken_is_reported() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import socket
 import subprocess
 import sys
@@ -19,7 +20,7 @@ from analyzer import SourceError, UsageError
 from analyzer.feeds.broker import PASSWORD_VARIABLE, parse_broker
 from analyzer.feeds.mqtt import Mqtt
 from tests.analyzer.feeds.test_mqtt import Mosquitto, pass_through, settle
-from tests.conftest import ROOT, Modlens, environment, need_program
+from tests.conftest import ROOT, Modlens, command, environment, need_program
 from tests.support.ptybus import PtyBus
 
 PASSWORD = "s3cret of the plant"
@@ -138,6 +139,23 @@ def test_where_a_password_comes_from(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.delenv(PASSWORD_VARIABLE)
     assert parse_broker(url).password == "of the URL"
     assert "of the URL" not in f"{parse_broker(url)} {parse_broker(url)!r}"
+    assert parse_broker(url, password_file=path).password_in_url
+    assert not parse_broker("mqtt://tap@broker", password_file=path).password_in_url
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the port is a pty")
+def test_a_password_that_everybody_can_read_is_warned_of() -> None:
+    """Once, with what to do instead, and without the password."""
+    far, near = os.openpty()
+    port = (os.ttyname(near), "--line", "19200-8E1", "--duration", "0.2s")
+    words = command("tap", *port, "--mqtt", "mqtt://tap:secret@127.0.0.1:9")
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
+    os.close(far)
+    os.close(near)
+    said = " ".join(done.stderr.split())
+    assert said.count("read the password in the list of processes") == 1
+    assert f"--mqtt-password-file or {PASSWORD_VARIABLE}" in said
+    assert "secret" not in said
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,13 @@ def test_hex_is_found_in_any_dress(text: str) -> None:
     assert detect_format(text.encode(), "bus.log").format == "hex"
 
 
+def test_a_time_in_front_of_hex_is_no_offset() -> None:
+    """Seconds since 1970 look like the offsets of a dump, but they do not count bytes."""
+    exchanges = ["01 03 02 8a 00 04 64 5b", "01 03 08 03 33 c7 27 00 00 00 00 f2 71"] * 20
+    lines = [f"{1697041234 + i}.{i:03}000 {text}" for i, text in enumerate(exchanges)]
+    assert detect_format("\n".join(lines).encode(), "bus.hex").format == "hex"
+
+
 def test_modbus_ascii_as_it_was_on_the_line_is_raw() -> None:
     """Colons and hex digits are what the bytes look like, not a text of them."""
     assert detect_format(b":010300000001FB\r\n:0103020007F3\r\n", "bus.bin").format == "raw"

@@ -14,7 +14,6 @@ import pytest
 from analyzer import PortError
 from analyzer.line import Line
 from analyzer.sources import port_listener as live_module
-from analyzer.sources.clock import Clock
 from analyzer.sources.port_listener import PortListener, TappedPort
 from analyzer.sources.serial import Chunk, Port
 
@@ -159,22 +158,13 @@ def test_overruns_are_reported_and_marked(tmp_path: Path, monkeypatch: pytest.Mo
     end.pull()
 
 
-class Machine:
-    """A clock whose wall can be set, and which can sleep: the nanoseconds are added to the real."""
-
-    def __init__(self) -> None:
-        """Nothing has happened yet."""
-        self.set = self.slept = 0
-        self.clock = Clock(lambda: time.time_ns() + self.set, suspended=lambda: self.slept)
-
-
 def test_a_sleep_of_the_machine_is_a_hole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody knows what was on the line meanwhile; times are those of the wall at once."""
     monkeypatch.setattr(live_module, "CHECK_INTERVAL_NS", 0)
-    end, machine, said = FarEnd(tmp_path / "ttyA"), Machine(), list[str]()
+    end, said = FarEnd(tmp_path / "ttyA"), list[str]()
     tapped = [TappedPort(str(end.link), LINE)]
-    with closing(PortListener(tapped, said.append, clock=machine.clock)) as listening:
-        machine.set = machine.slept = 3600 * S
+    with closing(PortListener(tapped, said.append)) as listening:
+        listening._inbox.pretend(3600 * S, 3600 * S)
         listening.take(0.0)
         os.write(end.far, b"x")
         ((_, chunk),) = gather(listening, 1)
@@ -189,15 +179,13 @@ def test_a_clock_that_is_set_forward_is_no_hole(
 ) -> None:
     """The line went on: times follow when nothing is under way on it, and not before."""
     monkeypatch.setattr(live_module, "CHECK_INTERVAL_NS", 0)
-    end, machine, said = FarEnd(tmp_path / "ttyA"), Machine(), list[str]()
+    end, said = FarEnd(tmp_path / "ttyA"), list[str]()
     tapped = [TappedPort(str(end.link), LINE)]
     times = []
-    with closing(
-        PortListener(tapped, said.append, clock=machine.clock, idle_ns=S // 5)
-    ) as listening:
+    with closing(PortListener(tapped, said.append, idle_ns=S // 5)) as listening:
         os.write(end.far, b"a")
         gather(listening, 1)
-        machine.set = 3600 * S
+        listening._inbox.pretend(3600 * S, 0)
         for pause in (0.0, 0.05, 0.4):
             time.sleep(pause)
             listening.take(0.0)

@@ -65,10 +65,12 @@ def test_decode_says_it(tmp_path: Path) -> None:
 
 
 def test_bytes_without_marks_and_few_bytes() -> None:
-    """Without error marks, or with few bytes, the parity is reported as unknown."""
+    """A file of bytes tells neither rate nor parity, whatever --line says; few bytes nothing."""
     pair = bytes.fromhex("010300000001840a0103020007f986")
-    (first, second) = infer_settings(list(reads(pair * 20)), None)
-    assert "right, rtu" in first
-    assert "the parity is unknown" in second
+    for given in (None, parse_line("19200-8E1")):
+        (said,) = infer_settings(list(reads(pair * 20)), given)
+        assert "rtu: " in said
+        assert "bytes alone do not tell which they were" in said
+        assert "19200" not in said
     (few,) = infer_settings(list(reads(pair)), None)
     assert "too few" in few

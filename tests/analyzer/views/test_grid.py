@@ -58,3 +58,17 @@ def test_a_narrow_terminal_gets_the_least_widths() -> None:
     """On a narrow terminal columns keep their least widths."""
     table = grid([ColumnLayout("name", 8, free_share=1), ColumnLayout("n")], [["a", "1"]], 5)
     assert text_of(table.line(["abcdefghijk", "1"])) == "abcdefg… 1"
+
+
+def test_a_name_gives_way_and_a_value_is_whole() -> None:
+    """Where the terminal has no room, the name is cut first; a value pushes its line instead."""
+    heads = [
+        ColumnLayout("name", 6, max_width=28, gives_way=True),
+        ColumnLayout("value", 5, max_width=10, is_whole=True, gives_way=True),
+        ColumnLayout("min", 3, align_right=True),
+    ]
+    rows = [["supply temperature", "21.5", "3"], ["state", "running at night", "0"]]
+    assert text_of(grid(heads, rows, 40).line(rows[0])) == "supply temperature 21.5         3"
+    narrow = grid(heads, rows, 20)
+    assert text_of(narrow.line(rows[0])) == "supply te… 21.5    3"
+    assert text_of(narrow.line(rows[1])) == "state      running at night   0"

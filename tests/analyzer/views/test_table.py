@@ -44,7 +44,8 @@ def test_a_transaction_takes_a_line(polls: Path, monkeypatch: pytest.MonkeyPatch
     """Number, time, unit, function, addresses, response time, status, values."""
     head, day, first, *_ = shown(polls, monkeypatch)
     assert head.split() == [
-        "trans.", "time", "UTC", "unit", "function", "addr", "from", "0", "ms", "status,", "values",
+        "no.", "time", "UTC", "unit", "function", "addr", "from", "0", "resp.", "ms",
+        "status,", "values",
     ]  # fmt: skip
     assert day == "2026-11-21"
     words = first.split()
@@ -170,7 +171,7 @@ def test_without_a_clock_the_place_in_the_file_stands_there(
 ) -> None:
     """A line of text or an offset of bytes, and no response times."""
     head, first, *_ = shown(captures / "seed_rtu" / "recording.hex", monkeypatch)
-    assert head.split()[:3] == ["trans.", "line", "unit"]
+    assert head.split()[:3] == ["no.", "line", "unit"]
     assert " ms " not in head
     assert first.split()[1] == "4"
     head, first, *_ = shown(captures / "seed_ascii" / "recording.bin", monkeypatch)

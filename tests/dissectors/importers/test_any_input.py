@@ -54,6 +54,17 @@ SUNSPEC = rows(
     symbols=[[{"name": "s", "value": 1}]], units=["V"], access=["RW"], label=["l"],
 )  # fmt: skip
 
+SOLARMAN = rows(
+    name=["a"], rule=[1, 2, 3, 5, 6, 9], registers=[[1], [2, 1], [1, 2], ["0x10"]], scale=[0.1],
+    offset=[1000], mask=[0xF0, 0xFFFF], lookup=[[{"key": 16, "value": "x"}]], uom=["V"],
+    divide=[10],
+)  # fmt: skip
+CHANNELS = rows(
+    name=["a"], reg_type=["input", "coil"], format=["s16", "float", "string"], scale=[0.1],
+    string_data_size=[4], error_value=["0xFFFF"], enum=[[1, 2]], enum_titles=[["a", "b"]],
+    readonly=[True], word_order=["little_endian"], write_address=[3], consists_of=[[{}]],
+)  # fmt: skip
+
 
 def no_crash(form: str, text: str, **options: Any) -> None:
     """A profile that the core takes, or an error for the operator."""
@@ -103,6 +114,24 @@ def test_sunspec(found: list[dict[str, Any]], groups: list[dict[str, Any]], coun
     """SunSpec: any keys with any values are read, or refused with an error of ours."""
     group = {"points": found, "groups": [{"name": "g", "count": count, "points": groups}]}
     no_crash("sunspec", json.dumps({"id": 1, "group": group}))
+
+
+@settings(deadline=None, max_examples=40)
+@given(found=SOLARMAN, start=odd, code=st.sampled_from([3, 4]) | odd)
+def test_solarman(found: list[dict[str, Any]], start: Any, code: Any) -> None:
+    """Solarman: any keys with any values are read, or refused with an error of ours."""
+    requests = [{"start": start, "end": 99, "mb_functioncode": code}]
+    no_crash("solarman", json.dumps({"requests": requests, "parameters": [{"items": found}]}))
+
+
+@settings(deadline=None, max_examples=40)
+@given(found=CHANNELS, parameters=CHANNELS, unit=odd)
+def test_wb_mqtt_serial(
+    found: list[dict[str, Any]], parameters: list[dict[str, Any]], unit: Any
+) -> None:
+    """wb-mqtt-serial: any keys with any values are read, or refused with an error of ours."""
+    device = {"slave_id": unit, "channels": found, "parameters": parameters}
+    no_crash("wb-mqtt-serial", json.dumps({"device": device}))
 
 
 CELLS = st.sampled_from(

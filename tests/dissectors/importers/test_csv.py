@@ -410,9 +410,12 @@ FEATURES = {
         'Address;Name;Values\n7;x;{"0": "off", "1": "on"}\n', x(enum={"0": "off", "1": "on"})
     ),
     "enum-that-is-none": Feature(
-        one("Values", "0 to 100"),
+        one("Values", "see manual"),
         x(),
-        ("line 2, x: labels '0 to 100' are not understood; skipped",),
+        ("line 2, x: labels 'see manual' are not understood; skipped",),
+    ),
+    "enum-that-is-a-range": Feature(
+        one("Values", "-5~100%"), x(), ("a range of values: cannot be kept in a profile",)
     ),
     "enum-of-a-float": Feature(
         one("Type,Enum", "FLOAT,0=off"),
@@ -514,10 +517,7 @@ FEATURES = {
                 "enum": {"0": "idle", "1": "run"},
             },
         },
-        (
-            "a table of PythonProtocolGateway",
-            "column 'note' has the same meaning as 'documented name'; skipped",
-        ),
+        ("a table of PythonProtocolGateway",),
     ),
     "preset-volttron-by-its-words": Feature(
         "Register Name,Address,Type,Units,Writable,Transform,Table,Mixed Endian\n"

@@ -204,6 +204,12 @@ FEATURES = {
         + entities('name: "${long}", address: $at'),
         {"cellar pump": {"at": "hr:7", "type": "u16"}},
     ),
+    "substitutions-of-a-package": Feature(
+        "defaults: {room: cellar, deep: 7}\nsubstitutions: {room: attic}\nsensor:\n"
+        "  - {platform: modbus_controller, name: '${room} pump', address: 7,"
+        " register_type: holding}\n",
+        {"attic pump": {"at": "hr:7", "type": "u16"}},
+    ),
     "left-substitutions-of-another-file": Feature(
         "substitutions: {room: cellar}\npackages: {a: b}\n"
         + entities('name: "${level}", address: 7'),

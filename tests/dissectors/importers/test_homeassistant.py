@@ -122,10 +122,62 @@ FEATURES = {
         sensor('data_type: custom, count: 4, structure: ">8s"'), x(kind="str", count=4)
     ),
     "struct-mixed": Feature(
-        beside('address: 8, data_type: custom, structure: ">2h3b"'),
-        x(),
-        ("y: data type '>2h3b' is not understood; skipped",),
+        sensor('data_type: custom, count: 7, scale: 0.1, structure: ">hH5h"'),
+        {
+            "x_1": {"at": "hr:7", "type": "s16", "scale": 0.1},
+            "x_2": {"at": "hr:8", "type": "u16", "scale": 0.1},
+            "x_3": {"at": "hr:9", "type": "s16", "count": 5, "scale": 0.1},
+        },
+        ("x: structure '>hH5h' gives 3 points, numbered by their first value",),
     ),
+    "struct-with-padding": Feature(
+        sensor('data_type: custom, count: 5, structure: ">h4xf"'),
+        {"x_1": {"at": "hr:7", "type": "s16"}, "x_2": {"at": "hr:10", "type": "f32"}},
+        ("x: structure '>h4xf' gives 2 points, numbered by their first value",),
+    ),
+    # Python aligns the float to four bytes where no prefix is given: calcsize("hf") is 8.
+    "struct-aligned": Feature(
+        sensor('data_type: custom, count: 4, structure: "hf"'),
+        {
+            "x_1": {"at": "hr:7", "type": "s16", "order": "BADC"},
+            "x_2": {"at": "hr:9", "type": "f32", "order": "DCBA"},
+        },
+        ("x: structure 'hf' gives 2 points, numbered by their first value",),
+    ),
+    "struct-of-halves": Feature(
+        sensor('data_type: custom, count: 2, structure: ">Bbh"'),
+        {
+            "x_1": {"at": "hr:7", "type": "u8h"},
+            "x_2": {"at": "hr:7", "type": "s8l"},
+            "x_3": {"at": "hr:8", "type": "s16"},
+        },
+        ("x: structure '>Bbh' gives 3 points, numbered by their first value",),
+    ),
+    # Swapped words turn round all three registers: the float is in front, its words swapped.
+    "struct-swapped-words": Feature(
+        sensor('data_type: custom, count: 3, structure: ">hf", swap: word'),
+        {
+            "x_1": {"at": "hr:9", "type": "s16"},
+            "x_2": {"at": "hr:7", "type": "f32", "order": "CDAB"},
+        },
+        ("x: structure '>hf' gives 2 points, numbered by their first value",),
+    ),
+    **{
+        f"struct-refused-{structure}": Feature(
+            beside(f'address: 8, data_type: custom, structure: "{structure}"{more}'),
+            x(),
+            (f"y: {why}; skipped",),
+        )
+        for structure, more, why in [
+            (">2h3b", "", "structure '>2h3b' takes 7 bytes: no whole registers"),
+            (">bhb", "", "value 2 begins in the middle of a register"),
+            (">hP", "", "structure with 'P', which no register holds"),
+            (">h2", "", "structure '>h2' is not understood"),
+            (">hH", ", count: 3", "structure '>hH' takes 2 registers, not the count of 3"),
+            (">hH", ", virtual_count: 3", "an array of structures"),
+            (">h4s", ", swap: word", "registers of a text in turned order"),
+        ]
+    },
     # The schemas of 2020 and 2021: the count is the width.
     **{
         f"old-{word}-{count}": Feature(sensor(f"data_type: {word}, count: {count}"), x(kind=kind))

@@ -19,6 +19,12 @@ EXAMPLES = {
     "homeassistant": "modbus:\n  - sensors:\n      - {name: x, address: 7}\n",
     "esphome": "sensor:\n  - {platform: modbus_controller, name: x, address: 7}\n",
     "sunspec": '{"id": 1, "group": {"points": [{"name": "ID", "type": "uint16"}]}}\n',
+    "solarman": "parameters:\n  - items:\n      - {name: x, rule: 1, registers: [7]}\n",
+    "evcc": "source: modbus\nregister:\n  address: 7\n  type: holding\n  decode: uint16\n",
+    "wb-mqtt-serial": '{"device": {"channels": [{"name": "x", "address": 7}]}}\n',
+    "openhab": 'Bridge modbus:poller:p [ type="holding" ] {\n'
+    '  Thing data x [ readStart="7", readValueType="uint16" ]\n}\n',
+    "modpoll": "device,d,1\npoll,holding_register,0,9,BE_BE\nref,x,7,uint16,r\n",
 }
 """The smallest file of each."""
 

@@ -83,6 +83,11 @@ FEATURES = {
             "F": {"at": "hr:3", "type": "s16", "nan": [0x8000], "group": "own"},
         },
     ),
+    "scale-of-no-point": Feature(
+        model(point("acc16", sf="F")),
+        x(),
+        ("x: there is no point 'F' for its scale factor; left unscaled",),
+    ),
     "scale-constant": Feature(model(point("acc16", sf=-3)), x(scale=0.001)),
     "scale-constant-positive": Feature(model(point("acc16", sf=2)), x(scale=100)),
     "scale-constant-0": Feature(model(point("acc16", sf=0)), x()),

@@ -80,9 +80,10 @@ def in_home_assistant(profile: Profile) -> list[Row]:
                 *(kind for kind in REGISTERS_OF_TYPE if kind[0] in "usf"),
             ):
                 continue
-            if point["type"].startswith(("u8", "s8")):
-                continue
         row = carried(point, profile, keys)
+        # A structure names each value, and a swap would turn one half of a register into the other.
+        if point["type"].startswith(("u8", "s8")) and (point.get("count", 1) > 1 or "order" in row):
+            continue
         if "." in place and (not place.endswith(".0") or "order" in row):
             continue
         if space == "co" and point.get("access", "r") != "r":

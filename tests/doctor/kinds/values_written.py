@@ -28,14 +28,14 @@ class Spikes(Trouble):
             return answers
         data = answers[0].data
         length = len(data) - 5
-        spoilt = self._spoilt(exchange.poll.address, length)
+        wrong = self._wrong_values(exchange.poll.address, length)
         self._other[exchange.poll.address] = data[3:-2]
-        if spoilt is None or self.rng.random() >= self.rate:
+        if wrong is None or self.rng.random() >= self.rate:
             return answers
         exchange.struck = True
-        return [replace(answers[0], data=rtu(data[0], data[1:3] + spoilt))]
+        return [replace(answers[0], data=rtu(data[0], data[1:3] + wrong))]
 
-    def _spoilt(self, address: int, length: int) -> bytes | None:
+    def _wrong_values(self, address: int, length: int) -> bytes | None:
         if self.style != "other":
             return (b"\xff" if self.style == "ones" else b"\x00") * length
         known = [values for place, values in self._other.items() if place != address]

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashSet};
 
-use crate::model::Label;
+use crate::model::{Direction, Label};
 use crate::reported::{ReportedFrame, TransactionClaim};
 use crate::score::matching::Matching;
 use crate::score::pairs;
@@ -14,7 +14,8 @@ pub type Odds = BTreeMap<(TransactionClaim, u8), (u64, u64)>;
 /// Adds the transactions of a run over a case.
 ///
 /// An answered one is wrong if request and response do not belong together; one without response if there was one; a response
-/// that nobody asked for if its request was received. Frames that the truth leaves open are not counted.
+/// that nobody asked for if its request was received. Frames that may be called silent or not are not counted; but those that no
+/// listener can decide are: what a row states of them has to be as often right.
 pub fn count(case: &Case, reported: &[ReportedFrame], odds: &mut Odds) {
     let matching = Matching::new(case, reported);
     let mut add = |frame: &ReportedFrame, wanted: TransactionClaim, is_right: bool| {
@@ -28,11 +29,16 @@ pub fn count(case: &Case, reported: &[ReportedFrame], odds: &mut Odds) {
         add(&reported[claim.response], TransactionClaim::Late, claim.right);
     }
     let wanted: HashSet<(u8, u64)> = pairs::wanted(case).map(|frame| (frame.line, frame.start)).collect();
+    let responses = case.truth.iter().filter(|frame| frame.valid && frame.direction == Direction::Response);
+    let answered: HashSet<u32> = responses.map(|frame| frame.txn).collect();
     for (frame, truth) in reported.iter().zip(&matching.truth_of) {
         let truth = truth.map(|at| &case.truth[at]);
-        let is_open = truth.is_some_and(|truth| truth.allowed_labels.contains(Label::NoResponse));
+        let is_open = truth.is_some_and(|truth| !truth.is_undecided && truth.allowed_labels.contains(Label::NoResponse));
         if !is_open && frame.is_whole && !matching.is_unscored(frame) {
-            let is_silent = truth.is_some_and(|truth| truth.labels.contains(Label::NoResponse));
+            let is_silent = truth.is_some_and(|truth| {
+                let is_without_response = truth.direction == Direction::Request && !answered.contains(&truth.txn);
+                truth.labels.contains(Label::NoResponse) || (truth.is_undecided && is_without_response)
+            });
             add(frame, TransactionClaim::Silent, is_silent);
             add(frame, TransactionClaim::Unasked, truth.is_some() && !wanted.contains(&(frame.line, frame.start)));
         }

@@ -12,8 +12,8 @@ use crate::sim::truth::TruthFrame;
 /// Scores the pairs of an algorithm. Wanted is every valid response whose request is valid. Responses from a wrong unit and
 /// repeated responses count neither as right nor as wrong.
 pub(crate) fn score(case: &Case, reported: &[ReportedFrame], matching: &Matching) -> Tally {
-    let right = claims(case, reported, matching).filter(|claim| claim.right).count() as u64;
-    let claimed = claims(case, reported, matching).count() as u64;
+    let decided = || claims(case, reported, matching).filter(|claim| !claim.is_undecided);
+    let (right, claimed) = (decided().filter(|claim| claim.right).count() as u64, decided().count() as u64);
     Tally { found: right, wanted: wanted(case).count() as u64, right, claimed }
 }
 
@@ -23,6 +23,8 @@ pub(crate) struct Claim {
     pub(crate) response: usize,
     /// Whether the assignment is right.
     pub(crate) right: bool,
+    /// No listener can tell.
+    pub(crate) is_undecided: bool,
 }
 
 /// The pairs that an algorithm reports.
@@ -46,7 +48,8 @@ pub(crate) fn claims<'a>(
         let truth = |at: usize| matching.truth_of[at].map(|truth| &case.truth[truth]);
         let (request, response) = (truth(request), truth(at));
         let right = matches!((request, response), (Some(request), Some(response)) if is_pair(request, response));
-        response.is_none_or(|response| !needs_no_pair(response)).then_some(Claim { response: at, right })
+        let is_undecided = response.is_some_and(|response| response.is_undecided);
+        response.is_none_or(|response| !response.needs_no_pair).then_some(Claim { response: at, right, is_undecided })
     })
 }
 

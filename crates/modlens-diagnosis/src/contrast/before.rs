@@ -1,10 +1,21 @@
 //! What came before a transaction.
 
+use modlens_protocol::Ns;
+
+use super::tally::Place;
+
 /// What came before a transaction on its bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Before {
     /// Unit of the transaction before, and whether that was not answered.
     pub previous: Option<(u8, bool)>,
+    /// Whether that failed in any way.
+    pub failed: bool,
     /// Whether a write was among the four transactions before.
     pub written: bool,
+    /// The answer to the request before came after this request: its unit, its place, how long the master waited before it
+    /// went on, and how long it would have had to.
+    pub overtaken: Option<(u8, Place, Ns, Ns)>,
+    /// Hash of the request before, if it is another one and came right before, and whether it failed.
+    pub request: Option<(u64, bool)>,
 }

@@ -104,10 +104,11 @@ impl ClientCounts {
         if seen.requests == 0 {
             return;
         }
+        // A client that speaks one framing drops what comes in another, though it is told here as the answer that it is.
         let differ = seen.client_framing.zip(seen.server_framing).is_some_and(|(client, server)| client != server);
         // A server of MBAP drops requests in another framing without a word.
         let is_ignored = seen.client_framing.is_some_and(|framing| framing != "tcp") && seen.answered == 0;
-        let mismatched = (differ || is_ignored) && seen.answered == 0;
+        let mismatched = differ || is_ignored;
         self.mismatched.count(mismatched, place);
         if mismatched {
             self.mismatched_requests += seen.requests;

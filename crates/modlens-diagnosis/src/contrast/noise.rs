@@ -11,6 +11,9 @@ use crate::observation::FrameObservation;
 /// Different runs that are counted one by one.
 const MAX_RUNS: usize = 256;
 
+/// Different runs with the same beginning that are told apart.
+const MAX_WHOLES: usize = 4;
+
 /// The beginning of a run of noise.
 pub type NoiseKey = Vec<u8>;
 
@@ -26,6 +29,8 @@ pub struct NoiseCounts {
     pub bytes: u64,
     /// From one to the next.
     pub period: Durations,
+    /// Some of the different runs that begin like this, by their hashes.
+    pub wholes: Sample<u64, u64, MAX_WHOLES>,
     first: Option<Ns>,
     last: Option<Ns>,
 }
@@ -81,6 +86,10 @@ impl NoiseCounts {
     fn count(&mut self, seen: &FrameObservation) {
         self.seen.count(true, seen.place);
         self.bytes += u64::from(seen.length);
+        let whole = mix_bytes(&seen.bytes);
+        if let Some(count) = self.wholes.entry(whole, whole) {
+            *count += 1;
+        }
         let Some(time) = seen.place.time else { return };
         if let Some(last) = self.last.filter(|last| *last < time) {
             self.period.add(time - last);
@@ -93,6 +102,7 @@ impl NoiseCounts {
         self.seen.merge(&later.seen);
         self.bytes += later.bytes;
         self.period.merge(&later.period);
+        self.wholes.merge(&later.wholes, |own, more| *own += more);
         if let Some((last, first)) = self.last.zip(later.first).filter(|(last, first)| last < first) {
             self.period.add(first - last);
         }

@@ -2,9 +2,44 @@
 
 use modlens_protocol::Ns;
 
+use super::before::Before;
+use super::sample::Sample;
 use super::tally::Tally;
 use super::times::Durations;
 use crate::observation::{Observation, Outcome};
+use crate::statistics::Share;
+
+/// Different requests before it that are counted.
+const MAX_BEFORE: usize = 16;
+
+/// Two different requests, one right behind the other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pair {
+    /// How often.
+    pub total: u64,
+    /// How often the first one failed.
+    pub first_failed: u64,
+    /// How often the second one failed.
+    pub second_failed: u64,
+    /// How often both did not fail.
+    pub clean: u64,
+}
+
+impl Pair {
+    fn count(&mut self, first_failed: bool, second_failed: bool) {
+        self.total += 1;
+        self.first_failed += u64::from(first_failed);
+        self.second_failed += u64::from(second_failed);
+        self.clean += u64::from(!first_failed && !second_failed);
+    }
+
+    fn merge(&mut self, later: &Self) {
+        self.total += later.total;
+        self.first_failed += later.first_failed;
+        self.second_failed += later.second_failed;
+        self.clean += later.clean;
+    }
+}
 
 /// What came of one distinct request.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -33,13 +68,19 @@ pub struct RequestCounts {
     pub all_zeros: Lonely,
     /// Answers with the data of another request, alone between others.
     pub of_another: Lonely,
+    /// Answers that begin or end with FFFF and are not all FFFF.
+    pub near_ones: u64,
+    /// The same with 0000.
+    pub near_zeros: u64,
+    /// By the request before.
+    pub after: Sample<u64, Pair, MAX_BEFORE>,
     first_start: Option<Ns>,
     last_start: Option<Ns>,
     first_written: u64,
     last_written: u64,
 }
 
-/// Odd ones in a series that stand alone: others come right before and right after.
+/// Odd ones in a series, and in how many runs they stand.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Lonely {
     /// Odd ones.
@@ -65,25 +106,34 @@ impl Lonely {
         self.last = later.last.or(self.last);
     }
 
-    /// Whether each odd one stood alone.
-    pub fn are_alone(&self) -> bool {
+    /// In how many runs the odd ones stand.
+    pub fn runs(&self) -> u64 {
+        // Each run but those at the two ends begins and ends with a turn.
         let ends = u64::from(self.first == Some(true)) + u64::from(self.last == Some(true));
-        self.odd.failed > 0 && self.turns + ends >= 2 * self.odd.failed
+        (self.turns + ends).div_ceil(2)
     }
 }
 
 impl RequestCounts {
-    pub(super) fn count(&mut self, seen: &Observation) {
+    pub(super) fn count(&mut self, seen: &Observation, before: Before) {
         self.writes = seen.writes;
+        if let Some((request, failed)) = before.request {
+            if let Some(pair) = self.after.entry(request, request) {
+                pair.count(failed, seen.outcome.is_failure());
+            }
+        }
         match seen.outcome {
             Outcome::Good => self.good += 1,
             Outcome::Refused => self.refused[seen.exception.map_or(3, |code| usize::from(code.wrapping_sub(1)).min(3))] += 1,
             Outcome::Silent => self.silent += 1,
             Outcome::Garbled | Outcome::BadRequest => self.damaged += 1,
-            Outcome::Unasked | Outcome::Unknown => {}
+            Outcome::Unasked | Outcome::NotSeen | Outcome::Unknown => {}
         }
         self.bad.count(seen.outcome.is_failure() || seen.outcome == Outcome::Refused, seen.place);
         if seen.outcome == Outcome::Good && seen.data.hash != 0 {
+            let [touches_ones, touches_zeros] = seen.data.touches;
+            self.near_ones += u64::from(touches_ones && !seen.data.all_ones);
+            self.near_zeros += u64::from(touches_zeros && !seen.data.all_zeros);
             self.all_ones.count(seen.data.all_ones, seen.place);
             self.all_zeros.count(seen.data.all_zeros, seen.place);
             self.of_another.count(seen.is_of_another, seen.place);
@@ -124,6 +174,9 @@ impl RequestCounts {
         self.all_ones.merge(&later.all_ones);
         self.all_zeros.merge(&later.all_zeros);
         self.of_another.merge(&later.of_another);
+        self.near_ones += later.near_ones;
+        self.near_zeros += later.near_zeros;
+        self.after.merge(&later.after, Pair::merge);
         self.written.merge(&later.written);
         let is_change = self.last_written != 0 && later.first_written != 0 && self.last_written != later.first_written;
         self.changes += later.changes + u64::from(is_change);
@@ -139,6 +192,11 @@ impl RequestCounts {
         if later.last_written != 0 {
             self.last_written = later.last_written;
         }
+    }
+
+    /// How often it failed in any way but by a refusal.
+    pub fn failures(&self) -> Share {
+        Share { failed: self.silent + self.damaged, total: self.sent() }
     }
 
     /// How often it was sent, with a known end.

@@ -41,6 +41,26 @@ impl<K: Ord + Clone, V: Default, const LIMIT: usize> Sample<K, V, LIMIT> {
         }
     }
 
+    /// How many entries there are.
+    pub fn len(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+
+    /// The hashes of the keys.
+    pub fn hashes(&self) -> impl Iterator<Item = u64> + '_ {
+        self.entries.keys().map(|(hash, _)| *hash)
+    }
+
+    /// Leaves out the entries whose hash does not meet this.
+    pub fn retain(&mut self, keeps: impl Fn(u64) -> bool) {
+        self.entries.retain(|(hash, _), _| keeps(*hash));
+    }
+
     /// The entries, in the order of their keys.
     pub fn sorted(&self) -> Vec<(&K, &V)> {
         let mut all: Vec<(&K, &V)> = self.entries.iter().map(|((_, key), value)| (key, value)).collect();

@@ -1,5 +1,6 @@
 //! The smallest counters: how often, since when, until when, and for example where.
 
+pub use modlens_protocol::mix::mix;
 use modlens_protocol::Ns;
 
 /// Examples kept for each claim.
@@ -21,7 +22,7 @@ pub struct Place {
 pub struct Examples(Vec<(u64, u64)>);
 
 impl Examples {
-    fn add(&mut self, number: u64) {
+    pub(super) fn add(&mut self, number: u64) {
         if number == 0 {
             return; // No transaction is near.
         }
@@ -38,7 +39,7 @@ impl Examples {
         }
     }
 
-    fn merge(&mut self, other: &Self) {
+    pub(super) fn merge(&mut self, other: &Self) {
         other.0.iter().for_each(|one| self.insert(*one));
     }
 
@@ -48,14 +49,6 @@ impl Examples {
         numbers.sort_unstable();
         numbers
     }
-}
-
-/// A well-mixed hash of a number (the finaliser of `SplitMix64`).
-pub fn mix(number: u64) -> u64 {
-    let mut z = number.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
 }
 
 /// A hash of bytes (FNV-1a, mixed).

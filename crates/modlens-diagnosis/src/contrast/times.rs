@@ -77,15 +77,21 @@ fn upper(bucket: usize) -> Ns {
     ((1u64 << octave) as f64 * (1.0 + (step as f64 + 1.0) / STEPS as f64)) as Ns
 }
 
-/// Failed and all, by a duration: a bucket for each factor of two.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct ByDuration([Share; OCTAVES]);
+/// Failed and all, by a duration: two buckets for each factor of two.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ByDuration([Share; 2 * OCTAVES]);
+
+impl Default for ByDuration {
+    fn default() -> Self {
+        Self([Share::default(); 2 * OCTAVES])
+    }
+}
 
 impl ByDuration {
     /// Counts one.
     #[inline]
     pub fn count(&mut self, ns: Ns, failed: bool) {
-        self.0[bucket(ns) / STEPS].count(failed);
+        self.0[bucket(ns) / (STEPS / 2)].count(failed);
     }
 
     /// Adds others.
@@ -98,10 +104,10 @@ impl ByDuration {
         let all = self.0.iter().fold(Share::default(), |sum, share| sum.with(*share));
         let mut below = Share::default();
         let mut found = Vec::new();
-        for (octave, share) in self.0.iter().enumerate() {
+        for (half, share) in self.0.iter().enumerate() {
             below = below.with(*share);
             if share.total > 0 && below.total > 0 && below.total < all.total {
-                found.push((1 << (FIRST_OCTAVE + octave + 1), below, all.without(below)));
+                found.push((upper((half + 1) * (STEPS / 2) - 1), below, all.without(below)));
             }
         }
         found

@@ -2,10 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use modlens_engine::records::InnerPauses;
 use modlens_protocol::finding::Finding;
+use modlens_protocol::Ns;
 
 use super::before::Before;
-use super::tally::Tally;
+use super::epochs::Epochs;
+use super::tally::{Place, Tally};
 use super::times::{ByDuration, Durations};
 use crate::observation::{DamagedPart, Observation, Outcome, DAMAGED_PARTS};
 use crate::statistics::Share;
@@ -28,6 +31,8 @@ pub struct UnitCounts {
     pub late: Tally,
     /// Answers that nobody asked for and that are not late.
     pub second_answers: Tally,
+    /// Answers that came after the next request.
+    pub overtaken: Overtaken,
     /// How long after the request the late ones came.
     pub late_after: Durations,
     /// Refusals, by exception code.
@@ -68,8 +73,22 @@ pub struct UnitCounts {
     pub echoes: Tally,
     /// Answers to requests of other units, by the unit that was asked.
     pub answers_for: BTreeMap<u8, Tally>,
-    /// Requests to it, and answers of it, with a pause inside.
-    pub pauses: [Tally; 2],
+    /// Pauses inside of requests to it, and of its answers.
+    pub pauses: [Pauses; 2],
+    /// Requests whose answers the recording does not show, whether a clock says that the master has waited for them or not.
+    pub not_seen: Tally,
+    /// Runs of those.
+    pub not_seen_runs: Runs,
+    /// Damage by whether the transaction before failed, too.
+    pub damage_after_failure: [Share; 2],
+    /// Failures by the silence before the request, where another unit was asked before.
+    pub by_gap_after_others: ByDuration,
+    /// Garbled answers of another length than that expected.
+    pub odd_lengths: Tally,
+    /// Answers one step behind.
+    pub epochs: Epochs,
+    /// Reads from unit 0, that is: from all units.
+    pub reads_of_all: Tally,
     /// Requests sent while another master's was open.
     pub crossings: Tally,
     /// Values that make sense in another order only.
@@ -163,6 +182,75 @@ impl Runs {
     }
 }
 
+/// Answers that came after the next request: too late, if the master does not ask ahead.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Overtaken {
+    /// Which.
+    pub answers: Tally,
+    /// How long the master waited before it went on.
+    pub waited: Durations,
+    /// How long they took.
+    pub needed: Durations,
+}
+
+impl Overtaken {
+    pub(super) fn count(&mut self, place: Place, waited: Ns, needed: Ns) {
+        self.answers.count(true, place);
+        self.waited.add(waited);
+        self.needed.add(needed);
+    }
+
+    fn merge(&mut self, later: &Self) {
+        self.answers.merge(&later.answers);
+        self.waited.merge(&later.waited);
+        self.needed.merge(&later.needed);
+    }
+}
+
+/// The longest pauses inside frames, by factors of two, and how many pauses there were in all.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Pauses {
+    longest: BTreeMap<u32, Tally>,
+    /// Pauses.
+    pub count: u64,
+    /// Frames with pauses.
+    pub frames: u64,
+}
+
+/// Shorter pauses are counted together: 131 us.
+const SHORTEST_PAUSE: u32 = 17;
+
+impl Pauses {
+    pub(super) fn count(&mut self, pauses: InnerPauses, place: Place) {
+        self.count += u64::from(pauses.count);
+        self.frames += 1;
+        let octave = (pauses.longest.max(1) as u64).ilog2().max(SHORTEST_PAUSE);
+        self.longest.entry(octave).or_default().count(true, place);
+    }
+
+    /// Frames whose longest pause is of this factor of two or above, of all pauses.
+    pub fn from(&self, octave: u32) -> Tally {
+        let mut all = Tally::default();
+        self.longest.range(octave..).for_each(|(_, tally)| all.merge(tally));
+        let first = self.longest.range(octave..).filter_map(|(_, tally)| tally.first).min_by_key(|place| place.number);
+        let last = self.longest.range(octave..).filter_map(|(_, tally)| tally.last).max_by_key(|place| place.number);
+        Tally { total: self.count, first, last, before: 0, after: 0, ..all }
+    }
+
+    /// The factors of two that occur.
+    pub fn octaves(&self) -> impl Iterator<Item = u32> + '_ {
+        self.longest.keys().copied()
+    }
+
+    fn merge(&mut self, later: &Self) {
+        self.count += later.count;
+        self.frames += later.frames;
+        for (octave, tally) in &later.longest {
+            self.longest.entry(*octave).or_default().merge(tally);
+        }
+    }
+}
+
 /// Sums over the ratios of lengths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LengthRatios {
@@ -182,9 +270,15 @@ impl UnitCounts {
             self.count_unasked(seen, before);
             return;
         }
+        self.count_not_seen(seen);
+        if seen.outcome == Outcome::NotSeen {
+            self.epochs.count(seen.outcome, None, seen.place);
+        }
         if !seen.outcome.counts() {
+            self.reads_of_all.count(seen.is_read_of_all(), seen.place);
             return;
         }
+        self.epochs.count(seen.outcome, seen.shift, seen.place);
         let (place, failed) = (seen.place, seen.outcome.is_failure());
         self.failures.count(failed, place);
         self.silent.count(seen.outcome == Outcome::Silent, place);
@@ -195,6 +289,14 @@ impl UnitCounts {
         self.count_times(seen);
         self.count_damage(seen);
         self.count_circumstances(seen, before, failed);
+    }
+
+    fn count_not_seen(&mut self, seen: &Observation) {
+        let not_seen = matches!(seen.outcome, Outcome::NotSeen | Outcome::Silent);
+        if not_seen || seen.outcome.counts() {
+            self.not_seen.count(not_seen, seen.place);
+            self.not_seen_runs.count(not_seen);
+        }
     }
 
     fn count_oddities(&mut self, seen: &Observation) {
@@ -211,7 +313,7 @@ impl UnitCounts {
     }
 
     fn count_unasked(&mut self, seen: &Observation, before: Before) {
-        let Some(request) = seen.late_for else {
+        let Some(request) = seen.late_response_to else {
             match before.previous.filter(|(unit, _)| *unit != seen.unit) {
                 Some((asked, _)) => self.answers_for.entry(asked).or_default().count(true, seen.place),
                 None => self.second_answers.count(true, seen.place),
@@ -246,17 +348,18 @@ impl UnitCounts {
         for (index, tally) in parts.iter_mut().enumerate() {
             tally.count(index == part as usize, seen.place);
         }
-        if let (Outcome::Garbled, DamagedPart::Whole, 1.., Some((_, quantity))) =
-            (seen.outcome, part, seen.lengths[1], seen.range)
-        {
+        if let (Outcome::Garbled, 1.., Some((_, quantity))) = (seen.outcome, seen.lengths[1], seen.range) {
             let expected = match seen.function {
                 3 | 4 | 23 => 5 + 2 * u64::from(quantity),
                 1 | 2 => 5 + u64::from(quantity).div_ceil(8),
                 _ => 8,
             };
-            self.length_ratios.count += 1;
-            self.length_ratios.came += u64::from(seen.lengths[1]);
-            self.length_ratios.expected += expected;
+            self.odd_lengths.count(u64::from(seen.lengths[1]) != expected, seen.place);
+            if part == DamagedPart::Whole {
+                self.length_ratios.count += 1;
+                self.length_ratios.came += u64::from(seen.lengths[1]);
+                self.length_ratios.expected += expected;
+            }
         }
     }
 
@@ -268,6 +371,11 @@ impl UnitCounts {
             self.garbled_by_response_time.count(seen.response_time.unwrap_or(answer - request), seen.outcome == Outcome::Garbled);
         }
         if let Some((unit, was_silent)) = before.previous {
+            self.damage_after_failure[usize::from(before.failed)]
+                .count(matches!(seen.outcome, Outcome::Garbled | Outcome::BadRequest));
+            if let (Some(gap), true) = (seen.gap, unit != seen.unit) {
+                self.by_gap_after_others.count(gap, failed);
+            }
             self.by_previous.entry((unit, was_silent)).or_default().count(failed);
         }
         self.by_function.entry(seen.function).or_default().count(failed);
@@ -292,6 +400,9 @@ impl UnitCounts {
             (&mut self.echoes, &later.echoes),
             (&mut self.crossings, &later.crossings),
             (&mut self.order_mismatches, &later.order_mismatches),
+            (&mut self.not_seen, &later.not_seen),
+            (&mut self.odd_lengths, &later.odd_lengths),
+            (&mut self.reads_of_all, &later.reads_of_all),
         ];
         for (own, more) in pairs {
             own.merge(more);
@@ -311,11 +422,16 @@ impl UnitCounts {
             (&mut self.by_write[..], &later.by_write[..]),
             (&mut self.by_hour[..], &later.by_hour[..]),
             (&mut self.by_pause[..], &later.by_pause[..]),
+            (&mut self.damage_after_failure[..], &later.damage_after_failure[..]),
         ] {
             own.iter_mut().zip(more).for_each(|(own, more)| *own = own.with(*more));
         }
         self.runs.merge(&later.runs);
-        merge_each(&mut self.pauses, &later.pauses);
+        self.not_seen_runs.merge(&later.not_seen_runs);
+        self.by_gap_after_others.merge(&later.by_gap_after_others);
+        self.epochs.merge(&later.epochs);
+        self.overtaken.merge(&later.overtaken);
+        self.pauses.iter_mut().zip(&later.pauses).for_each(|(own, more)| own.merge(more));
         for (own, more) in [(&mut self.answered_by, &later.answered_by), (&mut self.answers_for, &later.answers_for)] {
             for (unit, more) in more {
                 own.entry(*unit).or_default().merge(more);

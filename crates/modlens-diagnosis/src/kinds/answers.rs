@@ -7,7 +7,46 @@ use crate::MAX_CHANCE;
 
 /// Answers that come after the master has given up, or that press against its time-out.
 pub(super) fn slow_answers(view: &View<'_>) -> Vec<Claim> {
-    view.units().filter_map(|(unit, counts)| late(view, unit, counts).or_else(|| pressing(view, unit, counts))).collect()
+    let slow = |unit: u8, counts: &UnitCounts| {
+        late(view, unit, counts).or_else(|| overtaken(view, unit, counts)).or_else(|| pressing(view, unit, counts))
+    };
+    view.units().filter_map(|(unit, counts)| slow(unit, counts)).collect()
+}
+
+/// On a network, an answer finds its request however late it comes. It was too late if the client had gone on without it; one
+/// that goes on without most answers asks ahead by intention.
+fn overtaken(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
+    let mut answers = counts.overtaken.answers.clone();
+    let share = Share { failed: answers.failed.min(counts.failures.total), total: counts.failures.total };
+    let asks_ahead = view.units().fold(Share::default(), |sum, (_, counts)| {
+        sum.with(Share { failed: counts.overtaken.answers.failed, total: counts.failures.total })
+    });
+    if !view.bus.facts.is_network || view.bus.connections.clients.sorted().len() != 1 || asks_ahead.rate() > 0.5 {
+        return None;
+    }
+    if asks_together(counts) {
+        return None;
+    }
+    let chance = view.beyond_accident(share)?;
+    (answers.total, answers.before, answers.after) = (share.total, 0, 0);
+    let mut claim = Claim::new("slow_answers", &answers, chance).of_unit(unit).with_share(share);
+    if let (Some(waited), Some(needed)) = (counts.overtaken.waited.percentile(0.5), counts.overtaken.needed.percentile(1.0)) {
+        claim = claim
+            .fact("timeout", format!(", after {}", duration(waited)))
+            .fact("needed", format!("; the slowest answer took {}", duration(needed)))
+            .fact("suggestion", format!(": {} or more", duration(needed + needed / 2)));
+    }
+    Some(claim)
+}
+
+/// Whether the client went on sooner than the answers in time take. A time-out is longer than these; a client that does not wait
+/// as long sends several requests together, some of them in one packet, and has not given up any.
+fn asks_together(counts: &UnitCounts) -> bool {
+    // Of a client that gives up, the answers that were overtaken are the slowest ones: the others are those in time.
+    let answers = counts.response_times.count.max(1) as f64;
+    let in_time = 1.0 - (counts.overtaken.answers.failed as f64 / answers).min(1.0);
+    let waited = counts.overtaken.waited.percentile(0.5);
+    waited.zip(counts.response_times.percentile(in_time / 2.0)).is_some_and(|(waited, median)| waited < median)
 }
 
 fn late(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
@@ -79,7 +118,23 @@ fn poisoned(view: &View<'_>, dead: u8) -> Option<(u8, Share)> {
 
 /// A unit that answers, and was silent in one or several long runs.
 pub(super) fn device_absent(view: &View<'_>) -> Vec<Claim> {
-    view.units().filter_map(|(unit, counts)| absent(view, unit, counts)).collect()
+    view.units().filter_map(|(unit, counts)| absent(view, unit, counts).or_else(|| not_seen(view, unit, counts))).collect()
+}
+
+/// Without a fine clock, a request without answer may be one whose answer the recording lacks. Where those of one unit stand
+/// in runs, and those of others are there, that is the unit's doing.
+fn not_seen(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
+    let (share, in_runs) = (counts.not_seen.share(), counts.not_seen_runs.in_long());
+    let others = view.others(unit, |other| other.not_seen.share());
+    if share.total - share.failed < 2 || in_runs * 10 < share.failed * 8 || counts.silent.failed == share.failed {
+        return None;
+    }
+    let runs = counts.not_seen_runs.count_of_long() + (share.failed - in_runs);
+    let chance = view.significant(in_runs_at_most(share, runs).max(fisher(share, others)))?;
+    (others.total > 0 && share.rate() > 3.0 * others.rate()).then(|| {
+        let runs = counts.not_seen_runs.count_of_long();
+        Claim::new("device_absent", &counts.not_seen, chance).of_unit(unit).fact("runs", runs_in_words(runs))
+    })
 }
 
 fn absent(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
@@ -97,9 +152,13 @@ fn absent(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     if chance >= MAX_CHANCE || view.beyond_accident(silent).is_none() || counts.late.failed * 4 > silent.failed {
         return None;
     }
-    let runs = match counts.runs.count_of_long() {
+    let runs = runs_in_words(counts.runs.count_of_long());
+    Some(Claim::new("device_absent", &counts.silent, chance).of_unit(unit).fact("runs", runs))
+}
+
+fn runs_in_words(runs: u64) -> String {
+    match runs {
         1 => String::from("one run"),
         many => format!("{many} runs"),
-    };
-    Some(Claim::new("device_absent", &counts.silent, chance).of_unit(unit).fact("runs", runs))
+    }
 }

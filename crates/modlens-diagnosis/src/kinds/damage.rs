@@ -4,11 +4,27 @@ use crate::claim::{Claim, View};
 use crate::contrast::tally::Tally;
 use crate::contrast::UnitCounts;
 use crate::observation::DamagedPart;
-use crate::statistics::{at_least, fisher, Share};
+use crate::statistics::{at_least, at_most, both, fisher, Share};
 use modlens_protocol::framing::Verdict;
 
 /// The share of random damage that falls into the first, or the last, two bytes of a frame of eight.
 const RANDOM_AT_END: f64 = 0.25;
+
+/// Of frames that noise damages on a line that works at all, at least this share is damaged in a single bit.
+const NOISE_OF_ONE_BIT: f64 = 0.2;
+
+/// Whether noise would leave the head, which two devices have in common, less often intact, or hit a single bit more often. The
+/// contrast is significant by itself; this decides between two explanations.
+fn is_dense(counts: &UnitCounts) -> bool {
+    let part = |part: DamagedPart| counts.damaged_parts[part as usize].failed;
+    let total = counts.garbled.failed;
+    let single = at_most(Share { failed: part(DamagedPart::Bit), total }, NOISE_OF_ONE_BIT);
+    let intact = at_least(Share { failed: part(DamagedPart::Inside) + part(DamagedPart::End), total }, NOISE_SPARES_HEAD);
+    both(single, intact) < 0.01
+}
+
+/// Of frames that noise damages, at most this share keeps unit and function: two bytes of 25, a usual answer.
+const NOISE_SPARES_HEAD: f64 = 0.92;
 
 /// One or two stray bytes where drivers are switched.
 pub(super) fn no_bias(view: &View<'_>) -> Vec<Claim> {
@@ -18,17 +34,49 @@ pub(super) fn no_bias(view: &View<'_>) -> Vec<Claim> {
     if strays.failed * 10 < strays.total * 8 || turns == 0 {
         return Vec::new();
     }
+    if let Some(claim) = strays_of_one_unit(view) {
+        return vec![claim];
+    }
     let share = Share { failed: strays.failed.min(turns), total: turns };
     let Some(chance) = view.beyond_accident(share) else { return Vec::new() };
     (strays.total, strays.before, strays.after) = (turns, 0, 0);
     let sum = |side: usize| -> u64 { view.bus.units.values().map(|counts| counts.strays[side].failed).sum() };
-    let sides = match (sum(0), sum(1)) {
-        (0, 0) => String::new(),
-        (before, after) if after * 9 < before => String::from(", nearly all of them in front of answers"),
-        (before, after) if before * 9 < after => String::from(", nearly all of them behind answers"),
-        (before, after) => format!(", {before} in front of answers and {after} behind them"),
-    };
+    let sides = sides([sum(0), sum(1)]);
     vec![Claim::new("no_bias", &strays, chance).with_share(share).fact("sides", sides)]
+}
+
+/// Strays around the answers of one unit and of no other.
+fn strays_of_one_unit(view: &View<'_>) -> Option<Claim> {
+    let strays = |counts: &UnitCounts| counts.strays[0].failed + counts.strays[1].failed;
+    let share = |counts: &UnitCounts| Share { failed: strays(counts).min(counts.failures.total), total: counts.failures.total };
+    let (unit, counts) = view.units().max_by_key(|(_, counts)| strays(counts))?;
+    let others = view.others(unit, share);
+    let chance = view.significant(fisher(share(counts), others))?;
+    view.beyond_accident(share(counts))?;
+    if others.total == 0 || share(counts).rate() < 10.0 * others.rate() {
+        return None;
+    }
+    let mut tally = counts.strays[0].clone();
+    tally.merge(&counts.strays[1]);
+    (tally.total, tally.before, tally.after) = (counts.failures.total, 0, 0);
+    let sides = sides([counts.strays[0].failed, counts.strays[1].failed]);
+    Some(
+        Claim::new("no_bias", &tally, chance)
+            .of_unit(unit)
+            .with_share(share(counts))
+            .fact("sides", sides)
+            .fact("of_unit", format!(" of unit {unit}")),
+    )
+}
+
+/// Where the strays are, in words.
+fn sides(counts: [u64; 2]) -> String {
+    match counts {
+        [0, 0] => String::new(),
+        [before, after] if after * 9 < before => String::from(", nearly all of them in front of answers"),
+        [before, after] if before * 9 < after => String::from(", nearly all of them behind answers"),
+        [before, after] => format!(", {before} in front of answers and {after} behind them"),
+    }
 }
 
 /// Damage in the middle of frames, of more than one unit or in both directions.
@@ -40,6 +88,13 @@ pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
     let (Some(chance), true) = (view.beyond_accident(share), good > damaged) else { return Vec::new() };
     let inside = parts(view, DamagedPart::Bit) + parts(view, DamagedPart::Inside);
     let known = inside + parts(view, DamagedPart::Start) + parts(view, DamagedPart::End) + parts(view, DamagedPart::Whole);
+    // A late answer meets the next request: damage that comes only behind other failures is theirs (slow_answers).
+    let behind =
+        |index: usize| view.units().fold(Share::default(), |sum, (_, counts)| sum.with(counts.damage_after_failure[index]));
+    let late: u64 = view.units().map(|(_, counts)| counts.late.failed).sum();
+    if late > 0 && view.beyond_accident(behind(0)).is_none() {
+        return Vec::new();
+    }
     let units: Vec<u8> = view.units().filter(|(_, counts)| damage(counts).failed > 0).map(|(unit, _)| unit).collect();
     let requests: u64 = view.units().map(|(_, counts)| counts.bad_requests.failed).sum();
     // Of one unit alone, single bits are noise near it; what else it may be has kinds of its own.
@@ -109,7 +164,10 @@ pub(super) fn driver_enable(view: &View<'_>) -> Vec<Claim> {
                 .at_most(crate::claim::severity_of(Share { failed: start.failed, total: counts.failures.total })),
         )
     });
-    let requests = view.units().fold((Tally::default(), Share::default()), |(mut tally, mut all), (_, counts)| {
+    // Requests that miss their end often belong to no transaction.
+    let cut = view.bus.frames.request_parts[DamagedPart::End as usize].clone();
+    let without_transaction = Share { failed: cut.total, total: cut.total };
+    let requests = view.units().fold((cut, without_transaction), |(mut tally, mut all), (_, counts)| {
         tally.merge(&counts.request_parts[DamagedPart::End as usize]);
         all = all.with(Share { failed: counts.bad_requests.failed, total: counts.failures.total });
         (tally, all)
@@ -143,10 +201,20 @@ pub(super) fn duplicate_address(view: &View<'_>) -> Vec<Claim> {
 
 fn duplicate(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let whole = &counts.damaged_parts[DamagedPart::Whole as usize];
-    let twice = counts.second_answers.failed;
+    // Behind a silence, a second answer is mostly a late one.
+    let twice = if counts.late.failed > 0 { 0 } else { counts.second_answers.failed };
     let share = Share { failed: (counts.garbled.failed + twice).min(counts.failures.total), total: counts.failures.total };
-    // Noise mostly leaves the first bytes as they are.
-    if whole.failed * 5 < whole.total * 2 || whole.failed + twice == 0 {
+    // Noise leaves most first bytes and nearly all lengths as they are, and often hits a single bit. Two devices begin alike
+    // if they begin together, but go on differently, and rarely end together.
+    let part = |part: DamagedPart| counts.damaged_parts[part as usize].failed;
+    let edges = part(DamagedPart::Start) + part(DamagedPart::End);
+    let is_overlap =
+        whole.failed * 5 >= whole.total * 2 || counts.odd_lengths.failed * 2 >= counts.odd_lengths.total || is_dense(counts);
+    if !is_overlap || edges * 2 > whole.total || counts.garbled.failed + twice == 0 {
+        return None;
+    }
+    // A late answer meets the next request, and the next answer.
+    if counts.late.failed > 0 && view.beyond_accident(counts.damage_after_failure[0]).is_none() {
         return None;
     }
     let requests = counts.bad_requests.share();

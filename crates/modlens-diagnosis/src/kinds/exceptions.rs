@@ -72,11 +72,10 @@ fn reason(all: &[Request<'_>], request: Request<'_>) -> Reason {
         .map(|(other, _)| other.quantity)
         .min();
     let is_limit = longest.zip(shortest_bad).is_some_and(|(longest, shortest)| longest < shortest);
-    let parts: Vec<&&RequestKey> = good.iter().filter(|other| other.address >= key.address && end(other) <= end(key)).collect();
-    let covered: u32 = covered(key, &parts);
-    if let (true, Some(longest)) =
-        (is_limit && (covered == u32::from(key.quantity) || request.1.refused[2] > request.1.refused[1]), longest)
-    {
+    let covered = covered(key, &good);
+    // Where each register is answered in some other block, none is missing; where one is, all that are refused have it.
+    let no_hole = covered == u32::from(key.quantity) || has_no_hole(all, key);
+    if let (true, Some(longest)) = (is_limit && (no_hole || request.1.refused[2] > request.1.refused[1]), longest) {
         return Reason::TooLong { good: longest };
     }
     if covered > 0 {
@@ -85,16 +84,33 @@ fn reason(all: &[Request<'_>], request: Request<'_>) -> Reason {
     Reason::Unknown
 }
 
-/// How many addresses of a block its parts cover.
-fn covered(key: &RequestKey, parts: &[&&RequestKey]) -> u32 {
-    let mut ranges: Vec<(u32, u32)> = parts.iter().map(|part| (u32::from(part.address), end(part))).collect();
+/// How many addresses of a block others cover.
+fn covered(key: &RequestKey, others: &[&RequestKey]) -> u32 {
+    let (first, last) = (u32::from(key.address), end(key));
+    let mut ranges: Vec<(u32, u32)> =
+        others.iter().map(|other| (u32::from(other.address).max(first), end(other).min(last))).collect();
     ranges.sort_unstable();
-    let (mut sum, mut at) = (0, u32::from(key.address));
+    let (mut sum, mut at) = (0, first);
     for (from, to) in ranges {
         sum += to.saturating_sub(from.max(at));
         at = at.max(to);
     }
     sum
+}
+
+/// Whether one register that is missing cannot explain all refusals of blocks that overlap this one: all of those have in
+/// common only registers that are answered elsewhere.
+fn has_no_hole(all: &[Request<'_>], key: &RequestKey) -> bool {
+    let overlaps = |other: &&RequestKey| u32::from(other.address) < end(key) && u32::from(key.address) < end(other);
+    let is_like = |other: &&RequestKey| other.unit == key.unit && other.function == key.function;
+    let refused = refused(all);
+    let blocks: Vec<&RequestKey> = refused.iter().map(|(other, _)| *other).filter(is_like).filter(overlaps).collect();
+    let (Some(first), Some(last)) = (blocks.iter().map(|one| one.address).max(), blocks.iter().map(|one| end(one)).min()) else {
+        return false;
+    };
+    let common = u16::try_from(last.saturating_sub(u32::from(first))).unwrap_or(0);
+    let common = RequestKey { address: first, quantity: common, ..*key };
+    blocks.len() > 1 && covered(&common, &answered(all, key)) == u32::from(common.quantity)
 }
 
 /// An address that is refused while its neighbour is answered.
@@ -156,14 +172,22 @@ fn reason_of_length(all: &[Request<'_>], request: Request<'_>) -> Reason {
         return reason(all, request);
     }
     let good = answered(all, request.0);
-    let parts: Vec<&&RequestKey> =
-        good.iter().filter(|other| other.address >= request.0.address && end(other) <= end(request.0)).collect();
     let longest = good.iter().map(|other| other.quantity).max().unwrap_or(0);
-    if longest > 0 && longest < request.0.quantity && covered(request.0, &parts) == u32::from(request.0.quantity) {
+    let silent = all.iter().filter(|(other, counts)| {
+        other.unit == request.0.unit && other.function == request.0.function && counts.good == 0 && counts.silent >= 2
+    });
+    let shortest = silent.map(|(other, _)| other.quantity).min().unwrap_or(0);
+    let covers = covered(request.0, &good) == u32::from(request.0.quantity);
+    if longest > 0 && longest < shortest && (covers || is_sharp(longest, shortest)) {
         Reason::TooLong { good: longest }
     } else {
         Reason::Unknown
     }
+}
+
+/// Whether the longest block that is answered and the shortest that is not are so near to each other that this is no accident.
+fn is_sharp(longest: u16, shortest: u16) -> bool {
+    u32::from(shortest - longest) * 16 <= u32::from(longest)
 }
 
 /// Whether no request of this function to this unit was answered, and one of another function was.
@@ -171,7 +195,25 @@ fn is_function_refused(all: &[Request<'_>], key: &RequestKey) -> bool {
     let of_unit = |other: &&Request<'_>| other.0.unit == key.unit;
     let same = all.iter().filter(of_unit).filter(|(other, _)| other.function == key.function).all(|(_, counts)| counts.good == 0);
     let other = all.iter().filter(of_unit).any(|(other, counts)| other.function != key.function && counts.good > 0);
-    same && other
+    (same && other) || is_answered_elsewhere(all, key)
+}
+
+/// Input registers for holding registers, or the other way round; the same with bits. Others than reads have no counterpart.
+fn counterpart(function: u8) -> Option<u8> {
+    [(1, 2), (2, 1), (3, 4), (4, 3)].into_iter().find(|(one, _)| *one == function).map(|(_, other)| other)
+}
+
+/// Whether no register of the block is answered by this function, and all are by its counterpart: of this unit, or in the same
+/// block of another one of its kind.
+fn is_answered_elsewhere(all: &[Request<'_>], key: &RequestKey) -> bool {
+    let Some(other) = counterpart(key.function) else { return false };
+    let good = |wanted: RequestKey| answered(all, &wanted);
+    let own = covered(key, &good(RequestKey { function: other, ..*key })) == u32::from(key.quantity);
+    let is_twin = |one: &RequestKey, counts: &RequestCounts| {
+        (one.function, one.address, one.quantity) == (other, key.address, key.quantity) && counts.good > counts.refusals()
+    };
+    let none = covered(key, &good(*key)) == 0;
+    none && (own || (key.quantity > 1 && all.iter().any(|(one, counts)| is_twin(one, counts))))
 }
 
 /// A function that is refused throughout while another one is answered.
@@ -184,7 +226,9 @@ pub(super) fn wrong_function(view: &View<'_>) -> Vec<Claim> {
         if counts.good > 0 || refusals < 2 || !is_new || !is_function_refused(&all, key) {
             continue;
         }
-        let same = |other: &&Request<'_>| other.0.unit == key.unit && other.0.function == key.function;
+        let same = |other: &&Request<'_>| {
+            other.0.unit == key.unit && other.0.function == key.function && other.1.good == 0 && other.1.refusals() > 0
+        };
         let share = all
             .iter()
             .filter(same)

@@ -7,6 +7,16 @@ use crate::statistics::{at_least, Share};
 
 /// Answers that the client takes for those of the next request.
 pub(super) fn lockstep(view: &View<'_>) -> Vec<Claim> {
+    let on_lines = view.units().filter_map(|(unit, counts)| {
+        let (behind, bits) = counts.epochs.behind();
+        // The evidence may begin behind any of the requests.
+        let chance = view.significant(behind.total as f64 * (-(bits as f64)).exp2()).filter(|_| behind.failed > 0)?;
+        Some(Claim::new("lockstep", &behind, chance).of_unit(unit).fact("subject", format!("the master of unit {unit}")))
+    });
+    let on_lines: Vec<Claim> = on_lines.collect();
+    if !on_lines.is_empty() {
+        return on_lines;
+    }
     let counts = &view.bus.connections;
     let share = Share { failed: counts.lockstep.min(counts.answered), total: counts.answered };
     let Some(chance) = view.beyond_accident(share) else { return Vec::new() };
@@ -97,7 +107,7 @@ pub(super) fn gateway_unit_id(view: &View<'_>) -> Vec<Claim> {
     let answers = |counts: &UnitCounts| counts.failures.total - counts.failures.failed - unreachable(counts);
     let best = view.units().filter(|(_, counts)| answers(counts) > 0).max_by_key(|(_, counts)| answers(counts));
     let claims = view.units().filter_map(|(unit, counts)| {
-        if !view.bus.facts.is_network && unit != 0 {
+        if !view.bus.facts.is_network {
             return None;
         }
         let share = Share { failed: counts.silent.failed + unreachable(counts), total: counts.failures.total };
@@ -115,7 +125,19 @@ pub(super) fn gateway_unit_id(view: &View<'_>) -> Vec<Claim> {
                 .fact("try_unit", other.to_string()),
         )
     });
-    claims.collect()
+    claims.chain(reads_of_all(view)).collect()
+}
+
+/// Reads from unit 0 on a serial line: that is for writing to all units, and whoever answers does it against the rules.
+fn reads_of_all(view: &View<'_>) -> Option<Claim> {
+    let reads = &view.bus.units.get(&0)?.reads_of_all;
+    let chance = view.beyond_accident(reads.share())?;
+    let answers = |counts: &UnitCounts| counts.answers_for.get(&0).map_or(0, |tally| tally.failed);
+    let best = view.bus.units.iter().max_by_key(|(_, counts)| answers(counts)).filter(|(_, counts)| answers(counts) > 0);
+    let unit = best.or_else(|| view.bus.units.iter().find(|(unit, _)| **unit != 0)).map_or(1, |(unit, _)| *unit);
+    let others = best.map_or(String::new(), |(unit, counts)| format!("; unit {unit} answers {} of them", answers(counts)));
+    let claim = Claim::new("gateway_unit_id", reads, chance).of_unit(0).fact("others", others);
+    Some(claim.fact("try_unit", unit.to_string()))
 }
 
 /// Refusals of a gateway that cannot reach the unit.
@@ -145,14 +167,16 @@ pub(super) fn gateway_mixup(view: &View<'_>) -> Vec<Claim> {
         ("the unit", sum(units)),
         ("the function", sum(|counts| counts.other_functions.clone())),
     ];
+    let for_others = |counts: &UnitCounts| {
+        counts.answers_for.values().fold(Tally::default(), |mut sum, tally| {
+            sum.merge(tally);
+            sum
+        })
+    };
     // Answers that nobody on this connection has asked for, while another client waits for one.
-    let strangers = sum(|counts| {
-        let mut all = counts.second_answers.clone();
-        counts.answers_for.values().for_each(|tally| all.merge(tally));
-        all
-    });
+    let second = sum(|counts| counts.second_answers.clone());
     let several = view.bus.connections.clients.sorted().len() > 1;
-    let kinds = kinds.into_iter().chain(several.then_some(("the data", strangers)));
+    let kinds = kinds.into_iter().chain([("the unit", sum(for_others))]).chain(several.then_some(("the data", second)));
     let (what, mut tally) = kinds.max_by_key(|(_, tally)| tally.failed).expect("three at least");
     let share = Share { failed: tally.failed, total: view.bus.requests_seen.total.max(tally.failed) };
     let Some(chance) = view.beyond_accident(share) else { return Vec::new() };

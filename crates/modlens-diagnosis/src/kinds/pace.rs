@@ -2,7 +2,7 @@
 
 use crate::claim::{duration, Claim, View};
 use crate::contrast::tally::Tally;
-use crate::contrast::UnitCounts;
+use crate::contrast::{Pauses, UnitCounts};
 use crate::statistics::{fisher, Share};
 use modlens_protocol::finding::Severity;
 
@@ -12,30 +12,50 @@ pub(super) fn polled_too_fast(view: &View<'_>) -> Vec<Claim> {
 }
 
 fn too_fast(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
-    let splits = counts.by_gap.splits();
-    let count = splits.len() as f64;
-    let likeliest = splits.into_iter().map(|(limit, below, above)| (fisher(below, above) * count, limit, below, above));
-    let (chance, limit, below, above) = likeliest.min_by(|one, other| one.0.total_cmp(&other.0))?;
-    let chance = view.significant(chance)?;
-    if below.rate() < 3.0 * above.rate() || explained_by_previous(counts, below, above) {
-        return None;
-    }
+    let always = Split::likeliest(counts.by_gap.splits()).filter(|split| !explained_by_previous(unit, counts, split, true));
+    let after_others = Split::likeliest(counts.by_gap_after_others.splits());
+    let after_others = after_others.filter(|split| !explained_by_previous(unit, counts, split, false));
+    let (split, previous) = match (always, after_others) {
+        (Some(always), Some(other)) if other.chance < always.chance => (other, " and a request to another unit"),
+        (None, Some(other)) => (other, " and a request to another unit"),
+        (always, _) => (always?, ""),
+    };
+    let chance = view.significant(split.chance)?;
     let words = |share: Share| format!("{} of {} requests", share.failed, share.total);
-    Some(
+    (split.below.rate() >= 3.0 * split.above.rate()).then(|| {
         Claim::new("polled_too_fast", &counts.failures, chance)
             .of_unit(unit)
-            .with_share(below)
-            .fact("limit", duration(limit))
-            .fact("short", words(below))
-            .fact("long", words(above)),
-    )
+            .with_share(split.below)
+            .fact("limit", duration(split.limit))
+            .fact("previous", previous)
+            .fact("short", words(split.below))
+            .fact("long", words(split.above))
+    })
+}
+
+/// Failures below and above a limit of the silence before the request.
+struct Split {
+    limit: i64,
+    below: Share,
+    above: Share,
+    chance: f64,
+}
+
+impl Split {
+    /// The limit that tells failures from successes best; its chance is corrected for the number of limits.
+    fn likeliest(splits: Vec<(i64, Share, Share)>) -> Option<Self> {
+        let count = splits.len() as f64;
+        let all =
+            splits.into_iter().map(|(limit, below, above)| Self { limit, below, above, chance: fisher(below, above) * count });
+        all.min_by(|one, other| one.chance.total_cmp(&other.chance))
+    }
 }
 
 /// Whether the unit asked before tells failures from successes better than the silence does.
-fn explained_by_previous(counts: &UnitCounts, below: Share, above: Share) -> bool {
-    let all = counts.failures.share();
-    let best = counts.by_previous.values().map(|inside| fisher(*inside, all.without(*inside))).fold(1.0, f64::min);
-    best < fisher(below, above)
+fn explained_by_previous(unit: u8, counts: &UnitCounts, split: &Split, with_own: bool) -> bool {
+    let previous = || counts.by_previous.iter().filter(|((other, _), _)| with_own || *other != unit).map(|(_, share)| *share);
+    let all = previous().fold(Share::default(), Share::with);
+    previous().map(|inside| fisher(inside, all.without(inside))).fold(1.0, f64::min) < split.chance
 }
 
 /// Pauses inside of requests that make them fail.
@@ -58,33 +78,55 @@ pub(super) fn gaps_in_frames(view: &View<'_>) -> Vec<Claim> {
     failing
 }
 
-/// A sender whose frames come in pieces while those of others do not, though nobody fails for it.
+/// A sender whose frames come in pieces while those of others do not, though nobody fails for it. What the adapter of the tap
+/// holds back, it holds back of all frames alike, so the others tell what is its part.
 fn in_pieces(view: &View<'_>) -> Vec<Claim> {
-    let sum = |side: usize| {
-        view.bus.units.values().fold(Tally::default(), |mut sum, counts| {
-            sum.merge(&counts.pauses[side]);
+    let side = |side: usize| view.bus.units.iter().map(move |(unit, counts)| (*unit, &counts.pauses[side]));
+    let from_master: Vec<&Pauses> = side(0).map(|(_, pauses)| pauses).collect();
+    let from_units: Vec<(u8, &Pauses)> = side(1).collect();
+    let answers: Vec<&Pauses> = from_units.iter().map(|(_, pauses)| *pauses).collect();
+    if let Some(claim) = pieces(view, &from_master, &answers, "the master") {
+        return vec![claim];
+    }
+    let of_units = from_units.iter().filter_map(|(unit, own)| {
+        let others = from_units.iter().filter(|(other, _)| other != unit).map(|(_, pauses)| *pauses);
+        let others: Vec<&Pauses> = others.chain(from_master.iter().copied()).collect();
+        pieces(view, &[own], &others, &format!("unit {unit}")).map(|claim| claim.of_unit(*unit))
+    });
+    of_units.collect()
+}
+
+/// Silences inside frames are at most t1.5 (serial line, 2.5.1.1): 0.75 ms from 19200 baud on; shorter ones are the clock's.
+const LEAST_OCTAVE: u32 = 20;
+
+/// The pauses of one sender against those of all others, at the length that tells them apart best.
+fn pieces(view: &View<'_>, senders: &[&Pauses], others: &[&Pauses], sender: &str) -> Option<Claim> {
+    let octaves: std::collections::BTreeSet<u32> = senders.iter().flat_map(|pauses| pauses.octaves()).collect();
+    let octaves: Vec<u32> = octaves.into_iter().filter(|octave| *octave >= LEAST_OCTAVE).collect();
+    let sum = |all: &[&Pauses], octave: u32| {
+        all.iter().fold(Tally::default(), |mut sum, pauses| {
+            sum.merge(&pauses.from(octave));
             sum
         })
     };
-    let [requests, answers] = [sum(0), sum(1)];
-    let words = |share: Share| format!("{} of {}", share.failed, share.total);
-    let claim = |tally: &Tally, others: Share, chance: f64, sender: String| {
-        Claim::new("gaps_in_frames", tally, chance)
-            .at_most(Severity::Info)
-            .fact("what", format!("frames of {sender} come in pieces: {}, of others {}", words(tally.share()), words(others)))
-    };
-    // The master's requests against all answers, and each unit's answers against all other frames.
-    if let Some(chance) = view.significant(fisher(requests.share(), answers.share())).filter(|_| requests.share().rate() > 0.01) {
-        return vec![claim(&requests, answers.share(), chance, String::from("the master"))];
-    }
-    let all = requests.share().with(answers.share());
-    let of_units = view.bus.units.iter().filter_map(|(unit, counts)| {
-        let own = counts.pauses[1].share();
-        let chance = view.significant(fisher(own, all.without(own)))?;
-        (own.rate() > 0.01 && own.rate() > 3.0 * all.without(own).rate())
-            .then(|| claim(&counts.pauses[1], all.without(own), chance, format!("unit {unit}")).of_unit(*unit))
+    let contrasts = octaves.iter().map(|octave| {
+        let (own, others) = (sum(senders, *octave), sum(others, *octave));
+        (fisher(own.share(), others.share()) * octaves.len() as f64, *octave, own, others.share())
     });
-    of_units.collect()
+    let (chance, octave, own, others) = contrasts.min_by(|one, other| one.0.total_cmp(&other.0))?;
+    let chance = view.significant(chance)?;
+    let frames: u64 = senders.iter().map(|pauses| pauses.frames).sum();
+    if own.failed * 100 < frames || own.share().rate() < 3.0 * others.rate() || others.total == 0 {
+        return None;
+    }
+    let words = |share: Share| format!("{} of {}", share.failed, share.total);
+    let what = format!(
+        "pauses of more than {} in frames of {sender}: {}, of others {}",
+        duration(1i64 << octave),
+        words(own.share()),
+        words(others)
+    );
+    Some(Claim::new("gaps_in_frames", &own, chance).at_most(Severity::Info).fact("what", what))
 }
 
 /// From this share of the time on, a line is full.
@@ -109,5 +151,7 @@ pub(super) fn bus_saturated(view: &View<'_>) -> Vec<Claim> {
     });
     let mut claim = Claim::new("bus_saturated", &view.bus.requests_seen, 0.0).with_share(share).fact("most", most);
     (claim.has_begun, claim.has_ended, claim.examples) = (false, false, Vec::new());
+    // Its numbers are of time, not of requests that failed.
+    claim.harm = 0;
     vec![claim]
 }

@@ -3,6 +3,7 @@
 use crate::claim::{Claim, View};
 use crate::contrast::Lonely;
 use crate::observation::RequestKey;
+use crate::statistics::in_runs_at_most;
 
 /// Values that make sense in another order only.
 pub(super) fn word_order(view: &View<'_>) -> Vec<Claim> {
@@ -15,25 +16,33 @@ pub(super) fn word_order(view: &View<'_>) -> Vec<Claim> {
     claims.collect()
 }
 
-/// Odd answers among so many are a jump; more of them are a habit of the device.
-const RARE: u64 = 10;
+/// More of the answers than these are a habit of the device.
+const MOST: f64 = 0.25;
 
-/// Single answers of all FFFF or all 0000.
+/// In fewer answers, one that is odd is no jump.
+const FEWEST: u64 = 20;
+
+/// Single answers of all FFFF or all 0000, or with the values of another request.
 pub(super) fn value_spike(view: &View<'_>) -> Vec<Claim> {
     let requests = view.bus.requests.sorted();
     let claims = requests.into_iter().filter(|(_, counts)| !counts.writes).flat_map(|(key, counts)| {
-        let ones = spike(*key, &counts.all_ones, "all FFFF");
-        // A single register of 0 is a value like any other.
-        let zeros = (key.quantity > 1).then(|| spike(*key, &counts.all_zeros, "all 0000")).flatten();
-        let other = spike(*key, &counts.of_another, "those of another request");
+        let ones = (counts.near_ones == 0).then(|| spike(view, *key, &counts.all_ones, "all FFFF")).flatten();
+        // A single register of 0 is a value like any other, and so are several where single ones of them are often 0.
+        let zeros = key.quantity > 1 && counts.near_zeros == 0;
+        let zeros = zeros.then(|| spike(view, *key, &counts.all_zeros, "all 0000")).flatten();
+        let other = spike(view, *key, &counts.of_another, "those of another request");
         [ones, zeros, other].into_iter().flatten()
     });
     claims.collect()
 }
 
-fn spike(key: RequestKey, series: &Lonely, value: &'static str) -> Option<Claim> {
+fn spike(view: &View<'_>, key: RequestKey, series: &Lonely, value: &'static str) -> Option<Claim> {
     let share = series.odd.share();
-    if !series.are_alone() || share.failed * RARE > share.total || share.total < 2 * RARE {
+    if share.failed == 0 || share.rate() > MOST || share.total < FEWEST {
+        return None;
+    }
+    // Long runs of odd ones are a device without data; jumps are spread as by accident.
+    if view.significant(in_runs_at_most(share, series.runs())).is_some() {
         return None;
     }
     // Registers that are not of the device hold anything: the chance that all of them are just this.

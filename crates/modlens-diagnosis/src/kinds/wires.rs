@@ -27,7 +27,7 @@ fn only_requests_are_valid(view: &View<'_>) -> bool {
     let requests = view.bus.requests_seen.share();
     let came = view.bus.noise.ends_in_zero.total + view.bus.noise.strays.total;
     let echoes: u64 = view.bus.units.values().map(|counts| counts.echoes.failed).sum();
-    requests.total >= 5 && requests.failed == requests.total && came * 10 > requests.total * 8 && echoes * 2 < came
+    requests.total >= 5 && requests.failed * 10 >= requests.total * 9 && came * 10 > requests.total * 8 && echoes * 2 < came
 }
 
 /// Share of the noise whose bytes are 00, FF or a run of equal bits at one end.
@@ -55,14 +55,28 @@ pub(super) fn swapped_wires(view: &View<'_>) -> Vec<Claim> {
         return Vec::new();
     }
     let ends = &view.bus.noise.ends_in_zero;
+    if only_requests_are_valid(view) {
+        let kinds = &view.bus.noise.kinds;
+        let share = Share { failed: kinds[..3].iter().sum(), total: kinds.iter().sum() };
+        let chance = view.corrected(at_least(share, 0.5));
+        let claim = Claim::new("swapped_wires", &view.bus.requests_seen, chance).with_share(share).fact("where", "at the master");
+        return vec![
+            claim.fact("what", format!("{} of {} bytes that it receives are 00, FF or their like", share.failed, share.total))
+        ];
+    }
     let chance = view.corrected(at_least(ends.share(), ENDS_IN_ZERO));
-    vec![Claim::new("swapped_wires", ends, chance).fact("zeros", percent(inverted_share(view)))]
+    let (zeros, ended) = (percent(inverted_share(view)), ends.share());
+    let what = format!(
+        "no frame is valid, {zeros} of the bytes are 00, FF or their like, and {} of {} bursts end in 00",
+        ended.failed, ended.total
+    );
+    vec![Claim::new("swapped_wires", ends, chance).fact("where", "at the tap").fact("what", what)]
 }
 
 /// No valid frame at all, or no valid answer of one unit and a wrong length throughout.
 pub(super) fn wrong_line_settings(view: &View<'_>) -> Vec<Claim> {
     if is_unreadable(view) {
-        if is_inverted(view) || is_text(view) {
+        if is_inverted(view) || is_text(view) || is_foreign_alone(view) {
             return Vec::new();
         }
         let (good, other) = bytes(view);
@@ -90,6 +104,14 @@ fn at_another_rate(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Cla
 fn is_text(view: &View<'_>) -> bool {
     let kinds = &view.bus.noise.kinds;
     kinds[3] * 10 > kinds.iter().sum::<u64>() * 9
+}
+
+/// Whether nearly all runs begin alike and go on differently. Requests at a wrong rate are the same from the first byte to the
+/// last, and answers begin otherwise than requests.
+fn is_foreign_alone(view: &View<'_>) -> bool {
+    let noise = &view.bus.noise;
+    let most = noise.runs.sorted().into_iter().max_by_key(|(_, counts)| counts.seen.failed);
+    most.is_some_and(|(_, counts)| counts.seen.failed * 5 >= noise.compared * 4 && counts.wholes.sorted().len() > 2)
 }
 
 /// Runs that are no Modbus and come again.

@@ -1,8 +1,9 @@
 //! Which part of a damaged frame is damaged: the checksum tells, if the rest is right.
 
-use modlens_engine::records::{Batch, Transaction};
+use modlens_engine::records::{Batch, Frame, Transaction};
 use modlens_protocol::checksum::{correctable_bit, crc16, crc_valid};
-use modlens_protocol::framing::Mode;
+use modlens_protocol::direction::Direction;
+use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::status::Status;
 
 /// The damaged part of a frame.
@@ -61,11 +62,19 @@ pub(crate) fn response_part(wire: &[u8], unit: u8, function: u8, request: &[u8])
     DamagedPart::Inside
 }
 
+/// The damaged part of a request that is part of no transaction, because too little of it came.
+pub(super) fn damaged_request(row: &Frame, wire: &[u8]) -> Option<DamagedPart> {
+    let is_damaged = !row.verdict.is_good() && row.verdict != Verdict::Noise;
+    let is_request = row.mode == Mode::Rtu && row.direction == Direction::Request && row.txn.is_none();
+    (is_damaged && is_request).then(|| request_part(wire))
+}
+
+/// A last byte that is wrong may be a single wrong bit, too; of random bits, one in eight is in it.
 fn request_part(wire: &[u8]) -> DamagedPart {
-    if correctable_bit(wire).is_some() {
-        DamagedPart::Bit
-    } else if is_cut_at_end(wire, Some(8)) {
+    if is_cut_at_end(wire, Some(8)) {
         DamagedPart::End
+    } else if correctable_bit(wire).is_some() {
+        DamagedPart::Bit
     } else {
         DamagedPart::Inside
     }

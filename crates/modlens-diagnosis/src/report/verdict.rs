@@ -34,12 +34,24 @@ impl Verdict {
 /// Fewer requests than these make no line healthy.
 const FEW: u64 = 10;
 
+/// A line is not healthy where surely more than this share of its requests is refused.
+const MANY_REFUSED: f64 = 0.2;
+
 /// The verdict and its sentence; `rows` are the diagnoses, the worst first.
 pub(super) fn verdict(buses: &[(&str, BusContrast)], rows: &[DiagnosisRow]) -> (Verdict, String) {
     let share = buses.iter().fold(Share::default(), |sum, (_, bus)| sum.with(bus.requests_seen.share()));
     let bytes = |verdict: FrameVerdict| -> u64 { buses.iter().map(|(_, bus)| bus.frames.bytes[verdict as usize]).sum() };
     let worst = rows.first().filter(|row| row.severity != Severity::Info);
-    let numbers = format!("{} of {} requests failed", thousands(share.failed), thousands(share.total));
+    let refused = Share { failed: buses.iter().map(|(_, bus)| refused(bus)).sum(), total: share.total };
+    let refusals = match refused.failed {
+        0 => String::new(),
+        count => format!(", and {} refused by an exception", were(count)),
+    };
+    let numbers = if share.failed == 0 && refused.failed > 0 {
+        format!("{} of {} requests were refused by an exception", thousands(refused.failed), thousands(refused.total))
+    } else {
+        format!("{} of {} requests failed{refusals}", thousands(share.failed), thousands(share.total))
+    };
     let what = if buses.len() == 1 { "This line" } else { "What was recorded" };
     if let Some(worst) = worst {
         let cause = format!("{}: {}", rest(rows), worst.sentence);
@@ -60,14 +72,27 @@ pub(super) fn verdict(buses: &[(&str, BusContrast)], rows: &[DiagnosisRow]) -> (
         let text = format!("{what} works with trouble: {numbers}, and nothing that was looked for explains it.");
         return (Verdict::Trouble, text);
     }
+    if least_rate(refused) > MANY_REFUSED {
+        let text = format!("{what} works with trouble: {numbers}, for no single reason; the transactions name each.");
+        return (Verdict::Trouble, text);
+    }
     let answered = share.total - share.failed;
     let text = format!(
-        "{what} is healthy: {} of {} requests were answered ({}).",
+        "{what} is healthy: {} of {} requests were answered ({}){refusals}.",
         thousands(answered),
         thousands(share.total),
         percent(1.0 - share.rate())
     );
     (Verdict::Healthy, text)
+}
+
+/// The requests of a bus that were refused by an exception response.
+fn refused(bus: &BusContrast) -> u64 {
+    bus.units.values().flat_map(|unit| &unit.exceptions).map(|tally| tally.share().failed).sum()
+}
+
+fn were(count: u64) -> String {
+    format!("{} {}", thousands(count), if count == 1 { "was" } else { "were" })
 }
 
 fn rest(rows: &[DiagnosisRow]) -> &'static str {

@@ -11,14 +11,26 @@ use crate::weights::{self, MAX_GLITCH_BYTES, MIN_DAMAGED_FRAME_BITS, SEARCHED_BY
 impl UnframedRegion<'_, '_> {
     /// The damaged frames of this region, in order, with indices that count from its first byte; all other bytes are noise.
     ///
-    /// They are the chain of candidates (`chain_of_candidates`), in front of it the fragment that `leading_fragment` finds, and
-    /// behind it what `explain_bytes_behind` makes of the rest.
+    /// They are the chain of candidates (`chain_of_candidates`), in front of it the fragment that `leading_fragment` finds,
+    /// behind it what `explain_bytes_behind` makes of the rest, and the bursts where a frame is due (`add_due_bursts`).
     pub fn damaged_frames(&self) -> Vec<DamagedFrame> {
         let mut frames = self.chain_of_candidates();
+        // On a noisy line, only what is due tells which of the bytes in front are a frame.
+        if self.has_few_strays() {
+            self.add_leading_fragment(&mut frames);
+        }
+        self.explain_bytes_behind(&mut frames);
+        self.add_due_bursts(&mut frames);
+        if !self.has_few_strays() {
+            self.add_leading_fragment(&mut frames);
+        }
+        frames
+    }
+
+    /// Puts the fragment in front of these frames, if there is one (`leading_fragment`).
+    fn add_leading_fragment(&self, frames: &mut Vec<DamagedFrame>) {
         let first_start = frames.first().map_or(self.length, |frame| frame.start);
         frames.splice(0..0, self.leading_fragment(first_start, frames.is_empty()));
-        self.explain_bytes_behind(&mut frames);
-        frames
     }
 
     /// The best chain of candidates; none where the bytes are too few.
@@ -85,6 +97,7 @@ impl UnframedRegion<'_, '_> {
                 self.add_expected(&expected, start, &mut candidates);
             }
             self.add_familiar(start, &mut candidates);
+            self.add_frames_lacking_flow_control_byte(start, &mut candidates);
         }
         candidates
     }

@@ -34,6 +34,12 @@ pub(crate) struct ColonlessMessage {
     pub damage: Option<DamageKind>,
 }
 
+/// Whether these characters behind a colon are noise, and so is the colon: fewer than `MIN_HEX_CHARACTERS`, of which the first
+/// is no hex character, or none at all.
+pub(crate) fn is_noise_behind_colon(text: &[u8]) -> bool {
+    text.len() < MIN_HEX_CHARACTERS && !text.first().is_some_and(u8::is_ascii_hexdigit)
+}
+
 /// The first message without a colon in front of the first colon.
 ///
 /// `is_final`: no more bytes will follow. `known_units`: the units that took part in a valid frame.

@@ -48,7 +48,7 @@ impl UnframedRegion<'_, '_> {
     /// Extends a frame whose first bytes seem to be missing over as many bytes in front of it, if those are free: then
     /// nothing is missing, and the bytes in front are the first ones of the frame with wrong values.
     fn extend_over_wrong_head(&self, frame: DamagedFrame, previous_end: usize) -> DamagedFrame {
-        let count = frame.head.len();
+        let count = if matches!(frame.damage, Some(DamageKind::FlowControl { .. })) { 0 } else { frame.head.len() };
         let Some(start) = frame.start.checked_sub(count).filter(|&start| count > 0 && start >= previous_end) else {
             return frame;
         };
@@ -73,7 +73,8 @@ impl UnframedRegion<'_, '_> {
             end: candidate.start + length,
             direction: side::direction_of(candidate.direction),
             head: candidate.head.clone(),
-            is_short: length < expected_length || matches!(damage, Some(DamageKind::LostBytes { .. })),
+            is_short: length < expected_length
+                || matches!(damage, Some(DamageKind::LostBytes { .. } | DamageKind::FlowControl { .. })),
             damage,
             is_unidentified: false,
             wrong_head_bytes: 0,

@@ -34,6 +34,15 @@ pub fn missing_byte(bytes: &[u8]) -> Option<usize> {
     (0..=bytes.len()).rev().find(|&at| (before[at] ^ step_back(needed[at])) >> 8 == 0)
 }
 
+/// The first index from `from` on, and the first of `values`, at which that byte inserted makes the CRC valid.
+pub fn inserted_byte(bytes: &[u8], from: usize, values: &[u8]) -> Option<(usize, u8)> {
+    let (before, needed) = registers(bytes);
+    (from..=bytes.len()).find_map(|at| {
+        let fits = |value: &&u8| update_byte(before[at], **value) == needed[at];
+        values.iter().find(fits).map(|&value| (at, value))
+    })
+}
+
 /// The index of a byte that equals the one before it and without which the CRC is valid.
 pub fn doubled_byte(bytes: &[u8]) -> Option<usize> {
     let (before, needed) = registers(bytes);
@@ -71,6 +80,19 @@ mod tests {
             prop_assert!(copy.is_some_and(|copy| frame[copy] == frame[at]));
             frame.remove(copy.unwrap());
             prop_assert!(crc_valid(&frame));
+        }
+
+        #[test]
+        fn a_byte_of_given_value_is_found_where_it_was_taken_out(body in proptest::collection::vec(any::<u8>(), 3..40), at in any::<usize>()) {
+            let taken = at % (body.len() + 1);
+            let mut frame = framed(&[&body[..taken], &[0x11], &body[taken..]].concat());
+            frame.remove(taken);
+            // The slow way: each place in turn, the whole CRC each time.
+            let with = |place: usize| [&frame[..place], &[0x11], &frame[place..]].concat();
+            let slow = (0..=frame.len()).find(|&place| crc_valid(&with(place)));
+            prop_assert!(slow.is_some_and(|place| place <= taken));
+            prop_assert_eq!(inserted_byte(&frame, 0, &[0x11]), slow.map(|place| (place, 0x11)));
+            prop_assert_eq!(inserted_byte(&frame, taken, &[0x11]), Some((taken, 0x11)));
         }
 
         #[test]

@@ -73,7 +73,7 @@ fn retry<'a>(request: RequestRef<'_>) -> ExpectedFrame<'a> {
 }
 
 /// The request that this response answers, as far as the response repeats it.
-fn request_of<'a>(region: &UnframedRegion<'a, '_>, response: &[u8]) -> ExpectedFrame<'a> {
+pub(super) fn request_of<'a>(region: &UnframedRegion<'a, '_>, response: &[u8]) -> ExpectedFrame<'a> {
     let (unit, code, body) = (response[0], response[1], &response[2..response.len() - 2]);
     let mut bytes = vec![unit, code & !EXCEPTION_BIT];
     let mut length = None;

@@ -10,6 +10,13 @@ pub enum DamageKind {
         /// Number of lost bytes; 0 where it is unknown.
         count: usize,
     },
+    /// The driver of the tap's port has taken a byte out as software flow control.
+    FlowControl {
+        /// Index of the byte in the frame as it was sent.
+        at: usize,
+        /// Its value, XON or XOFF.
+        value: u8,
+    },
     /// The sender stopped before the announced length.
     Truncated {
         /// Number of bytes that were announced and never sent; 0 where it is unknown.

@@ -20,8 +20,11 @@
 //! 4. **Which of the candidates?** (`chain`) The chain of candidates that do not overlap with the highest total; a second
 //!    damaged frame in one region costs 8 bits more, because damage is rare. `chain` also decides where each frame ends.
 //! 5. **What is left over?** (`fragments`) The beginning or the end of a frame that only its place gives away: at the start
-//!    of the recording, or where a response must have been. All other bytes are noise, `Glitch` if they are the few equal
+//!    of the recording, or where a response must have been; and a burst of bytes at the place of a frame that is due
+//!    (`due_burst`), because line noise seldom comes in a row. All other bytes are noise, `Glitch` if they are the few equal
 //!    bytes that a switched line driver leaves (`glitch`).
+//!
+//! A byte that a serial driver has taken out as software flow control is tried at every place (`flow_control`).
 //!
 //! # Example
 //!
@@ -47,7 +50,9 @@ pub(crate) mod ascii;
 mod candidates;
 mod chain;
 mod crc_correction;
+mod due_burst;
 mod expected_frame;
+mod flow_control;
 mod fragments;
 pub(crate) mod glitch;
 pub mod kind;

@@ -75,6 +75,11 @@ impl DamageRecovery {
         }
     }
 
+    /// Forgets damaged frames that are not emitted yet: another framer goes on with their bytes.
+    pub fn forget_found(&mut self) {
+        self.found.clear();
+    }
+
     /// Finds the damaged frames of the input up to stream offset `to`, exclusive, and keeps them in `found`; the line's model
     /// learns what happened to each.
     ///
@@ -83,6 +88,7 @@ impl DamageRecovery {
     fn analyse(&mut self, model: &mut TrafficModel, at: &Surroundings<'_, '_>, to: u64) {
         let offset = at.input.offset();
         self.analysed_to = to;
+        model.learn_flow_control(&at.input.bytes()[..(to - offset) as usize]);
         let frames = at.region(model, (to - offset) as usize, false).damaged_frames();
         self.found = frames.into_iter().map(|frame| (offset + frame.start as u64, frame)).collect();
         if !at.context.may_look_ahead && at.next_frame.is_none() {

@@ -2,7 +2,7 @@
 
 use memchr::memchr;
 
-use crate::fast_path::emit::{adjacent_spans, may_hold_no_map, BatchTotals};
+use crate::fast_path::emit::{adjacent_spans, may_hold_no_map, ExchangePlaces, Run};
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rows::MatchedExchange;
 use crate::framer::ascii::MAX_MESSAGE_CHARACTERS;
@@ -51,41 +51,41 @@ fn match_exchange(
     adus: &mut [Vec<u8>; 2],
 ) -> Option<MatchedExchange> {
     let input = &state.lines[0].1.input;
-    let text = input.bytes();
+    let (expected, lengths) = decode_exchange(functions, input.bytes(), adus)?;
+    if !input.holds_exchange(Mode::Ascii, lengths[0], lengths[1], request_timeout) {
+        return None;
+    }
+    if expected.echoes_request && may_be_retry(state, lengths[0]) {
+        return None;
+    }
+    let [request, response] = adus;
+    let is_settled = state.profiles.learn_quietly(functions, request, expected.read_data(response));
+    let (mode, response_bits) = (Mode::Ascii, u8::MAX);
+    is_settled.then_some(MatchedExchange { expected, mode, mbap_id: None, lines: [0, 0], lengths, response_bits })
+}
+
+/// A plain read or write that cannot be a response, and the response that it determines, at the head of these characters, with
+/// the lengths of both in characters; `adus` gets unit and PDU of both. `None` if the messages are not all there, valid and
+/// clean, or if a self-describing register map may begin in them.
+fn decode_exchange(functions: &Functions, text: &[u8], adus: &mut [Vec<u8>; 2]) -> Option<(ExpectedExchange, [usize; 2])> {
     let [request, response] = adus;
     let request_length = 2 + memchr(b'\r', &text[..text.len().min(MAX_MESSAGE_CHARACTERS)])?;
     let expected = decode_clean(text, request_length, request)
         .then(|| ExpectedExchange::from_request(functions, Mode::Ascii, request))?
         .filter(|expected| may_hold_no_map(expected) && !expected.resembles_response)?;
     let response_length = frame_characters(expected.response_bytes);
-    let are_valid = request.len() == expected.request_bytes && decode_clean(&text[request_length..], response_length, response);
-    if !are_valid
-        || !expected.is_answered_by(request, response)
-        || !input.holds_exchange(Mode::Ascii, request_length, response_length, request_timeout)
-    {
-        return None;
-    }
-    if expected.echoes_request {
-        // Request and response have the same bytes: the second may be a retry, if the recording or the pause says so.
-        let declared =
-            |index| input.read(index).and_then(|read| read.side).map(|side| declared_direction(state.side_votes, side));
-        let timeout_log_odds = state.pairing.timing.timeout_log_odds(input.pause_before(request_length));
-        let is_declared_otherwise =
-            declared(0) == Some(Direction::Response) || declared(request_length) == Some(Direction::Request);
-        if is_declared_otherwise || timeout_log_odds > 0.0 {
-            return None;
-        }
-    }
-    let is_settled = state.profiles.learn_quietly(functions, request, expected.read_data(response));
-    let lengths = [request_length, response_length];
-    is_settled.then_some(MatchedExchange {
-        expected,
-        mode: Mode::Ascii,
-        mbap_id: None,
-        lines: [0, 0],
-        lengths,
-        response_bits: u8::MAX,
-    })
+    let is_whole = request.len() == expected.request_bytes && decode_clean(&text[request_length..], response_length, response);
+    (is_whole && expected.is_answered_by(request, response)).then_some((expected, [request_length, response_length]))
+}
+
+/// Whether a response that equals its request, which has this many characters, may be a retry of it: the recording declares one of
+/// the two otherwise, or the silence between them fits a timeout better than a response time.
+fn may_be_retry(state: &BusState, request_length: usize) -> bool {
+    let input = &state.lines[0].1.input;
+    let declared = |index| input.read(index).and_then(|read| read.side).map(|side| declared_direction(state.side_votes, side));
+    declared(0) == Some(Direction::Response)
+        || declared(request_length) == Some(Direction::Request)
+        || state.pairing.timing.timeout_log_odds(input.pause_before(request_length)) > 0.0
 }
 
 impl Session {
@@ -95,24 +95,21 @@ impl Session {
     /// one. The statistics of the bus count the whole run at its end. The ASCII framer has nothing to learn from a frame.
     pub(super) fn emit_ascii_exchanges(&mut self, bus: usize) {
         let mut adus = std::mem::take(&mut self.adus);
-        let state = &mut self.buses[bus];
-        let config = state.timing_config(0);
-        let min_measurable_ns = 2 * state.coarsest_resolution();
-        let mut totals = BatchTotals::default();
+        let mut run = Run::new(&mut self.buses[bus], 0);
         loop {
             let state = &mut self.buses[bus];
-            let request_timeout = if config.has_clock { state.pairing.request_timeout(false) } else { Ns::MAX };
+            let request_timeout = run.request_timeout(state);
             let Some(matched) = match_exchange(state, &self.functions, request_timeout, &mut adus) else { break };
             let wire = &state.lines[0].1.input.bytes()[..matched.lengths[0] + matched.lengths[1]];
             let wires = adjacent_spans(self.batch.store(wire).start as usize, matched.lengths);
-            let pdus = adus.each_ref().map(|adu| self.batch.store(&adu[1..]));
-            self.emit_exchange(bus, &matched, wires, Some(pdus), &config, min_measurable_ns, &mut totals);
+            let pdus = Some(adus.each_ref().map(|adu| self.batch.store(&adu[1..])));
+            self.emit_exchange(bus, &matched, &ExchangePlaces { wires, pdus }, &mut run);
             let response = &adus[1];
             self.buses[bus].pairing.sync_after_batch(response[0], &response[1..]);
         }
         self.adus = adus;
-        if totals.exchanges > 0 {
-            self.stats.record_batch(self.buses[bus].counts, Mode::Ascii, totals.exchanges, totals.bytes as u64);
+        if run.totals.exchanges > 0 {
+            self.stats.record_batch(self.buses[bus].counts, Mode::Ascii, run.totals.exchanges, run.totals.bytes as u64);
         }
     }
 }

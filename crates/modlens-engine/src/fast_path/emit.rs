@@ -3,7 +3,7 @@
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rows::{ExchangeRows, MatchedExchange};
 use crate::records::Span;
-use crate::session::bus::learn_side;
+use crate::session::bus::{learn_side, BusState};
 use crate::session::frame_timing::{FrameTiming, TimingConfig};
 use crate::session::line::LineState;
 use crate::session::Session;
@@ -15,74 +15,126 @@ use modlens_protocol::functions::StandardLayout;
 use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
 use modlens_protocol::Ns;
 
+/// One run of the fast path over a bus: what stays the same in it, and what it has emitted so far.
+pub(super) struct Run {
+    /// How frames are timed, as it was at the beginning of the run.
+    config: TimingConfig,
+    /// Response times below this are left out of rows and statistics: the clock cannot measure them.
+    min_measurable_ns: Ns,
+    /// What it has emitted.
+    pub totals: BatchTotals,
+}
+
+impl Run {
+    /// A run over this bus. `line` is the index of the line whose clock counts.
+    pub(super) fn new(state: &mut BusState, line: usize) -> Self {
+        let config = state.timing_config(line);
+        Self { config, min_measurable_ns: 2 * state.coarsest_resolution(), totals: BatchTotals::default() }
+    }
+
+    /// The time in ns within which a response on a serial line has to come; endless without a clock.
+    pub(super) fn request_timeout(&self, state: &BusState) -> Ns {
+        if self.config.has_clock {
+            state.pairing.request_timeout(false)
+        } else {
+            Ns::MAX
+        }
+    }
+}
+
+/// Where the bytes of an exchange are in the arena, or will be put: first the request's, then the response's.
+pub(super) struct ExchangePlaces {
+    /// Its bytes as they were on the lines.
+    pub wires: [Span; 2],
+    /// The decoded PDUs, where the lines carry characters; else they are parts of the `wires`.
+    pub pdus: Option<[Span; 2]>,
+}
+
+/// When and where the frames of an exchange were.
+struct ExchangeTiming {
+    request: FrameTiming,
+    response: FrameTiming,
+    /// From the end of the request to the start of the response; `None` without a clock.
+    response_time: Option<Ns>,
+}
+
 impl Session {
     /// Emits the rows of an exchange at the heads of its lines and consumes its bytes. Decides nothing: the caller has matched
     /// the exchange, and there is no finding on it.
     ///
-    /// The session then has the state in which the slow path would leave it: what the recording's words for a sender mean,
-    /// pairing, the unit as known and paired, the request's statistics, and the next numbers (one transaction, two frames).
-    /// `totals` counts the exchange. What is learned once for a whole run (statistics of the bus, last response) is left to
-    /// the caller, and so is the framer. Rows are made only of the tables that are wanted; a transaction row goes to `held`,
-    /// as on the slow path.
-    ///
-    /// `wires`: the places of its bytes in the arena, where they are already or will be put. `pdus`: the places of the
-    /// decoded PDUs, where the lines carry characters; else they are parts of the `wires`. Response times below
-    /// `min_measurable_ns` are left out of row and statistics. Without a clock there are no times.
+    /// The session then has the state in which the slow path would leave it: what the bus has learned (`learn_exchange`), the
+    /// request's statistics, and the next numbers (one transaction, two frames). The run counts the exchange. Left to the
+    /// caller are the statistics of the bus, which come once a run, the last response, which comes once a run or, in ASCII,
+    /// with each exchange, and the framer.
     #[inline(always)]
-    #[allow(clippy::inline_always, clippy::too_many_arguments)] // The body of three loops: as a call, most of its time goes to passing the arguments.
-    pub(super) fn emit_exchange(
-        &mut self,
-        bus: usize,
-        matched: &MatchedExchange,
-        wires: [Span; 2],
-        pdus: Option<[Span; 2]>,
-        config: &TimingConfig,
-        min_measurable_ns: Ns,
-        totals: &mut BatchTotals,
-    ) {
+    #[allow(clippy::inline_always)] // The body of three loops: as a call, most of its time goes to passing the arguments.
+    pub(super) fn emit_exchange(&mut self, bus: usize, matched: &MatchedExchange, places: &ExchangePlaces, run: &mut Run) {
         let state = &mut self.buses[bus];
-        let MatchedExchange { expected, mode, mbap_id, lines: [client, server], lengths, .. } = matched;
-        let request_timing = consume(&mut state.lines[*client].1, lengths[0], config);
-        let response_timing = consume(&mut state.lines[*server].1, lengths[1], config);
-        learn_side(&mut state.side_votes, request_timing.side, Direction::Request);
-        learn_side(&mut state.side_votes, response_timing.side, Direction::Response);
-        let response_time =
-            state.pairing.measurable_interval(request_timing.end, response_timing.start, response_timing.clean_start);
-        state.pairing.record_exchange(expected.unit, *mbap_id, expected.echoes_request, request_timing.gap, response_time);
-        let unit = usize::from(expected.unit);
-        (state.known_units[unit], state.paired_units[unit]) = (true, true);
+        let ExchangeTiming { request, response, response_time } = learn_exchange(state, matched, &run.config);
+        let response_time = response_time.filter(|&ns| ns >= run.min_measurable_ns);
+        let expected = &matched.expected;
+        let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
+        self.stats.record_exchange(state.counts, key, [request.span(), response.span()], response_time);
         let rows = ExchangeRows {
             txn: self.next_txn,
             request_frame: self.next_frame,
             bus: bus as u32,
-            lines: [state.lines[*client].0, state.lines[*server].0],
+            lines: matched.lines.map(|line| state.lines[line].0),
             matched,
-            request_wire: wires[0],
-            response_wire: wires[1],
-            request_timing,
-            response_timing,
-            response_time: response_time.filter(|&ns| ns >= min_measurable_ns),
+            request_wire: places.wires[0],
+            response_wire: places.wires[1],
+            request_timing: request,
+            response_timing: response,
+            response_time,
             recording_start: self.origin,
         };
-        let spans = [request_timing.span(), response_timing.span()];
-        let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
-        self.stats.record_exchange(state.counts, key, spans, rows.response_time);
-        totals.exchanges += 1;
-        totals.bytes += lengths[0] + lengths[1];
+        self.push_rows(&rows, places);
+        run.totals.exchanges += 1;
+        run.totals.bytes += matched.lengths[0] + matched.lengths[1];
         self.next_txn += 1;
         self.next_frame += 2;
+    }
+
+    /// Appends the rows of an exchange to the tables that are wanted: its two frames to the batch, and its transaction to
+    /// `held`, as on the slow path.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
+    fn push_rows(&mut self, rows: &ExchangeRows<'_>, places: &ExchangePlaces) {
         let no_findings = Span { start: self.batch.codes.len() as u32, length: 0 };
         if self.wanted.frames {
             self.batch.frames.push(rows.frame(Direction::Request, no_findings));
             self.batch.frames.push(rows.frame(Direction::Response, no_findings));
         }
         if self.wanted.transactions {
-            let binary_pdus =
-                || [pdu_span(*mode, wires[0], expected.request_bytes), pdu_span(*mode, wires[1], expected.response_bytes)];
-            let points = state.profiles.of_unit(expected.unit);
-            self.held.push(rows.transaction(points, pdus.unwrap_or_else(binary_pdus), no_findings));
+            let expected = &rows.matched.expected;
+            let pdus = places.pdus.unwrap_or_else(|| {
+                let mode = rows.matched.mode;
+                [
+                    pdu_span(mode, places.wires[0], expected.request_bytes),
+                    pdu_span(mode, places.wires[1], expected.response_bytes),
+                ]
+            });
+            let points = self.buses[rows.bus as usize].profiles.of_unit(expected.unit);
+            self.held.push(rows.transaction(points, pdus, no_findings));
         }
     }
+}
+
+/// Consumes an exchange at the heads of its lines, and learns from it what the recording's words for a sender mean, what pairing
+/// learns, and that its unit is known and was paired. Returns when and where its frames were.
+#[inline(always)]
+#[allow(clippy::inline_always)] // As above.
+fn learn_exchange(state: &mut BusState, matched: &MatchedExchange, config: &TimingConfig) -> ExchangeTiming {
+    let MatchedExchange { expected, mbap_id, lines: [client, server], lengths, .. } = matched;
+    let request = consume(&mut state.lines[*client].1, lengths[0], config);
+    let response = consume(&mut state.lines[*server].1, lengths[1], config);
+    learn_side(&mut state.side_votes, request.side, Direction::Request);
+    learn_side(&mut state.side_votes, response.side, Direction::Response);
+    let response_time = state.pairing.measurable_interval(request.end, response.start, response.clean_start);
+    state.pairing.record_exchange(expected.unit, *mbap_id, expected.echoes_request, request.gap, response_time);
+    let unit = usize::from(expected.unit);
+    (state.known_units[unit], state.paired_units[unit]) = (true, true);
+    ExchangeTiming { request, response, response_time }
 }
 
 /// What one run of the fast path has emitted: the exchanges, and their bytes on all lines.
@@ -98,19 +150,21 @@ pub(super) fn may_hold_no_map(expected: &ExpectedExchange) -> bool {
     expected.kind != StandardLayout::ReadRegisters || !may_begin_in(expected.address, usize::from(expected.quantity))
 }
 
-/// The place of the PDU in the bytes of a binary frame. `length` is that of unit and PDU.
+/// The place of the PDU in the bytes of a binary frame, behind its unit and, on TCP, its MBAP header. `length` is that of unit
+/// and PDU, in bytes.
 fn pdu_span(mode: Mode, wire: Span, length: usize) -> Span {
     let before = if mode == Mode::Tcp { MBAP_PREFIX_BYTES + 1 } else { 1 };
     Span { start: wire.start + before as u32, length: length as u32 - 1 }
 }
 
-/// The places of a request that starts here in the arena, and of the response behind it.
+/// The places of a request that starts at this index of the arena, and of the response right behind it. Lengths in bytes.
 pub(super) fn adjacent_spans(start: usize, [request_length, response_length]: [usize; 2]) -> [Span; 2] {
     let span = |start: usize, length: usize| Span { start: start as u32, length: length as u32 };
     [span(start, request_length), span(start + request_length, response_length)]
 }
 
-/// Consumes the first bytes of a line as a frame; returns when and where it was.
+/// Consumes the first `length` bytes of a line as a frame; returns when and where it was. The end of the frame before, which the
+/// gap counts from, is that of the line, not that of `config`.
 #[inline(always)]
 #[allow(clippy::inline_always)] // The result is large, and `Session::emit_exchange` takes it apart at once.
 fn consume(line: &mut LineState, length: usize, config: &TimingConfig) -> FrameTiming {

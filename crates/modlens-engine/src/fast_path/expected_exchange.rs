@@ -67,14 +67,13 @@ impl ExpectedExchange {
     #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
     pub fn from_request(functions: &Functions, mode: Mode, bytes: &[u8]) -> Option<Self> {
         let request: &[u8; SHORT_REQUEST_BYTES] = bytes.first_chunk()?;
-        let [unit, code, high, low, ..] = *request;
+        let [unit, code, ..] = *request;
         let limits = functions.request_limits(code).filter(|_| mode == Mode::Tcp || UNIT_ADDRESSES.contains(&unit))?;
-        let (address, number) = (u16::from_be_bytes([high, low]), u16::from_be_bytes([request[4], request[5]]));
+        let (address, number) = (u16_at(*request, 2), u16_at(*request, 4));
         if !functions.permits(limits, code, number, &request[2..]) {
             return None;
         }
-        let (bit_bytes, register_bytes) = (usize::from(number.div_ceil(8)), 2 * usize::from(number));
-        let write = Self {
+        let echoed = Self {
             unit,
             code,
             kind: limits.kind,
@@ -86,30 +85,38 @@ impl ExpectedExchange {
             resembles_response: false,
             response: Response::Echo,
         };
-        let read = |count: usize, padding: u8| {
-            // The high byte of the address stands where a response has its byte count.
-            let resembles_response = mode != Mode::Tcp && usize::from(high) + READ_HEADER_BYTES == SHORT_REQUEST_BYTES;
-            let count = u8::try_from(count).ok().filter(|&count| !resembles_response || count != high)?;
-            let response_bytes = READ_HEADER_BYTES + usize::from(count);
-            Some(Self {
-                response_bytes,
-                echoes_request: false,
-                resembles_response,
-                response: Response::Block { count, padding },
-                ..write
-            })
-        };
-        let write_request_bytes = |count: usize| {
-            let announced = bytes.get(SHORT_REQUEST_BYTES).copied().map(usize::from);
-            (announced == Some(count)).then_some(WRITE_HEADER_BYTES + count)
-        };
+        let (bit_bytes, register_bytes) = (usize::from(number.div_ceil(8)), 2 * usize::from(number));
         match limits.kind {
-            StandardLayout::ReadBits => read(bit_bytes, padding_bits(number)),
-            StandardLayout::ReadRegisters => read(register_bytes, 0),
-            StandardLayout::WriteBits => Some(Self { request_bytes: write_request_bytes(bit_bytes)?, ..write }),
-            StandardLayout::WriteRegisters => Some(Self { request_bytes: write_request_bytes(register_bytes)?, ..write }),
-            StandardLayout::WriteOne => Some(Self { quantity: 1, ..write }),
+            StandardLayout::ReadBits => echoed.as_read(mode, bit_bytes, padding_bits(number)),
+            StandardLayout::ReadRegisters => echoed.as_read(mode, register_bytes, 0),
+            StandardLayout::WriteBits => echoed.as_write_of(bit_bytes, bytes),
+            StandardLayout::WriteRegisters => echoed.as_write_of(register_bytes, bytes),
+            StandardLayout::WriteOne => Some(Self { quantity: 1, ..echoed }),
         }
+    }
+
+    /// The same as a read of `count` bytes of data, of which the last one has these padding bits; `None` if a byte count cannot
+    /// say that many, or if the request could be its own response.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
+    fn as_read(self, mode: Mode, count: usize, padding: u8) -> Option<Self> {
+        // The high byte of the address stands where a response has its byte count.
+        let [in_place_of_count, _] = self.address.to_be_bytes();
+        let has_length_of_response = usize::from(in_place_of_count) + READ_HEADER_BYTES == SHORT_REQUEST_BYTES;
+        let resembles_response = mode != Mode::Tcp && has_length_of_response;
+        let count = u8::try_from(count).ok().filter(|&count| !resembles_response || count != in_place_of_count)?;
+        let response_bytes = READ_HEADER_BYTES + usize::from(count);
+        let response = Response::Block { count, padding };
+        Some(Self { response_bytes, echoes_request: false, resembles_response, response, ..self })
+    }
+
+    /// The same as a write of `count` bytes of data; `None` unless the byte count of the request, which begins with these bytes,
+    /// is there and says as many.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
+    fn as_write_of(self, count: usize, request: &[u8]) -> Option<Self> {
+        let announced = request.get(SHORT_REQUEST_BYTES).copied().map(usize::from);
+        (announced == Some(count)).then_some(Self { request_bytes: WRITE_HEADER_BYTES + count, ..self })
     }
 
     /// Whether this response is the expected one. Both slices must have at least the expected lengths.
@@ -128,6 +135,12 @@ impl ExpectedExchange {
     pub fn read_data<'a>(&self, response: &'a [u8]) -> Option<&'a [u8]> {
         matches!(self.response, Response::Block { .. }).then(|| &response[READ_HEADER_BYTES..])
     }
+}
+
+/// The big-endian number at this index of a request.
+#[inline]
+fn u16_at(request: [u8; SHORT_REQUEST_BYTES], index: usize) -> u16 {
+    u16::from_be_bytes([request[index], request[index + 1]])
 }
 
 /// The bits of the last byte of a response that lie beyond the quantity asked for, as a mask.

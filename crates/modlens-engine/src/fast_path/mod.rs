@@ -14,7 +14,7 @@
 //! - **An exchange** (RTU, ASCII and TCP, [`Session::emit_exchanges`]): a plain read or write (`expected_exchange`) that keeps
 //!   the limits of the specification, and right behind it the one response that it determines: equal header and byte count,
 //!   padding bits 0, or the echo. Both are in one read without times, in a read each within the request time-out, or in a
-//!   TCP packet each. And nothing is open: no request outstanding, no finding due on an earlier frame, the framer's lattice
+//!   TCP packet each. And nothing is open: no request outstanding (on a connection, none that the exchange touches), no finding due on an earlier frame, the framer's lattice
 //!   empty, no mark of the receiver, no profile that has to look at the data.
 //!
 //! Example: `11 03 00 6B 00 03 76 87` and right behind it `11 03 06 02 2B 00 00 00 64 C8 BA` become two frame rows and a
@@ -62,11 +62,13 @@ impl Session {
     /// Emits the exchanges at the heads of the lines of the bus with this index, as long as each of them qualifies for the
     /// fast path. The caller goes on frame by frame behind them.
     ///
-    /// Does nothing if the bus's clock went back, if a request is outstanding or anything else of an earlier frame is undecided,
-    /// or if the bus is neither a single RTU or ASCII line nor a TCP connection with a line for each side.
+    /// Does nothing if the bus's clock went back, if a request is outstanding (but for a connection, where each exchange has to
+    /// leave it alone) or anything else of an earlier frame is undecided, or if the bus is neither a single RTU or ASCII line nor a TCP connection with a line for each side.
     pub(crate) fn emit_exchanges(&mut self, bus: usize) {
         let state = &self.buses[bus];
-        if state.clock_jumped || !state.pairing.is_idle() || !state.lines.iter().all(|(_, line)| line.is_settled()) {
+        let is_connection = state.options.bus.network.is_some() && state.lines.len() == 2;
+        let is_idle = if is_connection { state.pairing.is_idle_but_for_open() } else { state.pairing.is_idle() };
+        if state.clock_jumped || !is_idle || !state.lines.iter().all(|(_, line)| line.is_settled()) {
             return;
         }
         match &state.lines[..] {

@@ -63,6 +63,8 @@ impl ExchangeRows<'_> {
     /// the slow path, so there is no exception, retry or late response. `points`: the profile of its unit, if there is one.
     /// `pdus`: places of the PDUs of request and response in the arena. `findings`: an empty place in the batch. Times are
     /// nanoseconds, and `None` without a clock.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // A row is large, and `Session::emit_exchange` moves it into its table at once.
     pub(super) fn transaction(&self, points: Option<Arc<PlanInstance>>, pdus: [Span; 2], findings: Span) -> Transaction {
         let frame_ref = |frame: u64, wire: Span, pdu: Span, start: Option<Ns>| FrameRef { frame, wire, pdu, start };
         Transaction {
@@ -81,7 +83,7 @@ impl ExchangeRows<'_> {
             waited: None,
             late_response: None,
             retry_of: None,
-            late_for: None,
+            late_response_to: None,
             gap: self.request_timing.gap,
             mbap_id: self.matched.mbap_id,
             request: frame_ref(self.request_frame, self.request_wire, pdus[0], self.request_timing.start),
@@ -109,6 +111,8 @@ impl ExchangeRows<'_> {
 
     /// The row of the request's frame, or of the response's for any other `direction`. `findings`: an empty place in the batch.
     /// Verdict, confidence and what delimits the frame are those that the framer of the mode would give.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // A row is large, and `Session::emit_exchange` moves it into its table at once.
     pub(super) fn frame(&self, direction: Direction, findings: Span) -> Frame {
         let (number, line, wire, timing) = match direction {
             Direction::Request => (self.request_frame, self.lines[0], self.request_wire, &self.request_timing),
@@ -127,6 +131,7 @@ impl ExchangeRows<'_> {
             start: timing.start,
             elapsed: elapsed(self.recording_start, timing.start),
             gap: timing.gap,
+            pauses: timing.pauses,
             mode: self.matched.mode,
             direction,
             unit: Some(self.matched.expected.unit),

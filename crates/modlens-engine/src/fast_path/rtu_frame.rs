@@ -11,10 +11,10 @@ use crate::framer::rtu::side::REQUEST;
 use crate::framer::FramerContext;
 use crate::input::Input;
 use crate::weights::{MAX_POLL_REQUEST_BYTES, MAX_SKIPPED_STRAY_BYTES, RESPONSE_LOG_ODDS_BITS};
-use modlens_protocol::checksum::crc_valid_at;
+use modlens_protocol::checksum::{crc_valid_at, CRC_BYTES};
 use modlens_protocol::direction::expected_data_bytes;
 use modlens_protocol::framing::MAX_RTU_FRAME_BYTES;
-use modlens_protocol::functions::EXCEPTION_BIT;
+use modlens_protocol::functions::{FunctionRow, EXCEPTION_BIT};
 
 /// Unit, function code and the first byte of the body.
 const HEADER_BYTES: usize = 3;
@@ -35,23 +35,35 @@ pub fn check_frame(search: &Search, input: &Input, context: &FramerContext<'_>) 
 /// `NeedsMoreBytes` if that cannot be told yet.
 pub fn check_frame_behind_strays(search: &Search, input: &Input, context: &FramerContext<'_>) -> (usize, FrameCheck) {
     for strays in 1..=MAX_SKIPPED_STRAY_BYTES {
-        match check_frame_at(search, input, context, strays) {
-            FrameCheck::NoFrame => {}
-            FrameCheck::NeedsMoreBytes => return (strays, FrameCheck::NeedsMoreBytes),
-            FrameCheck::Frame(length) => {
-                let frame = &input.bytes()[strays..strays + length.bytes()];
-                if length.is_request() && !is_permitted_request(frame, context) {
-                    break;
-                }
-                return match search.rival_in_stray_bytes(input, context, strays, length.bytes()) {
-                    FrameCheck::NoFrame => (strays, FrameCheck::Frame(length)),
-                    FrameCheck::NeedsMoreBytes => (strays, FrameCheck::NeedsMoreBytes),
-                    FrameCheck::Frame(_) => break,
-                };
-            }
-        }
+        let check = match check_frame_at(search, input, context, strays) {
+            FrameCheck::NoFrame => continue,
+            FrameCheck::NeedsMoreBytes => FrameCheck::NeedsMoreBytes,
+            FrameCheck::Frame(length) => check_against_strays(search, input, context, strays, length),
+        };
+        let is_rejected = matches!(check, FrameCheck::NoFrame);
+        return if is_rejected { (0, check) } else { (strays, check) };
     }
     (0, FrameCheck::NoFrame)
+}
+
+/// The frame of this length behind `strays` stray bytes, unless it is a request that `is_permitted_request` does not admit, or a
+/// frame may begin with one of the stray bytes and outscore it; `NeedsMoreBytes` if that cannot be told yet.
+fn check_against_strays(
+    search: &Search,
+    input: &Input,
+    context: &FramerContext<'_>,
+    strays: usize,
+    length: FrameLength,
+) -> FrameCheck {
+    let frame = &input.bytes()[strays..strays + length.bytes()];
+    if length.is_request() && !is_permitted_request(frame, context) {
+        return FrameCheck::NoFrame;
+    }
+    match search.rival_in_stray_bytes(input, context, strays, length.bytes()) {
+        FrameCheck::NoFrame => FrameCheck::Frame(length),
+        FrameCheck::NeedsMoreBytes => FrameCheck::NeedsMoreBytes,
+        FrameCheck::Frame(_) => FrameCheck::NoFrame,
+    }
 }
 
 /// Whether a frame with the length of a request keeps the limits of the specification and does not end in 00.
@@ -90,8 +102,7 @@ fn check_frame_at(search: &Search, input: &Input, context: &FramerContext<'_>, a
 /// CRC is left to the caller. `None` in all cases but these:
 ///
 /// - It has the unit and the function of the outstanding request, perhaps with the exception bit: `response_length`.
-/// - A request to another unit is outstanding, and this is a familiar, short one at the first byte: once all of it is there, it
-///   has to be a request of the poll cycle; before that, its announced length counts, so that the caller waits for it.
+/// - A request to another unit is outstanding, and this is a familiar one at the first byte: `next_poll_length`.
 /// - No request is outstanding, and this is a familiar one: `request_length`.
 #[inline]
 fn expected_length(search: &Search, input: &Input, context: &FramerContext<'_>, at: usize) -> Option<FrameLength> {
@@ -104,16 +115,20 @@ fn expected_length(search: &Search, input: &Input, context: &FramerContext<'_>, 
             Some((count, length)) if code == request.pdu[0] && bytes.get(2) == Some(&count) => Some(FrameLength::exactly(length)),
             _ => response_length(request, input, context, at),
         },
-        // The outstanding request was not answered, and the master goes on with the poll cycle.
-        Some(request) if may_be_request && at == 0 && request.unit != unit => {
-            let length = request_length(search, bytes, context).filter(|length| length.bytes() <= MAX_POLL_REQUEST_BYTES)?;
-            let is_known_poll = |frame: &[u8]| is_permitted_request(frame, context) && search.model.poll_cycle.contains(frame);
-            // While its last bytes are missing, it counts as one.
-            Some(length).filter(|length| bytes.get(..length.bytes()).is_none_or(is_known_poll))
-        }
+        Some(request) if may_be_request && at == 0 && request.unit != unit => next_poll_length(search, bytes, context),
         None if may_be_request => request_length(search, bytes, context),
         _ => None,
     }
+}
+
+/// The length of these bytes as the next request of the poll cycle, with which the master goes on where the outstanding request
+/// was not answered; `None` if it has more than `MAX_POLL_REQUEST_BYTES`. Once all of it is there, it has to be a permitted
+/// request of the cycle; before that, it counts as one, so that the caller waits for it.
+#[inline]
+fn next_poll_length(search: &Search, bytes: &[u8], context: &FramerContext<'_>) -> Option<FrameLength> {
+    let length = request_length(search, bytes, context).filter(|length| length.bytes() <= MAX_POLL_REQUEST_BYTES)?;
+    let is_known_poll = |frame: &[u8]| is_permitted_request(frame, context) && search.model.poll_cycle.contains(frame);
+    Some(length).filter(|length| bytes.get(..length.bytes()).is_none_or(is_known_poll))
 }
 
 /// The length of the frame at index `at` of the input as the response to the outstanding request, whose unit and function it
@@ -121,63 +136,98 @@ fn expected_length(search: &Search, input: &Input, context: &FramerContext<'_>, 
 ///
 /// - An exception response: five bytes, once its exception code is there and not 0.
 /// - Otherwise the layout has to announce a length, exact or at least, that is no longer than any frame, and the body has to
-///   agree with the request: the byte count of a read, or the first four bytes that a write repeats, as far as they are there.
-/// - If it repeats its whole request, it may be a retry. It is the response if the request is not in doubt itself and the
-///   silence before it fits only a response. Else it counts only without times, at the first byte, and if no third
-///   copy follows; while that cannot be told, the result is a length that more bytes have to come for.
+///   agree with the request (`agrees_with_request`).
+/// - If it repeats its whole request, it may be a retry: see `mirrored_frame`. While that cannot be told, the result is a length
+///   of one byte more than there are, so that the caller waits for what follows.
 fn response_length(request: &HeldRequest, input: &Input, context: &FramerContext<'_>, at: usize) -> Option<FrameLength> {
     let bytes = &input.bytes()[at..];
     let (code, body) = (bytes[1], &bytes[2..]);
     if code & EXCEPTION_BIT != 0 {
-        let has_exception_code = bytes.get(2).is_some_and(|&exception| exception != 0);
+        let has_exception_code = body.first().is_some_and(|&exception| exception != 0);
         return has_exception_code.then(|| FrameLength::exactly(EXCEPTION_RESPONSE_BYTES));
     }
     let row = context.functions.row(code, &request.pdu[1..])?;
     let length = FrameLength::of(row.response.extent(body))?;
-    // A response that repeats its request and a retry of that request have the same bytes. Where neither the clock nor the
-    // bytes that follow tell which of the two this is, the search weighs them. Without times, a third copy shows that the
-    // second one may be a retry.
     let repeats_request = bytes.get(1..=request.pdu.len()) == Some(&request.pdu[..]);
-    let equals_request = repeats_request && (row.has_equal_layouts || length.bytes() == request.pdu.len() + 3);
-    let pause = || if at > 0 { input.silence_since(input.offset(), at) } else { input.pause_before(at) };
-    if equals_request && request.is_unconfirmed {
-        return None;
-    }
-    if equals_request && (context.timeout_log_odds)(pause()) > RESPONSE_LOG_ODDS_BITS {
-        if at > 0 {
-            return None;
-        }
-        match is_followed_by_copy(bytes, request.pdu.len() + 3) {
-            Some(false) if !input.has_times => {}
-            Some(_) => return None,
-            None if input.has_times => return None,
-            // One byte more than there are, so that the caller waits for what follows.
-            None => return Some(FrameLength::at_least(bytes.len() + 1)),
+    if repeats_request && (row.has_equal_layouts || length.bytes() == rtu_frame_bytes(&request.pdu)) {
+        match mirrored_frame(request, input, context, at) {
+            MirroredFrame::Response => {}
+            MirroredFrame::Doubtful => return None,
+            MirroredFrame::NeedsMoreBytes => return Some(FrameLength::at_least(bytes.len() + 1)),
         }
     }
-    let agrees = match expected_data_bytes(row, &request.pdu) {
-        Some(block) => body.first().is_some_and(|&count| usize::from(count) == block),
-        None => !row.echo.is_empty() && (body.len() < 4 || body.get(..4) == request.pdu.get(1..5)),
-    };
-    Some(length).filter(|length| agrees && length.bytes() <= MAX_CANDIDATE_BYTES)
+    let is_certain = agrees_with_request(row, request, body) && length.bytes() <= MAX_CANDIDATE_BYTES;
+    is_certain.then_some(length)
 }
 
-/// The length of these bytes as a request; `None` if they may as well be a response to an earlier request.
+/// The length in bytes of the frame around a PDU: unit and CRC are added.
+fn rtu_frame_bytes(pdu: &[u8]) -> usize {
+    1 + pdu.len() + CRC_BYTES
+}
+
+/// Whether the body of a response agrees with its request, as far as its first bytes are there: its byte count is the one
+/// that the request determines; or, where the request determines none, the response repeats fields of the request and so its
+/// first four bytes. `row` is the request's.
+fn agrees_with_request(row: &FunctionRow, request: &HeldRequest, body: &[u8]) -> bool {
+    match expected_data_bytes(row, &request.pdu) {
+        Some(block) => body.first().is_some_and(|&count| usize::from(count) == block),
+        None => !row.echo.is_empty() && (body.len() < 4 || body.get(..4) == request.pdu.get(1..5)),
+    }
+}
+
+/// What a frame is that repeats the whole outstanding request: its response, or a retry of it with the same bytes.
+enum MirroredFrame {
+    /// The response.
+    Response,
+    /// Neither the clock nor the bytes that follow tell: the search weighs them.
+    Doubtful,
+    /// The bytes that follow may tell, once they are there.
+    NeedsMoreBytes,
+}
+
+/// What the frame at index `at` of the input is, which repeats the whole outstanding request: the response, if the silence before
+/// it fits only a response (`RESPONSE_LOG_ODDS_BITS`). Without times, and at the first byte, it is the response if no third
+/// copy follows: that would show that the second one may be a retry. Doubtful in any case if the request is unconfirmed.
+fn mirrored_frame(request: &HeldRequest, input: &Input, context: &FramerContext<'_>, at: usize) -> MirroredFrame {
+    if request.is_unconfirmed {
+        return MirroredFrame::Doubtful;
+    }
+    let silence = if at > 0 { input.silence_since(input.offset(), at) } else { input.pause_before(at) };
+    if (context.timeout_log_odds)(silence) <= RESPONSE_LOG_ODDS_BITS {
+        return MirroredFrame::Response;
+    }
+    if at > 0 || input.has_times {
+        return MirroredFrame::Doubtful;
+    }
+    match is_followed_by_copy(input.bytes(), rtu_frame_bytes(&request.pdu)) {
+        Some(true) => MirroredFrame::Doubtful,
+        Some(false) => MirroredFrame::Response,
+        None => MirroredFrame::NeedsMoreBytes,
+    }
+}
+
+/// The length of these bytes as a request; `None` if they may as well be a response to an earlier request, or are longer than the
+/// specification permits. They begin with a unit and a function code without exception bit, and may go on behind the request.
 #[inline]
 fn request_length(search: &Search, bytes: &[u8], context: &FramerContext<'_>) -> Option<FrameLength> {
     let (unit, code, body) = (bytes[0], bytes[1], &bytes[2..]);
     let row = context.functions.row(code, body)?;
     let length = FrameLength::of(row.request.extent(body)).filter(|length| length.bytes() <= MAX_RTU_FRAME_BYTES)?;
-    // If a response would have the same length, this may be the last response once more, or a late one.
-    if FrameLength::of(row.response.extent(body)).is_some_and(|other| other.bytes() == length.bytes()) {
-        let open = search.answerable();
-        let may_be_echo = row.has_equal_layouts && open.last_answered.is_some_and(|(request, _)| request.matches(unit, code));
-        let may_be_response = may_be_echo
-            || open.superseded.is_some_and(|request| request.matches(unit, code))
-            || (!row.has_equal_layouts && open.last_answered.is_some_and(|(request, _)| request.matches(unit, code)));
-        if may_be_response {
-            return None;
-        }
+    let other = FrameLength::of(row.response.extent(body)).map_or(0, FrameLength::bytes);
+    // A response one byte longer, whose CRC ends in 00, has a valid CRC without that byte, too.
+    let cuts_response = other == length.bytes() + 1;
+    if cuts_response && bytes.get(..length.bytes()).is_some_and(|frame| !is_permitted_request(frame, context)) {
+        return None;
     }
-    Some(length.as_request())
+    // If a response would have the same length, this may be the last response once more, or a late one.
+    let may_be_response = other == length.bytes() && may_answer_earlier_request(search, unit, code);
+    (!may_be_response).then(|| length.as_request())
+}
+
+/// Whether a frame of this unit and function may answer the request that was answered last, once more, or the superseded one,
+/// late.
+fn may_answer_earlier_request(search: &Search, unit: u8, code: u8) -> bool {
+    let requests = search.answerable();
+    requests.last_answered.is_some_and(|(request, _)| request.matches(unit, code))
+        || requests.superseded.is_some_and(|request| request.matches(unit, code))
 }

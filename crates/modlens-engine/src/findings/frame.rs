@@ -9,44 +9,60 @@ use modlens_protocol::checksum::{correctable_bit, crc16, lrc};
 use modlens_protocol::direction::{counts_agree, possible_directions, Direction};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
-use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
+use modlens_protocol::functions::{FunctionRow, Functions, EXCEPTION_BIT};
 
 /// Unit numbers above this are reserved on serial lines (serial line specification, 2.2).
 const LAST_UNIT: u8 = 247;
 
 /// Finds what is odd about the content of a frame: a good one against the specification, a damaged one against its checksum.
-/// Findings are added to `found`.
-///
-/// A good frame may have a reserved unit (not on TCP), an unknown function, fields beyond their limits, a length that no
-/// layout of its function has (on TCP the framer reports that), or, in a request, counts that contradict each other. Behind
-/// an unknown function nothing is checked, as there is no layout, nor in an exception. A good frame without function code has
-/// no findings.
+/// Findings are added to `found`. A good frame with fewer bytes than unit and function code has none.
 pub(crate) fn content(functions: &Functions, frame: &ObservedFrame<'_>, found: &mut Found) {
     if !frame.verdict.is_good() {
         checksum(frame, found);
-        return;
+    } else if let [unit, ref pdu @ ..] = *frame.adu {
+        if !pdu.is_empty() {
+            good_unit(unit, frame.mode, found);
+            good_pdu(functions, frame, pdu, found);
+        }
     }
-    let (Some((&unit, pdu)), true) = (frame.adu.split_first(), frame.adu.len() >= 2) else { return };
-    let (code, body) = (pdu[0], &pdu[1..]);
-    if unit > LAST_UNIT && frame.mode != Mode::Tcp {
+}
+
+/// Finds a unit that is reserved; on TCP none is.
+fn good_unit(unit: u8, mode: Mode, found: &mut Found) {
+    if unit > LAST_UNIT && mode != Mode::Tcp {
         found.push((Finding::ReservedUnit, words::unit(unit)));
     }
-    let Some(row) = functions.row(code & !EXCEPTION_BIT, body) else {
-        found.push((Finding::UnknownFunction, words::unknown_function(code & !EXCEPTION_BIT)));
+}
+
+/// Finds what breaks the specification in the PDU of a good frame, which has at least a function code: an unknown function,
+/// fields beyond their limits, and what `good_length` finds. Behind an unknown function nothing else is checked, as there is
+/// no layout, nor in an exception response of a known one.
+fn good_pdu(functions: &Functions, frame: &ObservedFrame<'_>, pdu: &[u8], found: &mut Found) {
+    let (function, body) = (pdu[0] & !EXCEPTION_BIT, &pdu[1..]);
+    let Some(row) = functions.row(function, body) else {
+        found.push((Finding::UnknownFunction, words::unknown_function(function)));
         return;
     };
-    if code & EXCEPTION_BIT != 0 {
+    if pdu[0] & EXCEPTION_BIT != 0 {
         return;
     }
     let is_response = frame.direction == Direction::Response;
-    for permit in &row.field_limits[usize::from(is_response)] {
-        if let Some(value) = permit.violated_by(body) {
-            found.push((Finding::QuantityLimit, words::quantity_limit(&permit.name, value, &permit.ranges)));
+    for limits in &row.field_limits[usize::from(is_response)] {
+        if let Some(value) = limits.violated_by(body) {
+            found.push((Finding::QuantityLimit, words::quantity_limit(&limits.name, value, &limits.ranges)));
         }
     }
+    good_length(functions, frame, row, pdu, found);
+}
+
+/// Finds a length that no layout of the function has in either direction (on TCP the framer reports that), or, in what is not a
+/// response, a quantity that contradicts the number of data bytes. `row` is the function's; `pdu` is no exception response.
+fn good_length(functions: &Functions, frame: &ObservedFrame<'_>, row: &FunctionRow, pdu: &[u8], found: &mut Found) {
+    let body = &pdu[1..];
     let (as_request, as_response) = possible_directions(functions, pdu);
-    let fits_no_layout = !(as_request || as_response) && frame.mode != Mode::Tcp;
-    if fits_no_layout || (!is_response && !counts_agree(row, body)) {
+    let fits_no_layout = !as_request && !as_response && frame.mode != Mode::Tcp;
+    let contradicts_itself = frame.direction != Direction::Response && !counts_agree(row, body);
+    if fits_no_layout || contradicts_itself {
         found.push((Finding::LengthMismatch, words::length_mismatch(body.len())));
     }
 }
@@ -128,6 +144,7 @@ pub(crate) fn framing(framed: &FrameResult, found: &mut Found) {
 fn finding_of(damage: DamageKind) -> Option<Finding> {
     match damage {
         DamageKind::LostBytes { .. } => Some(Finding::LostBytes),
+        DamageKind::FlowControl { .. } => Some(Finding::FlowControl),
         DamageKind::Collision { .. } => Some(Finding::Collision),
         DamageKind::DoubledByte { .. } => Some(Finding::DuplicateByte),
         DamageKind::Glitch => Some(Finding::StrayBytes),

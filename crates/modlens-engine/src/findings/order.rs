@@ -19,12 +19,14 @@ pub(crate) fn retry(transaction: &mut PendingTransaction, result: &mut PairingRe
     result.other = Some(repeated_txn);
 }
 
-/// Finds a read that is sent to all units, to which none responds.
-pub(crate) fn broadcast(functions: &Functions, transaction: &mut PendingTransaction, result: &mut PairingResult) {
+/// Finds a read that is sent to all units, to which none responds; whether it is one.
+pub(crate) fn broadcast(functions: &Functions, transaction: &mut PendingTransaction, result: &mut PairingResult) -> bool {
     let body = transaction.request.pdu().get(1..).unwrap_or(&[]);
-    if functions.row(transaction.function, body).is_some_and(|row| row.operation == Operation::Read) {
+    let is_read = functions.row(transaction.function, body).is_some_and(|row| row.operation == Operation::Read);
+    if is_read {
         note(transaction, result, Finding::BroadcastRead);
     }
+    is_read
 }
 
 /// The open request was echoed by the adapter.
@@ -39,8 +41,16 @@ pub(crate) fn echo(txn: u64) -> PairingResult {
 
 /// Finds a response that carries another transaction identifier than its request.
 pub(crate) fn transaction_id(transaction: &mut PendingTransaction, result: &mut PairingResult, response_id: Option<u16>) {
-    if transaction.mbap_id != response_id {
+    if response_id.is_some() && transaction.mbap_id != response_id {
         note(transaction, result, Finding::TransactionId);
+    }
+}
+
+/// Finds a response with the transaction identifier of its request, but from another unit. To a broadcast, any unit responds.
+pub(crate) fn other_unit(transaction: &mut PendingTransaction, result: &mut PairingResult, unit: u8) {
+    if transaction.unit != unit && !transaction.findings.contains(&Finding::BroadcastRead) {
+        note(transaction, result, Finding::WrongUnit);
+        result.other = Some(transaction.txn);
     }
 }
 

@@ -16,17 +16,29 @@ const MIN_STEPS_PER_T15: Ns = 4;
 ///
 /// A silence before it that is shorter than t3.5, and the longest one inside it if that is longer than t1.5, are findings.
 /// Nothing is compared without a `rule`, which means that the line settings are unknown, or where the clock is too coarse: if
-/// a read had several bytes, or t1.5 is less than four of its steps.
-pub(crate) fn silences(input: &Input, rule: Option<SilenceRule>, resolution: Ns, frame: &ObservedFrame<'_>, found: &mut Found) {
+/// t1.5 is less than four of its steps, or if a read had several bytes. Then only a silence inside of which `proven` is the
+/// sender's is a finding.
+pub(crate) fn silences(
+    input: &Input,
+    rule: Option<SilenceRule>,
+    (resolution, proven): (Ns, Option<Ns>),
+    frame: &ObservedFrame<'_>,
+    found: &mut Found,
+) {
     let Some(rule) = rule.filter(|_| frame.mode == Mode::Rtu && frame.verdict.is_good()) else { return };
-    if input.has_multibyte_reads || MIN_STEPS_PER_T15 * resolution > rule.t15_ns {
+    if input.has_multibyte_reads {
+        let proven = proven.filter(|&silence| silence > rule.t15_ns);
+        found.extend(proven.map(|silence| (Finding::GapInFrame, words::gap_inside_at_least(silence, rule.t15_ns))));
+        return;
+    }
+    if MIN_STEPS_PER_T15 * resolution > rule.t15_ns {
         return;
     }
     if let Some(silence) = input.pause_before(0).filter(|&silence| silence < rule.t35_ns) {
         found.push((Finding::ShortSilence, words::short_silence(silence, rule.t35_ns)));
     }
     if let Some(silence) = input.longest_pause(0, frame.wire.len()).filter(|&silence| silence > rule.t15_ns) {
-        found.push((Finding::GapInFrame, words::gap_inside(silence, rule.t15_ns)));
+        found.push((Finding::GapInFrame, words::gap_in_frame(silence, rule.t15_ns)));
     }
 }
 

@@ -81,11 +81,19 @@ pub(crate) fn damage(damage: DamageKind) -> String {
     match damage {
         DamageKind::LostBytes { at: 0, count } => format!("{} missing at the start", bytes(count)),
         DamageKind::LostBytes { at, count } => format!("{} missing after byte {}", bytes(count), at - 1),
+        DamageKind::FlowControl { at, value } => lost_flow_control_byte(at, value),
         DamageKind::Truncated { count } => format!("{} never came", bytes(count)),
         DamageKind::Collision { at } => format!("wrong from byte {at} on, where more bits are 0 than were sent"),
         DamageKind::DoubledByte { at } => format!("byte {at} repeats the one before it"),
         DamageKind::Glitch => String::from("one byte value next to a frame, as drivers produce when they are switched"),
     }
+}
+
+/// The byte of software flow control that a frame lacks.
+fn lost_flow_control_byte(at: usize, value: u8) -> String {
+    let place = at.checked_sub(1).map_or(String::from("at the start"), |before| format!("after byte {before}"));
+    let name = if value == 0x11 { "XON" } else { "XOFF" };
+    format!("1 byte missing {place}: 0x{value:02x} ({name}) makes the CRC valid")
 }
 
 /// The length of an ASCII frame.
@@ -103,8 +111,13 @@ pub(crate) fn short_silence(silence: Ns, t35: Ns) -> String {
     format!("{} of silence, t3.5 is {}", microseconds(silence.max(0)), microseconds(t35))
 }
 
-pub(crate) fn gap_inside(silence: Ns, t15: Ns) -> String {
+pub(crate) fn gap_in_frame(silence: Ns, t15: Ns) -> String {
     format!("{} of silence inside, t1.5 is {}", microseconds(silence), microseconds(t15))
+}
+
+/// As `gap_in_frame`, where the adapter may have hidden more of it.
+pub(crate) fn gap_inside_at_least(silence: Ns, t15: Ns) -> String {
+    format!("at least {}", gap_in_frame(silence, t15))
 }
 
 pub(crate) fn clock_jumped() -> String {
@@ -129,6 +142,7 @@ pub(crate) fn order(finding: Finding, result: &PairingResult, frame: &ObservedFr
         Finding::LocalEcho => format!("repeats the request of transaction{other} immediately"),
         Finding::TwoMasters if result.other.is_some() => format!("sent while transaction{other} was waiting for its response"),
         Finding::TwoMasters => String::from("responded after a later request"),
+        Finding::WrongUnit => format!("unit {unit} responded; transaction{other} addressed another"),
         Finding::WrongFunction => format!("function {function}; transaction{other} requested another"),
         _ => self::unit(unit),
     }
@@ -165,6 +179,32 @@ pub(crate) fn connection_closed(end: ConnectionEnd) -> String {
 /// `heard` of `all` frames are of the side that was heard.
 pub(crate) fn one_side_only(is_request: bool, heard: u64, all: u64) -> String {
     format!("{heard} of {all} frames are {}", if is_request { "requests" } else { "responses" })
+}
+
+/// `valid` of `all` bytes belong to valid frames.
+pub(crate) fn no_valid_frame(valid: u64, all: u64) -> String {
+    format!("{valid} of {all} bytes belong to valid frames")
+}
+
+/// `n` of `all` responses of a unit have the two bytes of their checksum swapped.
+pub(crate) fn swapped_checksum(unit: u8, n: u64, all: u64) -> String {
+    format!("unit {unit}: {n} of {all} responses have the bytes of their checksum swapped")
+}
+
+/// `n` of `all` responses of a unit have no checksum.
+pub(crate) fn missing_checksum(unit: u8, n: u64, all: u64) -> String {
+    format!("unit {unit}: {n} of {all} responses have no checksum")
+}
+
+/// `n` of `all` responses of a unit are followed by so many bytes of one value.
+pub(crate) fn padded_responses(unit: u8, (byte, length): (u8, u8), n: u64, all: u64) -> String {
+    let bytes = vec![format!("{byte:02X}"); usize::from(length)].join(" ");
+    format!("unit {unit}: {n} of {all} responses are followed by {bytes}")
+}
+
+/// `n` of `all` requests to a unit were answered by another one.
+pub(crate) fn answers_as_other_unit(asked: u8, answering: u8, n: u64, all: u64) -> String {
+    format!("{n} of {all} requests to unit {asked} were answered as unit {answering}")
 }
 
 pub(crate) fn exception(code: u8) -> String {

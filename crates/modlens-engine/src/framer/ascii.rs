@@ -122,6 +122,8 @@ impl AsciiFramer {
     /// The row of the message that begins with the first byte, a colon, and ends at `end`. `adu` gets unit and PDU; the last
     /// byte of an `Incomplete` message stays in it, although it may be the LRC.
     ///
+    /// A colon with hardly a hex character behind it is noise (`is_noise_behind_colon`).
+    ///
     /// A message that is damaged by its number of characters is `Incomplete` (`completeness`; not where the recording
     /// prints no checksums). Of the others, one with an even number of hex characters and nothing else is `Ok` if its LRC is
     /// valid, even without line end, and `NoChecksum` where the recording prints none; all else is `BadChecksum`.
@@ -134,6 +136,10 @@ impl AsciiFramer {
         let has_valid_lrc = is_hex && adu.len() > 2 && lrc(adu) == 0;
         let prints_no_checksum = input.read(0).is_some_and(|read| read.lacks_checksum);
         let mut result = FrameResult { fault: end.fault, ..FrameResult::noise(end.frame_end, end.delimited_by) };
+        if ascii::is_noise_behind_colon(text) {
+            adu.clear();
+            return result;
+        }
         if !prints_no_checksum {
             if let Completeness::Incomplete(damage) = completeness(context, end, text, adu, has_valid_lrc) {
                 let direction = ascii::direction(context, adu);
@@ -141,11 +147,7 @@ impl AsciiFramer {
             }
             adu.pop();
         }
-        result.verdict = match is_hex {
-            true if prints_no_checksum => Verdict::NoChecksum,
-            true if has_valid_lrc => Verdict::Ok,
-            _ => Verdict::BadChecksum,
-        };
+        result.verdict = whole_verdict(is_hex, prints_no_checksum, has_valid_lrc);
         if result.verdict.is_good() && adu.len() >= 2 {
             self.complete_valid(&mut result, input, context, text, adu);
         } else {
@@ -173,6 +175,15 @@ impl AsciiFramer {
         if let [_, 8, 0, 3, delimiter, ..] = *adu {
             self.delimiter = delimiter;
         }
+    }
+}
+
+/// The verdict on a message that has all of its characters. `is_hex`: they are an even number of hex digits and nothing else.
+fn whole_verdict(is_hex: bool, prints_no_checksum: bool, has_valid_lrc: bool) -> Verdict {
+    match is_hex {
+        true if prints_no_checksum => Verdict::NoChecksum,
+        true if has_valid_lrc => Verdict::Ok,
+        _ => Verdict::BadChecksum,
     }
 }
 

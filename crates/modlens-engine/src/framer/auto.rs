@@ -1,5 +1,5 @@
 //! Chooses the framer of a line on its first bytes, by the checksums and headers that fit, and again where it finds only noise
-//! in what is RTU.
+//! in what is of another mode. Line settings, times of single bytes and marks of a receiver rule Modbus/TCP out.
 //!
 //! The choice is made at fixed numbers of bytes, at a silence or at the end, and changed at a row of noise, so it does not
 //! depend on how the input was split into blocks.
@@ -9,10 +9,12 @@ use crate::framer::silence::SilenceRule;
 use crate::framer::{FrameResult, Framer, FramerContext};
 use crate::input::Input;
 use crate::weights::{FIRST_MODE_CHECK_BYTES, LAST_MODE_CHECK_BYTES, MIN_OTHER_MODE_BYTES};
-use modlens_protocol::framing::{Mode, Verdict};
+use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::line::LineSettings;
-use modlens_protocol::recognize::{mode_by_appearance, mode_by_valid_frames, valid_rtu_bytes};
+use modlens_protocol::recognize::{
+    mode_by_appearance, mode_by_valid_frames, serial_mode_by_appearance, serial_mode_by_valid_frames, valid_bytes,
+};
 use modlens_protocol::Ns;
 
 /// Waits for evidence of a mode, then frames by the framer of that mode.
@@ -22,6 +24,8 @@ pub struct AutoFramer {
     /// The number of bytes at which a mode is looked for next.
     next_check_bytes: usize,
     chosen: Option<FixedFramer>,
+    /// The framer before the mode was changed, with what it has learned.
+    earlier: Option<FixedFramer>,
     /// The framer of records that prove another mode: logs of gateways have RTU on one side and MBAP on the other.
     of_other_mode: Option<FixedFramer>,
     /// The last frame came from `of_other_mode`.
@@ -36,9 +40,15 @@ impl AutoFramer {
             rule,
             next_check_bytes: FIRST_MODE_CHECK_BYTES,
             chosen: None,
+            earlier: None,
             of_other_mode: None,
             last_was_other_mode: false,
         }
+    }
+
+    /// A framer for a side of a TCP connection that is taken for MBAP because the other side is.
+    pub fn of_connection() -> Self {
+        Self { chosen: Some(FixedFramer::new(Mode::Tcp, None, None)), ..Self::new(None, None) }
     }
 
     /// The framer that the next bytes are for, once it is chosen; `None` while a record proves another mode.
@@ -54,6 +64,8 @@ impl AutoFramer {
     /// 3. At 8, 16 ... 4096 bytes, the mode in which most of them are in valid frames, as soon as there is a valid frame.
     ///    `next_check_bytes` says which of these numbers is the next; none is tried twice.
     /// 4. At 4096 bytes, or earlier once the input is closed: the same over all of them, else the mode that they look like.
+    ///
+    /// What only a serial line can give (`is_serial`) is never Modbus/TCP by 3 and 4.
     fn mode_of(&mut self, input: &Input, functions: &Functions) -> Option<Mode> {
         let (bytes, read) = (input.bytes(), input.read(0));
         if let Some(mode) = read.and_then(|read| read.proven_framing) {
@@ -68,9 +80,11 @@ impl AutoFramer {
     /// The mode of the line by its first bytes alone: 3 and 4 of `mode_of`.
     fn mode_by_bytes(&mut self, input: &Input, functions: &Functions) -> Option<Mode> {
         let bytes = input.bytes();
+        let is_serial = self.is_serial(input);
+        let by_valid_frames = if is_serial { serial_mode_by_valid_frames } else { mode_by_valid_frames };
         let checked = &bytes[..bytes.len().min(LAST_MODE_CHECK_BYTES)];
         while self.next_check_bytes <= checked.len() {
-            if let Some(mode) = mode_by_valid_frames(functions, &bytes[..self.next_check_bytes]) {
+            if let Some(mode) = by_valid_frames(functions, &bytes[..self.next_check_bytes]) {
                 return Some(mode);
             }
             self.next_check_bytes *= 2;
@@ -78,7 +92,37 @@ impl AutoFramer {
         if !input.is_closed && bytes.len() < LAST_MODE_CHECK_BYTES {
             return None;
         }
-        Some(mode_by_valid_frames(functions, checked).unwrap_or_else(|| mode_by_appearance(functions, checked)))
+        let by_appearance =
+            || if is_serial { serial_mode_by_appearance(checked) } else { mode_by_appearance(functions, checked) };
+        Some(by_valid_frames(functions, checked).unwrap_or_else(by_appearance))
+    }
+
+    /// Whether only a serial line can have given these bytes: line settings are known, single bytes have times, or the receiver
+    /// has marked line errors.
+    fn is_serial(&self, input: &Input) -> bool {
+        self.line.is_some() || input.has_byte_times || input.has_marks()
+    }
+
+    /// The mode of a row of noise that the framer of mode `chosen` gave, if most of its bytes are in valid frames of that mode.
+    /// What stood in front of it, be it a program's greeting or bytes that look like headers, was then not what the line
+    /// carries now. A damaged row is no less noise: the framer may have taken such bytes for a frame that was due.
+    fn other_mode(&self, functions: &Functions, input: &Input, row: &FrameResult, chosen: Mode) -> Option<Mode> {
+        let bytes = &input.bytes()[..row.length];
+        if row.verdict.is_good() || bytes.len() < MIN_OTHER_MODE_BYTES {
+            return None;
+        }
+        let is_possible = |mode: Mode| mode != chosen && (mode != Mode::Tcp || !self.is_serial(input));
+        let modes = [Mode::Rtu, Mode::Ascii, Mode::Tcp].into_iter().filter(|&mode| is_possible(mode));
+        modes.into_iter().find(|&mode| 2 * valid_bytes(functions, mode, bytes) >= bytes.len())
+    }
+
+    /// Changes the mode from the first unframed byte on. The framer so far is kept: it goes on with what it has learned if the
+    /// line changes back.
+    fn change_mode(&mut self, mode: Mode, offset: u64) {
+        let earlier = self.earlier.take().filter(|framer| framer.mode() == mode);
+        let mut framer = earlier.unwrap_or_else(|| FixedFramer::new(mode, self.line.as_ref(), self.rule));
+        framer.skip_to(offset);
+        self.earlier = self.chosen.replace(framer);
     }
 
     /// The row of a read that proves another mode than the chosen one. `None` unless it begins with the first unframed byte and
@@ -106,13 +150,6 @@ impl AutoFramer {
     }
 }
 
-/// Whether a row of noise is RTU: most of its bytes are in valid frames. What stood in front of it, be it a program's greeting
-/// or bytes that look like headers, was then not what the line carries.
-fn is_rtu(functions: &Functions, input: &Input, row: &FrameResult) -> bool {
-    let bytes = &input.bytes()[..row.length];
-    row.verdict == Verdict::Noise && bytes.len() >= MIN_OTHER_MODE_BYTES && 2 * valid_rtu_bytes(functions, bytes) >= bytes.len()
-}
-
 impl Framer for AutoFramer {
     fn next(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         if self.chosen.is_none() {
@@ -120,7 +157,9 @@ impl Framer for AutoFramer {
                 return None;
             }
             let mode = self.mode_of(input, context.functions)?;
-            self.chosen = Some(FixedFramer::new(mode, self.line.as_ref(), self.rule));
+            let mut framer = FixedFramer::new(mode, self.line.as_ref(), self.rule);
+            framer.skip_to(input.offset());
+            self.chosen = Some(framer);
         }
         if let Some(result) = self.next_of_other_mode(input, context, adu) {
             return Some(result);
@@ -128,12 +167,10 @@ impl Framer for AutoFramer {
         self.last_was_other_mode = false;
         let framer = self.chosen.as_mut()?;
         let result = framer.next(input, context, adu)?;
-        if framer.mode() == Mode::Rtu || !is_rtu(context.functions, input, &result) {
-            return Some(result);
-        }
-        let mut rtu = FixedFramer::new(Mode::Rtu, self.line.as_ref(), self.rule);
-        rtu.skip_to(input.offset());
-        self.chosen.insert(rtu).next(input, context, adu)
+        let mode = framer.mode();
+        let Some(other) = self.other_mode(context.functions, input, &result, mode) else { return Some(result) };
+        self.change_mode(other, input.offset());
+        self.chosen.as_mut()?.next(input, context, adu)
     }
 
     fn is_settled_at(&self, offset: u64) -> bool {

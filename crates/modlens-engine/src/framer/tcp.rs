@@ -66,6 +66,13 @@ fn earlier_end(functions: &Functions, bytes: &[u8], length: usize) -> Option<usi
     ends.into_iter().find(|&end| begins_with_frame(functions, &bytes[end..available]) == Some(true))
 }
 
+/// The row of a frame whose last bytes did not come before the input was closed: all bytes that are there. `adu` gets its unit
+/// and PDU, as far as they are there.
+fn cut_short(input: &Input, adu: &mut Vec<u8>) -> FrameResult {
+    let delimited_by = if input.is_ended { DelimitedBy::End } else { DelimitedBy::Silence };
+    incomplete(input, input.bytes().len(), delimited_by, adu)
+}
+
 /// The row of a frame of which only the first `length` bytes are there. `adu`, which is empty, gets unit and PDU as far as they
 /// came.
 fn incomplete(input: &Input, length: usize, delimited_by: DelimitedBy, adu: &mut Vec<u8>) -> FrameResult {
@@ -180,10 +187,7 @@ impl TcpFramer {
                 Some(FrameResult { fault, ..incomplete(input, end, DelimitedBy::Frame, adu) })
             }
             LengthCheck::Plausible if input.bytes().len() >= length => Some(Self::complete(input, context, adu, length)),
-            LengthCheck::Plausible => {
-                let delimited_by = if input.is_ended { DelimitedBy::End } else { DelimitedBy::Silence };
-                input.is_closed.then(|| incomplete(input, input.bytes().len(), delimited_by, adu))
-            }
+            LengthCheck::Plausible => input.is_closed.then(|| cut_short(input, adu)),
         }
     }
 

@@ -1,6 +1,7 @@
 //! Silences between the bytes of an input, boundaries that no frame crosses, and marks of the receiver.
 
 use super::{Input, Read, NO_TIME};
+use crate::records::InnerPauses;
 use modlens_protocol::Ns;
 
 impl Input {
@@ -80,6 +81,22 @@ impl Input {
             longest = longest.max(self.pause_before(at));
         }
         longest
+    }
+
+    /// The silences between the reads of the first `length` bytes, as far as their times are known.
+    pub fn pauses_inside(&self, length: usize) -> InnerPauses {
+        let mut found = InnerPauses::default();
+        let mut at = 0;
+        while let Some(i) = self.read_index(at) {
+            at = (self.reads[i].end - self.offset) as usize;
+            if at >= length {
+                break;
+            }
+            if let Some(pause) = self.pause_before(at) {
+                found = InnerPauses { longest: found.longest.max(pause), count: found.count + 1 };
+            }
+        }
+        found
     }
 
     /// Counts the silences between the reads of the first `to` bytes, as far as their times are known: those longer than

@@ -7,7 +7,7 @@
 use crate::pairing::silence::Silence;
 use crate::pairing::{ObservedFrame, Pairing, PendingTransaction};
 use crate::weights;
-use modlens_protocol::direction::{match_response, RequestRef, ResponseMatch};
+use modlens_protocol::direction::{match_response, ResponseMatch};
 use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
 
@@ -37,7 +37,7 @@ impl PendingTransaction {
 impl Pairing {
     /// How certain it is that this response belongs to this open request, in bits.
     pub(super) fn answer_bits(&self, functions: &Functions, open: &PendingTransaction, frame: &ObservedFrame<'_>) -> u8 {
-        let request = RequestRef { unit: open.unit, pdu: open.request.pdu() };
+        let request = open.request_to(frame.unit());
         if open.status == Status::BadRequest {
             return weights::ANSWER_TO_DAMAGED_BITS;
         }

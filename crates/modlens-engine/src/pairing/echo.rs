@@ -11,6 +11,7 @@ use crate::pairing::Pairing;
 use modlens_protocol::framing::{Mode, BROADCAST_UNIT};
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
+use modlens_readers::chunk::Side;
 
 /// The echo of an adapter that receives its own transmission comes within this time: the adapter's own delay.
 const MAX_ECHO_DELAY_NS: Ns = 3_000_000;
@@ -42,6 +43,13 @@ impl Pairing {
         let comes_at_once = |open: &PendingTransaction| !open.response.is_present() && frame.number <= open.request.number + 2;
         let open = self.open.back().filter(|open| is_same(open) && !open.echo_seen && comes_at_once(open));
         let same = open.map(|open| (open.request.end, open.txn));
+        if open.is_some_and(|open| (open.request.side, frame.side) == (Some(Side::Sent), Some(Side::Received))) {
+            // The program has received what it sent itself, whenever it has printed that.
+            let echo = same.map_or(SameRequest::New, |(_, txn)| SameRequest::Echo(txn));
+            self.count_copies(true);
+            self.mark_open(&echo, frame);
+            return echo;
+        }
         if !mirrors_request(functions, frame.pdu()) {
             self.count_copies(same.is_some());
         }
@@ -79,7 +87,9 @@ impl Pairing {
     /// Whether the same request again is an echo or a retry, `end` being the end of the first one: by the clock as far as
     /// it is fine enough, else by whether this line has shown echo so far.
     fn echo_or_retry(&self, frame: &ObservedFrame<'_>, end: Option<Ns>, txn: u64) -> SameRequest {
-        match (interval(end, frame.start), self.echoes.has_echo()) {
+        // A clock of a second tells an echo from a retry no better than none.
+        let is_fine_enough = self.read_lateness < MIN_MASTER_TIMEOUT_NS;
+        match (interval(end, frame.start).filter(|_| is_fine_enough), self.echoes.has_echo()) {
             (Some(pause), _) if pause < MAX_ECHO_DELAY_NS && self.read_lateness <= MAX_ECHO_DELAY_NS => SameRequest::Echo(txn),
             (Some(pause), Some(true)) if pause < MIN_MASTER_TIMEOUT_NS => SameRequest::Echo(txn),
             (Some(pause), _) if !self.is_before_timeout(pause) => SameRequest::New,

@@ -125,7 +125,11 @@ impl History {
             }
             self.unanswered.push_back(request.clone());
         }
-        self.retry_candidates.push(request);
+        // Its master has completed another exchange since: what it asks now it asks anew.
+        let has_gone_on = transaction.overlap.is_some_and(|later| later.is_answered && !later.timeout_excluded);
+        if !has_gone_on {
+            self.retry_candidates.push(request);
+        }
     }
 
     /// Remembers a request that arrived damaged and was not answered.
@@ -168,6 +172,11 @@ impl History {
         (last.unit, last.is_to_retry) = (unit, is_to_retry);
         last.pdu.clear();
         last.pdu.extend_from_slice(pdu);
+    }
+
+    /// The unit of the last response.
+    pub(super) fn unit_of_last_response(&self) -> Option<u8> {
+        self.last_response.as_ref().map(|last| last.unit)
     }
 
     /// Unit and PDU of the last response, if its request was a retry.

@@ -11,7 +11,7 @@
 //! | another request, too soon for a time-out, though the unit does respond | `not_observed`: the tap has missed the response |
 //! | the end of its waiting time, live or with a transaction identifier | `no_response` |
 //! | bytes missing from the recording, or its end | `not_observed` |
-//! | none; the request is a broadcast | `broadcast` |
+//! | none; the request is a broadcast, and if that is a read, no response came | `broadcast` |
 //!
 //! A request with a wrong checksum opens a transaction of status `bad_request`, and a response that no open request fits is
 //! a transaction by itself, `unsolicited`; `history` tells whether it is late or sent twice. On a serial line one request is
@@ -28,7 +28,7 @@
 // A transaction is large and changes hands three times; moving its box is cheaper than moving it.
 #![allow(clippy::vec_box)]
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 mod certainty;
 mod damaged_request;
@@ -36,7 +36,7 @@ mod echo;
 mod echo_share;
 mod history;
 mod id_habit;
-mod interval;
+pub(crate) mod interval;
 mod masters;
 mod requests;
 mod responses;
@@ -88,8 +88,10 @@ pub struct Pairing {
     half_answered_overlap: Option<Overlap>,
     /// A response from another unit than the one asked; the next request decides what it was.
     pub(crate) unit_mismatch: Option<UnitMismatch>,
+    /// How often a response came from another unit than the one asked: by the unit asked and the one that answered.
+    pub(crate) answered_by_other: BTreeMap<(u8, u8), u64>,
     /// The first unexplained response since the last pair, where the order of two lines is uncertain.
-    early_response: Option<EarlyResponse>,
+    pub(crate) early_response: Option<EarlyResponse>,
     /// A request that lacks bytes. A response to it would show that the unit could read it.
     pub(crate) truncated_request: Option<Box<PendingTransaction>>,
     /// Units that have responded.
@@ -133,6 +135,7 @@ impl Pairing {
             masters: MasterEvidence::default(),
             half_answered_overlap: None,
             unit_mismatch: None,
+            answered_by_other: BTreeMap::new(),
             early_response: None,
             truncated_request: None,
             answering_units: Box::new([false; 256]),
@@ -198,6 +201,9 @@ impl Pairing {
         if frame.verdict.is_good() && frame.direction != Direction::Unknown {
             self.heard[usize::from(frame.direction == Direction::Response)] += 1;
         }
+        if frame.is_cut {
+            return self.add_cut(frame);
+        }
         match (frame.verdict.is_good(), frame.direction) {
             (_, _) if frame.verdict == Verdict::Noise => PairingResult::default(),
             // A damaged response may lack unit and function: only that it came is known. On two lines whose order is
@@ -234,10 +240,13 @@ impl Pairing {
     ) {
         let silence_proves_nothing = transaction.silence_is_inconclusive || !self.response_side_recorded;
         let if_silent = if silence_proves_nothing { Status::NotObserved } else { if_silent };
-        if transaction.status != Status::BadRequest {
-            transaction.status = if transaction.response.is_present() { Status::BadResponse } else { if_silent };
-        }
-        if self.is_pipelined {
+        transaction.status = match transaction.status {
+            Status::BadRequest => Status::BadRequest,
+            _ if transaction.response.is_present() => Status::BadResponse,
+            Status::Broadcast => Status::Broadcast,
+            _ => if_silent,
+        };
+        if self.is_pipelined || transaction.status == Status::Broadcast {
             // The next request says nothing about how long this client waits.
             transaction.waited = None;
         }
@@ -250,6 +259,11 @@ impl Pairing {
         }
         note_no_response(&mut transaction);
         done.push(transaction);
+    }
+
+    /// The unit of the last response, if no request has come since.
+    pub(crate) fn unit_of_last_response(&self) -> Option<u8> {
+        self.history.unit_of_last_response().filter(|_| self.open.is_empty())
     }
 
     /// When the next open request times out.

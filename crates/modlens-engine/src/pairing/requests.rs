@@ -92,7 +92,8 @@ impl Pairing {
     }
 
     /// Adds the transaction of a new request to the open ones; that of a broadcast on a serial line is closed at once and
-    /// remembered, because its echo may follow.
+    /// remembered, because its echo may follow. A read that is broadcast stays open, though no unit should respond to it
+    /// (serial line specification, 2.1): some do.
     fn open_or_broadcast(
         &mut self,
         functions: &Functions,
@@ -105,8 +106,12 @@ impl Pairing {
         if transaction.unit == BROADCAST_UNIT && frame.mode != Mode::Tcp {
             transaction.status = Status::Broadcast;
             self.history.last_broadcast = Some(PastRequest::of(&transaction));
-            order::broadcast(functions, &mut transaction, result);
-            done.push(transaction);
+            if order::broadcast(functions, &mut transaction, result) {
+                transaction.expects_no_response = true;
+                self.open.push_back(transaction);
+            } else {
+                done.push(transaction);
+            }
         } else {
             transaction.expects_no_response = has_no_response(functions, &transaction);
             self.open.push_back(transaction);
@@ -158,13 +163,15 @@ impl Pairing {
         }
     }
 
-    /// On a connection, the open request that this one repeats: the same content again, from a client that was never seen to
-    /// ask before it had its response, after a time at which it may have given up.
+    /// On a connection, the open request that this one repeats: the same content again right behind it, from a client that was
+    /// never seen to ask before it had its response, after a time at which it may have given up.
     fn repeated_on_connection(&self, frame: &ObservedFrame<'_>) -> Option<u64> {
         let open = self.open.back().filter(|_| frame.mode == Mode::Tcp && !self.is_pipelined)?;
         let is_same = open.unit == frame.unit() && open.request.pdu() == frame.pdu();
         let waited = interval(open.request.end, frame.start)?;
-        (is_same && !self.is_before_timeout(waited)).then_some(open.txn)
+        // Its wait is known already where another request came in between, and where bytes are missing it may have had a response.
+        let is_next = open.waited.is_none_or(|first| first == waited) && !open.silence_is_inconclusive;
+        (is_same && is_next && !self.is_before_timeout(waited)).then_some(open.txn)
     }
 
     /// Whether this request leaves the open one waiting for its response, since a second master may have sent it: one to
@@ -259,7 +266,8 @@ impl Pairing {
         }
         let silence = self.silence_of(&transaction, (waited, is_retried));
         let is_too_soon = waited.is_some_and(|waited| !is_retried && self.is_before_timeout(waited));
-        let is_missed_by_tap = (is_too_soon || silence == Silence::Unproven) && self.answering_units[transaction.unit as usize];
+        let is_missed_by_tap = (is_too_soon || matches!(silence, Silence::Unproven | Silence::Unheard))
+            && self.answering_units[transaction.unit as usize];
         let is_unproven = self.order_is_inferred && !is_retried;
         let status = if is_missed_by_tap || is_unproven { Status::NotObserved } else { Status::NoResponse };
         self.close(transaction, (status, silence), done);
@@ -287,7 +295,9 @@ impl Pairing {
         match (is_retried, open.retry_of.is_some()) {
             (true, _) => Silence::BeforeRetry,
             (false, true) => Silence::OfRetry,
-            (false, false) if self.heard[1] > 0 && (self.masters.skips_by_habit() || has_timed_out()) => Silence::BeforeAnother,
+            (false, false) if self.heard[1] == 0 => Silence::Unheard,
+            (false, false) if self.masters.skips_by_habit() => Silence::ByHabit,
+            (false, false) if has_timed_out() => Silence::BeforeAnother,
             (false, false) => Silence::Unproven,
         }
     }

@@ -2,11 +2,14 @@
 
 use crate::findings::order;
 use crate::findings::transaction::note_exception;
+use crate::pairing::echo::mirrors_request;
 use crate::pairing::history::UnexpectedResponse;
 use crate::pairing::result::Overlap;
 use crate::pairing::transaction::{EarlyResponse, OverlappingRequest, UnitMismatch};
 use crate::pairing::{FrameLocation, ObservedFrame, Pairing, PairingResult, PendingTransaction};
-use crate::weights::{DUPLICATE_RESPONSE_BITS, LATE_RESPONSE_BITS, UNEXPECTED_RESPONSE_BITS};
+use crate::weights::{
+    BELATED_MIRROR_BITS, DUPLICATE_RESPONSE_BITS, LATE_RESPONSE_BITS, UNEXPECTED_IN_ANY_ORDER_BITS, UNEXPECTED_RESPONSE_BITS,
+};
 use modlens_protocol::direction::{match_response, Direction, RequestRef, ResponseMatch};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
@@ -31,7 +34,8 @@ impl Pairing {
     /// The transaction is taken out of the open ones and added to `done`, with the status `ok` or `exception`; that of a
     /// request that arrived damaged stays `bad_request`. What is learned: the unit responds, unless the frame is unconfirmed
     /// or the request damaged; the response time, or the skew of two lines; and, on a serial line, evidence of two masters.
-    /// The result has a finding if the response proves two masters or carries another transaction identifier.
+    /// The result names the transaction, and has a finding, with the other transaction where there is one, if the response
+    /// proves two masters, carries another transaction identifier, comes from another unit, or answers nothing.
     pub(super) fn add_response(
         &mut self,
         functions: &Functions,
@@ -59,6 +63,7 @@ impl Pairing {
             self.record_overlap(&mut transaction, frame, &mut result);
         }
         order::transaction_id(&mut transaction, &mut result, frame.mbap_id);
+        order::other_unit(&mut transaction, &mut result, frame.unit());
         done.push(transaction);
         result
     }
@@ -97,15 +102,17 @@ impl Pairing {
         Some(0)
     }
 
-    /// Index of the oldest open request that the response answers, at least in unit and function. On a connection the
-    /// transaction identifier counts, too (`find_by_id`). A request that has timed out is not answered any more.
+    /// Index of the open request that the response answers: the oldest that it answers at least in unit and function (fully,
+    /// if that is a broadcast), and that has not timed out. Where the response has a transaction identifier, `find_by_id` has
+    /// other rules: the request with that identifier, or the last one where the server has the habit of another.
     fn find_request(&mut self, functions: &Functions, frame: &ObservedFrame<'_>) -> Option<usize> {
         if frame.mbap_id.is_some() {
             return self.find_by_id(functions, frame);
         }
         let fits = |transaction: &PendingTransaction| {
-            let request = RequestRef { unit: transaction.unit, pdu: transaction.request.pdu() };
-            !transaction.is_timed_out && match_response(functions, request, frame.unit(), frame.pdu()) != ResponseMatch::No
+            let matched = match_response(functions, transaction.request_to(frame.unit()), frame.unit(), frame.pdu());
+            let enough = if transaction.status == Status::Broadcast { ResponseMatch::Fully } else { ResponseMatch::Partly };
+            !transaction.is_timed_out && matched >= enough
         };
         self.open.iter().position(|transaction| fits(transaction))
     }
@@ -161,15 +168,18 @@ impl Pairing {
         done: &mut Vec<Box<PendingTransaction>>,
     ) -> PairingResult {
         let mut transaction = self.start_unsolicited(frame, next_txn);
+        // The response to a write may be the same write again.
+        let is_mirror = mirrors_request(functions, frame.pdu());
+        let at_most = |bits: u8| if is_mirror { bits.min(BELATED_MIRROR_BITS) } else { bits };
         let result = match self.explain_unrequested(functions, frame, transaction.txn) {
             Explanation::Late { txn, request_end } => {
-                transaction.late_for = Some(txn);
+                transaction.late_response_to = Some(txn);
                 transaction.late_response = self.measurable_interval(request_end, frame.start, frame.clean_start);
-                transaction.certainty = LATE_RESPONSE_BITS;
+                transaction.certainty = at_most(LATE_RESPONSE_BITS);
                 order::late(transaction.txn, txn)
             }
             Explanation::Duplicate => {
-                transaction.certainty = DUPLICATE_RESPONSE_BITS;
+                transaction.certainty = at_most(DUPLICATE_RESPONSE_BITS);
                 order::duplicate(transaction.txn)
             }
             unknown @ (Explanation::Ambiguous | Explanation::None) => {
@@ -177,7 +187,8 @@ impl Pairing {
                 if is_unexplained && !self.is_wire_order {
                     self.keep_early_response(frame);
                 }
-                if let Some(request_txn) = self.find_request_to_other_unit(functions, frame) {
+                if let Some((request_txn, asked)) = self.find_request_to_other_unit(functions, frame) {
+                    *self.answered_by_other.entry((asked, frame.unit())).or_default() += 1;
                     return self.await_next_request(transaction, request_txn, done);
                 }
                 self.compare_function(&transaction, is_unexplained)
@@ -194,7 +205,10 @@ impl Pairing {
         transaction.response.fill(frame);
         transaction.findings.extend_from_slice(frame.codes);
         transaction.status = Status::Unsolicited;
-        transaction.certainty = UNEXPECTED_RESPONSE_BITS;
+        // Where hardly any request is heard, somebody may have asked all the same.
+        let hears_requests = 4 * self.heard[0] >= self.heard[1];
+        let is_in_order = self.is_wire_order && !self.order_is_inferred && hears_requests;
+        transaction.certainty = if is_in_order { UNEXPECTED_RESPONSE_BITS } else { UNEXPECTED_IN_ANY_ORDER_BITS };
         transaction.exception = exception_code(frame);
         transaction.gap = frame.gap;
         transaction
@@ -272,15 +286,15 @@ impl Pairing {
         Some(Explanation::Late { txn: old.txn, request_end: old.request.end })
     }
 
-    /// The transaction of the last open request that this response would fully answer, had it come from the unit asked.
+    /// Transaction and unit of the last open request that this response would fully answer, had it come from the unit asked.
     /// `None` on a connection, and if that request is to the same unit, arrived damaged, has its response (a damaged one), or
     /// wants none.
-    fn find_request_to_other_unit(&self, functions: &Functions, frame: &ObservedFrame<'_>) -> Option<u64> {
+    fn find_request_to_other_unit(&self, functions: &Functions, frame: &ObservedFrame<'_>) -> Option<(u64, u8)> {
         let open = self.open.back().filter(|open| open.unit != frame.unit() && frame.mode != Mode::Tcp)?;
         let waits = open.status != Status::BadRequest && !open.response.is_present() && !open.expects_no_response;
         let request = RequestRef { unit: frame.unit(), pdu: open.request.pdu() };
         let fits = waits && match_response(functions, request, frame.unit(), frame.pdu()) == ResponseMatch::Fully;
-        fits.then_some(open.txn)
+        fits.then_some((open.txn, open.unit))
     }
 
     /// Decides whether the response that waits in `unit_mismatch` was meant for the open request, now that `next` has come,
@@ -305,6 +319,16 @@ impl Pairing {
             self.history.note_missing_requests(transaction.txn);
         }
         done.push(transaction);
+    }
+
+    /// The end of the recording cuts this frame. If it may be the response to the last open request, that was not observed; it
+    /// is no damaged one.
+    pub(super) fn add_cut(&mut self, frame: &ObservedFrame<'_>) -> PairingResult {
+        let Some(open) = self.open.back_mut().filter(|_| frame.direction != Direction::Request) else {
+            return PairingResult::default();
+        };
+        open.silence_is_inconclusive = true;
+        PairingResult { txn: Some(open.txn), ..PairingResult::default() }
     }
 
     /// Pairs a damaged frame: with the last open request, if it may be its response, else as a damaged request.
@@ -343,12 +367,12 @@ enum Explanation {
     None,
 }
 
-/// Puts the response into the transaction of its request, with its findings. The status becomes `ok` or `exception`; that of
+/// Puts the response into the transaction of its request, with its findings, an exception's among them. The status becomes `ok` or `exception`; that of
 /// a request that arrived damaged stays `bad_request`. How long the master waited is no longer noted: that is the time of
 /// a request without response.
 fn answer(transaction: &mut PendingTransaction, frame: &ObservedFrame<'_>) {
     transaction.waited = None;
-    transaction.confirms_unit = !frame.unconfirmed;
+    transaction.confirms_unit = !frame.unconfirmed && transaction.unit == frame.unit();
     transaction.response.fill(frame);
     transaction.findings.extend_from_slice(frame.codes);
     transaction.exception = exception_code(frame);

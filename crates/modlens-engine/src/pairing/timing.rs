@@ -203,7 +203,7 @@ impl TimingModel {
         let Some(silence) = silence.map(log_of) else { return 0.0 };
         let (response, response_spread) = self.expected_response();
         if silence < response - LN_8 {
-            // Too short for either: an echo, or a silence that the clock has swallowed.
+            // Too short for either: an echo, or a silence shorter than the clock resolves.
             return 0.0;
         }
         let retry = self.retry_after.known_after(MIN_TIMEOUTS);

@@ -1,12 +1,13 @@
 //! The input of pairing (one frame), and a transaction from its first frame until its row is written.
 
 use crate::weights::MAX_CONFIDENCE_BITS;
-use modlens_protocol::direction::Direction;
+use modlens_protocol::direction::{Direction, RequestRef};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::EXCEPTION_BIT;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
+use modlens_readers::chunk::Side;
 
 /// A frame as pairing, the checks and the statistics get it.
 #[derive(Clone, Copy, Debug)]
@@ -39,6 +40,10 @@ pub struct ObservedFrame<'a> {
     pub unconfirmed: bool,
     /// The log2 odds that its bounds and its direction are right.
     pub confidence: u8,
+    /// The beginning or the end of the recording cuts it: what is missing was never lost.
+    pub is_cut: bool,
+    /// The recording's word for who sent it.
+    pub side: Option<Side>,
     /// The findings on the frame itself.
     pub codes: &'a [Finding],
 }
@@ -74,6 +79,8 @@ pub struct BufferedFrame {
     pub confidence: u8,
     /// It stands isolated in noise.
     pub is_unconfirmed: bool,
+    /// The recording's word for who sent it.
+    pub side: Option<Side>,
 }
 
 /// Where the PDU of a buffered frame is stored.
@@ -103,7 +110,16 @@ impl BufferedFrame {
     /// A copy of the frame with this running number.
     pub fn new(number: u64, wire: &[u8], pdu: &[u8], start: Option<Ns>) -> Self {
         let confidence = MAX_CONFIDENCE_BITS;
-        Self { number, wire: wire.to_vec(), pdu: PduLocation::of(wire, pdu), start, end: None, confidence, is_unconfirmed: false }
+        Self {
+            number,
+            wire: wire.to_vec(),
+            pdu: PduLocation::of(wire, pdu),
+            start,
+            end: None,
+            confidence,
+            is_unconfirmed: false,
+            side: None,
+        }
     }
 
     /// This frame with its PDU replaced.
@@ -140,7 +156,7 @@ impl BufferedFrame {
         self.wire.clear();
         self.pdu = PduLocation::default();
         (self.start, self.end) = (None, None);
-        self.is_unconfirmed = false;
+        (self.is_unconfirmed, self.side) = (false, None);
     }
 
     pub(super) fn fill(&mut self, frame: &ObservedFrame<'_>) {
@@ -151,6 +167,7 @@ impl BufferedFrame {
         self.start = frame.start;
         self.end = frame.end;
         (self.confidence, self.is_unconfirmed) = (frame.confidence, frame.unconfirmed);
+        self.side = frame.side;
     }
 }
 
@@ -202,7 +219,7 @@ pub struct PendingTransaction {
     /// The transaction whose request is repeated here.
     pub retry_of: Option<u64>,
     /// The transaction that this late response belongs to.
-    pub late_for: Option<u64>,
+    pub late_response_to: Option<u64>,
     /// Silence before the request.
     pub gap: Option<Ns>,
     /// Transaction identifier of the MBAP header.
@@ -254,7 +271,7 @@ impl PendingTransaction {
             waited: None,
             late_response: None,
             retry_of: None,
-            late_for: None,
+            late_response_to: None,
             gap: None,
             mbap_id: None,
             findings: Vec::new(),
@@ -272,6 +289,12 @@ impl PendingTransaction {
             is_reimported: false,
             imported_findings: Vec::new(),
         }
+    }
+
+    /// Its request as far as a response of this unit is concerned: a broadcast is to every unit.
+    pub(super) fn request_to(&self, unit: u8) -> RequestRef<'_> {
+        let unit = if self.status == Status::Broadcast { unit } else { self.unit };
+        RequestRef { unit, pdu: self.request.pdu() }
     }
 
     /// Clears everything, as `new` does, but keeps the allocated buffers of both frames and of the findings, for the next
@@ -298,7 +321,7 @@ pub(crate) struct UnitMismatch {
 /// A response without a request, on two lines whose adapters hold bytes back. The request may still be seen, if its line
 /// is later than was observed so far.
 #[derive(Debug)]
-pub(super) struct EarlyResponse {
+pub(crate) struct EarlyResponse {
     pub unit: u8,
     pub pdu: Vec<u8>,
     pub start: Ns,

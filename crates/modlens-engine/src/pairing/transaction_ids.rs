@@ -4,6 +4,7 @@
 //! always the same, or that of a request before. A response with another identifier is paired by its content only once
 //! the server has shown such a habit; before that it may as well answer a request that the capture has lost.
 
+use crate::pairing::id_habit::IdHabit;
 use crate::pairing::{ObservedFrame, Pairing, PendingTransaction};
 use modlens_protocol::direction::{match_response, RequestRef, ResponseMatch};
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
@@ -11,24 +12,25 @@ use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 impl Pairing {
     /// Index of the open request that a response on a connection answers.
     ///
-    /// It is the oldest with the same identifier whose content fits, fully if any does. If its content contradicts it, or if
-    /// no request has the identifier, the response may belong to the last request, provided that it fits that fully and that
-    /// the server has a habit (`IdHabit`). Without one, it is paired with none; that the last request had no response is then
-    /// not certain.
+    /// It is the oldest with the same identifier whose content fits, fully if any does, if need be but for the unit: gateways
+    /// answer as 255. If its content contradicts it, or if no request has the identifier, the response may belong to the last
+    /// request, provided that it fits that fully and that the server has a habit (`IdHabit`). Without one, it is paired with
+    /// none; that the last request had no response is then not certain.
     pub(super) fn find_by_id(&mut self, functions: &Functions, frame: &ObservedFrame<'_>) -> Option<usize> {
-        let fit = |open: &PendingTransaction| {
-            let request = RequestRef { unit: open.unit, pdu: open.request.pdu() };
+        let fit = |open: &PendingTransaction, unit: u8| {
+            let request = RequestRef { unit, pdu: open.request.pdu() };
             match_response(functions, request, frame.unit(), frame.pdu())
         };
-        let with_id = |wanted: ResponseMatch| {
-            // A gateway's log may print requests without the MBAP header and responses with it.
-            let has_id = |open: &PendingTransaction| open.mbap_id.is_none_or(|id| frame.mbap_id == Some(id));
-            self.open.iter().position(|open| !open.is_timed_out && has_id(open) && fit(open) == wanted)
-        };
+        // A gateway's log may print requests without the MBAP header and responses with it.
+        let has_id = |open: &PendingTransaction| !open.is_timed_out && open.mbap_id.is_none_or(|id| frame.mbap_id == Some(id));
+        let with_id = |wanted| self.open.iter().position(|open| has_id(open) && fit(open, open.unit) == wanted);
         if let Some(at) = with_id(ResponseMatch::Fully) {
+            self.note_same_identifiers();
             return Some(at);
         }
-        let by_id = with_id(ResponseMatch::Partly);
+        let but_for_unit =
+            |open: &PendingTransaction| open.mbap_id.is_some() && has_id(open) && fit(open, frame.unit()) == ResponseMatch::Fully;
+        let by_id = with_id(ResponseMatch::Partly).or_else(|| self.open.iter().position(|open| but_for_unit(open)));
         match self.compare_identifiers(functions, frame) {
             Identifiers::Agree => by_id,
             Identifiers::DifferByHabit => Some(self.open.len() - 1),
@@ -36,9 +38,16 @@ impl Pairing {
         }
     }
 
+    /// Notes that a response has the identifier of the request that it fits: the server has no other habit.
+    #[inline]
+    pub(crate) fn note_same_identifiers(&mut self) {
+        self.id_habit = IdHabit::default();
+    }
+
     /// Whether a response answers the last open request in spite of another identifier. Its identifiers are compared only with
     /// a request that has not timed out and whose content it fits fully. The habit is learned from this response, unless it is
-    /// an exception; without one, that the last request had no response is no longer certain.
+    /// an exception, or bytes are missing behind the request: then it may well answer one of those. Without a habit, that the
+    /// last request had no response is no longer certain.
     fn compare_identifiers(&mut self, functions: &Functions, frame: &ObservedFrame<'_>) -> Identifiers {
         let Some(open) = self.open.back_mut() else { return Identifiers::Agree };
         let request = RequestRef { unit: open.unit, pdu: open.request.pdu() };
@@ -46,7 +55,7 @@ impl Pairing {
         let is_exception = frame.pdu().first().is_some_and(|code| code & EXCEPTION_BIT != 0);
         let ids = frame.mbap_id.zip(open.mbap_id).filter(|(response, request)| response != request);
         let Some((response_id, request_id)) = ids.filter(|_| !open.is_timed_out && fits) else { return Identifiers::Agree };
-        let is_habit = if is_exception {
+        let is_habit = if is_exception || open.silence_is_inconclusive {
             self.id_habit.is_known(response_id, request_id)
         } else {
             self.id_habit.observe(response_id, request_id)

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use crate::framer::auto::AutoFramer;
 use crate::framer::line_framer::LineFramer;
 use crate::framer::silence::SilenceRule;
 use crate::framer::{FrameResult, Framer, FramerContext};
@@ -10,10 +11,12 @@ use crate::pairing::{ObservedFrame, Pairing};
 use crate::records::Bus;
 use crate::session::connection_tally::ConnectionTally;
 use crate::session::frame_timing::TimingConfig;
+use crate::session::inner_pauses::InnerPauses;
 use crate::session::lateness::Lateness;
 use crate::session::line::{LineState, UnmergedFrames};
 use crate::session::profiles::Profiles;
 use crate::session::two_lines::unmerged::next_lines;
+use crate::session::unit_habits::UnitHabits;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
@@ -74,6 +77,10 @@ pub(crate) struct BusState {
     pub(crate) clock_jumped: bool,
     /// The finding that only one side was heard is made.
     pub(crate) has_one_side_finding: bool,
+    /// The finding that no framing fits is made.
+    pub(crate) has_no_valid_frame_finding: bool,
+    /// What the responses of units have in common.
+    pub(crate) habits: UnitHabits,
     pub(crate) profiles: Profiles,
     /// What is counted of a connection.
     pub(crate) connection: ConnectionTally,
@@ -116,6 +123,8 @@ impl BusState {
             is_surveyed: false,
             clock_jumped: false,
             has_one_side_finding: false,
+            has_no_valid_frame_finding: false,
+            habits: UnitHabits::default(),
             reader: None,
             devices: Vec::new(),
             stamps_resolution: None,
@@ -132,11 +141,26 @@ impl BusState {
             return &mut self.lines[at].1;
         }
         let settings = self.options.line;
-        let framer = LineFramer::new(self.options.mode, settings, self.options.rule);
+        let framer = match self.options.mode {
+            // The mode of a connection is that of its client; some gateways answer in RTU.
+            Some(Mode::Tcp) if id == FROM_SERVER => LineFramer::Detected(AutoFramer::of_connection()),
+            mode => LineFramer::new(mode, settings, self.options.rule),
+        };
         let mut input = Input::new(settings.map(|line| line.char_ns()));
         input.break_ns = framer.break_ns(settings.as_ref());
         let lateness = Lateness::default();
-        self.lines.push((id, LineState { request_votes: 0, input, framer, last_end: None, lateness, unmerged: None }));
+        self.lines.push((
+            id,
+            LineState {
+                request_votes: 0,
+                input,
+                framer,
+                last_end: None,
+                lateness,
+                inner_pauses: InnerPauses::default(),
+                unmerged: None,
+            },
+        ));
         &mut self.lines.last_mut().expect("just pushed").1
     }
 
@@ -374,8 +398,6 @@ pub(crate) fn declared_direction(side_votes: [i32; 2], side: Side) -> Direction 
 
 #[cfg(test)]
 mod tests {
-    use crate::framer::Framer;
-    use crate::input::Input;
     use crate::session::{BusOptions, Session};
     use modlens_protocol::checksum::crc16;
     use modlens_protocol::framing::Mode;
@@ -383,12 +405,16 @@ mod tests {
 
     #[test]
     fn stream_offsets_beyond_four_gib_are_not_truncated() {
+        for mode in [Some(Mode::Rtu), None] {
+            offsets_count_from_where_the_stream_begins(mode);
+        }
+    }
+
+    fn offsets_count_from_where_the_stream_begins(mode: Option<Mode>) {
         const START: u64 = (1 << 32) - 20;
         let mut session = Session::default();
-        let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("bus") });
-        let line = session.buses[bus].line(0);
-        line.input = Input::at(START);
-        line.framer.skip_to(START);
+        let bus = session.add_bus(BusOptions { mode, ..BusOptions::named("bus") });
+        session.begin_at(bus, 0, START);
         let with_crc = |adu: &[u8]| [adu, &crc16(adu).to_le_bytes()].concat();
         let transaction = [with_crc(&[1, 3, 0, 0, 0, 1]), with_crc(&[1, 3, 2, 0, 7])].concat();
         for _ in 0..10 {

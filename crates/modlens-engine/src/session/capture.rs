@@ -37,6 +37,8 @@ impl Session {
             options,
             slots: Vec::new(),
             lines: Vec::new(),
+            ended_lines: 0,
+            resumable: Vec::new(),
             reimport: ReimportState::new(self.next_frame - 1, self.next_txn - 1),
             clock: Clock::None,
             resolution: 0,
@@ -106,7 +108,8 @@ impl Session {
             }
             Event::Closing { .. } => {}
             Event::Closed { slot, connection } => self.close_connection(state, slot, connection.as_ref()),
-            Event::Line { interface: index, by: interface, content, errors, packet, time } => {
+            Event::Line { interface: index, section, by: interface, content, errors, packet, time } => {
+                self.end_lines_before(state, section);
                 let bus = self.serial_bus(state, index, interface);
                 self.feed_serial(bus, interface, content, &errors, packet, time);
             }
@@ -206,6 +209,7 @@ impl Session {
         } else {
             rows.push(options.bus.clone());
             self.buses.push(BusState::new(options, pairing, counts, profiles));
+            self.open.insert(self.buses.len() - 1);
             self.buses.len() - 1
         }
     }
@@ -262,7 +266,8 @@ impl Session {
     }
 
     /// The bus of the serial interface of this `index` in the capture. If the interface is new, it is that of its port in a
-    /// raw recording of modlens (`recorded_bus`), or one that is added, named after the interface or else after the file.
+    /// raw recording of modlens (`recorded_bus`), that of the interface of the same name in the section before, or one that is
+    /// added, named after the interface or else after the file.
     fn serial_bus(&mut self, state: &mut CaptureState, index: usize, interface: &Interface) -> usize {
         if state.lines.len() <= index {
             state.lines.resize(index + 1, None);
@@ -273,9 +278,10 @@ impl Session {
         let bus = if let Some(port @ PortMetadata { recording: Some(segment), .. }) = &interface.own {
             self.recorded_bus(state, port, segment)
         } else {
-            let name = interface.name.clone().unwrap_or_else(|| state.options.source.clone());
+            let name = interface.name.clone().unwrap_or_else(|| self.name_after(&state.options.source));
             let source = state.options.source.clone();
-            self.add_serial(state, name, (source, Place::Packet), state.options.line)
+            self.resumed_line(state, &name)
+                .unwrap_or_else(|| self.add_serial(state, name, (source, Place::Packet), state.options.line))
         };
         state.lines[index] = Some(bus);
         bus

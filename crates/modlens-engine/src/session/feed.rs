@@ -123,7 +123,7 @@ impl Session {
 
     /// Decides everything that is still open, at the end of the recording.
     pub fn flush(&mut self) {
-        for bus in 0..self.buses.len() {
+        for bus in self.open.iter().copied().collect::<Vec<_>>() {
             self.flush_bus(bus);
         }
     }
@@ -132,7 +132,7 @@ impl Session {
     /// file.
     pub fn flush_file(&mut self) {
         let may_go_on = |bus: &usize| self.recorded.iter().any(|(_, recorded)| recorded == bus);
-        for bus in (0..self.buses.len()).filter(|bus| !may_go_on(bus)).collect::<Vec<_>>() {
+        for bus in self.open.iter().copied().filter(|bus| !may_go_on(bus)).collect::<Vec<_>>() {
             self.flush_bus(bus);
         }
     }

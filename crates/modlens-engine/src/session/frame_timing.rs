@@ -1,6 +1,7 @@
 //! The times of a frame, and its place in the recording.
 
 use crate::input::Input;
+use crate::records::InnerPauses;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::source::Place;
 use modlens_protocol::Ns;
@@ -32,6 +33,8 @@ pub(crate) struct FrameTiming {
     pub end: Option<Ns>,
     /// Silence before the frame.
     pub gap: Option<Ns>,
+    /// Silences inside the frame.
+    pub pauses: InnerPauses,
     /// Whether `start` is as exact as the clock: the frame begins with a read.
     pub clean_start: bool,
     /// The recording's word for who sent it.
@@ -90,6 +93,7 @@ impl FrameTiming {
             start,
             end: time_of(length - 1),
             gap: gap.filter(|&gap| gap >= 2 * setting.resolution && gap > 0),
+            pauses: if has_clock { input.pauses_inside(length) } else { InnerPauses::default() },
             clean_start,
             side,
             offset,

@@ -1,17 +1,20 @@
 //! Emission of frames: each is checked, paired and written to the tables, and the bus learns from it.
 
+use crate::damage::kind::DamageKind;
 use crate::findings::{self, words, Found};
 use crate::framer::silence::SilenceRule;
 use crate::framer::FrameResult;
 use crate::input::Input;
-use crate::pairing::ObservedFrame;
+use crate::pairing::{ObservedFrame, Pairing};
 use crate::records::{Batch, Frame, Span};
 use crate::session::bus::{learn, BusState};
 use crate::session::frame_timing::{FrameTiming, TimingConfig};
 use crate::session::line::add_vote;
 use crate::session::rows::{elapsed, FindingPlace};
+use crate::session::unit_habits::UnitHabits;
 use crate::session::Session;
 use crate::stats::Stats;
+use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::Ns;
@@ -32,13 +35,19 @@ impl Session {
         let config = state.timing_config(at);
         state.clock_jumped = false;
         let rule = state.options.rule();
+        let unit = adu.first().copied().unwrap_or(0);
+        let proven_pause = rule.and_then(|_| state.lines[at].1.proven_pause(framed, unit));
         let input = state.lines[at].1.emission_input();
         let timing = FrameTiming::of(input, framed.length, &config);
         timing.list_inner_packets(input, (number, framed.length), config.place, &mut self.batch.inner_packets);
         let wire = &input.bytes()[..framed.length];
+        let responses_of = |unit| self.stats.responses_of(state.counts, unit);
+        let recognised = recognise((&mut state.habits, responses_of), &state.pairing, framed, wire, config.mode);
+        let framed = recognised.as_ref().unwrap_or(framed);
         let mut frame = observed(number, wire, adu, framed, &timing, config.mode);
+        frame.is_cut = is_cut_by_recording(input, framed, state.now);
         self.found.clear();
-        find_on_frame(&self.functions, input, framed, &frame, (&config, rule), &mut self.found);
+        find_on_frame(&self.functions, input, framed, &frame, (&config, rule, proven_pause), &mut self.found);
         if let Some(rule) = rule.filter(|_| config.has_clock && input.has_times && config.mode == Mode::Rtu) {
             count_silence(&mut self.stats, state.counts, input, &frame, (timing.offset, rule));
         }
@@ -104,6 +113,21 @@ impl BusState {
     }
 }
 
+/// The row as what it evidently is, if it is not good and shows a habit of its unit, of which so many responses were counted.
+#[inline]
+fn recognise(
+    (habits, responses_of): (&mut UnitHabits, impl Fn(u8) -> u64),
+    pairing: &Pairing,
+    framed: &FrameResult,
+    wire: &[u8],
+    mode: Mode,
+) -> Option<FrameResult> {
+    if framed.verdict.is_good() || mode != Mode::Rtu {
+        return None;
+    }
+    habits.recognise(framed, wire, pairing.unit_of_last_response(), responses_of)
+}
+
 /// Copies the codes of these findings into the batch: first those on the frame itself, behind them that of pairing, if any.
 #[inline]
 fn store_codes(batch: &mut Batch, found: &Found) -> Span {
@@ -137,6 +161,8 @@ fn observed<'a>(
         origin: timing.origin,
         unconfirmed: framed.unconfirmed,
         confidence: framed.confidence,
+        is_cut: false,
+        side: timing.side,
         codes: &[],
     }
 }
@@ -149,14 +175,34 @@ fn find_on_frame(
     input: &Input,
     framed: &FrameResult,
     frame: &ObservedFrame<'_>,
-    (config, rule): (&TimingConfig, Option<SilenceRule>),
+    (config, rule, proven_pause): (&TimingConfig, Option<SilenceRule>, Option<Ns>),
     found: &mut Found,
 ) {
-    findings::frame::content(functions, frame, found);
-    findings::timing::silences(input, rule, config.resolution, frame, found);
+    if !frame.is_cut {
+        findings::frame::content(functions, frame, found);
+        findings::frame::framing(framed, found);
+    }
+    findings::timing::silences(input, rule, (config.resolution, proven_pause), frame, found);
     findings::frame::reception(input, framed.length, found);
     findings::timing::clock(config.clock_jumped, found);
-    findings::frame::framing(framed, found);
+}
+
+/// Whether an incomplete frame at the head of the input lacks only what was sent before the recording began or after it ended:
+/// neither its sender nor the line nor the tap has failed. Records are whole, and a recording that is one frame has no more.
+fn is_cut_by_recording(input: &Input, framed: &FrameResult, now: Option<Ns>) -> bool {
+    let is_all = framed.length == input.bytes().len() && input.is_ended;
+    let comes_in_records = input.first_read().is_some_and(|read| read.starts_record);
+    if framed.verdict != Verdict::Incomplete || comes_in_records || (is_all && input.offset() == 0) {
+        return false;
+    }
+    let lacks_head = framed.direction == Direction::Unknown;
+    let lacks_end = match framed.damage {
+        None | Some(DamageKind::Truncated { .. }) => true,
+        Some(DamageKind::LostBytes { at, .. }) => at == framed.length,
+        Some(_) => false,
+    };
+    let is_silent = now.zip(input.last_byte_time()).is_some_and(|(now, last)| now - last >= input.break_ns);
+    (input.offset() == 0 && lacks_head) || (is_all && lacks_end && !is_silent)
 }
 
 /// Counts whether a receiver that goes by silences of t3.5 alone would have delimited this frame like the framer did: whether
@@ -186,6 +232,7 @@ fn frame_row(framed: &FrameResult, frame: &ObservedFrame<'_>, timing: &FrameTimi
         start: timing.start,
         elapsed: None,
         gap: timing.gap,
+        pauses: timing.pauses,
         mode: frame.mode,
         direction: framed.direction,
         unit: frame.adu.first().copied().filter(|_| is_frame),

@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use crate::framer::line_framer::LineFramer;
 use crate::framer::{FrameResult, Framer};
 use crate::input::Input;
+use crate::session::inner_pauses::InnerPauses;
 use crate::session::lateness::Lateness;
 use crate::session::two_lines::alignment::LineFrame;
 use modlens_protocol::direction::possible_directions;
@@ -23,11 +24,20 @@ pub(crate) struct LineState {
     /// End of the last frame that was emitted.
     pub(crate) last_end: Option<Ns>,
     pub(crate) lateness: Lateness,
+    pub(crate) inner_pauses: InnerPauses,
     /// Frames that wait for their place among those of the other line, where no clock gives their order.
     pub(crate) unmerged: Option<Box<UnmergedFrames>>,
 }
 
 impl LineState {
+    /// The pause inside the next frame that its sender must have made, where reads of several bytes hide shorter ones.
+    pub(crate) fn proven_pause(&mut self, framed: &FrameResult, unit: u8) -> Option<Ns> {
+        let input = self.emission_input();
+        let is_hidden = framed.verdict.is_good() && input.has_multibyte_reads;
+        let longest = input.longest_pause(0, framed.length).filter(|_| is_hidden);
+        self.inner_pauses.add(framed.direction, unit, longest)
+    }
+
     /// Whether the framer holds nothing back: the next frame is decided by its own bytes alone.
     pub(crate) fn is_settled(&self) -> bool {
         self.unmerged.is_none() && self.framer.is_settled_at(self.input.offset())

@@ -12,10 +12,10 @@ use modlens_readers::chunk::{Chunk, Times};
 use modlens_readers::logic::{Analyser, Character, Wiring};
 
 /// The options of the bus of a recording; `None` before its lines are detected, and if there are none.
-fn bus_options(state: &LogicState) -> Option<BusOptions> {
+fn bus_options(state: &LogicState, name: String) -> Option<BusOptions> {
     let line = state.analyser.lines()?.first()?.settings.line;
     let sample_ns = state.analyser.ns(1.0);
-    let (name, source) = (state.source.clone(), state.source.clone());
+    let source = state.source.clone();
     let bus = Bus { name, source, place: Place::Offset, clock: Clock::Relative, line: Some(line), network: None };
     Some(BusOptions { bus, mode: state.mode, line: Some(line), resolution: Some(sample_ns.max(1)), rule: None })
 }
@@ -39,7 +39,7 @@ impl Session {
             state.analyser.finish(&functions, &mut characters);
         }
         if state.bus.is_none() {
-            state.bus = bus_options(&state).map(|options| self.add_bus(options));
+            state.bus = bus_options(&state, self.name_after(&state.source)).map(|options| self.add_bus(options));
         }
         if let Some(bus) = state.bus {
             self.origin.get_or_insert(0);

@@ -7,8 +7,10 @@
 //! | which line of a two-line tap is next | `two_lines` |
 //! | when a frame was on the line, and how exact that is | `frame_timing`, `lateness` |
 //! | what nearly all frames of a line have in common | `line_patterns` |
+//! | what the responses of a unit have in common | `unit_habits` |
 //! | how a frame or a transaction becomes a row | `frames`, `transactions`, `rows` |
 //! | what is counted of a connection, and how it becomes a row | `connection_tally`, `in_flight`, `connections` |
+//! | what is given back when a source has ended | `closing` |
 //! | how rows of our own captures are read back | `reimport` |
 
 // A transaction is large and changes hands three times; moving its box is cheaper than moving it.
@@ -16,12 +18,14 @@
 
 pub(crate) mod bus;
 mod capture;
+mod closing;
 pub(crate) mod connection_tally;
 mod connections;
 mod feed;
 pub(crate) mod frame_timing;
 mod frames;
 pub(crate) mod in_flight;
+pub(crate) mod inner_pauses;
 pub(crate) mod lateness;
 pub(crate) mod line;
 mod line_patterns;
@@ -33,7 +37,9 @@ mod sources;
 mod text;
 mod transactions;
 mod two_lines;
+mod unit_habits;
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use crate::findings::Found;
@@ -84,6 +90,8 @@ pub struct WantedTables {
 pub struct Session {
     pub(crate) functions: Arc<Functions>,
     pub(crate) buses: Vec<BusState>,
+    /// The buses whose source has not ended; see `close_bus`.
+    open: BTreeSet<usize>,
     /// For each bus, what its rows share.
     bus_rows: Arc<Buses>,
     /// The rows emitted since the last `take`, without the transactions.
@@ -125,6 +133,8 @@ pub struct Session {
     waiting: Option<usize>,
     /// The buses of raw recordings, each with the segment that was read last.
     recorded: Vec<(modlens_readers::pcap::metadata::RecordingSegment, usize)>,
+    /// What buses are named after in place of their source.
+    bus_name: Option<String>,
 }
 
 impl Default for Session {
@@ -140,6 +150,7 @@ impl Session {
         Self {
             functions,
             buses: Vec::new(),
+            open: BTreeSet::new(),
             bus_rows: Arc::default(),
             batch: Batch::default(),
             pool: MemoryPool::default(),
@@ -165,7 +176,26 @@ impl Session {
             connections: Connections::default(),
             waiting: None,
             recorded: Vec::new(),
+            bus_name: None,
         }
+    }
+
+    /// Gives a name to buses that would be named after their source: the file is one of several of a bus. A recording that
+    /// names its buses itself (the port of a raw recording, the server of a connection) is not touched.
+    pub fn name_buses(&mut self, name: String) {
+        self.bus_name = Some(name);
+    }
+
+    /// The name of a bus that is named after this source.
+    fn name_after(&self, source: &str) -> String {
+        self.bus_name.clone().unwrap_or_else(|| source.to_owned())
+    }
+
+    /// The first byte of a bus will have this offset in its stream: what stood before is not known. No byte has been fed yet.
+    pub fn begin_at(&mut self, bus: usize, line: u8, offset: u64) {
+        let line = self.buses[bus].line(line);
+        line.input.begin_at(offset);
+        line.framer.skip_to(offset);
     }
 
     /// Adds a bus with counters of its own and the profiles bound to its name so far; buses are numbered from 0, and the
@@ -176,6 +206,7 @@ impl Session {
         let counts = self.stats.add_bus(&options.bus.name);
         let profiles = Profiles::of_bus(&self.assignments, &options.bus.name);
         self.buses.push(BusState::new(options, Pairing::new(self.timeout, self.live), counts, profiles));
+        self.open.insert(self.buses.len() - 1);
         self.buses.len() - 1
     }
 
@@ -240,7 +271,7 @@ impl Session {
             return self.held.len();
         }
         let reimported = self.captures.iter().flatten().filter_map(CaptureState::oldest);
-        let open = self.buses.iter().filter_map(|bus| bus.pairing.oldest_open_txn());
+        let open = self.open.iter().filter_map(|&bus| self.buses[bus].pairing.oldest_open_txn());
         let oldest = open.chain(reimported).min().unwrap_or(u64::MAX);
         if !self.held.is_sorted_by_key(|row| row.number) {
             self.held.sort_by_key(|row| row.number);

@@ -7,7 +7,7 @@
 
 use crate::findings::Found;
 use crate::pairing::{BufferedFrame, ObservedFrame, PendingTransaction};
-use crate::records::{Bus, Frame, Network, Span};
+use crate::records::{Bus, Frame, InnerPauses, Network, Span};
 use crate::session::bus::{FROM_CLIENT, FROM_SERVER};
 use crate::session::rows::{elapsed, FindingPlace};
 use crate::session::sources::{CaptureOptions, ReimportState, WaitingFrame};
@@ -82,6 +82,8 @@ fn observed<'a>(
         origin: packet,
         unconfirmed: is_unconfirmed(text),
         confidence: confidence_of(text),
+        is_cut: false,
+        side: None,
         codes: &[],
     }
 }
@@ -102,6 +104,7 @@ fn frame_row(metadata: &PacketMetadata<'_>, observed: &ObservedFrame<'_>) -> Fra
         offset: number(text, "offset").unwrap_or(0),
         start: observed.start,
         gap: observed.gap,
+        pauses: InnerPauses::default(),
         mode: observed.mode,
         direction: observed.direction,
         unit: if is_good { adu.first().copied() } else { byte_of("unit") },
@@ -147,7 +150,7 @@ fn transaction_in(text: &str, txns_before: u64, first: &WaitingFrame) -> Option<
         waited: micros(text, "waited_us"),
         late_response: micros(text, "late_us"),
         retry_of: other("retry_of"),
-        late_for: other("late_response_to"),
+        late_response_to: other("late_response_to"),
         gap: micros(text, "gap_us"),
         mbap_id: number(text, "mbap_id").map(|id| id as u16),
         findings: finding_codes(text),

@@ -39,6 +39,10 @@ pub(super) struct CaptureState {
     pub(super) slots: Vec<SlotState>,
     /// The bus of each serial interface.
     pub(super) lines: Vec<Option<usize>>,
+    /// So many of the first serial interfaces belong to sections of the file that are over.
+    pub(super) ended_lines: usize,
+    /// The buses of the section before, which interfaces of the same name go on with.
+    pub(super) resumable: Vec<usize>,
     /// Rows that are read back from a capture that modlens wrote.
     pub(super) reimport: ReimportState,
     pub(super) clock: Clock,

@@ -103,7 +103,7 @@ impl Session {
     /// bytes yet; gives its index.
     fn add_device_bus(&mut self, bus: usize, name: &str) -> usize {
         let own = &self.buses[bus].options;
-        let row = crate::records::Bus { name: format!("{}:{name}", own.bus.source), ..own.bus.clone() };
+        let row = crate::records::Bus { name: format!("{}:{name}", self.name_after(&own.bus.source)), ..own.bus.clone() };
         let options = BusOptions { bus: row.clone(), ..own.clone() };
         if self.buses[bus].devices.is_empty() && self.buses[bus].lines.is_empty() {
             Arc::make_mut(&mut self.bus_rows)[bus] = row.clone();

@@ -89,7 +89,7 @@ impl Session {
 
     /// Takes the findings out of `self.found`: each is counted, is added to those of the transaction unless it is among them,
     /// and gets a row if findings are wanted. The row names the response, or the request where there is no response; its time
-    /// is the start of the request, or of the response where there is no request.
+    /// is the start of the request, or of the response where the request has no time.
     fn emit_findings(&mut self, bus: usize, transaction: &mut PendingTransaction) {
         let response = Some(transaction.response.number).filter(|_| transaction.response.is_present());
         let place = FindingPlace {
@@ -116,8 +116,8 @@ impl Session {
     /// once no older transaction is open, since a file is in the order of the requests.
     ///
     /// `points` is the profile of the unit at this moment. Bytes and findings of the transaction are copied to the batch, so
-    /// that its buffers can be used again. The row's time is that of the request, or of the response where there is no
-    /// request.
+    /// that its buffers can be used again. The row's time is that of the request, or of the response where the request has
+    /// none.
     fn emit_row(&mut self, bus: usize, transaction: &PendingTransaction, points: Option<Arc<PlanInstance>>) {
         let start = transaction.request.start.or(transaction.response.start);
         self.held.push(Transaction {
@@ -136,7 +136,7 @@ impl Session {
             waited: transaction.waited,
             late_response: transaction.late_response,
             retry_of: transaction.retry_of,
-            late_for: transaction.late_for,
+            late_response_to: transaction.late_response_to,
             gap: transaction.gap,
             mbap_id: transaction.mbap_id,
             request: store_frame(&mut self.batch, &transaction.request),

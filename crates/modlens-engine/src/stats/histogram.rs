@@ -14,6 +14,8 @@ pub(super) struct TimeHistogram {
     sum: Ns,
     least: Ns,
     most: Ns,
+    /// The number of the first bucket in `buckets`, which reach as far as there are times: most requests take about as long.
+    first: usize,
     buckets: Vec<u64>,
 }
 
@@ -27,10 +29,25 @@ impl TimeHistogram {
         self.most = self.most.max(ns);
         self.count += 1;
         self.sum += ns;
-        if self.buckets.is_empty() {
-            self.buckets.resize(BUCKETS, 0);
+        let at = bucket(ns).wrapping_sub(self.first);
+        match self.buckets.get_mut(at) {
+            Some(count) => *count += 1,
+            None => self.add_bucket(bucket(ns)),
         }
-        self.buckets[bucket(ns)] += 1;
+    }
+
+    /// Counts one time in a bucket that is not there yet.
+    #[cold]
+    fn add_bucket(&mut self, bucket: usize) {
+        if self.buckets.is_empty() {
+            self.first = bucket;
+        }
+        let before = self.first.saturating_sub(bucket);
+        self.buckets.splice(0..0, std::iter::repeat_n(0, before));
+        self.first -= before;
+        let at = bucket - self.first;
+        self.buckets.resize(self.buckets.len().max(at + 1), 0);
+        self.buckets[at] += 1;
     }
 
     /// The time in ns that this share (0 to 1) of the observations does not exceed: the middle of its bucket, but within the
@@ -41,10 +58,28 @@ impl TimeHistogram {
         for (bucket, count) in self.buckets.iter().enumerate() {
             below += count;
             if below >= rank {
-                return middle(bucket).clamp(self.least, self.most);
+                return middle(self.first + bucket).clamp(self.least, self.most);
             }
         }
         self.most
+    }
+
+    /// As `json`, with the 99th percentile and the counts of its buckets, joined to eight for each factor of two: their edges
+    /// in microseconds, one more than there are counts.
+    pub(super) fn json_with_buckets(&self) -> Json {
+        let mut found = self.json();
+        if self.count == 0 {
+            return found;
+        }
+        let first = self.first / JOINED;
+        let mut counts = vec![0u64; (self.first + self.buckets.len()).div_ceil(JOINED) - first];
+        for (at, count) in self.buckets.iter().enumerate() {
+            counts[(self.first + at) / JOINED - first] += count;
+        }
+        let lower: Vec<f64> = (first..=first + counts.len()).map(|joined| lower(joined * JOINED) / 1000.0).collect();
+        found["p99_us"] = (self.percentile(0.99) as f64 / 1000.0).into();
+        found["histogram"] = json!({"edges_us": lower, "counts": counts});
+        found
     }
 
     /// Count, extremes, mean and percentiles in microseconds; null without any time.
@@ -69,6 +104,15 @@ fn bucket(ns: Ns) -> usize {
     (octave as usize * BUCKETS_PER_OCTAVE + step).min(BUCKETS - 1)
 }
 
+/// Buckets that are one in what is written.
+const JOINED: usize = BUCKETS_PER_OCTAVE / 8;
+
+/// The least time in a bucket, in ns.
+fn lower(bucket: usize) -> f64 {
+    let (octave, step) = (bucket / BUCKETS_PER_OCTAVE, bucket % BUCKETS_PER_OCTAVE);
+    (1u64 << octave) as f64 * (1.0 + step as f64 / BUCKETS_PER_OCTAVE as f64)
+}
+
 /// The time in the middle of a bucket.
 fn middle(bucket: usize) -> Ns {
     let (octave, step) = (bucket / BUCKETS_PER_OCTAVE, bucket % BUCKETS_PER_OCTAVE);
@@ -78,6 +122,32 @@ fn middle(bucket: usize) -> Ns {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn times_in_any_order_are_counted_in_as_many_buckets_as_they_span() {
+        let mut times = TimeHistogram::default();
+        for ns in [4_000_000, 1_000_000, 2_000_000, 1_000_000, 16_000_000] {
+            times.add(ns);
+        }
+        // Four octaves of 32 buckets, and both ends.
+        assert_eq!(times.buckets.len(), bucket(16_000_000) - bucket(1_000_000) + 1);
+        assert_eq!((times.percentile(0.4), times.percentile(1.0)), (middle(bucket(1_000_000)), 16_000_000));
+        assert_eq!((times.count, times.buckets.iter().sum::<u64>()), (5, 5));
+    }
+
+    #[test]
+    fn joined_buckets_hold_all_times_between_their_edges() {
+        let mut times = TimeHistogram::default();
+        // An octave from 2^20 ns has joined buckets of 2^17 ns = 131.072 us.
+        for ns in [1 << 20, (1 << 20) + (1 << 17) - 1, (1 << 20) + (1 << 17)] {
+            times.add(ns);
+        }
+        let found = times.json_with_buckets();
+        assert_eq!(found["histogram"]["counts"], json!([2, 1]));
+        assert_eq!(found["histogram"]["edges_us"], json!([1048.576, 1179.648, 1310.72]));
+        assert_eq!(found["p99_us"], found["max_us"]);
+        assert_eq!(TimeHistogram::default().json_with_buckets(), Json::Null);
+    }
 
     #[test]
     fn an_octave_has_thirty_two_buckets() {

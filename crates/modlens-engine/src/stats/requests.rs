@@ -19,6 +19,9 @@ const MAX_REQUESTS: usize = 1024;
 /// Unanswered requests that a late response may still belong to.
 const MAX_UNANSWERED: usize = 64;
 
+/// Requests of the poll cycle that are listed.
+const MAX_LISTED_POLLS: usize = 100;
+
 /// A request that was sent so often counts for the poll cycle.
 const MIN_POLLS: u64 = 3;
 
@@ -78,6 +81,8 @@ struct RequestCounts {
     /// Of those unanswered: unit and status of the transaction before.
     before: BTreeMap<(u8, Status), u64>,
     last_start: Option<Ns>,
+    /// The time from its starts to the ends of its responses, or to the ends of waiting for them.
+    taken: Ns,
     /// From one poll to the next.
     cycle: TimeHistogram,
 }
@@ -112,7 +117,7 @@ impl RequestTable {
     ///
     /// A retry is sent, but not a poll. A request for which there is no room (`MAX_REQUESTS`) is not counted in this table.
     pub fn transaction(&mut self, functions: &Functions, transaction: &PendingTransaction) {
-        if let Some(txn) = transaction.late_for {
+        if let Some(txn) = transaction.late_response_to {
             self.count_late_response(txn, transaction.late_response);
         }
         if !transaction.request.is_present() || transaction.status == Status::BadRequest {
@@ -121,6 +126,7 @@ impl RequestTable {
         let key = RequestKey::of(functions, transaction);
         let previous = self.previous.replace((transaction.unit, transaction.status));
         let Some(at) = self.index(key) else { return };
+        self.counts[at].taken += time_taken(transaction);
         if transaction.retry_of.is_none() {
             self.counts[at].add_poll(transaction.request.start);
         } else {
@@ -152,10 +158,11 @@ impl RequestTable {
 
     /// Counts a request of the fast path, which was answered.
     #[inline]
-    pub fn record_exchange(&mut self, key: RequestKey, start: Option<Ns>) {
+    pub fn record_exchange(&mut self, key: RequestKey, start: Option<Ns>, taken: Option<Ns>) {
         self.previous = Some((key.0, Status::Ok));
         if let Some(at) = self.index(key) {
             self.counts[at].add_poll(start);
+            self.counts[at].taken += taken.unwrap_or(0);
         }
     }
 
@@ -220,6 +227,16 @@ impl RequestTable {
         found
     }
 
+    /// The requests of the poll cycle with how often they come again and the time that they take, those that take the most
+    /// first; how many more there are than are listed.
+    pub fn polls(&self, functions: &Functions) -> Json {
+        let mut polled: Vec<&RequestCounts> = self.counts.iter().filter(|counts| counts.sent > 0).collect();
+        polled.sort_by_key(|counts| (std::cmp::Reverse((counts.taken, counts.sent)), counts.key));
+        let listed = polled.len().min(MAX_LISTED_POLLS);
+        let rows: Vec<Json> = polled[..listed].iter().map(|counts| counts.poll_json(functions)).collect();
+        json!({"requests": rows, "more": polled.len() - listed})
+    }
+
     /// The requests that were not answered, the most frequent first; null where all were answered.
     pub fn timeouts(&self, functions: &Functions) -> Json {
         let mut unanswered: Vec<&RequestCounts> = self.counts.iter().filter(|counts| counts.unanswered > 0).collect();
@@ -243,6 +260,7 @@ impl RequestCounts {
             late_by: TimeHistogram::default(),
             before: BTreeMap::new(),
             last_start: None,
+            taken: 0,
             cycle: TimeHistogram::default(),
         }
     }
@@ -265,6 +283,17 @@ impl RequestCounts {
         self.last_start = None;
     }
 
+    fn poll_json(&self, functions: &Functions) -> Json {
+        let RequestKey(unit, function, range) = self.key;
+        json!({
+            "unit": unit, "function": function, "address": range.map(|(address, _)| address),
+            "quantity": range.map(|(_, quantity)| quantity),
+            "register_type": functions.row(function, &[]).and_then(|row| row.register_type.clone()),
+            "count": self.sent, "interval": self.cycle.json(),
+            "taken_us": self.last_start.or((self.taken > 0).then_some(0)).map(|_| self.taken as f64 / 1000.0),
+        })
+    }
+
     fn json(&self, functions: &Functions) -> Json {
         let RequestKey(unit, function, range) = self.key;
         let mut before: Vec<(&(u8, Status), &u64)> = self.before.iter().collect();
@@ -279,4 +308,15 @@ impl RequestCounts {
             "damaged": self.unanswered_with_damage, "before": before,
         })
     }
+}
+
+/// From the start of a request to the end of its response, or to the end of waiting for it; 0 where that is not known.
+fn time_taken(transaction: &PendingTransaction) -> Ns {
+    let request = &transaction.request;
+    let end = if transaction.response.is_present() {
+        transaction.response.end
+    } else {
+        request.end.zip(transaction.waited).map(|(end, waited)| end + waited)
+    };
+    request.start.zip(end).map_or(0, |(start, end)| (end - start).max(0))
 }

@@ -6,8 +6,11 @@ use crate::points::{MultiRegisterPoint, Plan};
 use crate::profile::{Order, Type};
 use modlens_protocol::register_type::Space;
 
-/// The number of samples after which a point is judged.
+/// The number of samples after which a point is judged for good.
 const ENOUGH_SAMPLES: usize = 40;
+
+/// The numbers of samples after which another order is reported, if it is already certain.
+const EARLY: [usize; 2] = [10, 20];
 
 /// A bit set that contains every order.
 const EVERY_ORDER: u8 = (1 << Order::ALL.len()) - 1;
@@ -80,9 +83,12 @@ impl OrderCheck {
         for (at, wide_point, block) in self.unjudged.unjudged_in_block(plan, space, first, bytes) {
             let point = &mut self.points[at];
             if point.add(plan, wide_point, block) {
-                let samples = std::mem::take(point);
-                mismatches.extend(samples.mismatch(plan, wide_point));
-                judged.push(at);
+                let found = point.mismatch(plan, wide_point);
+                if found.is_some() || !point.is_early(wide_point) {
+                    *point = Samples::default();
+                    judged.push(at);
+                }
+                mismatches.extend(found);
             }
         }
         self.judged += judged.len();
@@ -169,8 +175,14 @@ impl Samples {
                 implausible_orders |= u8::from(!is_plausible_float(block, order)) << order as u8;
             }
         }
-        let enough = self.registers.len() + usize::from(wide_point.width) >= ENOUGH_SAMPLES * usize::from(wide_point.width);
+        let samples = self.registers.len() / usize::from(wide_point.width) + 1;
+        let enough = samples >= ENOUGH_SAMPLES || EARLY.contains(&samples);
         (implausible_orders, enough || implausible_orders == EVERY_ORDER)
+    }
+
+    /// Whether more samples may still decide.
+    fn is_early(&self, wide_point: &MultiRegisterPoint) -> bool {
+        self.implausible_orders != EVERY_ORDER && self.registers.len() < ENOUGH_SAMPLES * usize::from(wide_point.width)
     }
 
     /// Adds a sample. Returns whether there are now enough to judge.
@@ -189,7 +201,7 @@ impl Samples {
 
     /// Judges a point: the mismatch, if another order is clearly more plausible than that of the profile.
     fn mismatch(&self, plan: &Plan, wide_point: &MultiRegisterPoint) -> Option<Mismatch> {
-        let enough = self.registers.len() >= ENOUGH_SAMPLES * usize::from(wide_point.width);
+        let enough = self.registers.len() >= EARLY[0] * usize::from(wide_point.width);
         let rows: Vec<&[u16]> = self.registers.chunks_exact(usize::from(wide_point.width)).filter(|_| enough).collect();
         let point = plan.point(plan.compiled_point(wide_point.compiled_index));
         let hypotheses = rank_types(&rows, 0.0, None);

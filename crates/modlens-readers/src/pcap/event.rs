@@ -111,6 +111,8 @@ pub enum Event<'a> {
     Line {
         /// Index of the interface in the file.
         interface: usize,
+        /// Index of the first interface of the same section; no packet names an earlier one any more.
+        section: usize,
         /// The interface.
         by: &'a Interface,
         /// The bytes and what the packet says about them.
@@ -149,4 +151,6 @@ pub struct SkipCounts {
     pub missing: u64,
     /// Headers of capturing programs that were removed in front of serial frames.
     pub headers: u64,
+    /// Packets of serial interfaces for which there is no room.
+    pub surplus_interfaces: u64,
 }

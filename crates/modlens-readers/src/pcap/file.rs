@@ -50,6 +50,8 @@ pub struct CapturedPacket<'a> {
     pub number: u64,
     /// Index of its interface; those of later sections follow those of earlier ones.
     pub interface: usize,
+    /// Index of the first interface of its section.
+    pub section: usize,
     /// The interface that captured it.
     pub by: &'a Interface,
     /// When it was captured, in ns since 1970.
@@ -247,6 +249,7 @@ impl CaptureFile {
         each(CapturedPacket {
             number: self.packets,
             interface: 0,
+            section: 0,
             by,
             time: Some(time),
             data: frame.data,
@@ -330,7 +333,8 @@ impl CaptureFile {
         };
         let time = ticks.map(|ticks| by.time(ticks));
         let big_endian = self.format == FileFormat::Ng { is_big_endian: true };
-        each(CapturedPacket { number: self.packets, interface, by, time, data, length, options, big_endian });
+        let section = self.earlier_interfaces;
+        each(CapturedPacket { number: self.packets, interface, section, by, time, data, length, options, big_endian });
     }
 }
 

@@ -37,6 +37,9 @@ use serial::SerialPacket;
 
 use modlens_protocol::functions::Functions;
 
+/// The serial interfaces of one section that are read. Each becomes a bus, which takes about 150 kB.
+const MAX_SERIAL_INTERFACES: usize = 1_000;
+
 /// Reads a capture that arrives in blocks.
 #[derive(Debug, Default)]
 pub struct Capture {
@@ -109,6 +112,10 @@ impl Capture {
             (String::from("packets truncated by the capture"), skipped.cut),
             (String::from("packets with missing IP fragments"), self.fragments.lost + self.fragments.incomplete()),
             (String::from("IP fragments truncated by the capture"), self.fragments.cut),
+            (
+                format!("packets of serial interfaces beyond the {MAX_SERIAL_INTERFACES} that are read"),
+                skipped.surplus_interfaces,
+            ),
             (String::from("damaged blocks of pcapng"), self.file.damaged_blocks),
         ];
         if let Some((at, what)) = self.file.damage {
@@ -135,15 +142,16 @@ fn read_serial_packet(
         return;
     }
     match serial::read(packet) {
+        SerialPacket::Line(_) if packet.interface - packet.section >= MAX_SERIAL_INTERFACES => skipped.surplus_interfaces += 1,
         SerialPacket::Line(mut content) => {
             if packet.by.link == serial::USER0 {
                 content.is_whole_frame = parts.begins_frame(packet.interface, content.bytes, packet.time);
             }
             skipped.headers += u64::from(content.had_header);
             skipped.cut += u64::from(packet.length > packet.data.len());
-            let (interface, by) = (packet.interface, packet.by);
+            let (interface, section, by) = (packet.interface, packet.section, packet.by);
             let errors = if by.own.is_some() { metadata::errors(packet.options) } else { Vec::new() };
-            each(Event::Line { interface, by, content, errors, packet: packet.number, time: packet.time });
+            each(Event::Line { interface, section, by, content, errors, packet: packet.number, time: packet.time });
         }
         SerialPacket::Network(segment) => table.take(functions, &segment, (packet.number, packet.time), skipped, each),
         SerialPacket::Nothing => skipped.other += 1,

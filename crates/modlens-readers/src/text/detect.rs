@@ -132,7 +132,9 @@ fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<FormatGuess> {
     let is_good = |(row, score): &(Arc<Dialect>, RowScore)| {
         let is_purer = best_is_generic && !row.generic && score.purity() >= best_purity;
         let share = if is_purer { MIN_SHARE_OF_GENERIC } else { MIN_SHARE_OF_BEST };
-        score.worth() >= share * best
+        // What a master receives on a faulty line is no frame; a program's own syntax is known by its lines all the same.
+        let is_complete = !row.generic && score.unparsed == 0 && score.proven_bytes >= best_score.proven_bytes;
+        score.worth() >= share * best || is_complete
     };
     let chosen = (0..scored.len()).filter(|&i| is_good(&scored[i])).max_by_key(|&i| {
         let (row, score) = &scored[i];
@@ -219,14 +221,17 @@ fn bursts(text: &[u8]) -> Vec<Vec<u8>> {
 }
 
 /// Reads the text with these rows and counts how many of the bytes are proven to be frames. Rows with header lines of which
-/// the text has none score zero.
+/// the text has none score zero, and so do rows of dumps where most offsets do not go on from the line before: what stands
+/// there is something else, such as a time in seconds.
 fn score(rows: &[Arc<Dialect>], text: &[u8]) -> RowScore {
     let mut reader = Reader::new(rows.to_vec(), None, Arc::<ClockSettings>::default());
     reader.look_ahead(text);
     reader.push(text);
     let mut score = RowScore::default();
     let mut burst: Vec<u8> = Vec::new();
+    let mut jumps = 0;
     while let Some((record, bytes)) = reader.next(true) {
+        jumps += u64::from(record.follows_loss);
         if record.starts_record || record.follows_loss || burst.len() > 1 << 14 {
             score.proven_bytes += frame_evidence::proven_bytes(&burst);
             burst.clear();
@@ -239,7 +244,7 @@ fn score(rows: &[Arc<Dialect>], text: &[u8]) -> RowScore {
         }
     }
     score.proven_bytes += frame_evidence::proven_bytes(&burst);
-    if !reader.has_announced_bytes() {
+    if !reader.has_announced_bytes() || 2 * jumps > reader.records() {
         return RowScore::default();
     }
     RowScore { records: reader.records(), unparsed: reader.unread_lines().count, ..score }

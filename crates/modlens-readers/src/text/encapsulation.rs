@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use modlens_protocol::checksum::crc_valid;
+
 /// The first byte of a Solarman V5 frame; length and control code follow. The protocol is described in the documentation
 /// of pysolarmanv5.
 pub(super) const V5_START: u8 = 0xA5;
@@ -13,25 +15,35 @@ const V5_REQUEST: u16 = 0x4510;
 const V5_RESPONSE: u16 = 0x1510;
 
 /// The position of the RTU frame inside a Solarman V5 frame; the error says why there is none.
+///
+/// Some programs print a request before they put its checksum in. There the CRC of the RTU frame is the proof.
 pub(super) fn solarman_rtu_frame(bytes: &[u8]) -> Result<Range<usize>, &'static str> {
     let [V5_START, low, high, control_low, control_high, ..] = *bytes else { return Err("not a Solarman V5 frame") };
     let length = usize::from(u16::from_le_bytes([low, high])) + 13;
     if bytes.len() != length || bytes.last() != Some(&V5_END) {
         return Err("Solarman V5 frame with a wrong length");
     }
-    let sum = bytes[1..length - 2].iter().fold(0u8, |sum, &b| sum.wrapping_add(b));
-    if sum != bytes[length - 2] {
-        return Err("Solarman V5 frame with a wrong checksum");
-    }
     let start = match u16::from_le_bytes([control_low, control_high]) {
         V5_REQUEST => 26,
         V5_RESPONSE => 25,
-        _ => return Err("Solarman V5 frame without Modbus"),
+        _ => length,
     };
-    if start + 4 > length - 2 {
+    let inner = start..length - 2;
+    let has_inner = inner.len() >= 4;
+    let is_proved = solarman_sum_fits(bytes) || (has_inner && crc_valid(&bytes[inner.clone()]));
+    if !is_proved {
+        return Err("Solarman V5 frame with a wrong checksum");
+    }
+    if !has_inner {
         return Err("Solarman V5 frame without Modbus");
     }
-    Ok(start..length - 2)
+    Ok(inner)
+}
+
+/// Whether the checksum of a Solarman V5 frame fits: the sum of the bytes between its first one and the last two.
+pub(super) fn solarman_sum_fits(frame: &[u8]) -> bool {
+    let [_, summed @ .., sum, _] = frame else { return false };
+    summed.iter().fold(0u8, |sum, &b| sum.wrapping_add(b)) == *sum
 }
 
 /// The position of the payload of TCP or UDP in a packet that begins with an Ethernet, IPv4 or IPv6 header; the error says
@@ -75,6 +87,10 @@ mod tests {
         frame.extend(inner);
         let sum = frame[1..].iter().fold(0u8, |sum, &b| sum.wrapping_add(b));
         frame.extend([sum, 0x15]);
+        assert_eq!(solarman_rtu_frame(&frame).map(|range| frame[range].to_vec()), Ok(inner.to_vec()));
+        // Printed before the checksum was put in.
+        frame[34] = 0;
+        assert!(!solarman_sum_fits(&frame));
         assert_eq!(solarman_rtu_frame(&frame).map(|range| frame[range].to_vec()), Ok(inner.to_vec()));
         frame[30] ^= 1;
         assert_eq!(solarman_rtu_frame(&frame), Err("Solarman V5 frame with a wrong checksum"));

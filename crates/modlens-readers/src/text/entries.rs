@@ -14,6 +14,7 @@ use crate::text::timestamps::TimestampParser;
 use crate::text::{encapsulation, LogEntry};
 use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::framing::Mode;
+use modlens_protocol::mbap::PREFIX_BYTES;
 use modlens_protocol::Ns;
 
 /// Bytes that were read but not delivered: the number of the line, the bytes, and the reason.
@@ -34,12 +35,19 @@ const MAX_MULTI_LINE_BYTES: usize = 1 << 16;
 /// A copy of a frame stands at most so many lines behind it.
 const MAX_LINES_TO_COPY: u64 = 10;
 
+/// The checksum at the end of an RTU frame.
+const CRC_BYTES: usize = 2;
+
 /// The functions whose response repeats the request: Write Single Coil and Register, Diagnostics, Mask Write Register
 /// (application protocol, 6.5, 6.6, 6.8, 6.16).
 const ECHOED: [u8; 4] = [5, 6, 8, 22];
 
 /// The reason reported for skipped duplicates.
 const DUPLICATE: &str = "bytes that the program had printed before";
+
+/// The reasons reported for what stands around a frame of Solarman V5.
+const V5_WRAPPER: &str = "Solarman V5 wrapper of a frame";
+const V5_WRAPPER_WITHOUT_SUM: &str = "Solarman V5 wrapper, with a wrong checksum, of a frame";
 
 /// The bytes of one device whose lines carry its name, or of all lines without a name.
 #[derive(Debug, Default)]
@@ -219,6 +227,21 @@ impl EntryAssembler {
         (!is_known || side == stream.side) && !may_be_echo && self.number <= stream.number + MAX_LINES_TO_COPY
     }
 
+    /// Whether these bytes are the RTU form of the MBAP frame that was delivered last: servers take the header off, put a CRC
+    /// behind the unit and the PDU, and print that, too. A gateway that passes a frame on has received one and sent the other.
+    fn is_inner_copy(&self, entry_bytes: &EntryBytes<'_>, framing: Option<Mode>) -> bool {
+        let Some(stream) = self.streams.get(entry_bytes.key).filter(|_| framing == Some(Mode::Rtu)) else { return false };
+        let inner = &entry_bytes.bytes[..entry_bytes.bytes.len() - CRC_BYTES];
+        // Where the log does not say who sent them, a response that echoes its request is no copy.
+        let may_be_echo = entry_bytes.side.is_none() && is_echoed(entry_bytes.bytes);
+        let is_same_side = entry_bytes.side == stream.side && !may_be_echo;
+        let is_near = entry_bytes.number <= stream.number + MAX_LINES_TO_COPY;
+        is_same_side
+            && is_near
+            && stream.group.get(PREFIX_BYTES..) == Some(inner)
+            && check_frame(&stream.group).1 == Some(Mode::Tcp)
+    }
+
     /// Counts a frame that was delivered already.
     pub fn skip_copy(&mut self, bytes: &[u8]) {
         self.skip(self.number, bytes, DUPLICATE);
@@ -268,7 +291,8 @@ impl EntryAssembler {
         {
             match encapsulation::solarman_rtu_frame(bytes) {
                 Ok(inner) => {
-                    self.skip(self.number, bytes, "Solarman V5 wrapper of a frame");
+                    let reason = if encapsulation::solarman_sum_fits(bytes) { V5_WRAPPER } else { V5_WRAPPER_WITHOUT_SUM };
+                    self.skip(self.number, bytes, reason);
                     self.log_entry(&EntryBytes { bytes: &bytes[inner], ..entry_bytes }, timestamps);
                 }
                 Err(_) if dialect.generic => self.log_entry(&entry_bytes, timestamps),
@@ -290,8 +314,11 @@ impl EntryAssembler {
         while self.streams.len() <= entry_bytes.key {
             self.streams.push(DeviceStream::default());
         }
-        let stream = &mut self.streams[entry_bytes.key];
         let (is_whole_frame, framing) = check_frame(entry_bytes.bytes);
+        if self.is_inner_copy(entry_bytes, framing) {
+            return self.skip(entry_bytes.number, entry_bytes.bytes, DUPLICATE);
+        }
+        let stream = &mut self.streams[entry_bytes.key];
         let no_checksum = entry_bytes.no_checksum && !is_whole_frame;
         let starts_record = is_whole_frame || no_checksum || !stream.is_mid_frame || stream.side != entry_bytes.side;
         let is_same = starts_record && stream.group == entry_bytes.bytes;

@@ -135,7 +135,7 @@ columns! {
     ("waited_us", |_, t| t.waited.map(Us)),
     ("late_response_us", |_, t| t.late_response.map(Us)),
     ("retry_of", |_, t| t.retry_of),
-    ("late_response_to", |_, t| t.late_for),
+    ("late_response_to", |_, t| t.late_response_to),
     ("gap_us", |_, t| t.gap.map(Us)),
     ("mbap_id", |_, t| t.mbap_id),
     ("request_hex", |b, t| half_hex(b, &t.request)),

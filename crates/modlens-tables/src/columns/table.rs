@@ -132,31 +132,30 @@ impl Table {
     pub fn partitions(&self) -> Vec<(Option<String>, String, Self)> {
         let key = |name: &str| self.kind.column(name).expect("every table has it");
         let (time, bus) = (key(self.kind.time_column()), key("bus"));
-        let day_and_bus = |table: &Self, row: usize| {
-            let day = match table.cell(row, time) {
+        let mut parts: Vec<(Option<i64>, String, Vec<usize>)> = Vec::new();
+        let mut last = 0;
+        for row in 0..self.len() {
+            let day = match self.cell(row, time) {
                 Cell::Time(ns) => Some(ns.div_euclid(86_400_000_000_000)),
                 _ => None,
             };
-            let bus = if let Cell::Text(name) = table.cell(row, bus) { name.to_owned() } else { String::new() };
-            (day, bus)
-        };
-        let mut keys: Vec<(Option<i64>, String)> = Vec::new();
-        for row in 0..self.len() {
-            let key = day_and_bus(self, row);
-            if !keys.contains(&key) {
-                keys.push(key);
+            let cell = self.cell(row, bus);
+            let bus = if let Cell::Text(name) = cell { name } else { "" };
+            // Rows of a day and bus mostly stand behind each other.
+            if parts.get(last).is_none_or(|part| part.0 != day || part.1 != bus) {
+                last = parts.iter().position(|part| part.0 == day && part.1 == bus).unwrap_or_else(|| {
+                    parts.push((day, bus.to_owned(), Vec::new()));
+                    parts.len() - 1
+                });
             }
+            parts[last].2.push(row);
         }
         let date = |day: i64| {
             let mut text = Vec::new();
             modlens_protocol::timestamp::push_time(day * 86_400_000_000_000, &mut text);
             String::from_utf8_lossy(&text[..10]).into_owned()
         };
-        let partition = |key: (Option<i64>, String)| {
-            let rows = self.filter(|table, row| day_and_bus(table, row) == key);
-            (key.0.map(date), key.1, rows)
-        };
-        keys.into_iter().map(partition).collect()
+        parts.into_iter().map(|(day, bus, rows)| (day.map(date), bus, self.with_rows(&rows))).collect()
     }
 
     /// The number of rows.

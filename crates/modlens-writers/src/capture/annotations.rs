@@ -163,7 +163,7 @@ pub fn transaction(batch: &Batch, row: &Transaction, out: &mut Vec<u8>) {
             push_us_field(key, ns, out);
         }
     }
-    for (key, value) in [(" retry_of=", row.retry_of), (" late_response_to=", row.late_for)] {
+    for (key, value) in [(" retry_of=", row.retry_of), (" late_response_to=", row.late_response_to)] {
         if let Some(value) = value {
             push_number(key, value, out);
         }

@@ -2,10 +2,10 @@
 
 use serde_json::Value as Json;
 
-use crate::view::grid::ValueList;
 use crate::view::notation::AddressNotation;
 use crate::view::safe_text::{push_visible, visible};
 use crate::view::style::Style;
+use crate::view::value_list::ValueList;
 use modlens_tables::columns::{Cell, Items, RowRef, TableKind};
 
 /// Durations of at least this many microseconds are shown without tenths of a millisecond.
@@ -148,8 +148,8 @@ impl TransactionValues {
     /// Where a profile names the values, their names and values replace the registers.
     pub fn values<'a>(self, row: &RowRef<'a>, base: AddressNotation) -> ValueList<'a> {
         if let Cell::Map(Json::Object(named)) = row.cell(self.readings) {
-            let named_value = |(name, value): (&String, &Json)| (visible(&format!("{name}={}", reading(value))), 1);
-            return ValueList::Texts(named.iter().map(named_value).collect());
+            let named_value = |(name, value): (&String, &Json)| (visible(name), visible(&reading(value)));
+            return ValueList::Named(named.iter().map(named_value).collect());
         }
         let (data, kind) = (ints(row.cell(self.data)), word(row, self.register_type));
         let does = word(row, self.operation);

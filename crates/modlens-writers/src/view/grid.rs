@@ -3,107 +3,13 @@
 //! The column widths are derived from the first rows and never changed. A number that is wider than its column shifts
 //! the rest of its line; a text is cut. So memory does not grow, and a live table does not change its layout.
 
-use crate::view::safe_text::{push_fitted, width};
+use crate::view::safe_text::{named, push_fitted, width};
 use crate::view::style::{Style, StyledText};
-use modlens_tables::columns::{Items, RowRef};
+use crate::view::value_list::ValueList;
+use modlens_tables::columns::RowRef;
 
 /// A text cut to fewer columns than this is left out, because it would be meaningless.
 const MIN_CUT_COLUMNS: usize = 4;
-
-/// A list of values, of which as many are shown as fit: `555 0 100 … +12`.
-pub enum ValueList<'a> {
-    /// Registers or bits, still encoded as on the wire.
-    Numbers(Items<'a>),
-    /// Bytes, as pairs of hex digits.
-    Bytes(&'a [u8]),
-    /// Texts, each with the number of values that it represents.
-    Texts(Vec<(String, usize)>),
-}
-
-impl ValueList<'_> {
-    /// The number of texts.
-    pub fn len(&self) -> usize {
-        match self {
-            Self::Numbers(items) => items.len(),
-            Self::Bytes(bytes) => bytes.len(),
-            Self::Texts(texts) => texts.len(),
-        }
-    }
-
-    /// Whether the list is empty.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// Appends the text at an index.
-    fn push(&self, index: usize, out: &mut String) {
-        match self {
-            Self::Numbers(items) => out.push_str(itoa::Buffer::new().format(items.get(index))),
-            Self::Bytes(bytes) => {
-                for digit in [bytes[index] >> 4, bytes[index] & 15] {
-                    out.push(char::from_digit(digit.into(), 16).unwrap_or('?'));
-                }
-            }
-            Self::Texts(texts) => out.push_str(&texts[index].0),
-        }
-    }
-
-    /// The number of values that a text represents.
-    fn stands_for(&self, index: usize) -> usize {
-        match self {
-            Self::Texts(texts) => texts[index].1,
-            _ => 1,
-        }
-    }
-
-    /// All values.
-    pub fn full_text(&self) -> String {
-        let mut out = String::new();
-        for index in 0..self.len() {
-            if index > 0 {
-                out.push(' ');
-            }
-            self.push(index, &mut out);
-        }
-        out
-    }
-
-    /// As many values as fit into `room` columns, and the number of the remaining ones.
-    pub fn fitting_text(&self, room: usize) -> String {
-        let first = self.len().min(room / 2 + 1); // each takes at least two columns
-        let mut text_ends = Vec::with_capacity(first);
-        let mut out = String::new();
-        for index in 0..first {
-            self.push(index, &mut out);
-            text_ends.push(out.len());
-            out.push(' ');
-        }
-        if first == self.len() && width(&out[..out.len().saturating_sub(1)]) <= room {
-            out.pop();
-            return out;
-        }
-        let mut hidden_values: usize = (0..self.len()).map(|index| self.stands_for(index)).sum();
-        let widest_suffix = more_width(hidden_values); // the number only decreases, so its text never gets wider
-        let (mut columns_used, mut values_left, mut kept, mut text_start) = (0, hidden_values, 0, 0);
-        for (index, &end) in text_ends.iter().enumerate() {
-            columns_used += width(&out[text_start..end]) + 1;
-            values_left -= self.stands_for(index);
-            if columns_used + widest_suffix > room && columns_used + more_width(values_left) > room {
-                break;
-            }
-            (hidden_values, kept, text_start) = (values_left, end + 1, end + 1);
-        }
-        out.truncate(kept);
-        out.push_str("… +");
-        out.push_str(itoa::Buffer::new().format(hidden_values));
-        out
-    }
-}
-
-/// The width of `… +12`.
-fn more_width(count: usize) -> usize {
-    3 + itoa::Buffer::new().format(count).len()
-}
 
 /// The content of a cell.
 pub enum CellContent<'a> {
@@ -111,6 +17,8 @@ pub enum CellContent<'a> {
     Text(String),
     /// A list of values.
     ValueList(ValueList<'a>),
+    /// A name, which is cut where there is no room, and its value, which never is.
+    Named(String, String),
     /// Texts and lists, each in its own style and separated by spaces; what does not fit is cut.
     Run(Vec<(CellContent<'a>, Style)>),
 }
@@ -121,6 +29,7 @@ impl CellContent<'_> {
         match self {
             Self::Text(text) => text.clone(),
             Self::ValueList(values) => values.full_text(),
+            Self::Named(name, value) => named(name, " ", value, usize::MAX),
             Self::Run(_) => String::new(),
         }
     }
@@ -242,6 +151,11 @@ impl Grid {
                 CellContent::ValueList(values) => {
                     parts.push((fit_to_width(values.fitting_text(room), &column.head, room), style));
                 }
+                CellContent::Named(name, value) => {
+                    let mut shown = named(&name, " ", &value, room);
+                    shown.extend(std::iter::repeat_n(' ', room.saturating_sub(width(&shown))));
+                    parts.push((shown, style));
+                }
                 CellContent::Text(text) => parts.push((fit_to_width(text, &column.head, room), style)),
             }
         }
@@ -259,7 +173,7 @@ fn fit_to_width(text: String, head: &ColumnHead, room: usize) -> String {
     out
 }
 
-/// Appends the pieces with spaces between them, in at most `room` columns.
+/// Appends the pieces with spaces between them, in at most `room` columns; a named value may take more.
 fn push_run(pieces: &[(CellContent<'_>, Style)], room: usize, parts: &mut Vec<StyledText>) {
     let mut end = None; // the columns that are used, once there is a piece
     for (piece, style) in pieces {
@@ -268,10 +182,13 @@ fn push_run(pieces: &[(CellContent<'_>, Style)], room: usize, parts: &mut Vec<St
         let text = match piece {
             CellContent::ValueList(values) => values.fitting_text(columns_left),
             CellContent::Text(text) => text.clone(),
+            CellContent::Named(name, value) => named(name, " ", value, columns_left),
             CellContent::Run(_) => continue,
         };
         let text_width = width(&text);
         let text = match piece {
+            // A value is never left out, and no part of it is.
+            CellContent::Named(..) => text,
             _ if text_width <= columns_left => text,
             CellContent::Text(_) if columns_left >= MIN_CUT_COLUMNS => {
                 let mut cut = String::new();
@@ -310,20 +227,6 @@ mod tests {
     }
 
     #[test]
-    fn as_many_values_are_shown_as_fit() {
-        assert_eq!(texts(&[("555", 1), ("0", 1), ("100", 1), ("7", 1)]).fitting_text(10), "555 0 … +2");
-        assert_eq!(texts(&[("555", 1), ("0", 1), ("100", 1)]).fitting_text(9), "555 0 100");
-        assert_eq!(ValueList::Numbers(Items::Words(&[0, 1, 255, 255])).fitting_text(7), "1 65535");
-        assert_eq!(ValueList::Bytes(&[1, 0xAB]).fitting_text(80), "01 ab");
-        assert_eq!(ValueList::Bytes(&[]).fitting_text(0), "");
-    }
-
-    #[test]
-    fn groups_of_bits_count_as_bits() {
-        assert_eq!(texts(&[("10110011", 8), ("10110011", 8), ("1", 1)]).fitting_text(14), "10110011 … +9");
-    }
-
-    #[test]
     fn a_run_keeps_its_styles_and_its_room() {
         let pieces = vec![
             (CellContent::Text("ok".into()), Style::Good),
@@ -336,23 +239,6 @@ mod tests {
     }
 
     proptest! {
-        #[test]
-        fn all_values_or_some_and_the_number_of_the_others(numbers: Vec<u16>, room in 1usize..60) {
-            let spelled: Vec<String> = numbers.iter().map(u16::to_string).collect();
-            let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_be_bytes()).collect();
-            let shown = ValueList::Numbers(Items::Words(&bytes)).fitting_text(room);
-            match shown.split_once('…') {
-                None => prop_assert_eq!(&shown, &spelled.join(" ")),
-                Some((begun, more)) => {
-                    let begun: Vec<&str> = begun.split_whitespace().collect();
-                    prop_assert_eq!(&begun[..], &spelled[..begun.len()]);
-                    let more: usize = more.trim_start_matches(" +").parse().unwrap();
-                    prop_assert_eq!(begun.len() + more, spelled.len());
-                    prop_assert!(width(&shown) <= room || begun.is_empty());
-                }
-            }
-        }
-
         #[test]
         fn a_run_never_takes_more_than_its_room(words in proptest::collection::vec("[abc温]{0,9}", 0..5), room in 0usize..40) {
             let mut pieces: Vec<(CellContent<'_>, Style)> = words.into_iter().map(|word| (CellContent::Text(word), Style::Plain)).collect();

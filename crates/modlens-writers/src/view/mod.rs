@@ -1,7 +1,7 @@
 //! Shows rows as lines of text for people, on a terminal or in a file.
 //!
 //! `table_columns` chooses the columns, `cell_texts` makes their text, `time_column` shows times, `grid` fits everything
-//! into the width, `safe_text` makes it safe for a terminal. A line consists of parts with styles; without colours the parts are
+//! into the width and `value_list` the values, `safe_text` makes it safe for a terminal. A line consists of parts with styles; without colours the parts are
 //! simply joined.
 
 mod cell_texts;
@@ -11,6 +11,7 @@ mod safe_text;
 mod style;
 mod table_columns;
 mod time_column;
+mod value_list;
 
 pub use notation::{AddressNotation, TimeDisplay, Zone};
 pub use style::{Style, StyledText};

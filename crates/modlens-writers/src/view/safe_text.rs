@@ -69,6 +69,26 @@ pub fn push_fitted(text: &str, room: usize, right: bool, out: &mut String) {
     }
 }
 
+/// A name cut to fewer columns than this is left out, because it would be meaningless.
+const MIN_NAME_COLUMNS: usize = 4;
+
+/// A name and its value, with `between` between them, in at most `room` columns: the name is cut or left out, the value
+/// is whole even where it is wider.
+pub fn named(name: &str, between: &str, value: &str, room: usize) -> String {
+    let left = room.saturating_sub(width(between) + width(value));
+    let mut out = String::with_capacity(name.len() + between.len() + value.len());
+    if width(name) <= left {
+        out.push_str(name);
+    } else if left >= MIN_NAME_COLUMNS {
+        push_fitted(name, left, false, &mut out);
+    }
+    if !out.is_empty() && !value.is_empty() {
+        out.push_str(between);
+    }
+    out.push_str(value);
+    out
+}
+
 /// Appends the characters that fit; half of a wide character is replaced by a space.
 fn push_cut(text: &str, room: usize, out: &mut String) {
     let mut left = room;

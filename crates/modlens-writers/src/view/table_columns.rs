@@ -4,10 +4,11 @@
 //! one.
 
 use crate::view::cell_texts::{self, ColumnLookup, TransactionValues};
-use crate::view::grid::{CellContent, ColumnHead, GridColumn, ValueList};
+use crate::view::grid::{CellContent, ColumnHead, GridColumn};
 use crate::view::notation::AddressNotation;
 use crate::view::safe_text::{visible, width};
 use crate::view::style::Style;
+use crate::view::value_list::ValueList;
 use modlens_tables::columns::{Cell, RowRef, TableKind};
 
 /// The maximum width of a bus's short name.
@@ -26,7 +27,7 @@ pub fn columns(kind: TableKind, base: AddressNotation, rows: &[RowRef<'_>], is_w
         TableKind::Transactions => transactions(keys, base, has_times(), is_wide),
         TableKind::Frames => frames(keys, has_times(), is_wide),
         TableKind::Connections => connections(keys, is_wide),
-        TableKind::Readings => readings(keys, base, is_wide),
+        TableKind::Readings => readings(keys, base, rows, is_wide),
         TableKind::Findings => findings(keys, is_wide),
         TableKind::Diagnoses => diagnoses(keys),
     }
@@ -44,9 +45,10 @@ pub fn bus(kind: TableKind, labels: Vec<(String, String)>) -> GridColumn {
 
 /// The columns of the table of transactions.
 fn transactions(keys: ColumnLookup, base: AddressNotation, has_times: bool, is_wide: bool) -> Vec<GridColumn> {
-    let mut chosen = vec![transaction(keys, is_wide), unit(keys), function(keys, is_wide), addresses(keys, base)];
+    let own_number = number(keys, "txn", ColumnHead::right(if is_wide { "transaction" } else { "no." }, 4));
+    let mut chosen = vec![own_number, unit(keys), function(keys, is_wide), addresses(keys, base)];
     if has_times {
-        chosen.push(response_time(keys));
+        chosen.push(response_time(keys, is_wide));
     }
     let (status, exception, name) = (keys.at("status"), keys.at("exception"), keys.at("exception_name"));
     let (found, carried) = (keys.at("findings"), TransactionValues::new(keys));
@@ -139,10 +141,12 @@ fn state_and_content(
 }
 
 /// The columns of the table of readings.
-fn readings(keys: ColumnLookup, base: AddressNotation, is_wide: bool) -> Vec<GridColumn> {
+///
+/// A narrow terminal has no room for raw registers beside names and values.
+fn readings(keys: ColumnLookup, base: AddressNotation, rows: &[RowRef<'_>], is_wide: bool) -> Vec<GridColumn> {
     let (address, kind, raw) = (keys.at("address"), keys.at("register_type"), keys.at("raw"));
-    let parts = ["name", "value_text", "unit_of_measure"].map(|key| keys.at(key));
-    vec![
+    let [name, value, unit_of_measure] = ["name", "value_text", "unit_of_measure"].map(|key| keys.at(key));
+    let mut chosen = vec![
         transaction(keys, is_wide),
         unit(keys),
         plain(ColumnHead::left("type", 4), move |row| {
@@ -151,16 +155,32 @@ fn readings(keys: ColumnLookup, base: AddressNotation, is_wide: bool) -> Vec<Gri
         plain(ColumnHead::right(base.title(), 6), move |row| {
             cell_texts::address_range(cell_texts::number(row, address), Some(1), cell_texts::word(row, kind), base)
         }),
-        word(keys, "operation", ColumnHead::left("operation", 5), |_| Style::Plain),
-        GridColumn::new(ColumnHead::right("raw", 5), move |row| match row.cell(raw) {
+        word(keys, "operation", ColumnHead::left(if is_wide { "operation" } else { "op" }, 5), |_| Style::Plain),
+    ];
+    if is_wide || rows.iter().all(|row| matches!(row.cell(name), Cell::Null)) {
+        chosen.push(GridColumn::new(ColumnHead::right("raw", 5), move |row| match row.cell(raw) {
             Cell::Ints(items) => (CellContent::ValueList(ValueList::Numbers(items)), Style::Plain),
             _ => (CellContent::Text(String::new()), Style::Plain),
-        }),
-        plain(ColumnHead::left("value", 8).sharing(), move |row| {
-            cell_texts::joined(&parts.map(|part| cell_texts::text(row, part)))
-        }),
-        word(keys, "status", ColumnHead::left("status", 11), cell_texts::status_style),
-    ]
+        }));
+    }
+    let named_value = move |row: &RowRef<'_>| {
+        let [name, value, unit] = [name, value, unit_of_measure].map(|key| cell_texts::text(row, key));
+        CellContent::Named(visible(&name), cell_texts::joined(&[value, unit]))
+    };
+    if is_wide {
+        chosen.push(GridColumn::new(ColumnHead::left("value", 8).sharing(), move |row| (named_value(row), Style::Plain)));
+        chosen.push(word(keys, "status", ColumnHead::left("status", 11), cell_texts::status_style));
+        return chosen;
+    }
+    let status = keys.at("status");
+    let state = move |row: &RowRef<'_>| {
+        let word = cell_texts::word(row, status).unwrap_or_default();
+        (word.to_owned(), cell_texts::status_style(word))
+    };
+    chosen.extend(state_and_content("status", "value", is_wide, state, move |row, pieces| {
+        pieces.push((named_value(row), Style::Plain));
+    }));
+    chosen
 }
 
 /// The columns of the table of findings.
@@ -255,11 +275,12 @@ fn number(keys: ColumnLookup, key: &str, head: ColumnHead) -> GridColumn {
     plain(head, move |row| cell_texts::number(row, at).map_or_else(String::new, |number| number.to_string()))
 }
 
-/// The column with the unit address.
+/// The column with the number of the transaction that a row belongs to.
 fn transaction(keys: ColumnLookup, is_wide: bool) -> GridColumn {
-    number(keys, "txn", ColumnHead::right(if is_wide { "transaction" } else { "trans." }, 4))
+    number(keys, "txn", ColumnHead::right(if is_wide { "transaction" } else { "txn" }, 4))
 }
 
+/// The column with the unit address.
 fn unit(keys: ColumnLookup) -> GridColumn {
     number(keys, "unit", ColumnHead::right("unit", 4))
 }
@@ -312,9 +333,9 @@ fn addresses(keys: ColumnLookup, base: AddressNotation) -> GridColumn {
 }
 
 /// The column with the response time, or with the time that the master waited in vain.
-fn response_time(keys: ColumnLookup) -> GridColumn {
+fn response_time(keys: ColumnLookup, is_wide: bool) -> GridColumn {
     let [took, late, waited] = ["response_time_us", "late_response_us", "waited_us"].map(|key| keys.at(key));
-    plain(ColumnHead::right("ms", 5), move |row| {
+    plain(ColumnHead::right(if is_wide { "response ms" } else { "resp. ms" }, 5), move |row| {
         let answer = cell_texts::milliseconds(row, took).or_else(|| cell_texts::milliseconds(row, late));
         let vain = || cell_texts::milliseconds(row, waited).map(|waited| format!(">{waited}"));
         answer.or_else(vain).unwrap_or_default()

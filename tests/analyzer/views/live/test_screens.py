@@ -47,7 +47,7 @@ def test_every_view_looks_as_it_should(view: str, width: int, height: int) -> No
 def test_keys_do_what_the_foot_says() -> None:
     """Pause, filter (an invalid one is reported), mark, pages, resize, quit."""
     with showing(80, 24, "log", DISTURBED) as terminal:
-        terminal.wait_for("trans.")
+        terminal.wait_for("resp. ms")
         terminal.press("p")
         terminal.wait_for("PAUSED")
         terminal.press("p")
@@ -76,3 +76,33 @@ def test_keys_do_what_the_foot_says() -> None:
         assert terminal.wait_for(lambda text: "1-3 of" not in text) != first
         terminal.press("q")
         terminal.wait_for("mark 1 at")
+
+
+def test_keys_of_a_keyboard_turn_pages_and_lines() -> None:
+    """PageUp, PageDown, arrows, Home and End, in the log and in a view; `?` lists the keys."""
+    with showing(80, 12, "log", DISTURBED) as terminal:
+        terminal.wait_for("resp. ms")
+        terminal.press("PageUp")
+        terminal.wait_for("20-27 of 35")
+        terminal.press("Up")
+        terminal.wait_for("19-26 of 35")
+        terminal.press("Home")
+        terminal.wait_for("1-8 of 35")
+        terminal.press("Down")
+        terminal.wait_for("2-9 of 35")
+        terminal.press("PageDown")
+        terminal.wait_for("10-17 of 35")
+        terminal.press("End")
+        terminal.wait_for(lambda text: "of 35" not in text)
+        terminal.press("?")
+        terminal.wait_for("l            log: a line for each transaction")
+        terminal.press("End")
+        terminal.wait_for("any other key goes back")
+        terminal.press("m")
+        terminal.wait_for("modlens map")
+        terminal.resize(80, 6)
+        terminal.wait_for("1-3 of")
+        terminal.press("Down")
+        terminal.wait_for("2-4 of")
+        terminal.press("Home")
+        terminal.wait_for("1-3 of")

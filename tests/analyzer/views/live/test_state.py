@@ -234,6 +234,20 @@ def test_several_buses_share_the_line(width: int) -> None:
     assert " | " in shown
 
 
+@pytest.mark.parametrize("width", [40, 80, 120])
+def test_trouble_of_the_recording_is_shown_while_it_lasts(width: int) -> None:
+    """In front of the state of the buses, in the line that all views have."""
+    line = Line()
+    state = state_of(line, BusStatus("bus", "9600-8N1", "found", None))
+    state.refresh()
+    assert "RECORDING" not in text(status_line(state, width))
+    state.trouble = lambda: "/var/lib/bus.pcapng: no space left"
+    shown = status_line(state, width)
+    assert text(shown).startswith("NOT RECORDING: ")
+    assert shown[0][1] == "bad"
+    assert len(text(shown)) == width
+
+
 def test_the_utilization_falls_when_the_line_is_silent() -> None:
     """It is that of the last ten seconds; the statistics' own never fall without bytes."""
     activity = Activity()

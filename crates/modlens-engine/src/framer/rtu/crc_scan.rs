@@ -27,6 +27,9 @@ const MAX_EQUAL_KEYS: usize = 32;
 /// Starts kept in the ring; more than `MAX_CANDIDATE_BYTES`, and a power of two.
 const RING_STARTS: usize = 512;
 
+/// The fewest bytes of a frame (unit, function code, CRC) as a distance between stream offsets.
+const MIN_FRAME_SPAN: u64 = 4;
+
 /// Buckets of the hash table. Few enough for the nearest cache, many enough to be nearly always empty.
 const BUCKETS: usize = 4096;
 
@@ -63,104 +66,147 @@ fn inverse_powers() -> &'static InversePowers {
     })
 }
 
+/// T^-k P[k], as it grows byte by byte.
+#[derive(Clone, Copy, Default)]
+struct Prefix {
+    /// T^-k P[k].
+    value: u16,
+    /// Index in `InversePowers::start_values` for the next byte: k modulo the order.
+    power: usize,
+    /// Index in `InversePowers::bits` for the next byte: 8 k modulo the order.
+    effect: usize,
+}
+
+impl Prefix {
+    /// The key that the position before the next byte has as a start.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // Of the loop over all bytes.
+    fn start_key(self, powers: &InversePowers) -> u16 {
+        self.value ^ powers.start_values[self.power]
+    }
+
+    /// Takes one byte more: then `value` is the key that the position behind it has as an end.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
+    fn add(&mut self, byte: u8, powers: &InversePowers) {
+        let effects: &[u16; 8] = powers.bits[self.effect..self.effect + 8].try_into().expect("eight of them");
+        let mask = &powers.masks[usize::from(byte)];
+        self.value ^= (0..8).fold(0, |sum, bit| sum ^ (effects[bit] & mask[bit]));
+        self.power = if self.power + 1 == CRC_PERIOD_BITS { 0 } else { self.power + 1 };
+        let next = self.effect + 8;
+        self.effect = if next >= CRC_PERIOD_BITS { next - CRC_PERIOD_BITS } else { next };
+    }
+}
+
+/// The starts of substrings by their keys: a hash table of the latest `RING_STARTS` positions. A position is entered as the low 32
+/// bits of its stream offset, plus one, so that 0 is no entry; where these have wrapped around, only old entries are wrong, and
+/// `positions_behind` puts them out of reach.
+struct StartTable {
+    /// The latest entry in each bucket.
+    heads: Box<[u32; BUCKETS]>,
+    /// By position: its key, and the entry before it in the same bucket.
+    ring: Box<[(u16, u32); RING_STARTS]>,
+}
+
+/// How many positions before stream offset `end` an entry stands; a large number if it is no entry or behind `end`.
+#[inline(always)]
+#[allow(clippy::inline_always)] // As above.
+fn positions_behind(end: u64, entry: u32) -> u64 {
+    u64::from((end as u32).wrapping_add(1).wrapping_sub(entry))
+}
+
+impl StartTable {
+    /// Enters the position at this stream offset with its key.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
+    fn insert(&mut self, position: u64, key: u16) {
+        let head = &mut self.heads[usize::from(key) % BUCKETS];
+        self.ring[position as usize % RING_STARTS] = (key, *head);
+        *head = (position as u32).wrapping_add(1);
+    }
+
+    /// The latest entry of the bucket of this key, if it stands at most `MAX_CANDIDATE_BYTES` before stream offset `end`.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
+    fn latest(&self, key: u16, end: u64) -> Option<u32> {
+        let latest = self.heads[usize::from(key) % BUCKETS];
+        (positions_behind(end, latest) <= MAX_CANDIDATE_SPAN).then_some(latest)
+    }
+
+    /// Goes through a bucket from this entry on, back in time: the positions with this key that stand from `first` (included) to
+    /// four bytes before `end` (included) are added to `found`; all are stream offsets. It ends at a position before `first`,
+    /// one more than `MAX_CANDIDATE_BYTES` before `end`, an entry out of date, or after `MAX_EQUAL_KEYS` equal keys.
+    fn collect(&self, mut entry: u32, key: u16, end: u64, first: u64, found: &mut Vec<u64>) {
+        let mut last_behind = 0;
+        let mut equal_keys = 0;
+        while equal_keys < MAX_EQUAL_KEYS {
+            let behind = positions_behind(end, entry);
+            // An entry whose place in the ring was used again does not stand further back than the one before it.
+            let is_outdated = behind <= last_behind;
+            if is_outdated || behind > MAX_CANDIDATE_SPAN || end - first < behind {
+                break;
+            }
+            last_behind = behind;
+            let (other, before) = self.ring[(end - behind) as usize % RING_STARTS];
+            if other == key {
+                equal_keys += 1;
+                if behind >= MIN_FRAME_SPAN {
+                    found.push(end - behind);
+                }
+            }
+            entry = before;
+        }
+    }
+}
+
 /// The state of the scan over one stretch of bytes.
 pub struct CrcScanner {
     powers: &'static InversePowers,
-    /// The latest start in each bucket: the low 32 bits of its position + 1.
-    heads: Box<[u32; BUCKETS]>,
-    /// By position: its key, and the start before it in the same bucket.
-    ring: Box<[(u16, u32); RING_STARTS]>,
-    /// Where the stretch began.
+    starts: StartTable,
+    /// Stream offset at which the stretch began.
     first: u64,
-    /// T^-k P[k].
-    prefix: u16,
-    /// Bytes since the beginning of the stretch, modulo the order.
-    power: usize,
+    /// What the bytes since then come to.
+    prefix: Prefix,
 }
 
 impl Default for CrcScanner {
     fn default() -> Self {
-        Self {
-            powers: inverse_powers(),
-            heads: Box::new([0; BUCKETS]),
-            ring: Box::new([(0, 0); RING_STARTS]),
-            first: 0,
-            prefix: 0,
-            power: 0,
-        }
+        let starts = StartTable { heads: Box::new([0; BUCKETS]), ring: Box::new([(0, 0); RING_STARTS]) };
+        Self { powers: inverse_powers(), starts, first: 0, prefix: Prefix::default() }
     }
 }
 
 impl CrcScanner {
-    /// Begins a new stretch at this position: no substring reaches across.
+    /// Begins a new stretch at this stream offset: no substring reaches across.
     pub fn restart(&mut self, position: u64) {
         self.first = position;
-        self.prefix = 0;
-        self.power = 0;
+        self.prefix = Prefix::default();
     }
 
-    /// Scans bytes up to the first one with which valid substrings end; returns how many it scanned. `position` is the stream
-    /// offset of the first: that of `restart`, or where the call before has ended.
+    /// Scans bytes up to the first one with which valid substrings end, that one included; returns how many it scanned.
+    /// `position` is the stream offset of the first: that of `restart`, or where the call before has ended.
     ///
-    /// `found` is cleared and gets the stream offsets at which these substrings start, the latest first; it stays empty if all
-    /// bytes were scanned and no valid substring ends with any of them.
+    /// `found` is cleared and gets the stream offsets at which these substrings start, the latest first. They have from 4 to
+    /// `MAX_CANDIDATE_BYTES` bytes, and begin where the stretch began or behind. `found` stays empty if all bytes were scanned
+    /// and no valid substring ends with any of them.
     pub fn scan(&mut self, position: u64, bytes: &[u8], found: &mut Vec<u64>) -> usize {
         found.clear();
-        let InversePowers { bits, start_values, masks } = self.powers;
-        let (heads, ring) = (&mut *self.heads, &mut *self.ring);
-        // `effect` is the index in `bits` for the next byte, `start` the low 32 bits of its position.
-        let (mut prefix, mut power, mut effect, mut start) =
-            (self.prefix, self.power, 8 * self.power % CRC_PERIOD_BITS, position as u32);
+        let mut prefix = self.prefix;
         let mut scanned = bytes.len();
-        for (i, &byte) in bytes.iter().enumerate() {
-            let key = prefix ^ start_values[power];
-            let head = &mut heads[usize::from(key) % BUCKETS];
-            ring[start as usize % RING_STARTS] = (key, *head);
-            start = start.wrapping_add(1);
-            *head = start;
-            let effects: &[u16; 8] = bits[effect..effect + 8].try_into().expect("eight of them");
-            let mask = &masks[usize::from(byte)];
-            prefix ^= (0..8).fold(0, |sum, bit| sum ^ (effects[bit] & mask[bit]));
-            power = if power + 1 == CRC_PERIOD_BITS { 0 } else { power + 1 };
-            effect = if effect + 8 >= CRC_PERIOD_BITS { effect + 8 - CRC_PERIOD_BITS } else { effect + 8 };
-            let latest = heads[usize::from(prefix) % BUCKETS];
-            if u64::from(start.wrapping_add(1).wrapping_sub(latest)) <= MAX_CANDIDATE_SPAN {
-                follow_bucket(ring, latest, prefix, position + i as u64 + 1, self.first, found);
+        for (start, &byte) in (position..).zip(bytes) {
+            let end = start + 1;
+            self.starts.insert(start, prefix.start_key(self.powers));
+            prefix.add(byte, self.powers);
+            if let Some(latest) = self.starts.latest(prefix.value, end) {
+                self.starts.collect(latest, prefix.value, end, self.first, found);
                 if !found.is_empty() {
-                    scanned = i + 1;
+                    scanned = (end - position) as usize;
                     break;
                 }
             }
         }
-        (self.prefix, self.power) = (prefix, power);
+        self.prefix = prefix;
         scanned
-    }
-}
-
-/// Goes through a bucket of starts, from the latest one on: those with this key are the starts of valid substrings that end
-/// at stream offset `end`, and are added to `found` if the substring has at least four bytes. None begins before `first`. `start`
-/// is the latest entry: the low 32 bits of a position, plus one.
-///
-/// It ends at an entry too far back or out of date, and after `MAX_EQUAL_KEYS` starts.
-fn follow_bucket(ring: &[(u16, u32); RING_STARTS], mut start: u32, key: u16, end: u64, first: u64, found: &mut Vec<u64>) {
-    let mut length = 0;
-    let mut equal_keys = 0;
-    while equal_keys < MAX_EQUAL_KEYS {
-        // Old entries of the table belong to positions that are over, and positions of 32 bits may have wrapped around.
-        let behind = u64::from((end as u32).wrapping_add(1).wrapping_sub(start));
-        if behind <= length || behind > MAX_CANDIDATE_SPAN || end - first < behind {
-            break;
-        }
-        length = behind;
-        let at = end - behind;
-        let (other, before) = ring[at as usize % RING_STARTS];
-        if other == key {
-            equal_keys += 1;
-            if behind >= 4 {
-                found.push(at);
-            }
-        }
-        start = before;
     }
 }
 

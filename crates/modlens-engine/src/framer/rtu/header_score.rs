@@ -48,30 +48,42 @@ pub fn header_bound(
         let bits = model.bits(seen[0]) - model.unit_cost(seen[0]) + weights::OPEN_LENGTH_BITS;
         return Some(HeaderBound { bits, until_bytes: 2 });
     }
-    let (unit, code) = (seen[0], seen[1]);
-    let row = context.functions.row(code & !EXCEPTION_BIT, &seen[2..]);
-    let mut best: Option<f32> = None;
-    // With an open length the bound holds for ever, but a stream offset can still be added.
-    let mut until_bytes = u64::MAX >> 1;
-    for (direction, extent) in announced_lengths(context, seen).into_iter().flatten() {
+    let directions = announced_lengths(context, seen).into_iter().flatten();
+    let bounds = directions.filter_map(|(direction, extent)| {
         let direction = index_of(direction);
-        let length_cost = match extent {
-            Extent::Exactly(length) | Extent::AtLeast(length) if length <= seen.len() => continue,
-            Extent::Exactly(length) | Extent::AtLeast(length) => {
-                until_bytes = until_bytes.min(length as u64);
-                0.0
-            }
-            Extent::Open(_) if !model.is_familiar(unit, code, direction) => continue,
-            Extent::Open(_) => weights::OPEN_LENGTH_BITS,
-        };
-        let bits = header_score(model, context, row, seen, direction) - length_cost
-            + if direction == RESPONSE { due_header_score(model, context, row, outstanding, seen) } else { 0.0 };
-        best = Some(best.map_or(bits, |best| best.max(bits)));
+        let until_bytes = longer_until(extent, seen.len(), || model.is_familiar(seen[0], seen[1], direction))?;
+        Some(HeaderBound { bits: bits_so_far(model, context, outstanding, seen, direction, extent), until_bytes })
+    });
+    let bound = bounds.reduce(|a, b| HeaderBound { bits: a.bits.max(b.bits), until_bytes: a.until_bytes.min(b.until_bytes) })?;
+    let is_header_complete = seen.len() as u64 >= judged_header_bytes(context, seen);
+    let until_bytes = if is_header_complete { bound.until_bytes } else { seen.len() as u64 + 1 };
+    Some(HeaderBound { until_bytes, ..bound })
+}
+
+/// How many bytes of a frame of this announced length may be seen before it is over, given that `seen` are; `None` if it has no
+/// more bytes than these. An open length counts only if unit and function are familiar, and has no end: then it is a number to
+/// which a stream offset can still be added.
+fn longer_until(extent: Extent, seen: usize, is_familiar: impl Fn() -> bool) -> Option<u64> {
+    match extent {
+        Extent::Exactly(length) | Extent::AtLeast(length) => (length > seen).then_some(length as u64),
+        Extent::Open(_) => is_familiar().then_some(u64::MAX >> 1),
     }
-    if (seen.len() as u64) < judged_header_bytes(context, seen) {
-        until_bytes = seen.len() as u64 + 1;
-    }
-    best.map(|bits| HeaderBound { bits, until_bytes })
+}
+
+/// What the header is worth in this direction, with what the outstanding request adds to a response, less the cost of an open
+/// length, in bits. At least two bytes are seen.
+fn bits_so_far(
+    model: &TrafficModel,
+    context: &FramerContext<'_>,
+    outstanding: Option<&HeldRequest>,
+    seen: &[u8],
+    direction: usize,
+    extent: Extent,
+) -> f32 {
+    let row = context.functions.row(seen[1] & !EXCEPTION_BIT, &seen[2..]);
+    let length_cost = if matches!(extent, Extent::Open(_)) { weights::OPEN_LENGTH_BITS } else { 0.0 };
+    let due = if direction == RESPONSE { due_header_score(model, context, row, outstanding, seen) } else { 0.0 };
+    header_score(model, context, row, seen, direction) - length_cost + due
 }
 
 /// Score in bits of unit, function code and limited fields of a header, in one direction.
@@ -156,21 +168,27 @@ impl TrafficModel {
         if function == 0 {
             return f32::MIN;
         }
-        let fields = |permits: &[FieldLimits]| permits.iter().map(max_field_score).sum::<f32>();
-        // A function without a row is a request of any length.
-        let mut request = -OPEN_LENGTH_BITS;
-        let mut response = f32::MIN;
-        for row in functions.variants(function) {
-            let byte_count = if row.offsets.request_block.is_some() { OPEN_LENGTH_BITS } else { 0.0 };
-            request = request.max(fields(&row.field_limits[REQUEST]) + byte_count);
-            response = response.max(fields(&row.field_limits[RESPONSE]));
-        }
+        let [mut request, mut response] = max_layout_scores(functions, function);
         if code != function {
             (request, response) = (f32::MIN, response.max(0.0));
         }
         let cost = |direction: usize| self.function_cost_if_seen(functions, code, direction, observations[direction]);
         usual_bits(code) + (request - cost(REQUEST)).max(response - cost(RESPONSE) - UNSOLICITED_BITS)
     }
+}
+
+/// The most that the fields behind a function code without exception bit are worth in bits, as a request and as a response, in
+/// whichever of its layouts. A function without a row is a request of any length and no response.
+fn max_layout_scores(functions: &Functions, function: u8) -> [f32; 2] {
+    let fields = |permits: &[FieldLimits]| permits.iter().map(max_field_score).sum::<f32>();
+    let mut request = -OPEN_LENGTH_BITS;
+    let mut response = f32::MIN;
+    for row in functions.variants(function) {
+        let byte_count = if row.offsets.request_block.is_some() { OPEN_LENGTH_BITS } else { 0.0 };
+        request = request.max(fields(&row.field_limits[REQUEST]) + byte_count);
+        response = response.max(fields(&row.field_limits[RESPONSE]));
+    }
+    [request, response]
 }
 
 /// The most that a field with limited values is worth, in bits, whichever permitted value it has.

@@ -105,30 +105,51 @@ impl RequestPrefilter {
 
     /// Those of `among` that may reach `need` bits in one of the ways in which `damage::alignment` (`align`) looks for a damaged
     /// frame at the first of these bytes: flipped bits only, bytes missing in front, damage inside, or a collision. None is left
-    /// out wrongly: the sums are upper bounds. For each way there is a set of requests that may be damaged so, and a set of
-    /// those that may agree with a byte (`equal`, `later`, `around`, `covering`: at its own place, up to `MAX_LOST_BYTES` places
-    /// further back in the request, at either or the place in front, or with ones pulled to 0).
+    /// out wrongly: the sums are upper bounds.
+    ///
+    /// For each way there are the requests that may be damaged so, and those that may agree with a byte at a place. `align`
+    /// accepts damage inside a frame only if its first byte agrees, flipped bits only if one of the first two does, and missing
+    /// leading bytes only if the two bytes behind them agree.
     fn filter(&self, among: FrameSet, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &DamageCosts) -> FrameSet {
         let Some(&first) = bytes.first().filter(|_| among != 0) else { return 0 };
         let observed = ObservedBytes::of(bytes, bits);
         if observed.total() < need {
             return 0;
         }
-        let equal = |place: usize, byte: u8| self.equal.get(place).map_or(0, |sets| sets[usize::from(byte)]);
-        let later = |at: usize, byte: u8| (at + 1..=at + MAX_LOST_BYTES).fold(0, |set, place| set | equal(place, byte));
-        let around = |at: usize, byte: u8| later(at, byte) | equal(at, byte) | at.checked_sub(1).map_or(0, |at| equal(at, byte));
-        let covering = |at: usize, byte: u8| self.covering.get(at).map_or(0, |sets| sets[usize::from(byte)]);
-        // `align` accepts damage inside a frame only if its first byte agrees, and missing leading bytes only if the two
-        // bytes behind them agree. All other requests can be left out here.
-        let begins = among & equal(0, first);
-        let headed = begins | bytes.get(1).map_or(0, |&second| among & equal(1, second));
-        let pair = |second: u8| (1..=MAX_LOST_BYTES).fold(0, |set, lost| set | equal(lost, first) & equal(lost + 1, second));
-        let headless = bytes.get(1).map_or(0, |&second| among & pair(second));
-        let intact = observed.may_reach(headed, need, equal);
-        let headless = observed.may_reach(headless, need + costs.lost_head, later);
-        let inside = observed.may_reach(begins, need + costs.inside, around);
-        let collided = observed.may_reach(begins, need + costs.collision, covering);
-        intact | headless | inside | collided
+        let begins = among & self.equal_at(0, first);
+        let headed = begins | bytes.get(1).map_or(0, |&second| among & self.equal_at(1, second));
+        let headless = bytes.get(1).map_or(0, |&second| among & self.with_pair_inside(first, second));
+        observed.may_reach(headed, need, |place, byte| self.equal_at(place, byte))
+            | observed.may_reach(headless, need + costs.lost_head, |place, byte| self.equal_behind(place, byte))
+            | observed.may_reach(begins, need + costs.inside, |place, byte| self.equal_around(place, byte))
+            | observed.may_reach(begins, need + costs.collision, |place, byte| self.covering_at(place, byte))
+    }
+
+    /// The requests that have this byte at this place, the first one being 0; none from place `JUDGED_BYTES` on.
+    fn equal_at(&self, place: usize, byte: u8) -> FrameSet {
+        self.equal.get(place).map_or(0, |sets| sets[usize::from(byte)])
+    }
+
+    /// The requests that have this byte one to `MAX_LOST_BYTES` places behind this one: so many bytes in front may be missing.
+    fn equal_behind(&self, place: usize, byte: u8) -> FrameSet {
+        (place + 1..=place + MAX_LOST_BYTES).fold(0, |set, place| set | self.equal_at(place, byte))
+    }
+
+    /// The requests that have this byte at this place, one place before it (a byte may be there twice), or one to `MAX_LOST_BYTES`
+    /// places behind it (bytes inside may be missing).
+    fn equal_around(&self, place: usize, byte: u8) -> FrameSet {
+        let before = place.checked_sub(1).map_or(0, |place| self.equal_at(place, byte));
+        before | self.equal_at(place, byte) | self.equal_behind(place, byte)
+    }
+
+    /// The requests of which the byte at this place has all one bits of this one: another sender may have pulled the others to 0.
+    fn covering_at(&self, place: usize, byte: u8) -> FrameSet {
+        self.covering.get(place).map_or(0, |sets| sets[usize::from(byte)])
+    }
+
+    /// The requests that have these two bytes side by side, the first of them one to `MAX_LOST_BYTES` places behind the beginning.
+    fn with_pair_inside(&self, first: u8, second: u8) -> FrameSet {
+        (1..=MAX_LOST_BYTES).fold(0, |set, lost| set | self.equal_at(lost, first) & self.equal_at(lost + 1, second))
     }
 }
 

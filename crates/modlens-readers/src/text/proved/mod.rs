@@ -3,9 +3,11 @@
 //!
 //! `runs` finds bytes in all notations, `frames` says which of them are frames, `sender` takes the direction from the words in
 //! front of them. A line whose text in front of the bytes (`shapes`) was seen in front of frames is read even if its bytes
-//! prove nothing, because damaged frames are what people look for. `pieces` joins frames that are printed over several lines.
+//! prove nothing, because damaged frames are what people look for. `pieces` joins frames that are printed over several lines,
+//! `listing` those that are printed a field a line.
 
 mod frames;
+mod listing;
 mod pieces;
 mod runs;
 mod sender;
@@ -15,6 +17,7 @@ use std::ops::Range;
 
 use crate::chunk::Side;
 use crate::text::notation::{Notation, NotationFlags};
+use listing::Listing;
 use modlens_protocol::checksum::lrc;
 use modlens_protocol::hex::decode_pairs;
 use pieces::{Piece, Pieces};
@@ -49,8 +52,8 @@ pub(super) enum Worth {
 /// Bytes found in a line.
 #[derive(Clone, Debug)]
 pub(super) struct Found {
-    /// Number of their line, and the text of the line if it is not the current one.
-    pub earlier: Option<(u64, Vec<u8>)>,
+    /// The lines on which they stand before the current one: numbers and texts.
+    pub earlier: Vec<(u64, Vec<u8>)>,
     /// Where the text in front of them begins and ends: from the bytes before to these.
     pub front: Range<usize>,
     pub bytes: Vec<u8>,
@@ -64,6 +67,7 @@ pub(super) struct Found {
 pub(super) struct ProvedHex {
     shapes: Shapes,
     pieces: Pieces,
+    listing: Listing,
 }
 
 impl ProvedHex {
@@ -74,6 +78,9 @@ impl ProvedHex {
 
     /// Finds the bytes of frames in a line; `number` is that of the line.
     pub fn read(&mut self, line: &[u8], number: u64) -> Vec<Found> {
+        if let Some((fields, side)) = self.listing.add(line, number) {
+            return vec![listed(fields, side, number)];
+        }
         if !line.iter().any(u8::is_ascii_digit) {
             return Vec::new();
         }
@@ -142,9 +149,21 @@ impl ProvedHex {
             side: sender(&piece.line[..piece.start]),
             shape: Some(shape),
             worth: Worth::LikeFrames,
-            earlier: (piece.number != number).then_some((piece.number, piece.line)),
+            earlier: if piece.number == number { Vec::new() } else { vec![(piece.number, piece.line)] },
         };
         pieces.into_iter().map(found).collect()
+    }
+}
+
+/// A frame that was listed in these fields, the last of which stands in line `number`.
+fn listed(fields: Vec<Piece>, side: Option<Side>, number: u64) -> Found {
+    Found {
+        front: 0..fields.first().map_or(0, |field| field.start),
+        bytes: fields.iter().flat_map(|field| field.bytes.iter().copied()).collect(),
+        side,
+        shape: None,
+        worth: Worth::Frame,
+        earlier: fields.into_iter().filter(|field| field.number != number).map(|field| (field.number, field.line)).collect(),
     }
 }
 
@@ -321,5 +340,5 @@ fn gap_worth(bytes: &[u8], same_separators: bool, is_between: bool) -> Worth {
 
 /// Bytes of the current line.
 fn found(line: &[u8], front: Range<usize>, bytes: Vec<u8>, shape: Option<Shape>, worth: Worth) -> Found {
-    Found { earlier: None, side: sender(&line[front.clone()]), front, bytes, shape, worth }
+    Found { earlier: Vec::new(), side: sender(&line[front.clone()]), front, bytes, shape, worth }
 }

@@ -7,7 +7,7 @@ mod unread_lines;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use memchr::memchr;
+use memchr::{memchr, memrchr3};
 
 use crate::chunk::Side;
 use crate::text::clean::{clean, is_quoted};
@@ -25,8 +25,12 @@ use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 pub use unread_lines::UnreadLines;
 
-/// A file without line end in so many bytes is no text; what was read of the line counts as a line.
-const MAX_LINE_BYTES: usize = 1 << 24;
+/// A longer line is read in pieces of at most so many bytes, so that a dump without any line end takes no more memory than
+/// one with line ends.
+const MAX_LINE_BYTES: usize = 1 << 20;
+
+/// A piece of a long line ends at a space or comma if there is one in its last bytes.
+const PIECE_END_BYTES: usize = 4096;
 
 /// The most matches that are taken from one line.
 const MAX_MATCHES_PER_LINE: usize = 64;
@@ -48,6 +52,8 @@ pub struct Reader {
     at: usize,
     /// Number of the last line, from 1.
     number: u64,
+    /// The last line was too long, and what follows is more of it.
+    is_continued: bool,
     /// Most lines begin with mail quotes.
     is_quoted_mail: bool,
     timestamps: TimestampParser,
@@ -91,6 +97,7 @@ impl Reader {
             buffer: Vec::new(),
             at: 0,
             number: 0,
+            is_continued: false,
             is_quoted_mail: false,
             timestamps,
             preferred: None,
@@ -153,15 +160,20 @@ impl Reader {
         self.assembler.pop()
     }
 
-    /// Reads the next line of the buffer; returns false if there is no whole line.
+    /// Reads the next line of the buffer, or a piece of a long one; returns false if there is no whole line.
     fn read_next_line(&mut self, is_last: bool) -> bool {
         let rest = &self.buffer[self.at..];
-        let (length, skip) = match memchr(b'\n', rest) {
+        let (length, skip) = match memchr(b'\n', &rest[..rest.len().min(MAX_LINE_BYTES)]) {
             Some(end) => (end, end + 1),
-            None if rest.is_empty() || !(is_last || rest.len() > MAX_LINE_BYTES) => return false,
+            None if rest.len() > MAX_LINE_BYTES => {
+                let piece = piece_of_line(&rest[..MAX_LINE_BYTES]);
+                (piece, piece)
+            }
+            None if rest.is_empty() || !is_last => return false,
             None => (rest.len(), rest.len()),
         };
-        self.number += 1;
+        self.number += u64::from(!self.is_continued);
+        self.is_continued = length == skip;
         let start = self.at;
         self.at += skip;
         let buffer = std::mem::take(&mut self.buffer);
@@ -421,6 +433,16 @@ impl Reader {
     pub fn resolution(&self) -> Option<Ns> {
         self.timestamps.resolution()
     }
+}
+
+/// How much of the beginning of a line to read at once: up to a space or comma near its end, and not half of two hex digits.
+fn piece_of_line(beginning: &[u8]) -> usize {
+    let tail = beginning.len().saturating_sub(PIECE_END_BYTES);
+    if let Some(at) = memrchr3(b' ', b'\t', b',', &beginning[tail..]) {
+        return tail + at + 1;
+    }
+    let digits = beginning.iter().rev().take_while(|byte| byte.is_ascii_hexdigit()).count();
+    beginning.len() - digits % 2
 }
 
 /// Whether `tail` may stand behind the last bytes of a line: nothing, text in a column of its own, or text that begins with

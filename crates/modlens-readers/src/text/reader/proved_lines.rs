@@ -114,19 +114,24 @@ impl Reader {
 
     /// Makes entries of what was found in a line, and in lines before it that were counted as unread.
     fn deliver_found(&mut self, line: &[u8], start: usize, all: Vec<Found>) {
-        let mut time = self.timestamps.find(&line[..all.first().map_or(start, |first| first.front.end)]);
+        let front_end = all.first().filter(|first| first.earlier.is_empty()).map_or(start, |first| first.front.end);
+        let mut time = self.timestamps.find(&line[..front_end]);
         let mut side = None;
         for (i, one) in all.into_iter().enumerate() {
             self.assembler.number = self.number;
-            if let Some((number, text)) = &one.earlier {
+            let mut text = line;
+            if let Some((number, earlier)) = one.earlier.first() {
+                text = earlier;
                 time = self.timestamps.find(&text[..one.front.end]);
                 self.assembler.number = *number;
-                self.unread_lines.remove(*number, text);
             } else if i > 0 {
                 time = self.timestamps.find(&line[one.front.clone()]).or(time);
             }
+            for (number, text) in &one.earlier {
+                self.unread_lines.remove(*number, text);
+            }
             // A list of frames behind one word: all of them were sent or received.
-            let has_words = line[one.front.clone()].iter().any(u8::is_ascii_alphabetic);
+            let has_words = text[one.front.clone()].iter().any(u8::is_ascii_alphabetic);
             side = one.side.or(side.filter(|_| !has_words));
             self.deliver_one(&one, side, time);
         }

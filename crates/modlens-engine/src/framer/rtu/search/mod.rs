@@ -9,6 +9,7 @@ mod extend;
 mod hypothesis;
 mod lattice;
 mod nested;
+mod placement;
 mod run_odds;
 mod scan;
 mod state;

@@ -5,13 +5,14 @@
 //! explains nearly as well, and rise where the clock tells a response time from a pause of the master. Any other frame begins
 //! anew.
 
-use crate::framer::rtu::answerable::fingerprint;
-use crate::framer::rtu::score::mirrors_request;
+use crate::framer::rtu::answerable::{fingerprint, HeldRequest};
+use crate::framer::rtu::context_score::mirrors_request;
 use crate::framer::rtu::search::state::Search;
 use crate::framer::rtu::side::RESPONSE;
-use crate::framer::rtu::traffic_model::FramePosition;
+use crate::framer::rtu::traffic_model::{EchoCosts, FramePosition, SilenceCosts};
 use crate::framer::{FramerContext, PauseEvidence};
 use crate::weights;
+use modlens_protocol::checksum::CRC_BYTES;
 
 /// What a frame is in a row of equal frames.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -51,10 +52,12 @@ impl Search {
     pub fn mirrored_response_odds(&self, unit: u8, pause: PauseEvidence, is_last: bool) -> f32 {
         let odds = self.odds_at(PlaceInRun::Response, unit, pause);
         // Else the retry would have had no response either.
-        let no_response = if is_last { self.silence_costs(unit).0 } else { 0.0 };
+        let no_response = if is_last { self.silence_costs(unit).silent } else { 0.0 };
         (odds + no_response).clamp(MIN_ODDS, MAX_ODDS)
     }
 
+    /// What a frame is in a row of equal frames, given what was committed before it; `None` for any other frame. `frame` has its
+    /// CRC; `direction` is `REQUEST` or `RESPONSE`.
     fn place_in_run(
         &self,
         context: &FramerContext<'_>,
@@ -62,28 +65,28 @@ impl Search {
         direction: usize,
         answers_outstanding: bool,
     ) -> Option<PlaceInRun> {
-        let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
         let requests = self.answerable();
-        if let Some(outstanding) = requests.outstanding {
-            let is_same = outstanding.unit == unit && outstanding.pdu == pdu;
-            return match direction {
-                _ if !is_same || !mirrors_request(context, pdu) => None,
-                RESPONSE => answers_outstanding.then_some(PlaceInRun::Response),
-                _ if outstanding.is_repeated => Some(PlaceInRun::LaterCopy),
-                _ => Some(PlaceInRun::SecondCopy),
-            };
+        let equals = |request: &HeldRequest| request.unit == frame[0] && request.pdu == frame[1..frame.len() - CRC_BYTES];
+        let Some(outstanding) = requests.outstanding else {
+            let (answered, last) = requests.last_answered.filter(|_| direction != RESPONSE)?;
+            return (equals(answered) && last == fingerprint(frame)).then_some(PlaceInRun::Again);
+        };
+        match direction {
+            _ if !equals(outstanding) || !mirrors_request(context, &outstanding.pdu) => None,
+            RESPONSE => answers_outstanding.then_some(PlaceInRun::Response),
+            _ if outstanding.is_repeated => Some(PlaceInRun::LaterCopy),
+            _ => Some(PlaceInRun::SecondCopy),
         }
-        let (answered, last) = requests.last_answered.filter(|_| direction != RESPONSE)?;
-        (answered.unit == unit && answered.pdu == pdu && last == fingerprint(frame)).then_some(PlaceInRun::Again)
     }
 
-    fn silence_costs(&self, unit: u8) -> (f32, f32) {
+    /// What silence and response of a unit cost behind a request to it, in bits, with no unframed bytes between.
+    fn silence_costs(&self, unit: u8) -> SilenceCosts {
         self.model.silence_costs(unit, FramePosition { request_outstanding: true, unframed_bytes: 0 })
     }
 
     /// The odds of a frame at this place: against what else it may be, and against an error before it.
     fn odds_at(&self, place: PlaceInRun, unit: u8, pause: PauseEvidence) -> f32 {
-        let (silent, answered) = self.silence_costs(unit);
+        let SilenceCosts { silent, answered } = self.silence_costs(unit);
         // The frame as the response, against the frame as the next request.
         let response_bits = self.model.same_again_cost() - answered - pause.poll;
         let retry_cost = silent + weights::RETRY_CHOICE_BITS;
@@ -93,7 +96,7 @@ impl Search {
             PlaceInRun::Again => both(weights::COPIED_RESPONSE_BITS - response_bits, self.run_odds - response_bits),
             PlaceInRun::LaterCopy => pause.timeout - retry_cost + answered,
             PlaceInRun::SecondCopy => {
-                let (twice, once) = self.model.echo_costs();
+                let EchoCosts { twice, once } = self.model.echo_costs();
                 (pause.timeout - retry_cost + answered).max(once - twice + pause.too_soon_bits[0])
             }
         }

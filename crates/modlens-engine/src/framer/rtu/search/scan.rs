@@ -27,7 +27,7 @@ impl Search {
                 return decision;
             }
         }
-        let decision = self.scan_all(input, context, frame_gap_ns);
+        let decision = self.scan_all(input, context);
         if decision.is_some() || self.skip.needs_more_bytes {
             return decision;
         }
@@ -43,7 +43,7 @@ impl Search {
     ///
     /// It decides at boundaries that no frame crosses, and when `skip.next_decision_at` is reached (new hypotheses set it to 0).
     #[inline]
-    fn scan_all(&mut self, input: &Input, context: &FramerContext<'_>, frame_gap_ns: Ns) -> Option<Decision> {
+    fn scan_all(&mut self, input: &Input, context: &FramerContext<'_>) -> Option<Decision> {
         let base = input.offset();
         let end = base + input.bytes().len() as u64;
         // Equal to `scanned_to` where a read may begin.
@@ -56,10 +56,8 @@ impl Search {
                 }
                 read_end = input.read(index).map_or(end, |read| read.end);
             }
-            // Up to here nothing can happen, unless a valid substring ends.
-            let next_event = self.skip.next_damaged_end_at.min(self.skip.next_decision_at).max(self.scanned_to + 1);
-            let scan_to = end.min(read_end).min(next_event);
-            self.scan(input, context, &input.bytes()[index..(scan_to - base) as usize], frame_gap_ns);
+            let scan_to = end.min(read_end).min(self.next_event());
+            self.scan(input, context, &input.bytes()[index..(scan_to - base) as usize]);
             if self.scanned_to >= self.skip.next_decision_at {
                 let decision = self.decide(input, context, false);
                 if decision.is_some() || self.skip.needs_more_bytes {
@@ -68,6 +66,12 @@ impl Search {
             }
         }
         None
+    }
+
+    /// The stream offset, behind the last byte scanned, up to which nothing can happen unless a valid substring ends.
+    #[inline]
+    fn next_event(&self) -> u64 {
+        self.skip.next_damaged_end_at.min(self.skip.next_decision_at).max(self.scanned_to + 1)
     }
 
     /// What is decided if no frame crosses the place behind the last byte scanned, which has this index in the input: if it is
@@ -99,16 +103,16 @@ impl Search {
 
     /// Scans these bytes, the first of them at `scanned_to`, up to the first one with which valid substrings end, and adds their
     /// hypotheses and those of damaged frames that end there. `scanned_to` moves; new hypotheses make a decision due.
-    fn scan(&mut self, input: &Input, context: &FramerContext<'_>, bytes: &[u8], frame_gap_ns: Ns) {
+    fn scan(&mut self, input: &Input, context: &FramerContext<'_>, bytes: &[u8]) {
         let mut valid_starts = std::mem::take(&mut self.valid_starts);
         self.scanned_to += self.scanner.scan(self.scanned_to, bytes, &mut valid_starts) as u64;
         let hypotheses_before = self.lattice.len();
         let floor = if valid_starts.is_empty() { 0.0 } else { self.beam_floor() };
         for &start in &valid_starts {
-            self.add_valid_hypotheses(input, context, start, frame_gap_ns, floor);
+            self.add_valid_hypotheses(input, context, start, floor);
         }
         if self.scanned_to >= self.skip.next_damaged_end_at {
-            self.add_damaged_hypotheses(input, context, frame_gap_ns, valid_starts.is_empty());
+            self.add_damaged_hypotheses(input, context, !valid_starts.is_empty());
         }
         self.valid_starts = valid_starts;
         if self.lattice.len() > hypotheses_before {

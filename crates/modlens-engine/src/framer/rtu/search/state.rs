@@ -1,8 +1,11 @@
 //! The state of the search over one line, what it has committed, and the frames that the fast path commits past it.
 
+use std::ops::Range;
+
 use crate::fast_path::frame_check::{expected_response, FrameLength};
-use crate::framer::rtu::answerable::{Answerable, AnswerableRequests, HeldRequest, RequestPool};
+use crate::framer::rtu::answerable::{Answerable, AnswerableRequests, Fingerprint, HeldRequest, RequestPool};
 use crate::framer::rtu::crc_scan::CrcScanner;
+use crate::framer::rtu::frame_bytes::FrameBytes;
 use crate::framer::rtu::lone_frames::LoneFrames;
 use crate::framer::rtu::search::commit::SkipAhead;
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
@@ -34,8 +37,11 @@ pub struct Search {
     pub(super) frame_gap_ns: Ns,
     /// Log2 of the odds that the direction of the frame committed last is right, in a row of equal frames.
     pub(super) run_odds: f32,
-    /// How many valid frames the search committed last without a byte between them. The fast path does not count here.
+    /// How many valid frames the search committed last without a byte between them. Neither the fast path nor a mere repetition
+    /// (`is_mere_repetition`) counts here.
     pub(super) adjacent_frames: u8,
+    /// Where the valid frame ends that the search committed last, and what tells it from others.
+    pub(super) last_valid_frame: Option<(u64, Fingerprint)>,
     /// Frames that stood alone in noise.
     pub(super) lone_frames: LoneFrames,
     /// The key of the frame committed last, if it stood alone in noise.
@@ -58,6 +64,7 @@ impl Default for Search {
             frame_gap_ns: Ns::MAX,
             run_odds: CERTAIN_DIRECTION_BITS,
             adjacent_frames: 0,
+            last_valid_frame: None,
             lone_frames: LoneFrames::default(),
             last_lone_frame: None,
             model: TrafficModel::default(),
@@ -146,10 +153,10 @@ impl Search {
     }
 
     /// Commits a frame that the fast path found behind the root and `stray_bytes` bytes: it becomes the root and teaches the
-    /// model, as if the search had committed it. All hypotheses are dropped. The caller has checked layout and CRC.
+    /// model, as if the search had committed it. All hypotheses are dropped.
     ///
-    /// `bytes` begin at the root's end; `odds` are log2 of the odds of its direction. A request becomes the outstanding one, and the one before it superseded; a broadcast
-    /// leaves none outstanding. A response answers the outstanding request.
+    /// `bytes` begin at the root's end, may go on behind the frame, and are all there (`stray_bytes` and `length`). The caller
+    /// has checked layout and CRC. `odds` are log2 of the odds of its direction.
     #[inline]
     pub fn commit_fast_path_frame(
         &mut self,
@@ -159,46 +166,65 @@ impl Search {
         length: FrameLength,
         odds: f32,
     ) {
-        self.run_odds = odds;
         if self.lattice.len() > 1 {
             self.lattice.truncate(1);
         }
         let (strays, frame_and_more) = bytes.split_at(stray_bytes);
         let frame = &frame_and_more[..length.bytes()];
         let request_outstanding = self.lattice[ROOT].answerable.outstanding.is_some();
-        let mut request_copy = RequestCopy::Unclear;
-        let direction = if length.is_request() { REQUEST } else { RESPONSE };
-        if length.is_request() {
-            self.learn_request(frame);
-            self.reserve_request();
-            let row = context.functions.row(frame[1], &frame[2..]);
-            let expected_response = row.and_then(|row| expected_response(row, &frame[1..frame.len() - 2]));
-            if row.is_some_and(|row| !row.has_equal_layouts) {
-                // The fast path does not take retries, and the response cannot look like this request.
-                request_copy = RequestCopy::First;
-            }
-            let answerable = &mut self.lattice[ROOT].answerable;
-            self.requests.set_outstanding(answerable, frame_and_more, frame.len(), expected_response);
+        let (direction, copy) = if length.is_request() {
+            (REQUEST, self.take_fast_path_request(context, frame_and_more, frame.len()))
         } else {
-            // It answers, so it is not late itself; but it may be the response to a retry, which is counted.
-            self.learn_late_response(context, frame, true);
-            self.learn_response_to_lone_frame(frame);
-            self.model.learn_silence(frame[0], false);
-            self.lattice[ROOT].answerable.answer(frame);
-        }
-        self.last_lone_frame = None;
-        let root = &mut self.lattice[ROOT];
-        root.direction = direction;
-        root.start = root.end + stray_bytes as u64;
-        root.end = root.start + frame.len() as u64;
-        self.scanned_to = root.end;
-        (self.is_scanning, self.last_was_doubtful) = (false, false);
+            self.take_fast_path_response(context, frame);
+            (RESPONSE, RequestCopy::Unclear)
+        };
+        let start = self.committed_offset() + stray_bytes as u64;
+        self.move_root(direction, start..start + frame.len() as u64, odds);
         // The layout of such a frame is known, so there is no length to be learned.
         let position = FramePosition { request_outstanding, unframed_bytes: stray_bytes as u64 };
-        self.model.learn(frame, direction, position, request_copy);
+        self.model.learn(frame, direction, position, copy);
         if stray_bytes > 0 {
             self.model.learn_noise(strays);
         }
+    }
+
+    /// Makes the first `length` of these bytes, a request that the fast path found, the outstanding one, and the one outstanding
+    /// before it the superseded one; a broadcast leaves none outstanding. Returns what it teaches about echoes: the fast path
+    /// takes no retries, so it is no copy, unless its response may look like it.
+    #[inline]
+    fn take_fast_path_request(&mut self, context: &FramerContext<'_>, frame_and_more: &[u8], length: usize) -> RequestCopy {
+        let frame = FrameBytes(&frame_and_more[..length]);
+        self.learn_request(frame.0);
+        self.reserve_request();
+        let row = context.functions.row(frame.code(), &frame.0[2..]);
+        let expected_response = row.and_then(|row| expected_response(row, frame.pdu()));
+        let answerable = &mut self.lattice[ROOT].answerable;
+        self.requests.set_outstanding(answerable, frame_and_more, length, expected_response);
+        match row {
+            Some(row) if !row.has_equal_layouts => RequestCopy::First,
+            _ => RequestCopy::Unclear,
+        }
+    }
+
+    /// Takes a frame that the fast path found as the response to the outstanding request, which is answered with it. So it is
+    /// not late itself; but it may be the response to a retry, which is counted.
+    #[inline]
+    fn take_fast_path_response(&mut self, context: &FramerContext<'_>, frame: &[u8]) {
+        self.learn_late_response(context, frame, true);
+        self.learn_response_to_lone_frame(frame);
+        self.model.learn_silence(frame[0], false);
+        self.lattice[ROOT].answerable.answer(frame);
+    }
+
+    /// Makes the frame with these stream offsets (the end excluded) the root, with nothing scanned behind it and nothing doubtful
+    /// about it. `odds` are log2 of the odds of its direction.
+    #[inline]
+    fn move_root(&mut self, direction: usize, frame: Range<u64>, odds: f32) {
+        let root = &mut self.lattice[ROOT];
+        (root.direction, root.start, root.end) = (direction, frame.start, frame.end);
+        (self.scanned_to, self.is_scanning, self.last_was_doubtful) = (frame.end, false, false);
+        self.last_lone_frame = None;
+        self.run_odds = odds;
     }
 
     /// If the outstanding request stood alone in noise: a response that differs from it proves it.
@@ -210,17 +236,15 @@ impl Search {
         }
     }
 
-    /// Takes over a transaction that the batch fast path framed and that ends here, as if `commit_fast_path_frame` had
-    /// committed both of its frames; the model has learned from them already.
+    /// Takes over a transaction that the batch fast path framed and that ends at stream offset `end`, as if
+    /// `commit_fast_path_frame` had committed both of its frames; the model has learned from them already. `request` and
+    /// `response` have their CRCs; `odds` are log2 of the odds of the response's direction. No hypotheses are left: the batch
+    /// begins only where there are none.
     pub fn sync_after_batch(&mut self, request: &[u8], response: &[u8], end: u64, odds: f32) {
-        self.run_odds = odds;
         self.reserve_request();
         let answerable = &mut self.lattice[ROOT].answerable;
         self.requests.set_outstanding(answerable, request, request.len(), None);
         answerable.answer(response);
-        let root = &mut self.lattice[ROOT];
-        (root.direction, root.start, root.end) = (RESPONSE, end - response.len() as u64, end);
-        (self.scanned_to, self.is_scanning, self.last_was_doubtful) = (end, false, false);
-        self.last_lone_frame = None;
+        self.move_root(RESPONSE, end - response.len() as u64..end, odds);
     }
 }

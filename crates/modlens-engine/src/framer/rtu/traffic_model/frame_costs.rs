@@ -70,27 +70,68 @@ impl TrafficModel {
     }
 }
 
+/// What a frame costs in bits for the turn that it takes.
+#[derive(Clone, Copy)]
+pub struct TurnCosts {
+    /// Any request: while one is outstanding, that one stays unanswered.
+    pub request: f32,
+    /// A response that answers nothing.
+    pub unsolicited: f32,
+}
+
+/// What it costs in bits that a unit is silent behind a request to it, and that it answers.
+#[derive(Clone, Copy)]
+pub struct SilenceCosts {
+    /// No response comes.
+    pub silent: f32,
+    /// One comes.
+    pub answered: f32,
+}
+
+/// What it costs in bits that a request is heard twice, because the tap's adapter echoes it, and once only.
+#[derive(Clone, Copy)]
+pub struct EchoCosts {
+    /// With its echo.
+    pub twice: f32,
+    /// Without.
+    pub once: f32,
+}
+
 /// Turns: whose frame is due, and how often nobody keeps to that.
 impl TrafficModel {
-    /// Costs in bits at this position: of a request, and of a response that answers nothing.
-    pub fn turn_costs(&self, position: FramePosition) -> (f32, f32) {
+    /// The costs of a request and of an unsolicited response at this position, by how often the line has shown them there. Where
+    /// one side is hardly heard at all, a lone frame of that side is as rare.
+    pub fn turn_costs(&self, position: FramePosition) -> TurnCosts {
         let index = position.index();
         if position.request_outstanding {
             let prior = [weights::PRIOR_UNANSWERED_SHARE, weights::PRIOR_UNANSWERED_AFTER_UNFRAMED_SHARE][index];
-            return (-log2(self.unanswered[index].with_prior(prior)), weights::UNSOLICITED_BITS);
+            let unanswered = self.unanswered[index];
+            let unsolicited = weights::UNSOLICITED_BITS - 2.0 * log2(unanswered.relative_rest(prior));
+            return TurnCosts { request: -log2(unanswered.with_prior(prior)), unsolicited };
         }
         let prior = [weights::PRIOR_UNSOLICITED_SHARE, weights::PRIOR_UNSOLICITED_AFTER_UNFRAMED_SHARE][index];
-        let share = self.unsolicited[index].with_prior(prior);
-        (-log2(1.0 - share), -log2(share))
+        let unsolicited = self.unsolicited[index];
+        let share = unsolicited.with_prior(prior);
+        TurnCosts { request: -log2(1.0 - share) - log2(unsolicited.relative_rest(prior)), unsolicited: -log2(share) }
     }
 
-    /// Costs in bits of the silence of a unit behind a request to it, and of its response, at this position: by what the unit
-    /// itself has shown and, as long as that is little, by what the line has.
-    pub fn silence_costs(&self, unit: u8, position: FramePosition) -> (f32, f32) {
+    /// How much the times of responses say at this position: 1 where every other request has one at least, 0 where none has.
+    pub fn heard_responses(&self, position: FramePosition) -> f32 {
+        self.unanswered[position.index()].relative_rest(weights::PRIOR_UNANSWERED_SHARE)
+    }
+
+    /// Whether nearly all that is heard are responses, so that two equal frames are two of these.
+    pub fn hears_responses_only(&self) -> bool {
+        self.unsolicited[0].relative_rest(weights::PRIOR_UNSOLICITED_SHARE) < weights::ONE_SIDE_SHARE
+    }
+
+    /// The costs of silence and response of a unit at this position: by what the unit itself has shown and, as long as that is
+    /// little, by what the line has.
+    pub fn silence_costs(&self, unit: u8, position: FramePosition) -> SilenceCosts {
         let index = position.index();
         let prior = [weights::PRIOR_UNANSWERED_SHARE, weights::PRIOR_UNANSWERED_AFTER_UNFRAMED_SHARE][index];
         let share = self.silences[usize::from(unit)].with_prior(self.unanswered[index].with_prior(prior));
-        (-log2(share), -log2(1.0 - share))
+        SilenceCosts { silent: -log2(share), answered: -log2(1.0 - share) }
     }
 
     /// Cost in bits of a request that is the last one again, which was answered.
@@ -117,17 +158,16 @@ impl TrafficModel {
 
     /// Whether requests are rather heard twice than once.
     pub fn has_echo(&self) -> bool {
-        let (twice, once) = self.echo_costs();
+        let EchoCosts { twice, once } = self.echo_costs();
         twice < once
     }
 
-    /// Costs in bits of hearing a request twice, and of hearing it once only.
-    ///
-    /// Where the tap's adapter echoes what it sends, nearly all requests are heard twice.
-    pub fn echo_costs(&self) -> (f32, f32) {
+    /// The costs of hearing a request twice and once: by the learned share of requests heard twice. Where the tap's adapter
+    /// echoes what it sends, those are nearly all.
+    pub fn echo_costs(&self) -> EchoCosts {
         let prior = PRIOR_WEIGHT_FRAMES * weights::PRIOR_ECHO_SHARE;
         let share = (self.repeated_requests + prior) / (self.requests + PRIOR_WEIGHT_FRAMES);
         let share = share.clamp(weights::MIN_ECHO_SHARE, weights::MAX_ECHO_SHARE);
-        (-log2(share), -log2(1.0 - share))
+        EchoCosts { twice: -log2(share), once: -log2(1.0 - share) }
     }
 }

@@ -7,6 +7,8 @@
 mod byte_information;
 mod frame_costs;
 
+pub use frame_costs::{EchoCosts, SilenceCosts};
+
 use crate::damage::kind::DamageKind;
 use crate::framer::rtu::answerable::{fingerprint, Fingerprint};
 use crate::framer::rtu::learned_lengths::LearnedLengths;
@@ -35,6 +37,9 @@ pub struct TrafficModel {
     frames_with_inner_pause: f32,
     /// Damaged frames that lack bytes.
     frames_with_losses: f32,
+    /// Unframed bytes since a frame was last found to lack a flow control byte; `usize::MAX` once one of these bytes was
+    /// received, because a driver that takes them out delivers none.
+    unframed_since_flow_control_loss: usize,
     /// Damaged frames that another sender talked into.
     frames_with_collisions: f32,
     /// Truncated responses after which the master went on: the tap has lost the end.
@@ -75,6 +80,9 @@ pub struct TrafficModel {
     pub score_bounds: ScoreBounds,
 }
 
+/// XON and XOFF, which a driver with software flow control takes out of what it receives.
+pub const FLOW_CONTROL_BYTES: [u8; 2] = [0x11, 0x13];
+
 /// A count below this is 0.
 const FORGOTTEN_FRAMES: f32 = 0.05;
 
@@ -100,6 +108,13 @@ impl LearnedShare {
     fn with_prior(self, prior: f32) -> f32 {
         let share = (self.hits + PRIOR_WEIGHT_FRAMES * prior) / (self.all + PRIOR_WEIGHT_FRAMES);
         share.clamp(weights::MIN_TURN_SHARE, weights::MAX_TURN_SHARE)
+    }
+
+    /// The share of the chances without it, relative to half of what that is on other lines; at most 1.
+    fn relative_rest(self, prior: f32) -> f32 {
+        let missed = self.all - self.hits;
+        let rest = (missed + PRIOR_WEIGHT_FRAMES * (1.0 - prior)) / (self.all + PRIOR_WEIGHT_FRAMES);
+        (2.0 * rest / (1.0 - prior)).min(1.0)
     }
 }
 
@@ -144,6 +159,7 @@ impl Default for TrafficModel {
             frames_after_stray_bytes: 0.0,
             frames_with_inner_pause: 0.0,
             frames_with_losses: 0.0,
+            unframed_since_flow_control_loss: 0,
             frames_with_collisions: 0.0,
             truncations_by_tap: 0.0,
             truncations_by_sender: 0.0,
@@ -189,11 +205,7 @@ impl TrafficModel {
     #[inline]
     pub fn learn(&mut self, frame: &[u8], direction: usize, position: FramePosition, copy: RequestCopy) {
         self.learn_turn(direction, position);
-        match copy {
-            RequestCopy::First if direction == REQUEST => self.requests += 1.0,
-            RequestCopy::Repeated => self.repeated_requests += 1.0,
-            _ => {}
-        }
+        self.learn_copy(direction, copy);
         self.units[frame[0] as usize] += 1.0;
         self.unit_total += 1.0;
         self.functions[direction][(frame[1] & !EXCEPTION_BIT) as usize] += 1.0;
@@ -206,6 +218,16 @@ impl TrafficModel {
         }
         if self.unit_total > weights::HALVE_COUNTS_FRAMES {
             self.halve_counts();
+        }
+    }
+
+    /// Counts a request that may have an echo, or the echo of one; a response and an unclear copy count for nothing.
+    #[inline]
+    fn learn_copy(&mut self, direction: usize, copy: RequestCopy) {
+        match copy {
+            RequestCopy::First if direction == REQUEST => self.requests += 1.0,
+            RequestCopy::Repeated => self.repeated_requests += 1.0,
+            RequestCopy::First | RequestCopy::Unclear => {}
         }
     }
 
@@ -283,9 +305,20 @@ impl TrafficModel {
     pub fn learn_damage(&mut self, damage: Option<DamageKind>) {
         match damage {
             Some(DamageKind::LostBytes { count: 1.., .. }) => self.frames_with_losses += 1.0,
+            Some(DamageKind::FlowControl { .. }) => {
+                self.frames_with_losses += 1.0;
+                self.unframed_since_flow_control_loss = 0;
+            }
             Some(DamageKind::Collision { .. }) => self.frames_with_collisions += 1.0,
             _ => {}
         }
+    }
+
+    /// Learns from unframed bytes whether the driver delivers XON and XOFF, or takes them out as flow control.
+    pub fn learn_flow_control(&mut self, unframed: &[u8]) {
+        let is_delivered = unframed.iter().any(|byte| FLOW_CONTROL_BYTES.contains(byte));
+        let more = if is_delivered { usize::MAX } else { unframed.len() };
+        self.unframed_since_flow_control_loss = self.unframed_since_flow_control_loss.saturating_add(more);
     }
 
     /// Behind a truncated response the master asked for it again (`true`), or went on.
@@ -322,6 +355,12 @@ impl TrafficModel {
     pub fn loses_bytes(&self) -> bool {
         let losses = self.frames_with_losses;
         losses >= weights::MIN_LOSSES_FRAMES && losses >= weights::LOSSES_PER_COLLISION_FACTOR * self.frames_with_collisions
+    }
+
+    /// Whether the driver seems to deliver XON and XOFF: one was received among the unframed bytes, or no frame has lacked one
+    /// for a long time.
+    pub fn delivers_flow_control(&self) -> bool {
+        self.unframed_since_flow_control_loss > weights::FLOW_CONTROL_SEARCH_BYTES
     }
 
     /// Whether it is the tap that loses the ends of responses, and not the sender that stops: masters went on.

@@ -28,9 +28,6 @@ impl Search {
         self.skip.needs_more_bytes = false;
         let (best, score) = if is_closed { self.best_path_before_silence() } else { self.best_path() };
         let first = self.lattice[best].first_on_path;
-        // While the cost of the bytes behind the latest hypothesis grows, the order of paths may change with each byte.
-        let last = &self.lattice[self.lattice.len() - 1];
-        let is_settling = self.lattice.len() > 1 && self.scanned_to < last.end + weights::SETTLED_BEHIND_BYTES;
         let state = match first {
             ROOT => self.unframed_state(is_closed),
             _ if is_closed => CommitState::Final,
@@ -38,12 +35,19 @@ impl Search {
         };
         match state.wait() {
             Some((until, only_new_hypothesis_matters)) => {
-                self.skip.next_decision_at = if is_settling && !only_new_hypothesis_matters { 0 } else { until };
+                let may_change_at_once = !only_new_hypothesis_matters && self.is_order_settling();
+                self.skip.next_decision_at = if may_change_at_once { 0 } else { until };
                 None
             }
             None if first == ROOT => Some(self.commit_unframed_piece(input, is_closed)),
             None => Some(self.commit_frame(input, context, first, score)),
         }
+    }
+
+    /// Whether the order of paths may change with each byte: while the cost of the bytes behind the latest hypothesis grows.
+    fn is_order_settling(&self) -> bool {
+        let last = &self.lattice[self.lattice.len() - 1];
+        self.lattice.len() > 1 && self.scanned_to < last.end + weights::SETTLED_BEHIND_BYTES
     }
 
     /// The state while the best path has no frame: final if closed, or if no frame can begin any more in the first piece of
@@ -61,12 +65,12 @@ impl Search {
     }
 
     /// The state of the first frame of the best path, while the line is not closed; `best` is the index of the last frame of
-    /// that path, `score` its score with the bytes behind it. The checks come in the order of the drawing in `commit`.
+    /// that path, `score` its score in bits with the bytes behind it. The checks come in the order of the drawing in `commit`.
     ///
     /// Sets `skip.needs_more_bytes` where a look-ahead in a recording cannot tell yet.
     fn frame_state(&mut self, input: &Input, context: &FramerContext<'_>, best: usize, score: f32) -> CommitState {
         let first = self.lattice[best].first_on_path;
-        let Hypothesis { start, end, is_crc_valid, .. } = self.lattice[first];
+        let end = self.lattice[first].end;
         let patience = if context.may_look_ahead { weights::OFFLINE_TIE_PATIENCE_BYTES } else { weights::TIE_PATIENCE_BYTES };
         // More bytes will not tell these hypotheses apart, or there are too many of them.
         if self.scanned_to >= end + patience || self.lattice.len() >= weights::MAX_HYPOTHESES {
@@ -83,11 +87,30 @@ impl Search {
         if self.scanned_to >= max_rival_end {
             return CommitState::Final;
         }
+        self.uncontested_state(input, context, best, score, max_rival_end)
+    }
+
+    /// The state of the first frame of the best path (`best`, `score` as above) while no complete rival is within the margin. No
+    /// unfinished frame that counts ends behind stream offset `max_rival_end`, which is not scanned yet.
+    ///
+    /// What look-aheads find out is kept in `skip`, so that the next call need not ask again: the last rival, the starts without
+    /// one, the answer on an open length. `skip.needs_more_bytes` is set where one of them (of an outer frame, or of a rival)
+    /// lacks bytes to tell. None of this changes a later answer.
+    fn uncontested_state(
+        &mut self,
+        input: &Input,
+        context: &FramerContext<'_>,
+        best: usize,
+        score: f32,
+        max_rival_end: u64,
+    ) -> CommitState {
+        let first = self.lattice[best].first_on_path;
+        let Hypothesis { start, end, is_crc_valid, .. } = self.lattice[first];
         if let Some(until) = self.nested_until(input, context, start, end).filter(|&until| self.scanned_to < until) {
             return CommitState::Nested { until };
         }
-        // `first == best`: no frame follows it on the best path yet.
-        if first == best && (!is_crc_valid || self.has_unclear_direction(input, context, first, score)) {
+        let has_successor = first != best;
+        if !has_successor && (!is_crc_valid || self.has_unclear_direction(input, context, first, score)) {
             return CommitState::AwaitsSuccessor { until: max_rival_end };
         }
         let bar = self.rival_bar(context, best, score);
@@ -140,34 +163,46 @@ impl Search {
         outer_starts.filter_map(|outer_start| self.nested_in_until(input, context, outer_start, end)).max()
     }
 
-    /// As `nested_until`, for a longer frame that begins at `outer_start`. Behind stray bytes its unit has to be known; right
-    /// behind the root its unit, or what its function contains.
+    /// The stream offset up to which the frame that ends at `end` may turn out to stand inside a longer one that begins at
+    /// `outer_start` (both are stream offsets); `None` if it does not. Behind stray bytes the unit of the longer frame has to be
+    /// known; right behind the root its unit, or what its function contains.
     ///
     /// Live, every length that counts (`may_contain_in`) is awaited; in a recording, only where the frame completes, or where
     /// that is not known yet (`skip.needs_more_bytes` is set then).
     fn nested_in_until(&mut self, input: &Input, context: &FramerContext<'_>, outer_start: u64, end: u64) -> Option<u64> {
         let outer = &input.bytes()[(outer_start - input.offset()) as usize..];
         let is_due = outer_start == self.committed_offset();
-        let (contents, has_unit) = (self.contents(context, outer), self.model.has_unit(outer[0]));
-        if !has_unit && (!is_due || contents.is_none()) {
+        let contents = self.contents(context, outer);
+        if !self.model.has_unit(outer[0]) && (!is_due || contents.is_none()) {
             return None;
         }
         let mut until = None;
         for (direction, extent) in announced_lengths(context, outer).into_iter().flatten() {
-            if !self.may_contain_in(outer, is_due, contents, direction, extent) {
-                continue;
-            }
-            let (span, completion) = match extent {
-                _ if !context.may_look_ahead => (span_of(extent), Completion::Completes),
-                Extent::Open(_) => (MAX_CANDIDATE_SPAN, self.open_length_completion(input, end)),
-                _ => (span_of(extent), self.completion(input, context, outer_start)),
-            };
-            self.skip.needs_more_bytes |= completion == Completion::Unknown;
-            if completion != Completion::Never {
-                until = until.max(Some(outer_start + span));
+            if self.may_contain_in(outer, is_due, contents, direction, extent) {
+                let completion = self.outer_completion(input, context, outer_start, end, extent);
+                self.skip.needs_more_bytes |= completion == Completion::Unknown;
+                let awaited_to = (completion != Completion::Never).then(|| outer_start + span_of(extent));
+                until = until.max(awaited_to);
             }
         }
         until
+    }
+
+    /// Whether a longer frame from stream offset `outer_start` on, whose header announces this length, will be complete: live it
+    /// is taken for granted. With an open length it has to end behind stream offset `end`.
+    fn outer_completion(
+        &mut self,
+        input: &Input,
+        context: &FramerContext<'_>,
+        outer_start: u64,
+        end: u64,
+        extent: Extent,
+    ) -> Completion {
+        match extent {
+            _ if !context.may_look_ahead => Completion::Completes,
+            Extent::Open(_) => self.open_length_completion(input, end),
+            Extent::Exactly(_) | Extent::AtLeast(_) => self.completion(input, context, outer_start),
+        }
     }
 
     /// Whether a frame that begins with the bytes `outer`, in this direction and with this announced length, may contain others:
@@ -197,20 +232,11 @@ impl Search {
     }
 
     /// The stream offset up to which an unfinished frame may still outscore the frame `first` (an index of the lattice); `None`
-    /// if none can. It has begun before the end of `first`, or right behind a frame of another path.
+    /// if none can. It has begun in `rival_starts`, or right behind a frame of another path.
     ///
-    /// The rival is kept in `skip.last_rival` and asked first the next time.
+    /// The rival is kept in `skip.last_rival` and asked first the next time: what was possible a byte ago mostly still is.
     fn overtakable_until(&mut self, input: &Input, context: &FramerContext<'_>, first: usize, bar: RivalBar) -> Option<u64> {
-        let frame = &self.lattice[first];
-        // A frame that begins inside a certain one does not outscore it. But behind stray bytes the certain one may itself
-        // stand inside a longer frame.
-        let is_certain = frame.frame_score >= weights::CERTAIN_FRAME_BITS;
-        if is_certain && frame.start == self.committed_offset() {
-            return None;
-        }
-        let starts_end = if is_certain && context.may_look_ahead { frame.start } else { frame.end };
-        let starts = self.committed_offset().max(self.scanned_to.saturating_sub(MAX_CANDIDATE_SPAN))..starts_end;
-        // What was possible a byte ago mostly still is.
+        let starts = self.rival_starts(context, first)?;
         let last_rival = self.skip.last_rival.take();
         let known = last_rival.and_then(|rival| self.check_rival_again(input, context, first, &starts, bar, rival));
         let found = match known {
@@ -220,6 +246,22 @@ impl Search {
         };
         self.skip.last_rival = found;
         found.map(|rival| rival.until.min(rival.start + MAX_CANDIDATE_SPAN + 1))
+    }
+
+    /// The stream offsets (the end excluded) at which an unfinished frame that outscores the frame `first` may have begun: from
+    /// the root on, as far back as a frame is long, before the end of `first`. A frame that begins inside a certain one
+    /// (`CERTAIN_FRAME_BITS`) does not outscore it: in a recording, they end at the start of a certain one.
+    ///
+    /// `None` if `first` is certain and begins right behind the root. Behind stray bytes, it may itself stand inside a longer
+    /// frame.
+    fn rival_starts(&self, context: &FramerContext<'_>, first: usize) -> Option<Range<u64>> {
+        let frame = &self.lattice[first];
+        let is_certain = frame.frame_score >= weights::CERTAIN_FRAME_BITS;
+        if is_certain && frame.start == self.committed_offset() {
+            return None;
+        }
+        let starts_end = if is_certain && context.may_look_ahead { frame.start } else { frame.end };
+        Some(self.committed_offset().max(self.scanned_to.saturating_sub(MAX_CANDIDATE_SPAN))..starts_end)
     }
 
     /// The rival found last, with the offset up to which it may now outscore `first`; `None` if it is none any more, or begins

@@ -1,11 +1,12 @@
 //! Commits a frame or unframed bytes: the root moves behind them, and the model learns from them.
 
 use crate::confidence::{self, Likeness, Standing};
-use crate::framer::rtu::answerable::HeldRequest;
+use crate::framer::rtu::answerable::{fingerprint, AnswerableRequests, HeldRequest};
+use crate::framer::rtu::frame_bytes::FrameBytes;
 use crate::framer::rtu::lone_frames::{key_of, SURROUNDING_BYTES};
 use crate::framer::rtu::score;
 use crate::framer::rtu::search::commit::state::Decision;
-use crate::framer::rtu::search::hypothesis::ROOT;
+use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::state::Search;
 use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
 use crate::framer::rtu::traffic_model::{FramePosition, RequestCopy, TrafficModel};
@@ -14,6 +15,44 @@ use crate::input::Input;
 use crate::weights;
 use modlens_protocol::direction::{self, Direction, ResponseMatch};
 use modlens_protocol::functions::{Layout, EXCEPTION_BIT};
+
+/// The first frame of the best path, with a valid CRC, about to be committed.
+struct Winner<'a> {
+    /// Its index in the lattice.
+    first: usize,
+    /// Index of its first byte in the input.
+    start_index: usize,
+    /// Offset of its first byte.
+    start: u64,
+    /// Its bytes, CRC included.
+    frame: FrameBytes<'a>,
+    /// The bytes between the end of the root and its first byte, which belong to no frame.
+    unframed: &'a [u8],
+    /// `REQUEST` or `RESPONSE`.
+    direction: usize,
+    /// It answers the request that is outstanding behind the root.
+    answers_outstanding: bool,
+    /// Score of its path less that of the best path without it, in bits. The root counts as such a path: all bytes are unframed
+    /// there.
+    lead: f32,
+}
+
+impl Winner<'_> {
+    /// Whether so many unframed bytes stand before it that a whole frame may be among them.
+    fn may_follow_hidden_frame(&self) -> bool {
+        self.unframed.len() as u64 >= weights::MAY_HIDE_FRAME_BYTES
+    }
+}
+
+/// What speaks for a frame that is about to be committed, and against it.
+struct Evidence {
+    /// Log2 of the odds of its direction.
+    direction_odds: f32,
+    /// It stood alone in the same noise before.
+    recurs: bool,
+    /// It stands alone in noise, and nothing vouches for it.
+    is_unconfirmed: bool,
+}
 
 impl Search {
     /// Commits unframed bytes behind the root, which no frame on the best path claims: all bytes scanned if closed, else the
@@ -26,150 +65,210 @@ impl Search {
         self.commit_unframed(to)
     }
 
-    /// Commits the frame `first` (an index of the lattice), the first one of the best path, whose score is given: it becomes the
-    /// root. Confidence is the lead over the best path without it; the direction is unknown where the other one is as good.
+    /// Commits the first frame of the best path: it becomes the root. `first` is its index in the lattice, `score` that of its path
+    /// in bits, as it stands at the last byte scanned. Its confidence comes from its lead over the best path without it.
     ///
     /// With a valid CRC it teaches the model, as do the unframed bytes before it. An unconfirmed frame teaches no unit or
-    /// function, and the request that is outstanding behind it becomes unconfirmed, too.
+    /// function, and the request that is outstanding behind it becomes unconfirmed, too. Nothing is learned from a damaged
+    /// frame here: the framer explains it when its row is given out.
     pub(super) fn commit_frame(&mut self, input: &Input, context: &FramerContext<'_>, first: usize, score: f32) -> Decision {
-        let rivals = self.lattice.iter().filter(|path| path.first_on_path != first);
-        // The root counts as a rival: the path on which all bytes scanned are unframed.
-        let lead = score - rivals.map(|rival| self.current_score(rival)).fold(f32::MIN, f32::max);
-        let frame = &self.lattice[first];
-        let (start, end, direction) = (frame.start, frame.end, side::direction_of(frame.direction));
-        // Nothing is learned from a damaged frame here; the framer explains it when its row is given out.
-        if !frame.is_crc_valid {
+        let Hypothesis { start, end, direction, is_crc_valid, .. } = self.lattice[first];
+        if !is_crc_valid {
             self.set_root(first);
-            return Decision::Damaged { start, end, direction };
+            return Decision::Damaged { start, end, direction: side::direction_of(direction) };
         }
-        let bytes = &input.bytes()[(start - input.offset()) as usize..(end - input.offset()) as usize];
-        if frame.direction == RESPONSE {
-            let answers_outstanding = frame.answers_outstanding;
-            self.learn_late_response(context, bytes, answers_outstanding);
-        }
-        let odds = self.direction_odds(input, context, first, bytes);
-        let unframed_bytes = start - self.committed_offset();
-        self.adjacent_frames = if unframed_bytes > 0 { 0 } else { self.adjacent_frames.saturating_add(1) };
-        let recurs = self.record_lone_frame(input, context, first, bytes);
-        let unconfirmed = self.is_unconfirmed(context, first, bytes, lead, recurs);
-        // Noise must not teach units. That stray bytes stand before frames, it may.
-        if unconfirmed {
-            self.model.learn_stray_bytes(unframed_bytes);
-        } else {
-            self.learn_frame(context, first, bytes);
-        }
-        let is_undecided = lead < weights::UNDECIDED_DIRECTION_BITS && self.has_opposite_rival(first, f32::MIN);
-        let direction = if is_undecided { Direction::Unknown } else { direction };
-        let standing = match unframed_bytes >= weights::MAY_HIDE_FRAME_BYTES {
-            true if recurs => Standing::Recurring,
-            true => Standing::InNoise,
-            false => Standing::Among,
-        };
-        let confidence = confidence::of_rtu_frame(lead, Likeness::of_frame(context.functions, bytes), standing).min(odds as u8);
-        let confidence = if unconfirmed { confidence.min(weights::UNCONFIRMED_ODDS_BITS) } else { confidence };
-        self.last_was_doubtful = unconfirmed;
-        if unframed_bytes > 0 {
-            let unframed = (self.committed_offset() - input.offset()) as usize..(start - input.offset()) as usize;
-            self.model.learn_noise(&input.bytes()[unframed]);
-        }
+        let winner = self.winner(input, first, score);
+        let evidence = self.weigh(input, context, &winner);
+        self.learn_winner(context, &winner, evidence.is_unconfirmed);
+        let direction = self.decided_direction(&winner);
+        let confidence = confidence_of(context, &winner, &evidence);
+        self.model.learn_noise(winner.unframed);
         self.set_root(first);
-        if let Some(outstanding) = self.lattice[ROOT].answerable.outstanding.filter(|_| unconfirmed) {
-            self.reserve_request();
-            self.lattice[ROOT].answerable.outstanding = Some(self.requests.add_unconfirmed_copy(outstanding));
+        if evidence.is_unconfirmed {
+            self.doubt_outstanding_request();
         }
-        let unconfirmed = unconfirmed || confidence < weights::MIN_FIRM_BITS;
+        self.last_was_doubtful = evidence.is_unconfirmed;
+        let unconfirmed = evidence.is_unconfirmed || confidence < weights::MIN_FIRM_BITS;
         Decision::Frame { start, end, direction, confidence, unconfirmed }
     }
 
-    /// Log2 of the odds of the direction of the frame `first`, about to be committed, in a row of equal frames. What the recording
+    /// What is known of the frame `first` (an index of the lattice), the first one of the best path, whose score is given.
+    fn winner<'a>(&self, input: &'a Input, first: usize, score: f32) -> Winner<'a> {
+        let Hypothesis { start, end, direction, answers_outstanding, .. } = self.lattice[first];
+        let index = |offset: u64| (offset - input.offset()) as usize;
+        let rivals = self.lattice.iter().filter(|path| path.first_on_path != first);
+        Winner {
+            first,
+            start_index: index(start),
+            start,
+            frame: FrameBytes(&input.bytes()[index(start)..index(end)]),
+            unframed: &input.bytes()[index(self.committed_offset())..index(start)],
+            direction,
+            answers_outstanding,
+            lead: score - rivals.map(|rival| self.current_score(rival)).fold(f32::MIN, f32::max),
+        }
+    }
+
+    /// What speaks for a frame and against it, before the model learns from it. Counts it among adjacent and among lone frames,
+    /// and learns whether it is a late response.
+    fn weigh(&mut self, input: &Input, context: &FramerContext<'_>, winner: &Winner<'_>) -> Evidence {
+        if winner.direction == RESPONSE {
+            self.learn_late_response(context, winner.frame.0, winner.answers_outstanding);
+        }
+        let direction_odds = self.direction_odds(input, context, winner);
+        let is_repetition = self.is_mere_repetition(context, winner);
+        self.count_adjacent_frame(winner, is_repetition);
+        let recurs = self.record_lone_frame(input, context, winner);
+        let is_unconfirmed = self.is_unconfirmed(context, winner, recurs, is_repetition);
+        Evidence { direction_odds, recurs, is_unconfirmed }
+    }
+
+    /// Whether a frame stands right behind the same bytes, and no specification says how long it is. In bytes with a period, as the
+    /// telegrams of another protocol have, any number of periods may have a valid CRC by accident, and then each of the frames
+    /// that follow has, too: together they are one accident.
+    fn is_mere_repetition(&self, context: &FramerContext<'_>, winner: &Winner<'_>) -> bool {
+        let frame = winner.frame.0;
+        self.last_valid_frame == Some((winner.start, fingerprint(frame)))
+            && (Likeness::of_frame(context.functions, frame) == Likeness::OpenLength
+                || !score::is_understood(&self.model, context, frame, winner.direction))
+    }
+
+    /// Counts a frame among those without a byte between them, unless it is a mere repetition.
+    fn count_adjacent_frame(&mut self, winner: &Winner<'_>, is_repetition: bool) {
+        let end = winner.start + winner.frame.0.len() as u64;
+        self.last_valid_frame = Some((end, fingerprint(winner.frame.0)));
+        if !winner.unframed.is_empty() {
+            self.adjacent_frames = 0;
+        } else if !is_repetition {
+            self.adjacent_frames = self.adjacent_frames.saturating_add(1);
+        }
+    }
+
+    /// Log2 of the odds of the direction of a frame in a row of equal frames, kept for the frame behind it. What the recording
     /// declares is certain.
-    fn direction_odds(&mut self, input: &Input, context: &FramerContext<'_>, first: usize, bytes: &[u8]) -> f32 {
-        let frame = &self.lattice[first];
-        let role = (frame.direction, frame.answers_outstanding);
-        let index = (frame.start - input.offset()) as usize;
-        let is_declared = context.declared_direction_at(input, index) == Some(side::direction_of(frame.direction));
-        let pause = context.pause_evidence_at(input, index);
-        let odds = self.next_run_odds(context, bytes, role, pause);
-        if is_declared {
+    fn direction_odds(&mut self, input: &Input, context: &FramerContext<'_>, winner: &Winner<'_>) -> f32 {
+        let declared = context.declared_direction_at(input, winner.start_index);
+        let pause = context.pause_evidence_at(input, winner.start_index);
+        let odds = self.next_run_odds(context, winner.frame.0, (winner.direction, winner.answers_outstanding), pause);
+        if declared == Some(side::direction_of(winner.direction)) {
             weights::CERTAIN_DIRECTION_BITS
         } else {
             odds
         }
     }
 
-    /// Whether the frame `first`, about to be committed, stands alone in noise and nothing vouches for it: a CRC is valid by
-    /// chance once in 65536 places. `bytes` are the frame with its CRC, `lead` is its lead over all rivals in bits;
-    /// `recurs`: it stood alone in the same noise before.
-    ///
-    /// A unit of a paired transaction vouches for its frames; in the middle of noise only for those that the specification
-    /// explains, that are far from noise, and that did not come there before.
-    fn is_unconfirmed(&self, context: &FramerContext<'_>, first: usize, bytes: &[u8], lead: f32, recurs: bool) -> bool {
-        let frame = &self.lattice[first];
-        let unframed_bytes = frame.start - self.committed_offset();
-        let outstanding = self.outstanding_request();
-        let is_vouched = frame.answers_outstanding && outstanding.is_none_or(|request| vouches_for(context, request, bytes));
-        // Drivers that are switched leave a stray byte or two in front of every frame.
-        let is_near = unframed_bytes < weights::MAY_HIDE_FRAME_BYTES;
-        let is_sound = |request: &HeldRequest| !request.is_unconfirmed && (is_near || is_vouched);
-        let answers_request =
-            frame.answers_outstanding && outstanding.is_some_and(|request| is_sound(request) || (is_near && is_vouched));
-        // Right behind a chance match there may be another one, but neither its response nor a chain of frames.
-        let is_behind_doubt = self.last_was_doubtful && !is_vouched && self.adjacent_frames < weights::CHAIN_FRAMES;
-        if answers_request || (unframed_bytes == 0 && !is_behind_doubt) {
-            return false;
-        }
-        let is_in_noise = !is_near || is_behind_doubt;
-        let is_unlikely = || {
-            recurs || lead < weights::FIRM_IN_NOISE_BITS || !score::is_understood(&self.model, context, bytes, frame.direction)
-        };
-        !context.paired_units[bytes[0] as usize] || (is_in_noise && is_unlikely())
-    }
-
-    /// Counts the frame `first` if it stands behind so many unframed bytes that it stands alone; returns whether the same came
-    /// before. A response that vouches for its request is counted for that one instead.
-    fn record_lone_frame(&mut self, input: &Input, context: &FramerContext<'_>, first: usize, bytes: &[u8]) -> bool {
-        let frame = &self.lattice[first];
-        let (answers, start) = (frame.answers_outstanding, frame.start);
+    /// Counts a frame that stands behind so many unframed bytes that it stands alone (`MAY_HIDE_FRAME_BYTES` or more); returns
+    /// whether the same came before, behind the same bytes. A response that vouches for its request is counted for that one
+    /// instead; it does not come again itself.
+    fn record_lone_frame(&mut self, input: &Input, context: &FramerContext<'_>, winner: &Winner<'_>) -> bool {
         let last = self.last_lone_frame.take();
-        if answers && self.outstanding_request().is_some_and(|request| vouches_for(context, request, bytes)) {
+        let vouches = |request: &HeldRequest| vouches_for(context, request, winner.frame);
+        if winner.answers_outstanding && self.outstanding_request().is_some_and(vouches) {
             if let Some(key) = last {
                 self.lone_frames.record_response(key);
             }
             return false;
         }
-        if start - self.committed_offset() < weights::MAY_HIDE_FRAME_BYTES {
+        if !winner.may_follow_hidden_frame() {
             return false;
         }
-        let at = (start - input.offset()) as usize;
-        let key = key_of(&input.bytes()[at - SURROUNDING_BYTES..at + bytes.len()]);
+        // So many unframed bytes are more than `SURROUNDING_BYTES`.
+        let end_index = winner.start_index + winner.frame.0.len();
+        let key = key_of(&input.bytes()[winner.start_index - SURROUNDING_BYTES..end_index]);
         let came_before = self.lone_frames.is_recurring(key);
         self.lone_frames.record(key);
         self.last_lone_frame = Some(key);
         came_before
     }
 
-    /// Teaches the model the frame `first`, which is about to become the root; `bytes` are the frame with its CRC.
-    fn learn_frame(&mut self, context: &FramerContext<'_>, first: usize, bytes: &[u8]) {
-        match self.lattice[first].direction {
-            REQUEST => self.learn_request(bytes),
-            _ if self.lattice[first].answers_outstanding => self.model.learn_silence(bytes[0], false),
-            _ => {}
+    /// Whether a frame stands alone in noise and nothing vouches for it: a CRC is valid by chance once in 65536 places.
+    /// `recurs`: it stood alone in the same noise before.
+    ///
+    /// It is confirmed if it answers a sound request, or stands right behind a frame that is not in doubt; where it only repeats
+    /// that one (`is_repetition`), behind a chain of others. A unit of a paired
+    /// transaction vouches for its frames, in the middle of noise only for likely ones (`is_likely_in_noise`).
+    fn is_unconfirmed(&self, context: &FramerContext<'_>, winner: &Winner<'_>, recurs: bool, is_repetition: bool) -> bool {
+        let vouches = |request: &HeldRequest| vouches_for(context, request, winner.frame);
+        let is_vouched = winner.answers_outstanding && self.outstanding_request().is_none_or(vouches);
+        // Right behind a chance match there may be another one, but neither its response nor a chain of frames.
+        let is_chain = self.adjacent_frames >= weights::CHAIN_FRAMES;
+        let follows_doubt = self.last_was_doubtful && !is_vouched && !is_chain;
+        let follows_firm_frame = winner.unframed.is_empty() && !follows_doubt && (is_chain || !is_repetition);
+        if follows_firm_frame || self.answers_sound_request(winner, is_vouched) {
+            return false;
         }
-        let frame = &self.lattice[first];
-        let direction = frame.direction;
-        let request = frame.answerable.outstanding.filter(|_| direction == REQUEST).map(|id| self.requests.get(id));
-        let copy = request_copy(context, bytes, request.is_some_and(|request| request.is_repeated));
-        let position = FramePosition {
-            request_outstanding: self.lattice[ROOT].answerable.outstanding.is_some(),
-            unframed_bytes: frame.start - self.committed_offset(),
-        };
-        // An unsolicited response may be a request that looks like one.
-        let has_clear_direction = direction == REQUEST || frame.answers_outstanding;
-        self.model.learn(bytes, direction, position, copy);
-        if has_clear_direction {
-            learn_open_length(&mut self.model, context, bytes, direction);
+        let is_in_noise = winner.may_follow_hidden_frame() || follows_doubt;
+        let is_unlikely = || recurs || !self.is_likely_in_noise(context, winner);
+        !context.paired_units[usize::from(winner.frame.unit())] || (is_in_noise && is_unlikely())
+    }
+
+    /// Whether a frame answers an outstanding request that makes it sound. Two of three things have to hold: the request is
+    /// confirmed, the frame proves it (`is_vouched`), and few bytes stand between them: drivers that are switched leave a
+    /// stray byte or two in front of every frame.
+    fn answers_sound_request(&self, winner: &Winner<'_>, is_vouched: bool) -> bool {
+        let Some(request) = self.outstanding_request().filter(|_| winner.answers_outstanding) else { return false };
+        let is_near = !winner.may_follow_hidden_frame();
+        [!request.is_unconfirmed, is_vouched, is_near].into_iter().filter(|&holds| holds).count() >= 2
+    }
+
+    /// Whether a frame of a known unit is to be believed in the middle of noise: it is far from noise, and the specification
+    /// explains it.
+    fn is_likely_in_noise(&self, context: &FramerContext<'_>, winner: &Winner<'_>) -> bool {
+        winner.lead >= weights::FIRM_IN_NOISE_BITS && score::is_understood(&self.model, context, winner.frame.0, winner.direction)
+    }
+
+    /// Teaches the model a frame that is about to become the root. Noise must not teach units; that stray bytes stand before
+    /// frames, it may.
+    fn learn_winner(&mut self, context: &FramerContext<'_>, winner: &Winner<'_>, is_unconfirmed: bool) {
+        if is_unconfirmed {
+            self.model.learn_stray_bytes(winner.unframed.len() as u64);
+        } else {
+            self.learn_turn(winner);
+            self.learn_frame(context, winner);
+        }
+    }
+
+    /// Learns what a frame says of the outstanding request: a request leaves it unanswered, and a response to it ends the unit's
+    /// silence.
+    fn learn_turn(&mut self, winner: &Winner<'_>) {
+        if winner.direction == REQUEST {
+            self.learn_request(winner.frame.0);
+        } else if winner.answers_outstanding {
+            self.model.learn_silence(winner.frame.unit(), false);
+        }
+    }
+
+    /// Teaches the model unit, function and place of a frame, whether it is a copy, and its length where that is open. An
+    /// unsolicited response teaches no length: it may be a request that looks like one.
+    fn learn_frame(&mut self, context: &FramerContext<'_>, winner: &Winner<'_>) {
+        let &Winner { frame, direction, .. } = winner;
+        let request = self.lattice[winner.first].answerable.outstanding.filter(|_| direction == REQUEST);
+        let is_repeated = request.is_some_and(|id| self.requests.get(id).is_repeated);
+        let copy = request_copy(context, frame.0, is_repeated);
+        let request_outstanding = self.lattice[ROOT].answerable.outstanding.is_some();
+        let position = FramePosition { request_outstanding, unframed_bytes: winner.unframed.len() as u64 };
+        self.model.learn(frame.0, direction, position, copy);
+        if direction == REQUEST || winner.answers_outstanding {
+            learn_open_length(&mut self.model, context, frame, direction);
         }
         self.model.update_costs();
+    }
+
+    /// The direction of a frame; unknown where its lead is small and a rival reads the same bytes in the other direction.
+    fn decided_direction(&self, winner: &Winner<'_>) -> Direction {
+        if winner.lead < weights::UNDECIDED_DIRECTION_BITS && self.has_opposite_rival(winner.first, f32::MIN) {
+            Direction::Unknown
+        } else {
+            side::direction_of(winner.direction)
+        }
+    }
+
+    /// Makes the request that is outstanding behind the root, if there is one, unconfirmed. Other paths keep the original.
+    fn doubt_outstanding_request(&mut self) {
+        if let Some(outstanding) = self.lattice[ROOT].answerable.outstanding {
+            self.reserve_request();
+            self.lattice[ROOT].answerable.outstanding = Some(self.requests.add_unconfirmed_copy(outstanding));
+        }
     }
 
     /// Learns from this request, which is about to be committed: the outstanding one gets no response, or, if none is
@@ -186,9 +285,9 @@ impl Search {
         }
     }
 
-    /// Learns how often the late response to a request comes behind the response to its retry; `frame` is a response about to be
-    /// committed. Counts one that answers a retry, and one that fits the superseded request while none is outstanding: it is
-    /// late. A response that equals its request may also be a retry, so nothing is learned from it.
+    /// Learns from a response about to be committed how often the late response to a request comes behind the response to its
+    /// retry: one chance more if it answers a retry, one hit more if it is late itself: no request is outstanding, and
+    /// it fits the superseded one in full. Nothing is learned from one that equals the superseded request: it may be a retry.
     #[inline]
     pub(in crate::framer::rtu::search) fn learn_late_response(
         &mut self,
@@ -196,36 +295,53 @@ impl Search {
         frame: &[u8],
         answers_outstanding: bool,
     ) {
-        let requests = self.answerable();
-        let Some(superseded) = requests.superseded else { return };
-        let pdu = &frame[1..frame.len() - 2];
-        if superseded.pdu == pdu {
+        let AnswerableRequests { outstanding, superseded: Some(superseded), .. } = self.answerable() else { return };
+        let frame = FrameBytes(frame);
+        if superseded.pdu == frame.pdu() {
             return;
         }
-        match requests.outstanding {
-            Some(retry) if answers_outstanding && (retry.unit, &retry.pdu) == (superseded.unit, &superseded.pdu) => {
-                self.model.learn_late_response(false);
-            }
-            None if direction::match_response(context.functions, superseded.as_request_ref(), frame[0], pdu)
-                == ResponseMatch::Fully =>
-            {
-                self.model.learn_late_response(true);
-            }
-            _ => {}
+        let is_retry = |request: &HeldRequest| (request.unit, &request.pdu) == (superseded.unit, &superseded.pdu);
+        let answers_retry = answers_outstanding && outstanding.is_some_and(is_retry);
+        let is_late = outstanding.is_none() && answers_fully(context, superseded, frame);
+        if answers_retry || is_late {
+            self.model.learn_late_response(is_late);
         }
     }
 }
 
-/// Learns the length of a frame whose layout is not public; nothing for an exception response. `frame` includes unit and CRC.
-fn learn_open_length(model: &mut TrafficModel, context: &FramerContext<'_>, frame: &[u8], direction: usize) {
-    let (code, body) = (frame[1], &frame[2..frame.len() - 2]);
-    if code & EXCEPTION_BIT != 0 {
+/// Whether a response fits this request in full.
+fn answers_fully(context: &FramerContext<'_>, request: &HeldRequest, response: FrameBytes<'_>) -> bool {
+    let (unit, pdu) = (response.unit(), response.pdu());
+    direction::match_response(context.functions, request.as_request_ref(), unit, pdu) == ResponseMatch::Fully
+}
+
+/// The log2 odds that a frame is right: by its lead, what it looks like and where it stands, but no more than the odds of its
+/// direction, nor than an unconfirmed frame may have.
+fn confidence_of(context: &FramerContext<'_>, winner: &Winner<'_>, evidence: &Evidence) -> u8 {
+    let standing = match winner.may_follow_hidden_frame() {
+        true if evidence.recurs => Standing::Recurring,
+        true => Standing::InNoise,
+        false => Standing::Among,
+    };
+    let likeness = Likeness::of_frame(context.functions, winner.frame.0);
+    let confidence =
+        confidence::of_rtu_frame(winner.lead, likeness, standing).min(confidence::of_direction(evidence.direction_odds));
+    if evidence.is_unconfirmed {
+        confidence.min(weights::UNCONFIRMED_ODDS_BITS)
+    } else {
+        confidence
+    }
+}
+
+/// Learns the length of a frame whose layout is not public; nothing from an exception response.
+fn learn_open_length(model: &mut TrafficModel, context: &FramerContext<'_>, frame: FrameBytes<'_>, direction: usize) {
+    if frame.is_exception() {
         return;
     }
-    let row = context.functions.row(code, body);
+    let row = context.functions.row(frame.code(), frame.body());
     let layout = row.map(|row| if direction == REQUEST { &row.request } else { &row.response });
     if layout.is_none_or(|layout| *layout == Layout::Unknown) {
-        model.learn_length(code, direction, body);
+        model.learn_length(frame.code(), direction, frame.body());
     }
 }
 
@@ -241,10 +357,10 @@ fn request_copy(context: &FramerContext<'_>, frame: &[u8], is_repeated: bool) ->
 
 /// Whether a response proves that its request is one. A response that equals its request proves nothing, because wrong bytes
 /// may come twice; neither does one that may have any length, because then any place may fit.
-fn vouches_for(context: &FramerContext<'_>, request: &HeldRequest, response: &[u8]) -> bool {
+fn vouches_for(context: &FramerContext<'_>, request: &HeldRequest, response: FrameBytes<'_>) -> bool {
     let (&code, body) = request.pdu.split_first().unwrap_or((&0, &[]));
     let is_known = context.functions.row(code, body).is_some_and(|row| matches!(row.response, Layout::Body(_)));
-    is_known && request.pdu[..] != response[1..response.len() - 2]
+    is_known && request.pdu != response.pdu()
 }
 
 /// Whether the framer holds a decision back: in a recording, unframed bytes are judged together with the frame behind them.

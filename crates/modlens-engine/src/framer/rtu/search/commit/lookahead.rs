@@ -20,8 +20,10 @@ use modlens_protocol::direction::Direction;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 
 impl Search {
-    /// As `find_rival_by_header`, for recordings: the unfinished frame must also come to an end, with a valid CRC, or damaged
-    /// right behind a hypothesis. Where bytes are missing to tell, it counts, and `skip.needs_more_bytes` is set.
+    /// The first unfinished frame that may outscore the frame `first` (an index of the lattice) in a recording: one that begins in
+    /// `starts` (stream offsets, the end excluded) behind any hypothesis, else one right behind a frame of another path. It
+    /// must also come to an end, with a valid CRC, or damaged right behind a hypothesis. Where bytes are missing to tell, it
+    /// counts, and `skip.needs_more_bytes` is set.
     ///
     /// Moves `skip.no_rival_before` behind the starts, from the first one on, at which no frame can be a rival of any path.
     pub(super) fn find_rival_by_lookahead(
@@ -32,12 +34,11 @@ impl Search {
         starts: Range<u64>,
         bar: RivalBar,
     ) -> Option<Rival> {
-        let units = self.outstanding_units();
-        let least_header = bar.least - self.max_path_score();
+        let filter = self.header_filter(bar);
         let mut none_before = true;
         for start in starts.start.max(self.skip.no_rival_before)..starts.end {
             let bytes = &input.bytes()[(start - input.offset()) as usize..];
-            if !self.cannot_exceed(context, bytes, start, least_header, &units) {
+            if !self.cannot_exceed(context, bytes, start, &filter) {
                 match self.rival_at(input, context, start, bar) {
                     RivalAt::Found(rival) => return Some(rival),
                     RivalAt::NoneNow => none_before = false,
@@ -110,62 +111,51 @@ impl Search {
     }
 
     /// Whether a frame that begins at stream offset `start` ends behind the last byte scanned with a valid CRC, in a length that
-    /// its header admits, and before a break or a record's start. A length without announcement counts only where unit and
-    /// function are familiar; where only a least length is announced, nothing is looked up.
+    /// its header admits, and before a break or a record's start (`FrameAhead`). A length without announcement counts only
+    /// where unit and function are familiar; where only a least length is announced, nothing is looked up.
     ///
     /// `Unknown` where bytes of one of these lengths, or of the header, have not come, unless the input is closed.
     pub(super) fn completion(&self, input: &Input, context: &FramerContext<'_>, start: u64) -> Completion {
-        let at = (start - input.offset()) as usize;
-        let bytes = &input.bytes()[at..];
-        let scanned_length = (self.scanned_to - start) as usize;
-        let max_length = max_frame_length(input, at);
         let unless_closed = if input.is_closed { Completion::Never } else { Completion::Unknown };
-        if bytes.len() < 2 {
-            return unless_closed;
-        }
+        let ahead = self.frame_ahead(input, start);
+        let &[unit, code, ..] = ahead.bytes else { return unless_closed };
         let mut completion = Completion::Never;
-        for (direction, extent) in announced_lengths(context, bytes).into_iter().flatten() {
-            let (needed, completes) = match extent {
-                Extent::Exactly(length) if length > max_length || length <= scanned_length => continue,
-                Extent::Exactly(length) => (length, crc_valid_at(bytes, length)),
-                Extent::AtLeast(length) if length > max_length => continue,
-                Extent::AtLeast(_) => (max_length, false),
-                Extent::Open(_) if !self.model.is_familiar(bytes[0], bytes[1], side::index_of(direction)) => continue,
-                Extent::Open(_) => (max_length, has_valid_length(bytes, scanned_length + 1, max_length)),
-            };
-            if completes {
-                return Completion::Completes;
-            }
-            if needed > bytes.len() {
-                completion = unless_closed;
+        for (direction, extent) in announced_lengths(context, ahead.bytes).into_iter().flatten() {
+            let is_familiar = || self.model.is_familiar(unit, code, side::index_of(direction));
+            match ahead.look_up(extent, is_familiar) {
+                Completion::Completes => return Completion::Completes,
+                Completion::Unknown => completion = unless_closed,
+                Completion::Never => {}
             }
         }
         completion
     }
 
+    /// The bytes from stream offset `start` on, which a frame may have.
+    fn frame_ahead<'a>(&self, input: &'a Input, start: u64) -> FrameAhead<'a> {
+        let at = (start - input.offset()) as usize;
+        FrameAhead {
+            bytes: &input.bytes()[at..],
+            scanned_length: (self.scanned_to - start) as usize,
+            max_length: max_frame_length(input, at),
+        }
+    }
+
     /// Whether a frame with an invalid CRC right behind this hypothesis ends behind the last byte scanned, exactly as long as it
-    /// announces, and lifts the path's score above `bar` (bits). `Never` if its bytes have not all come, too.
+    /// announces, and lifts the path's score above `bar` (bits). `Never`, too, for an exception response, and if its bytes
+    /// have not all come.
     fn damaged_completion(&self, input: &Input, context: &FramerContext<'_>, behind: &Hypothesis, bar: f32) -> Completion {
-        let at = (behind.end - input.offset()) as usize;
-        let bytes = &input.bytes()[at..];
-        if bytes.get(1).is_none_or(|code| code & EXCEPTION_BIT != 0) {
+        let ahead = self.frame_ahead(input, behind.end);
+        if ahead.bytes.get(1).is_none_or(|code| code & EXCEPTION_BIT != 0) {
             return Completion::Never;
         }
-        let (scanned_length, max_length) = ((self.scanned_to - behind.end) as usize, max_frame_length(input, at));
         let outstanding = behind.answerable.outstanding.map(|id| self.requests.get(id));
-        let completes = |(direction, extent): (Direction, Extent)| match extent {
-            Extent::Exactly(length) if length > scanned_length && length <= max_length.min(bytes.len()) => {
-                let frame = &bytes[..length];
-                let score = score::damaged_frame_score(&self.model, context, outstanding, frame, side::index_of(direction));
-                score.is_some_and(|score| behind.path_score + score > bar)
-            }
-            _ => false,
+        let exceeds_bar = |(direction, extent): (Direction, Extent)| {
+            let frame = ahead.of_exact_length(extent)?;
+            let score = score::damaged_frame_score(&self.model, context, outstanding, frame, side::index_of(direction))?;
+            (behind.path_score + score > bar).then_some(())
         };
-        if announced_lengths(context, bytes).into_iter().flatten().any(completes) {
-            Completion::Completes
-        } else {
-            Completion::Never
-        }
+        Completion::if_found(announced_lengths(context, ahead.bytes).into_iter().flatten().find_map(exceeds_bar).is_some())
     }
 
     /// Whether any substring that begins right behind the root, of whatever length, ends behind stream offset `end` with a valid
@@ -174,22 +164,16 @@ impl Search {
     pub(super) fn open_length_completion(&mut self, input: &Input, end: u64) -> Completion {
         let root_end = self.committed_offset();
         if let Some((_, completes)) = self.skip.open_length_completion.filter(|(root, _)| *root == root_end) {
-            return if completes { Completion::Completes } else { Completion::Never };
+            return Completion::if_found(completes);
         }
-        let at = (root_end - input.offset()) as usize;
-        let bytes = &input.bytes()[at..];
-        let max_length = max_frame_length(input, at);
+        let ahead = self.frame_ahead(input, root_end);
         let min_length = (end - root_end) as usize + 1;
-        let completes = has_valid_length(bytes, min_length, max_length);
-        if !completes && max_length > bytes.len() && !input.is_closed {
+        let completes = has_valid_length(ahead.bytes, min_length, ahead.max_length);
+        if !completes && ahead.max_length > ahead.bytes.len() && !input.is_closed {
             return Completion::Unknown;
         }
         self.skip.open_length_completion = Some((root_end, completes));
-        if completes {
-            Completion::Completes
-        } else {
-            Completion::Never
-        }
+        Completion::if_found(completes)
     }
 
     /// Whether a frame that begins in the first `stray_bytes` of the input may outscore the unambiguous frame of `length` bytes
@@ -233,37 +217,75 @@ impl Search {
     }
 }
 
-/// Whether the CRC is valid in any length from `min_length` to `max_length`, both inclusive, as far as the bytes have come.
+/// The bytes ahead that a frame which has begun may have.
+struct FrameAhead<'a> {
+    /// All bytes that have come, from the first one of the frame on.
+    bytes: &'a [u8],
+    /// How many of them are scanned: a frame that is no longer has been found already.
+    scanned_length: usize,
+    /// The most bytes that the frame can have, because none crosses a break or a record's start. More than `bytes` has where no
+    /// such boundary has come yet.
+    max_length: usize,
+}
+
+impl<'a> FrameAhead<'a> {
+    /// Whether the frame ends behind the bytes scanned with a valid CRC, if its header announces this length. An open length
+    /// counts only if unit and function are familiar; a least length is not looked up. `Unknown` where bytes are missing.
+    fn look_up(&self, extent: Extent, is_familiar: impl Fn() -> bool) -> Completion {
+        let (completes, needed) = match extent {
+            Extent::Exactly(length) if length > self.max_length || length <= self.scanned_length => return Completion::Never,
+            Extent::Exactly(length) => (crc_valid_at(self.bytes, length), length),
+            Extent::AtLeast(length) if length > self.max_length => return Completion::Never,
+            Extent::AtLeast(_) => (false, self.max_length),
+            Extent::Open(_) if !is_familiar() => return Completion::Never,
+            Extent::Open(_) => (has_valid_length(self.bytes, self.scanned_length + 1, self.max_length), self.max_length),
+        };
+        match completes {
+            false if needed > self.bytes.len() => Completion::Unknown,
+            completes => Completion::if_found(completes),
+        }
+    }
+
+    /// The bytes of the frame, if its header announces exactly a length that is more than the bytes scanned, possible, and there
+    /// already.
+    fn of_exact_length(&self, extent: Extent) -> Option<&'a [u8]> {
+        match extent {
+            Extent::Exactly(length) if length > self.scanned_length && length <= self.max_length => self.bytes.get(..length),
+            _ => None,
+        }
+    }
+}
+
+/// Whether the CRC is valid in any length from `min_length` to `max_length`, both included, as far as the bytes have come.
 fn has_valid_length(bytes: &[u8], min_length: usize, max_length: usize) -> bool {
     first_valid_length(&bytes[..max_length.min(bytes.len())], min_length).is_some()
 }
 
-/// The most bytes that a frame at this index of the input can have: none crosses a break or a record's start.
+/// The most bytes that a frame at this index of the input can have: none crosses a break or a record's start, and none has more
+/// than `MAX_CANDIDATE_BYTES`, whether these have come or not.
 fn max_frame_length(input: &Input, at: usize) -> usize {
     let rest = input.bytes().len() - at;
     let edge = input.boundary_after(at, at + rest.min(MAX_CANDIDATE_BYTES) - 1, input.break_ns);
     edge.map_or(MAX_CANDIDATE_BYTES, |edge| edge - at)
 }
 
-/// The frame with a valid CRC that begins at index `at` of the input, in a length that its header admits.
+/// The frame with a valid CRC that begins at index `at` of the input, in a length that its header admits. `at` is less than the
+/// number of bytes in the input by two at least.
 ///
 /// A length that the header leaves open counts only for a unit that took part in a sound frame (`known_units`), and only if the
-/// frame ends at index `to` or behind it.
-/// `NeedsMoreBytes` as soon as one admitted length cannot be judged yet.
+/// frame ends at index `to` (its end excluded) or behind it; a least length is not looked up. `NeedsMoreBytes` as soon as one
+/// admitted length cannot be judged yet.
 fn complete_frame_at(input: &Input, context: &FramerContext<'_>, at: usize, to: usize) -> FrameCheck {
     let bytes = &input.bytes()[at..];
     let max_length = max_frame_length(input, at);
+    let is_known = context.known_units[usize::from(bytes[0])];
     for (_, extent) in announced_lengths(context, bytes).into_iter().flatten() {
-        let (Extent::Exactly(length) | Extent::AtLeast(length) | Extent::Open(length)) = extent;
-        let is_open = matches!(extent, Extent::Open(_));
-        let needed = if is_open { max_length } else { length };
-        if length > max_length || (is_open && !context.known_units[usize::from(bytes[0])]) {
-            continue;
-        }
-        let found = match extent {
-            Extent::Exactly(_) => crc_valid_at(bytes, length).then_some(length),
-            Extent::AtLeast(_) => None,
-            Extent::Open(_) => first_valid_length(&bytes[..max_length.min(bytes.len())], to - at),
+        let (found, needed) = match extent {
+            Extent::Exactly(length) | Extent::AtLeast(length) | Extent::Open(length) if length > max_length => continue,
+            Extent::Open(_) if !is_known => continue,
+            Extent::Open(_) => (first_valid_length(&bytes[..max_length.min(bytes.len())], to - at), max_length),
+            Extent::Exactly(length) => (crc_valid_at(bytes, length).then_some(length), length),
+            Extent::AtLeast(length) => (None, length),
         };
         match found {
             Some(length) => return FrameCheck::Frame(FrameLength::exactly(length)),

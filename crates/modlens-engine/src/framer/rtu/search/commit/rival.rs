@@ -25,9 +25,18 @@ impl UnitSet {
     }
 }
 
+/// What the headers of unfinished frames are compared with first, before each path is looked at.
+pub(super) struct HeaderFilter {
+    /// A header that adds no more bits than this to a path cannot exceed the bar, not even behind the best path.
+    least_bits: f32,
+    /// The units that are addressed by an outstanding request on any path.
+    outstanding_units: UnitSet,
+}
+
 impl Search {
     /// The first unfinished frame that may outscore the frame `first` (an index of the lattice) on a live line, by its header:
-    /// one that begins in `starts` (stream offsets) behind any hypothesis, else one right behind a frame of another path.
+    /// one that begins in `starts` (stream offsets, the end excluded) behind any hypothesis, else one right behind a frame of
+    /// another path.
     ///
     /// Moves `skip.no_rival_before` behind the starts that cannot become rivals while the hypotheses stay the same.
     pub(super) fn find_rival_by_header(
@@ -38,13 +47,12 @@ impl Search {
         starts: Range<u64>,
         bar: RivalBar,
     ) -> Option<Rival> {
-        let units = self.outstanding_units();
-        let least_header = bar.least - self.max_path_score();
+        let filter = self.header_filter(bar);
         let mut none_before = true;
         for start in starts.start.max(self.skip.no_rival_before)..starts.end {
             let bytes = &input.bytes()[(start - input.offset()) as usize..];
             let seen = &bytes[..(self.scanned_to - start) as usize];
-            if !self.cannot_exceed(context, seen, start, least_header, &units) {
+            if !self.cannot_exceed(context, seen, start, &filter) {
                 match self.header_rival_at(input, context, start, bar) {
                     RivalAt::Found(rival) => return Some(rival),
                     RivalAt::NoneNow => none_before = false,
@@ -58,7 +66,18 @@ impl Search {
                 self.skip.no_rival_before = start + 1;
             }
         }
-        // Another path may be in the middle of its next frame, which can begin behind `starts`.
+        self.header_rival_behind_other_path(input, context, first, bar)
+    }
+
+    /// A rival by its header right behind a hypothesis of another path than that of the frame `first`: that path may be in the
+    /// middle of its next frame, which can begin behind the starts that were tried.
+    fn header_rival_behind_other_path(
+        &self,
+        input: &Input,
+        context: &FramerContext<'_>,
+        first: usize,
+        bar: RivalBar,
+    ) -> Option<Rival> {
         (1..self.lattice.len()).filter(|&parent| self.lattice[parent].first_on_path != first).find_map(|parent| {
             let start = self.lattice[parent].end;
             let until = self.may_outscore_until(input, context, &self.lattice[parent], start, bar.now)?;
@@ -111,40 +130,37 @@ impl Search {
         Some(start + header.until_bytes)
     }
 
-    /// Whether no frame that begins at stream offset `start` can add more than `bits` to any path, whatever its body holds. False
-    /// where it may answer a request that is outstanding on some path, or where unit and function are not both there. It costs
-    /// two look-ups (and fills their cache), and nearly always spares the exact bound behind each path.
+    /// Whether no frame that begins at stream offset `start` can lift any path above the bar of the filter, whatever its body
+    /// holds. False where it may answer a request that is outstanding on some path, or where unit and function are not both
+    /// there. It costs two look-ups (and fills their cache), and nearly always spares the exact bound behind each path.
     ///
-    /// `seen` are the bytes from `start` on; `units` are addressed by an outstanding request on any path.
-    pub(super) fn cannot_exceed(
-        &mut self,
-        context: &FramerContext<'_>,
-        seen: &[u8],
-        start: u64,
-        bits: f32,
-        units: &UnitSet,
-    ) -> bool {
+    /// `seen` are the bytes from `start` on.
+    pub(super) fn cannot_exceed(&mut self, context: &FramerContext<'_>, seen: &[u8], start: u64, filter: &HeaderFilter) -> bool {
         let &[unit, code, ..] = seen else { return false };
         let header = self.model.max_header_score(context.functions, unit, code);
-        let is_due = || self.lattice.iter().any(|before| before.end == start);
-        let is_little = header + weights::FRAME_DUE_BITS <= bits || (header - self.model.unframed_cost(1) <= bits && !is_due());
-        let answers = |before: &Hypothesis| {
-            let outstanding = before.answerable.outstanding.map(|id| self.requests.get(id));
-            outstanding.is_some_and(|request| request.matches(unit, code & !EXCEPTION_BIT))
-        };
-        is_little && !(units.contains(unit) && self.lattice.iter().any(answers))
+        let is_little = header + weights::FRAME_DUE_BITS <= filter.least_bits
+            || (header - self.model.unframed_cost(1) <= filter.least_bits && !self.is_due_at(start));
+        is_little && !(filter.outstanding_units.contains(unit) && self.may_answer(unit, code & !EXCEPTION_BIT))
     }
 
-    /// The units that are addressed by an outstanding request on any path.
-    pub(super) fn outstanding_units(&self) -> UnitSet {
-        let mut units = UnitSet::default();
+    /// Whether some path ends exactly at this stream offset.
+    fn is_due_at(&self, start: u64) -> bool {
+        self.lattice.iter().any(|before| before.end == start)
+    }
+
+    /// Whether a frame of this unit and function, the latter without exception bit, answers a request that is outstanding on any
+    /// path.
+    fn may_answer(&self, unit: u8, function: u8) -> bool {
+        let mut outstanding = self.lattice.iter().filter_map(|before| before.answerable.outstanding);
+        outstanding.any(|id| self.requests.get(id).matches(unit, function))
+    }
+
+    /// The filter for this bar, which holds as long as no hypothesis is added.
+    pub(super) fn header_filter(&self, bar: RivalBar) -> HeaderFilter {
+        let mut outstanding_units = UnitSet::default();
         let outstanding = self.lattice.iter().filter_map(|before| before.answerable.outstanding);
-        outstanding.for_each(|id| units.insert(self.requests.get(id).unit));
-        units
-    }
-
-    /// The best score of any path at the end of its last frame, in bits, rounded up.
-    pub(super) fn max_path_score(&self) -> f32 {
-        self.lattice.iter().map(|before| before.path_score).fold(f32::MIN, f32::max) + weights::ROUNDING_BITS
+        outstanding.for_each(|id| outstanding_units.insert(self.requests.get(id).unit));
+        let best_path = self.lattice.iter().map(|before| before.path_score).fold(f32::MIN, f32::max);
+        HeaderFilter { least_bits: bar.least - (best_path + weights::ROUNDING_BITS), outstanding_units }
     }
 }

@@ -31,6 +31,16 @@ pub enum Decision {
     UnframedTo(u64),
 }
 
+impl Decision {
+    /// The stream offset before which no frame begins: up to there, bytes that are not given out yet are unframed.
+    pub fn unframed_to(self) -> u64 {
+        match self {
+            Self::UnframedTo(to) => to,
+            Self::Frame { start, .. } | Self::Damaged { start, .. } => start,
+        }
+    }
+}
+
 /// Whether the first frame of the best path is final, and why not.
 ///
 /// `until` is the stream offset before which the state does not change unless a hypothesis is added.
@@ -137,4 +147,15 @@ pub enum Completion {
     Never,
     /// More bytes have to be there to tell.
     Unknown,
+}
+
+impl Completion {
+    /// The answer where all bytes are there to tell.
+    pub fn if_found(completes: bool) -> Self {
+        if completes {
+            Self::Completes
+        } else {
+            Self::Never
+        }
+    }
 }

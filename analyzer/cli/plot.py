@@ -1,0 +1,118 @@
+"""`modlens plot`: values over time, in the terminal or as a picture."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+from analyzer.cli.messages import Messages
+from analyzer.cli.outputs import SIGNALLED
+from analyzer.cli.parser import add_decoding, add_input, add_line, settings
+from analyzer.cli.recording_document import write_page
+from analyzer.cli.stop_signals import StopSignals
+from analyzer.filters import Filter, parse
+from analyzer.session import FileRun
+from analyzer.views.plot import show_plot, svg
+from analyzer.views.screen import stdout
+from dissectors.errors import CaptureError, UsageError
+
+__all__ = ["add_arguments", "run"]
+
+MOST_SERIES = 8
+
+EPILOG = """\
+examples:
+  modlens plot bus.jsonl 'unit == 1 and address == 107'
+  modlens plot bus.jsonl voltage --profile 1=meter.toml -o voltage.svg
+
+Values are kept in memory, 16 bytes each and more. Where a recording has no
+times, values stand by the number of their transaction.
+"""
+
+_COLUMNS = ("txn", "elapsed_us", "bus", "unit", "register_type", "address", "name", "value")
+
+Series = dict[str, list[tuple[float, float]]]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    parser.usage = "modlens plot [OPTIONS] FILE... EXPR"
+    add_input(parser)
+    parser.add_argument(
+        "expression",
+        metavar="EXPR",
+        help="which readings, such as 'unit == 1 and address == 107', or the name of one",
+    )
+    add_decoding(parser)
+    add_line(parser)
+    parser.add_argument(
+        "-o", dest="output", metavar="FILE", help="write a picture, such as plot.svg, instead"
+    )
+    parser.epilog = EPILOG
+
+
+def run(options: argparse.Namespace) -> int:
+    """Decode the recordings, then draw the values; gives the exit status."""
+    if options.output not in (None, "-") and Path(options.output).suffix != ".svg":
+        raise UsageError(f"plot: -o {options.output}: pictures are SVG; name it .svg")
+    messages = Messages(quiet=True)
+    wanted = _filter_of(options.expression)
+    files = FileRun(
+        options.files,
+        replace(settings(options), tables=("transactions", "readings")),
+        read_as=options.read_as,
+        on_status=messages.recording_status,
+        progress=messages.progress,
+    )
+    with StopSignals() as stop_signals:
+        series, axis = _values(files, wanted, stop_signals, several=len(options.files) > 1)
+        if not series:
+            raise UsageError(f"plot: no reading with a number meets {options.expression!r}")
+        if options.output is None:
+            show_plot(series, stdout(), axis)
+        else:
+            write_page(options.output, svg(series, axis).encode())
+        if stop_signals.signal is not None:
+            return SIGNALLED + stop_signals.signal
+    return CaptureError.exit_status if files.unreadable else 0
+
+
+def _filter_of(text: str) -> Filter:
+    """A word alone is the name of a reading."""
+    is_name = text.replace("_", "").replace(".", "").replace("-", "").isalnum()
+    return parse(f"name == {text!r}" if is_name else text, "readings")
+
+
+def _values(
+    files: FileRun, wanted: Filter, stop_signals: StopSignals, *, several: bool
+) -> tuple[Series, str]:
+    """Seconds (or numbers of transactions) and values by the name of the reading."""
+    predicate = wanted.predicate()
+    by_time: Series = {}
+    by_number: Series = {}
+    for batch in files.batches():
+        rows = batch.readings.where(predicate)
+        for txn, elapsed, bus, unit, kind, address, name, value in rows.tuples(
+            _COLUMNS, 0, len(rows)
+        ):
+            if isinstance(value, int | float):
+                label = str(name or f"unit {unit} {str(kind).replace('_', ' ')} {address}")
+                label = f"{bus}: {label}" if several else label
+                _add(by_number, label, float(txn or 0), float(value))
+                if elapsed is not None:
+                    _add(by_time, label, float(elapsed) / 1e6, float(value))
+        if stop_signals.received():
+            break
+    has_times = sum(map(len, by_time.values())) == sum(map(len, by_number.values()))
+    series = by_time if has_times else by_number
+    if len(series) > MOST_SERIES:
+        raise UsageError(
+            f"plot: {len(series)} registers meet the condition, {MOST_SERIES} at most are drawn;"
+            f" add a condition, such as address == {next(iter(series)).rpartition(' ')[2]}"
+        )
+    return series, "s" if has_times else "(transaction)"
+
+
+def _add(series: Series, label: str, at: float, value: float) -> None:
+    series.setdefault(label, []).append((at, value))

@@ -1,0 +1,74 @@
+"""Recordings that are read to their end, and the document of what they hold."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from analyzer.cli.messages import Messages
+from analyzer.cli.parser import settings
+from analyzer.cli.segmentation import report_silence_limits
+from analyzer.cli.standard_streams import print_text
+from analyzer.cli.stop_signals import StopSignals
+from analyzer.report.document import complete
+from analyzer.session import FileRun, RecordingStatus
+from dissectors.errors import SourceError
+
+__all__ = ["RecordingDocument", "write_page"]
+
+
+class RecordingDocument:
+    """The document of the recordings that the options name; it is made when they have been read.
+
+    A signal ends the reading; the document then holds what was read until it came.
+    """
+
+    def __init__(
+        self, options: argparse.Namespace, messages: Messages, stop_signals: StopSignals
+    ) -> None:
+        self._statuses: list[RecordingStatus] = []
+        self._settings = replace(settings(options), tables=("diagnoses",), overview=True)
+        self._messages = messages
+        report_silence_limits(self._settings, messages)
+        self._files = FileRun(
+            options.files,
+            self._settings,
+            read_as=options.read_as,
+            on_status=self._note,
+            progress=messages.progress,
+        )
+        for _ in self._files.batches():
+            if stop_signals.received():
+                self._files.finish()
+                break
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """The document; docs/stats.schema.json describes it."""
+        return complete(self._files.document(), self._statuses, self._settings.functions)
+
+    @property
+    def unreadable(self) -> int:
+        """The recordings that could not be read, or not to their end."""
+        return self._files.unreadable
+
+    def _note(self, status: RecordingStatus) -> None:
+        self._statuses.append(status)
+        self._messages.recording_status(status)
+
+
+def write_page(name: str, content: bytes) -> None:
+    """Write a page to a file, or to standard output; `SourceError` where that is not possible."""
+    if name == "-":
+        print_text(content.decode())
+        return
+    target = Path(name)
+    partial = target.with_name(f"{target.name}.partial")
+    try:
+        partial.write_bytes(content)
+        partial.replace(target)
+    except OSError as error:
+        raise SourceError(f"{name}: {error.strerror or error}") from error

@@ -1,0 +1,62 @@
+"""`modlens report`: one page that shows what is on the bus, whether it is healthy, what to do."""
+
+from __future__ import annotations
+
+import argparse
+
+from analyzer.cli.messages import Messages
+from analyzer.cli.outputs import SIGNALLED
+from analyzer.cli.parser import add_decoding, add_input, add_line
+from analyzer.cli.recording_document import RecordingDocument, write_page
+from analyzer.cli.stop_signals import StopSignals
+from analyzer.report.page import page, viewer
+from dissectors.errors import CaptureError, UsageError
+
+__all__ = ["add_arguments", "run"]
+
+EPILOG = """\
+examples:
+  modlens report recording.jsonl --line 19200-8E1 -o report.html
+  modlens report monday.pcap tuesday.pcap -o week.html
+  modlens report --viewer -o viewer.html
+
+The page needs no network and can be mailed. Drop the JSON of `modlens stats
+--to json` on it to see another recording.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    add_input(parser, optional=True)
+    add_decoding(parser)
+    add_line(parser)
+    parser.add_argument(
+        "-o",
+        dest="output",
+        metavar="FILE",
+        required=True,
+        help="the page to write, such as report.html; - is standard output",
+    )
+    parser.add_argument(
+        "--viewer",
+        action="store_true",
+        help="write a page without data, on which documents of stats --to json can be dropped",
+    )
+    parser.epilog = EPILOG
+
+
+def run(options: argparse.Namespace) -> int:
+    """Decode the recordings, then write the page; gives the exit status."""
+    if options.viewer == bool(options.files):
+        raise UsageError("report: name recordings, or --viewer for a page without data")
+    if options.viewer:
+        write_page(options.output, viewer())
+        return 0
+    messages = Messages(quiet=False)
+    with StopSignals() as stop_signals:
+        recording = RecordingDocument(options, messages, stop_signals)
+        write_page(options.output, page(recording.document))
+        if stop_signals.signal is not None:
+            return SIGNALLED + stop_signals.signal
+    messages.info(recording.document["doctor"]["sentence"])
+    return CaptureError.exit_status if recording.unreadable else 0

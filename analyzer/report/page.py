@@ -1,0 +1,205 @@
+"""The page: one HTML file without anything from elsewhere.
+
+What is to be read is HTML. The document itself is in the page once, compressed, in a `<template>`,
+which no policy takes for a script; the plots are drawn of it after the page is shown. The content
+security policy names the hashes of the one style sheet and the one script, and forbids all else.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from html import escape
+from importlib import resources
+from typing import Any
+
+from analyzer.report import model
+from analyzer.visible import visible
+
+__all__ = ["page", "viewer"]
+
+_STYLES = ("uPlot.min.css", "report.css")
+_SCRIPTS = ("uPlot.iife.min.js", "model.js", "render.js", "plots.js", "report.js")
+_URGENT = 3
+"""Diagnoses that are open; the others have to be opened."""
+
+_ICON = (
+    "data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 16 16'%3E"
+    "%3Cpath d='M1 8h3l2-5 3 10 2-5h4' fill='none' stroke='%232a78c8' stroke-width='2'/%3E"
+    "%3C/svg%3E"
+)
+
+
+def page(document: Mapping[str, Any]) -> bytes:
+    """The report of a document (`document.complete`) as UTF-8."""
+    names = ", ".join(source["name"] for source in document["sources"]) or "Modbus"
+    return _whole(f"{names}: Modbus report", "".join(_body(document)), document)
+
+
+def viewer() -> bytes:
+    """A page without data, on which documents are dropped."""
+    text = "Drop the JSON of modlens stats --to json on this page, or choose it below."
+    return _whole("Modbus report", f'<p class="empty">{text}</p>', None)
+
+
+def _whole(title: str, body: str, document: Mapping[str, Any] | None) -> bytes:
+    style, script = _asset(_STYLES), _asset(_SCRIPTS)
+    policy = (
+        f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}';"
+        " img-src data:; base-uri 'none'; form-action 'none'"
+    )
+    data = "" if document is None else _packed(document)
+    layout = escape(json.dumps(model.layout(), separators=(",", ":")), quote=False)
+    return "".join(
+        (
+            '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n',
+            f'<meta http-equiv="Content-Security-Policy" content="{escape(policy)}">\n',
+            '<meta name="viewport" content="width=device-width, initial-scale=1">\n',
+            '<meta name="color-scheme" content="light dark">\n',
+            f'<link rel="icon" href="{_ICON}">\n',
+            f"<title>{_text(title)}</title>\n<style>{style}</style>\n</head>\n<body>\n",
+            '<a class="skip" href="#report">To the report</a>\n',
+            f'<main id="report">\n{body}</main>\n',
+            '<footer><p id="said" role="status" aria-live="polite"></p>',
+            '<p class="script-only"><label>Show another document: ',
+            '<input type="file" id="file" accept=".json,application/json"></label></p>',
+            "<noscript><p>Plots and filters need JavaScript; everything else is above.</p>",
+            "</noscript></footer>\n",
+            f'<template id="layout">{layout}</template>\n',
+            f'<template id="data">{data}</template>\n',
+            f"<script>{script}</script>\n</body>\n</html>\n",
+        )
+    ).encode()
+
+
+def _packed(document: Mapping[str, Any]) -> str:
+    text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
+    packed = gzip.compress(text.encode("utf-8", "surrogatepass"), 9, mtime=0)
+    return base64.b64encode(packed).decode()
+
+
+@cache
+def _asset(names: Sequence[str]) -> str:
+    folder = resources.files("analyzer.report").joinpath("assets")
+    return "\n".join(folder.joinpath(name).read_text("utf-8") for name in names)
+
+
+def _hash(text: str) -> str:
+    return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
+
+
+def _text(text: Any) -> str:
+    return escape(visible(str(text)))
+
+
+def _body(document: Mapping[str, Any]) -> Iterator[str]:
+    """The sections: the verdict, the diagnoses, then those of the layout."""
+    names = ", ".join(source["name"] for source in document["sources"])
+    doctor = document["doctor"]
+    word = model.VERDICTS[doctor["verdict"]]
+    yield f'<header><h1>Modbus report</h1><p class="source">{_text(names)}</p>'
+    yield f'<p class="verdict {doctor["verdict"]}"><strong>{_text(word)}</strong> '
+    yield f"{_text(doctor['sentence'])}</p></header>\n"
+    yield from _diagnoses(document)
+    for section in model.layout()["section"]:
+        yield f'<section id="{section["id"]}"><h2>{section["title"]}</h2>'
+        if "text" in section:
+            yield f"<p>{_text(section['text'])}</p>"
+        if "plot" in section:
+            yield f'<div class="plot script-only" data-plot="{section["plot"]}"></div>'
+        yield from _content(document, section)
+        yield "</section>\n"
+
+
+def _diagnoses(document: Mapping[str, Any]) -> Iterator[str]:
+    cards = list(model.diagnoses(document))
+    yield '<section id="diagnoses"><h2>What to do first</h2>'
+    if not cards:
+        yield '<p class="empty">No cause of trouble was found.</p>'
+    for number, card in enumerate(cards, 1):
+        is_open = " open" if number <= _URGENT else ""
+        yield f'<details class="card {card["level"]}"{is_open}>'
+        yield f'<summary><span class="level">{card["level"]}</span> '
+        yield f"<strong>{number}. {escape(card['title'])}</strong> "
+        yield f"<code>{escape(card['code'])}</code></summary>"
+        facts = "".join(
+            f"<div><dt>{name}</dt><dd>{escape(to)}</dd></div>" for name, to in card["facts"]
+        )
+        yield f"<dl>{facts}</dl>"
+        for name, text in card["texts"]:
+            head = f"<strong>{name}:</strong> " if name else ""
+            yield f"<p>{head}{escape(text)}</p>"
+        links = ", ".join(f'<a href="#txn-{txn}">{txn}</a>' for txn in card["examples"])
+        if links:
+            yield f"<p>Example transactions: {links}</p>"
+        yield "</details>"
+    yield "</section>\n"
+
+
+def _content(document: Mapping[str, Any], section: Mapping[str, Any]) -> Iterator[str]:
+    if section.get("examples"):
+        yield from _examples(document, section)
+        return
+    if "matrix" in section:
+        found = model.matrix(document, section)
+        head, rows = found["head"], found["rows"]
+        right = [False] * len(head)
+    else:
+        columns = model.columns(document, section)
+        head, rows = [column["title"] for column in columns], model.table(document, section)
+        right = [column["as"] in _RIGHT for column in columns]
+    if not rows:
+        yield f'<p class="empty">{section["empty"]}</p>'
+        return
+    yield from _table(section["title"], head, right, rows)
+    total = len(model.rows_at(document, section["rows"]))
+    if "matrix" not in section and total > len(rows):
+        yield f'<p class="more">{total - len(rows):,} more are in the document.</p>'
+
+
+_RIGHT = ("number", "int", "some", "ms", "seconds", "percent", "share", "total")
+
+
+def _table(
+    title: str, head: Sequence[str], right: Sequence[bool], rows: Sequence[Sequence[str]]
+) -> Iterator[str]:
+    yield f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(title)}">'
+    yield "<table><thead><tr>"
+    for name in head:
+        yield f'<th scope="col">{escape(name)}</th>'
+    yield "</tr></thead><tbody>"
+    for row in rows:
+        yield "<tr>"
+        for text, number in zip(row, right, strict=True):
+            yield f'<td class="n">{escape(text)}</td>' if number else f"<td>{escape(text)}</td>"
+        yield "</tr>"
+    yield "</tbody></table></div>"
+
+
+def _examples(document: Mapping[str, Any], section: Mapping[str, Any]) -> Iterator[str]:
+    found = list(model.examples(document))
+    if not found:
+        yield f'<p class="empty">{section["empty"]}</p>'
+    for one in found:
+        yield f'<details class="example" id="txn-{one["txn"]}">'
+        yield f"<summary>{escape(one['title'])}</summary>"
+        if one["findings"]:
+            yield f"<p>{escape(one['findings'])}</p>"
+        for frame in one["frames"]:
+            yield '<div class="scroll"><table class="bytes">'
+            yield f"<caption>{escape(frame['title'])}</caption><thead><tr>"
+            yield "".join(f'<th scope="col">{name}</th>' for name in _PIECES)
+            yield "</tr></thead><tbody>"
+            for row in frame["rows"]:
+                yield '<tr class="wrong">' if row["wrong"] else "<tr>"
+                yield "".join(f"<td>{escape(text)}</td>" for text in row["cells"])
+                yield "</tr>"
+            yield "</tbody></table></div>"
+        yield "</details>"
+
+
+_PIECES = ("offset", "bytes", "field", "value", "meaning")

@@ -1,0 +1,130 @@
+//! Whether a unit's answers are one step behind from a silence on. A silence ends an epoch; what the first answers behind it
+//! show (`Observation::shift`) tells about the whole epoch.
+
+use super::tally::{Examples, Place, Tally};
+use crate::observation::{Outcome, Shift};
+
+/// Fewer answers than these that continue another series are an accident of two alike.
+const LEAST_SHIFTED: u64 = 3;
+
+/// Their chance is less than one in 2 to the power of this.
+const LEAST_BITS: u64 = 40;
+
+/// The transactions of a unit from one silence to the next.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Epoch {
+    before: u64,
+    /// From the first answer on that continues another series.
+    from_onset: u64,
+    onset: Option<Place>,
+    last: Option<Place>,
+    shifted: u64,
+    elsewhere: u64,
+    bits: u64,
+    examples: Examples,
+}
+
+/// The epochs of a unit.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Epochs {
+    /// Answers one step behind, among all of the epochs that have ended.
+    ended: Tally,
+    /// Bits of the evidence of those that were.
+    bits: u64,
+    first: Epoch,
+    current: Option<Epoch>,
+}
+
+impl Epochs {
+    pub(super) fn count(&mut self, outcome: Outcome, shift: Option<Shift>, place: Place) {
+        if matches!(outcome, Outcome::Silent | Outcome::NotSeen) {
+            let open = self.current.replace(Epoch::default());
+            if let Some(open) = open {
+                self.end(&open);
+            }
+            return;
+        }
+        self.current.as_mut().unwrap_or(&mut self.first).count(shift, place);
+    }
+
+    fn end(&mut self, epoch: &Epoch) {
+        self.bits += if epoch.is_behind() { epoch.bits } else { 0 };
+        self.ended.merge(&epoch.tally());
+    }
+
+    /// Adds what came later.
+    pub(super) fn merge(&mut self, later: &Self) {
+        self.current.as_mut().unwrap_or(&mut self.first).merge(&later.first);
+        let Some(current) = &later.current else { return };
+        if let Some(open) = self.current.replace(current.clone()) {
+            self.end(&open);
+        }
+        self.bits += later.bits;
+        self.ended.merge(&later.ended);
+    }
+
+    /// Answers one step behind among all answers, and the bits of evidence for them.
+    pub fn behind(&self) -> (Tally, u64) {
+        let mut all = self.first.tally();
+        all.merge(&self.ended);
+        let open = self.current.clone().unwrap_or_default();
+        all.merge(&open.tally());
+        (all, self.bits + if open.is_behind() { open.bits } else { 0 })
+    }
+}
+
+impl Epoch {
+    fn count(&mut self, shift: Option<Shift>, place: Place) {
+        match shift {
+            Some(Shift::ToRequestBefore(bits)) => {
+                self.onset.get_or_insert(place);
+                self.shifted += 1;
+                self.bits += u64::from(bits);
+                self.examples.add(place.number);
+            }
+            Some(Shift::Elsewhere) => self.elsewhere += 1,
+            None => {}
+        }
+        if self.onset.is_some() {
+            self.from_onset += 1;
+            self.last = Some(place);
+        } else {
+            self.before += 1;
+        }
+    }
+
+    fn merge(&mut self, later: &Self) {
+        if self.onset.is_some() {
+            self.from_onset += later.before + later.from_onset;
+        } else {
+            self.before += later.before;
+            self.from_onset = later.from_onset;
+        }
+        self.onset = self.onset.or(later.onset);
+        self.last = later.last.or(self.last);
+        self.shifted += later.shifted;
+        self.elsewhere += later.elsewhere;
+        self.bits += later.bits;
+        self.examples.merge(&later.examples);
+    }
+
+    fn is_behind(&self) -> bool {
+        self.shifted >= LEAST_SHIFTED && self.bits >= LEAST_BITS && self.elsewhere * 3 < self.shifted
+    }
+
+    fn tally(&self) -> Tally {
+        let total = self.before + self.from_onset;
+        if !self.is_behind() {
+            return Tally { total, before: total, ..Tally::default() };
+        }
+        Tally {
+            failed: self.from_onset,
+            total,
+            first: self.onset,
+            last: self.last,
+            before: self.before,
+            after: 0,
+            examples: self.examples.clone(),
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! Where in the lattice a frame hypothesis scores best: behind which path, for each kind of path that matters.
+
+use crate::framer::rtu::answerable::Answerable;
+use crate::framer::rtu::context_score::{context_score, mirrors_request, ContextScore, FrameInPlace, Preceding};
+use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
+use crate::framer::rtu::frame_bytes::FrameBytes;
+use crate::framer::rtu::search::hypothesis::Hypothesis;
+use crate::framer::rtu::search::nested::Contents;
+use crate::framer::rtu::search::state::Search;
+use crate::framer::rtu::side::RESPONSE;
+use crate::framer::{FramerContext, PauseEvidence};
+use crate::input::Input;
+use crate::weights::MAY_HIDE_FRAME_BYTES;
+use modlens_protocol::direction::Direction;
+use modlens_protocol::functions::EXCEPTION_BIT;
+
+/// A substring with a valid CRC, and what is known of it on whatever path and in whichever direction it stands.
+pub(super) struct ValidSubstring<'a> {
+    /// Stream offset of its first byte.
+    pub start: u64,
+    /// Index of its first byte in the input.
+    pub start_index: usize,
+    /// The bytes, CRC included.
+    pub frame: FrameBytes<'a>,
+    /// What the silence before it says.
+    pub pause: PauseEvidence,
+    /// Score in bits of pauses and record boundaries before it and inside it.
+    pub timing_score: f32,
+    /// The direction that the connection, the line or the recording declares for it.
+    pub declared: Option<Direction>,
+    /// Which frames it may contain.
+    pub contents: Option<Contents>,
+    /// By index of a hypothesis: what frames inside this one add behind that (`nested_scores`); empty if there are none.
+    pub nested_scores: Vec<f32>,
+}
+
+impl ValidSubstring<'_> {
+    /// Score in bits of the frames inside this one, if it stands behind the hypothesis `parent` (an index of the lattice). What
+    /// was read counts only if it answers the outstanding request; what was copied counts anyway.
+    fn nested_score(&self, parent: usize, answers_outstanding: bool) -> f32 {
+        let counts = self.contents == Some(Contents::Copied) || answers_outstanding;
+        self.nested_scores.get(parent).copied().filter(|_| counts).unwrap_or(0.0)
+    }
+}
+
+/// A place in the lattice for a new hypothesis, and its scores there, in bits.
+#[derive(Clone, Copy)]
+pub(super) struct Placement {
+    /// Index of the hypothesis before it.
+    pub parent: usize,
+    /// Score of the path up to the end of the new frame.
+    pub path_score: f32,
+    /// Score of the new frame.
+    pub frame_score: f32,
+    /// It answers the request that is outstanding there.
+    pub answers_outstanding: bool,
+}
+
+/// The kinds of places, by number (`place_kind`).
+pub(super) const PLACE_KINDS: usize = 4;
+
+impl Search {
+    /// The best places in the lattice for a frame of this direction, one of each kind (`place_kind`); `None` where no path of the
+    /// kind ends at or before the frame's start, or none would have more than `floor` bits with it.
+    ///
+    /// Only the best path of each kind is kept, although paths may differ in their earlier requests as well. `own_score` is the
+    /// frame's score in bits without the frames before it. A path is worth its score less the cost of the unframed bytes
+    /// between, plus the frame with its context, plus the frames inside it.
+    pub(super) fn best_placements(
+        &self,
+        input: &Input,
+        context: &FramerContext<'_>,
+        substring: &ValidSubstring<'_>,
+        direction: usize,
+        own_score: f32,
+        floor: f32,
+    ) -> [Option<Placement>; PLACE_KINDS] {
+        let mut best: [Option<Placement>; PLACE_KINDS] = [None; PLACE_KINDS];
+        let mirrors = mirrors_request(context, substring.frame.pdu());
+        let mut contexts = ContextScores::new(self, input, context, substring, direction);
+        let ends_in_time = |(_, before): &(usize, &Hypothesis)| before.end <= substring.start;
+        for (parent, before) in self.lattice.iter().enumerate().filter(ends_in_time) {
+            let ContextScore { bits, answers_outstanding } = contexts.behind(before);
+            let frame_score = own_score + bits;
+            let nested_score = substring.nested_score(parent, answers_outstanding);
+            let unframed_cost = self.model.unframed_cost(substring.start - before.end);
+            let path_score = before.path_score - unframed_cost + frame_score + nested_score;
+            let follows_echo = mirrors && self.requests.look_up(before.answerable).heard_twice();
+            let place = &mut best[place_kind(answers_outstanding, follows_echo)];
+            if path_score > floor && place.is_none_or(|known| path_score > known.path_score) {
+                *place = Some(Placement { parent, path_score, frame_score, answers_outstanding });
+            }
+        }
+        best
+    }
+}
+
+/// The kind of a place: what of its path decides most of what follows. A response leaves the outstanding request or clears it
+/// (`answers_outstanding`; a request never answers). A write or its equal response may stand behind a request that was heard
+/// twice (`follows_echo`).
+fn place_kind(answers_outstanding: bool, follows_echo: bool) -> usize {
+    usize::from(answers_outstanding) + 2 * usize::from(follows_echo)
+}
+
+/// What a context score depends on where no stray bytes stand before the frame: the requests that may be answered, whether the
+/// unframed bytes before it may hide a frame, and whether its header stands among them.
+type ContextKey = (Answerable, bool, bool);
+
+/// Context scores of one frame in one direction, behind one hypothesis after the other.
+struct ContextScores<'a> {
+    search: &'a Search,
+    input: &'a Input,
+    context: &'a FramerContext<'a>,
+    substring: &'a ValidSubstring<'a>,
+    direction: usize,
+    /// Stream offset at which the frame's own unit and function last stand before it (`last_same_header`).
+    same_header_at: Option<u64>,
+    /// The last score: on most paths the same request is outstanding, so it is the next one, too.
+    last: Option<(ContextKey, ContextScore)>,
+}
+
+impl<'a> ContextScores<'a> {
+    fn new(
+        search: &'a Search,
+        input: &'a Input,
+        context: &'a FramerContext<'a>,
+        substring: &'a ValidSubstring<'a>,
+        direction: usize,
+    ) -> Self {
+        // A response to no request may have its own, damaged, among the unframed bytes before it.
+        let nothing_outstanding = || search.lattice.iter().any(|before| before.answerable.outstanding.is_none());
+        let is_known = || search.model.has_unit_and_function(substring.frame.unit(), substring.frame.code());
+        let looks_for_header = direction == RESPONSE && nothing_outstanding() && is_known();
+        let same_header_at = if looks_for_header { last_same_header(input, substring) } else { None };
+        Self { search, input, context, substring, direction, same_header_at, last: None }
+    }
+
+    /// The context score of the frame behind this hypothesis, which ends at or before the frame's start.
+    fn behind(&mut self, before: &Hypothesis) -> ContextScore {
+        let unframed_bytes = self.substring.start - before.end;
+        let has_same_header = self.same_header_at.is_some_and(|at| at >= before.end);
+        let preceding = Preceding { unframed_bytes, has_same_header };
+        if (1..MAY_HIDE_FRAME_BYTES).contains(&unframed_bytes) {
+            self.last = None;
+            return self.compute(before.answerable, preceding, self.pause_behind_strays(before.end));
+        }
+        let key = (before.answerable, unframed_bytes >= MAY_HIDE_FRAME_BYTES, has_same_header);
+        match self.last {
+            Some((last_key, score)) if last_key == key => score,
+            _ => {
+                let score = self.compute(before.answerable, preceding, self.substring.pause);
+                self.last = Some((key, score));
+                score
+            }
+        }
+    }
+
+    fn compute(&self, answerable: Answerable, preceding: Preceding, pause: PauseEvidence) -> ContextScore {
+        let answerable = self.search.requests.look_up(answerable);
+        let (model, context, frame) = (&self.search.model, self.context, self.substring.frame);
+        context_score(&FrameInPlace { model, context, answerable, frame, pause, preceding }, self.direction)
+    }
+
+    /// What the silence between the frame that ends at stream offset `end` and this one says. It counts from that frame, stray
+    /// bytes included: they do not make it shorter. Where that frame is no longer in the input, the silence right before this
+    /// one counts.
+    fn pause_behind_strays(&self, end: u64) -> PauseEvidence {
+        if end < self.input.offset() {
+            return self.substring.pause;
+        }
+        self.context.pause_evidence(self.input.silence_since(end, self.substring.start_index))
+    }
+}
+
+/// The stream offset at which unit and function of a frame last stand among the bytes of the input before it, at most
+/// `MAX_CANDIDATE_BYTES` before its start: perhaps those are its request, damaged. The exception bit of the frame does not
+/// count. `None` if they stand nowhere.
+fn last_same_header(input: &Input, substring: &ValidSubstring<'_>) -> Option<u64> {
+    let (unit, function) = (substring.frame.unit(), substring.frame.code() & !EXCEPTION_BIT);
+    let search_from = substring.start_index.saturating_sub(MAX_CANDIDATE_BYTES);
+    let before = &input.bytes()[search_from..substring.start_index];
+    let mut units = memchr::memrchr_iter(unit, before);
+    let place = units.find(|&place| before.get(place + 1) == Some(&function))?;
+    Some(input.offset() + (search_from + place) as u64)
+}

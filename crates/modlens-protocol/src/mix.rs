@@ -1,0 +1,10 @@
+//! A choice that depends on neither order nor chance: of many numbers, those with the least hashes.
+
+/// A well-mixed hash of a number (the finaliser of `SplitMix64`).
+#[inline]
+pub fn mix(number: u64) -> u64 {
+    let mut z = number.wrapping_add(0x9E37_79B9_7F4A_7C15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    z ^ (z >> 31)
+}

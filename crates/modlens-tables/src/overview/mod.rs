@@ -1,0 +1,455 @@
+//! What happened over time: series of a bus, of the requests to each unit, and of the values of registers; and transactions to
+//! look at. It is what a report draws beside the statistics of the engine.
+//!
+//! **Memory is bounded.** The resolution of series falls with their number (`series`), and there are at most [`MAX_BUSES`] buses,
+//! [`MAX_REQUESTS`] pairs of unit and function, [`registers::MAX_VALUES`] values. What there is no room for is counted.
+//!
+//! **Parts merge.** Parts of a recording, observed apart and merged in order, give what one pass gives.
+
+mod examples;
+mod line;
+mod registers;
+mod series;
+
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
+
+use modlens_engine::records::{Batch, Bus, Connection, End, Frame, Transaction};
+use modlens_protocol::line::LineSettings;
+use modlens_protocol::source::Clock;
+use modlens_protocol::Ns;
+use serde_json::{json, Value as Json};
+
+use crate::columns::each_value;
+use examples::{time_text, Examples};
+use line::{bus_columns, request_columns, us, BusBucket, RequestBucket};
+use registers::{Place, Registers, MAX_VALUES};
+use series::{resolution, Range, Series};
+
+/// Buses that have series.
+pub const MAX_BUSES: usize = 64;
+
+/// Pairs of unit and function that have series, all buses taken together.
+pub const MAX_REQUESTS: usize = 1024;
+
+/// Connections that are listed.
+const MAX_CONNECTIONS: usize = 200;
+
+/// The finest bucket of time is two to the power of this wide: a millisecond.
+const TIME_SHIFT: u32 = 20;
+
+/// Collects what happened over a whole recording.
+///
+/// ```
+/// use modlens_engine::session::{BusOptions, Session};
+/// use modlens_readers::chunk::Chunk;
+/// use modlens_tables::overview::Overview;
+/// let mut session = Session::default();
+/// let bus = session.add_bus(BusOptions::named("line"));
+/// session.feed(bus, &Chunk { bytes: &[0x11, 3, 0, 0x6B, 0, 3, 0x76, 0x87], ..Chunk::default() });
+/// session.flush();
+/// let mut overview = Overview::default();
+/// overview.observe(&session.take());
+/// let found = overview.json(&[]);
+/// assert_eq!(found["buses"][0]["line"]["transactions"], serde_json::json!([1]));
+/// ```
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Overview {
+    buses: Vec<BusOverview>,
+    examples: Examples,
+    connections: Vec<Json>,
+    more_connections: u64,
+    left_out: LeftOut,
+}
+
+/// What there was no room for.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct LeftOut {
+    /// Hashes of names, to count each bus once.
+    buses: BTreeSet<u64>,
+    transactions: u64,
+    values: u64,
+    /// Parts whose clock was of another kind than the part before.
+    parts: u64,
+}
+
+/// By what a bus's series go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Axis {
+    /// Time since 1970.
+    Utc,
+    /// Time since the beginning of the recording.
+    Relative,
+    /// The number of the transaction, where there is no clock.
+    Transactions,
+}
+
+#[derive(Clone, Copy)]
+enum RowKind {
+    Frame,
+    Transaction,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct BusOverview {
+    name: String,
+    source: String,
+    settings: Option<LineSettings>,
+    axis: Axis,
+    /// Where the last frame and the last transaction were, for rows without a time.
+    last: [i64; 2],
+    line: Series<BusBucket>,
+    requests: BTreeMap<(u8, u8), Requests>,
+    registers: Registers,
+}
+
+/// The requests of one function to one unit.
+#[derive(Clone, Debug, PartialEq)]
+struct Requests {
+    series: Series<RequestBucket>,
+    /// The least hash of a transaction, by status.
+    examples: [u64; 8],
+}
+
+impl Overview {
+    /// Adds the rows of a batch. It has to have frames and transactions.
+    pub fn observe(&mut self, batch: &Batch) {
+        for connection in &batch.connections {
+            if self.connections.len() < MAX_CONNECTIONS {
+                self.connections.push(connection_json(connection));
+            } else {
+                self.more_connections += 1;
+            }
+        }
+        let most = self.bus_resolution();
+        let mut rest = &batch.frames[..];
+        while let Some(first) = rest.first() {
+            let run = rest.iter().position(|row| row.bus != first.bus).unwrap_or(rest.len());
+            let has_time =
+                if batch.buses[first.bus as usize].clock == Clock::Utc { first.start } else { first.elapsed }.is_some();
+            if let Some(bus) = self.bus(batch, first.bus, has_time) {
+                rest[..run].iter().for_each(|row| bus.frame(row, most));
+            }
+            rest = &rest[run..];
+        }
+        let mut rest = &batch.transactions[..];
+        while let Some(first) = rest.first() {
+            let run = rest.iter().position(|row| row.bus != first.bus).unwrap_or(rest.len());
+            self.transactions(batch, &rest[..run]);
+            rest = &rest[run..];
+        }
+        self.values(batch);
+    }
+
+    /// Adds transactions of one bus.
+    fn transactions(&mut self, batch: &Batch, rows: &[Transaction]) {
+        let (line, of_requests, of_values) = (self.bus_resolution(), self.request_resolution(), self.value_resolution());
+        let (mut requests, mut values) = (self.requests(), self.registers());
+        let Some(at) = self.bus_at(batch, rows[0].bus, time_of(batch, &rows[0]).is_some()) else { return };
+        let bus = &mut self.buses[at];
+        for row in rows {
+            let position = bus.place(RowKind::Transaction, time_of(batch, row), Some(row.number));
+            bus.line.at(position, line).transaction(row);
+            let shift = bus.axis.shift();
+            let key = (row.unit, row.function);
+            let of_function = match bus.requests.entry(key) {
+                Entry::Occupied(found) => found.into_mut(),
+                Entry::Vacant(_) if requests == MAX_REQUESTS => {
+                    self.left_out.transactions += 1;
+                    continue;
+                }
+                Entry::Vacant(place) => {
+                    requests += 1;
+                    place.insert(Requests { series: Series::new(shift), examples: [u64::MAX; 8] })
+                }
+            };
+            of_function.series.at(position, of_requests).transaction(row);
+            self.examples.add(batch, row, &mut of_function.examples[row.status as usize]);
+            if row.points.is_none() {
+                let (before, place) = (bus.registers.values, Place { position, shift, most: of_values });
+                let room = MAX_VALUES - (values - before);
+                self.left_out.values += bus.registers.transaction(batch, row, place, room) as u64;
+                values += bus.registers.values - before;
+            }
+        }
+    }
+
+    /// Adds the values of units that have a profile.
+    fn values(&mut self, batch: &Batch) {
+        if batch.transactions.iter().all(|row| row.points.is_none()) {
+            return;
+        }
+        let most = self.value_resolution();
+        each_value(batch, |part| {
+            let row = part.transaction;
+            if row.points.is_none() {
+                return;
+            }
+            let others = self.registers();
+            let Some(at) = self.bus_at(batch, row.bus, time_of(batch, row).is_some()) else { return };
+            let bus = &mut self.buses[at];
+            let position = bus.place(RowKind::Transaction, time_of(batch, row), Some(row.number));
+            let room = MAX_VALUES - (others - bus.registers.values);
+            let place = Place { position, shift: bus.axis.shift(), most };
+            self.left_out.values += bus.registers.value(&part, place, room) as u64;
+        });
+    }
+
+    /// Adds what was observed of the part of the recording behind this one.
+    pub fn merge(&mut self, later: &Self) {
+        for bus in &later.buses {
+            match self.buses.iter().position(|own| own.name == bus.name) {
+                Some(at) if self.buses[at].axis != bus.axis => self.left_out.parts += 1,
+                Some(at) => self.merge_bus(at, bus),
+                None if self.buses.len() == MAX_BUSES => self.left_out.add_bus(&bus.name),
+                None => self.buses.push(bus.clone()),
+            }
+        }
+        self.examples.merge(&later.examples);
+        for connection in &later.connections {
+            if self.connections.len() < MAX_CONNECTIONS {
+                self.connections.push(connection.clone());
+            } else {
+                self.more_connections += 1;
+            }
+        }
+        self.more_connections += later.more_connections;
+        self.left_out.buses.extend(&later.left_out.buses);
+        self.left_out.transactions += later.left_out.transactions;
+        self.left_out.values += later.left_out.values;
+        self.left_out.parts += later.left_out.parts;
+    }
+
+    fn merge_bus(&mut self, at: usize, later: &BusOverview) {
+        let (line, of_requests, of_values) = (self.bus_resolution(), self.request_resolution(), self.value_resolution());
+        let (mut requests, room) = (self.requests(), MAX_VALUES - (self.registers() - self.buses[at].registers.values));
+        let own = &mut self.buses[at];
+        own.settings = later.settings.or(own.settings);
+        own.last = later.last;
+        own.line.merge(&later.line, line);
+        for (key, counts) in &later.requests {
+            if let Some(own) = own.requests.get_mut(key) {
+                own.series.merge(&counts.series, of_requests);
+                own.examples.iter_mut().zip(counts.examples).for_each(|(own, more)| *own = (*own).min(more));
+            } else if requests < MAX_REQUESTS {
+                requests += 1;
+                own.requests.insert(*key, counts.clone());
+            }
+        }
+        self.left_out.values += own.registers.merge(&later.registers, of_values, room) as u64;
+    }
+
+    /// Everything as JSON; `docs/stats.schema.json` describes it. `wanted` are the numbers of transactions that have to be among
+    /// the examples if they are known.
+    pub fn json(&self, wanted: &[u64]) -> Json {
+        json!({
+            "buses": self.buses.iter().map(|bus| self.bus_json(bus)).collect::<Vec<_>>(),
+            "connections": self.connections, "examples": self.examples.json(wanted),
+            "left_out": {
+                "buses": self.left_out.buses.len(), "transactions": self.left_out.transactions,
+                "values": self.left_out.values, "connections": self.more_connections, "parts": self.left_out.parts,
+            },
+        })
+    }
+
+    fn bus_json(&self, bus: &BusOverview) -> Json {
+        let Some(range) = bus.line.range() else { return Json::Null };
+        let has_clock = bus.axis != Axis::Transactions;
+        let has_load = has_clock && bus.settings.is_some();
+        let line = range.within(self.bus_resolution());
+        let of_requests = bus.common(bus.requests.values().filter_map(|one| one.series.range()), self.request_resolution());
+        let of_values = bus.common(std::iter::empty(), self.value_resolution());
+        let requests: Vec<Json> = bus
+            .requests
+            .iter()
+            .map(|((unit, function), counts)| {
+                let mut row = json!({"unit": unit, "function": function});
+                let columns = request_columns(&counts.series.cut_to(of_requests));
+                let (Json::Object(row), Json::Object(columns)) = (&mut row, columns) else { unreachable!("both are maps") };
+                row.extend(columns);
+                Json::Object(std::mem::take(row))
+            })
+            .collect();
+        let mut columns = bus.axis.steps(line);
+        let (Json::Object(all), Json::Object(more)) = (&mut columns, bus_columns(&bus.line.cut_to(line), has_clock, has_load))
+        else {
+            unreachable!("both are maps")
+        };
+        all.extend(more);
+        json!({
+            "bus": bus.name, "source": bus.source, "settings": bus.settings.map(|line| line.to_string()), "axis": bus.axis.text(),
+            "line": columns,
+            "requests": {"steps": bus.axis.steps(of_requests), "rows": requests},
+            "registers": {"steps": bus.axis.steps(of_values), "rows": bus.registers.json(of_values)},
+        })
+    }
+
+    fn bus(&mut self, batch: &Batch, index: u32, has_time: bool) -> Option<&mut BusOverview> {
+        let at = self.bus_at(batch, index, has_time)?;
+        Some(&mut self.buses[at])
+    }
+
+    /// The index here of the bus with this index in the batch; `None` if there is no room for it.
+    fn bus_at(&mut self, batch: &Batch, index: u32, has_time: bool) -> Option<usize> {
+        let row = &batch.buses[index as usize];
+        let found = self.buses.iter().position(|bus| bus.name == row.name);
+        if let Some(at) = found {
+            self.buses[at].settings = row.line.or(self.buses[at].settings);
+            return found;
+        }
+        if self.buses.len() == MAX_BUSES {
+            self.left_out.add_bus(&row.name);
+            return None;
+        }
+        self.buses.push(BusOverview::new(row, has_time));
+        Some(self.buses.len() - 1)
+    }
+
+    fn requests(&self) -> usize {
+        self.buses.iter().map(|bus| bus.requests.len()).sum()
+    }
+
+    fn registers(&self) -> usize {
+        self.buses.iter().map(|bus| bus.registers.values).sum()
+    }
+
+    fn bus_resolution(&self) -> usize {
+        resolution(2048, self.buses.len(), 32, 1024)
+    }
+
+    fn request_resolution(&self) -> usize {
+        resolution(8192, self.requests(), 16, 256)
+    }
+
+    fn value_resolution(&self) -> usize {
+        resolution(32_768, self.registers(), 16, 256)
+    }
+}
+
+impl LeftOut {
+    fn add_bus(&mut self, name: &str) {
+        if self.buses.len() < MAX_BUSES * 1024 {
+            self.buses.insert(modlens_protocol::mix::mix(
+                name.bytes().fold(0, |hash, byte| modlens_protocol::mix::mix(hash ^ u64::from(byte))),
+            ));
+        }
+    }
+}
+
+impl BusOverview {
+    fn new(row: &Bus, has_time: bool) -> Self {
+        let axis = match row.clock {
+            Clock::Utc if has_time => Axis::Utc,
+            Clock::Relative if has_time => Axis::Relative,
+            _ => Axis::Transactions,
+        };
+        Self {
+            name: row.name.clone(),
+            source: row.source.clone(),
+            settings: row.line,
+            axis,
+            last: [0; 2],
+            line: Series::new(axis.shift()),
+            requests: BTreeMap::new(),
+            registers: Registers::default(),
+        }
+    }
+
+    /// Where a row is: by its time, or by its number where the bus has no clock. A row that has neither is where the last one was.
+    #[inline]
+    fn place(&mut self, rows: RowKind, time: Option<Ns>, number: Option<u64>) -> i64 {
+        let position = match self.axis {
+            Axis::Transactions => number.map(|number| number as i64),
+            _ => time,
+        };
+        let last = &mut self.last[rows as usize];
+        *last = position.unwrap_or(*last);
+        *last
+    }
+
+    #[inline]
+    fn frame(&mut self, row: &Frame, most: usize) {
+        let time = if self.axis == Axis::Utc { row.start } else { row.elapsed };
+        let position = self.place(RowKind::Frame, time, row.txn);
+        let bucket = self.line.at(position, most);
+        bucket.frame(row);
+        if let Some(line) = self.settings.filter(|_| self.axis != Axis::Transactions) {
+            let busy = line.char_ns() * i64::from(row.wire.length);
+            let width = self.line.width();
+            if position & (width - 1) <= width - busy {
+                self.line.at(position, most).busy += busy;
+            } else {
+                self.add_busy(position, busy, most);
+            }
+        }
+    }
+
+    /// Shares the time that a frame took among the buckets that it lies in.
+    #[cold]
+    fn add_busy(&mut self, start: i64, busy: Ns, most: usize) {
+        // The last bucket first: it may make all others wider.
+        self.line.at(start + busy - 1, most);
+        let width = self.line.width();
+        let (mut from, end) = (start, start + busy);
+        while from < end {
+            let until = ((from & !(width - 1)) + width).min(end);
+            self.line.at(from, most).busy += until - from;
+            from = until;
+        }
+    }
+
+    /// The range of the bus in buckets that are wide enough for all these series.
+    fn common(&self, series: impl Iterator<Item = Range>, most: usize) -> Range {
+        let registers = self.registers.range();
+        let all = self.line.range().into_iter().chain(series).chain(registers);
+        all.reduce(Range::with).expect("the bus has rows").within(most)
+    }
+}
+
+impl Axis {
+    fn text(self) -> &'static str {
+        match self {
+            Self::Utc => "utc",
+            Self::Relative => "relative",
+            Self::Transactions => "transactions",
+        }
+    }
+
+    fn shift(self) -> u32 {
+        match self {
+            Self::Transactions => 0,
+            _ => TIME_SHIFT,
+        }
+    }
+
+    /// Where the buckets of a range begin, and how wide each is: in microseconds, or in transactions.
+    fn steps(self, range: Range) -> Json {
+        let (start, step) = (range.first << range.shift, 1i64 << range.shift);
+        let count = range.last - range.first + 1;
+        match self {
+            Self::Transactions => json!({"start": start, "step": step, "count": count}),
+            _ => json!({"start": us(start), "step": us(step), "count": count}),
+        }
+    }
+}
+
+/// The time of a transaction on the clock of its bus.
+#[inline]
+fn time_of(batch: &Batch, row: &Transaction) -> Option<Ns> {
+    match batch.buses[row.bus as usize].clock {
+        Clock::Utc => row.start,
+        _ => row.elapsed,
+    }
+}
+
+fn connection_json(row: &Connection) -> Json {
+    let time = |time: Option<Ns>| time.filter(|_| row.clock == Clock::Utc).map(time_text);
+    let findings: Vec<&str> = row.findings.iter().map(|finding| finding.doc().code).collect();
+    json!({
+        "connection": row.number, "client": row.client, "client_port": row.client_port, "server": row.server,
+        "opened": time(row.opened), "closed": time(row.closed), "closed_by": row.closed_by.map(End::text),
+        "refused": row.is_refused, "reset": row.is_reset, "requests": row.requests, "answered": row.answered,
+        "in_flight_max": row.in_flight_max, "lockstep": row.lockstep,
+        "retransmitted_segments": row.retransmitted_segments, "lost_bytes": row.lost_bytes, "findings": findings,
+    })
+}

@@ -1,0 +1,204 @@
+//! The command line.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use modlens_protocol::framing::Mode;
+use modlens_protocol::line::LineSettings;
+use modlens_recorder::{Retention, Rotation};
+
+use crate::broker::Broker;
+
+const HELP: &str = "\
+usage: modlens-tap [BUS=]PORT [OPTIONS]
+
+Listens to a serial port and decodes its Modbus traffic; it never sends.
+
+  --line 19200-8E1      line settings (default: found by listening)
+  --mode rtu|ascii      framing (default: detected)
+  -o FILE               append each transaction as a JSON line (default: standard output)
+  --quiet               no rows on standard output
+  --record FILE         save the raw bytes with timestamps as pcapng, for modlens decode
+  --rotate N            start a new file every so often, or at this size: 1h, 64MB
+  --keep N              keep the newest N files, or at most this size: 168, 2GB
+  --mqtt URL            publish to mqtt://[user@]host[:port]/prefix, or mqtts:// for TLS
+  --mqtt-password-file FILE   file with the password (default: $MODLENS_MQTT_PASSWORD)
+  --mqtt-ca FILE        CA certificates (PEM) to trust (default: those of the system)
+  --count N             stop after so many transactions
+  --version             print the version
+
+Exit status: 0 done; 2 wrong use; 3 output not writable; 4 port trouble.
+";
+
+/// What the command line asks for.
+pub enum Wanted {
+    /// A tap.
+    Tap(Box<Options>),
+    /// Only this text.
+    Text(String),
+}
+
+/// How to tap.
+pub struct Options {
+    /// The name of the bus.
+    pub bus: String,
+    /// The port's path.
+    pub port: String,
+    /// Line settings; found where `None`.
+    pub line: Option<LineSettings>,
+    /// Framing; detected where `None`.
+    pub mode: Option<Mode>,
+    /// The file of JSON lines.
+    pub output: Option<PathBuf>,
+    /// No rows on standard output.
+    pub quiet: bool,
+    /// The raw recording.
+    pub record: Option<PathBuf>,
+    /// When a segment of the recording ends.
+    pub rotation: Rotation,
+    /// Which segments stay.
+    pub retention: Retention,
+    /// Where to publish.
+    pub broker: Option<Broker>,
+    /// Transactions after which the tap ends.
+    pub count: Option<usize>,
+}
+
+/// Reads the words behind the program's name.
+pub fn parse(words: &[String]) -> Result<Wanted, String> {
+    let mut found = Options {
+        bus: String::new(),
+        port: String::new(),
+        line: None,
+        mode: None,
+        output: None,
+        quiet: false,
+        record: None,
+        rotation: Rotation::Never,
+        retention: Retention::All,
+        broker: None,
+        count: None,
+    };
+    let (mut url, mut password_file, mut authorities) = (None, None, None);
+    let mut rest = words.iter();
+    while let Some(word) = rest.next() {
+        let mut value = || rest.next().ok_or(format!("{word}: a value is missing"));
+        match word.as_str() {
+            "-h" | "--help" => return Ok(Wanted::Text(HELP.into())),
+            "-V" | "--version" => return Ok(Wanted::Text(format!("modlens-tap {}\n", env!("CARGO_PKG_VERSION")))),
+            "--line" => found.line = Some(value()?.parse()?),
+            "--mode" => found.mode = Some(mode(value()?)?),
+            "-o" => found.output = Some(value()?.into()),
+            "--quiet" => found.quiet = true,
+            "--record" => found.record = Some(value()?.into()),
+            "--rotate" => found.rotation = rotation(value()?)?,
+            "--keep" => found.retention = retention(value()?)?,
+            "--mqtt" => url = Some(value()?.clone()),
+            "--mqtt-password-file" => password_file = Some(value()?.clone()),
+            "--mqtt-ca" => authorities = Some(PathBuf::from(value()?)),
+            "--count" => found.count = Some(value()?.parse().map_err(|_| "--count: write a number")?),
+            _ if word.starts_with('-') => return Err(format!("{word}: no such option")),
+            _ if found.port.is_empty() => (found.bus, found.port) = named(word),
+            _ => return Err(format!("{word}: one port only")),
+        }
+    }
+    if found.port.is_empty() {
+        return Err("no port given".into());
+    }
+    if let Some(url) = url {
+        found.broker = Some(Broker::parse(&url, password_file.as_deref(), authorities)?);
+    }
+    Ok(Wanted::Tap(Box::new(found)))
+}
+
+/// The name of a bus and its port, in `[BUS=]PORT`.
+fn named(word: &str) -> (String, String) {
+    match word.split_once('=') {
+        Some((bus, port)) if !bus.contains('/') => (bus.into(), port.into()),
+        _ => (word.into(), word.into()),
+    }
+}
+
+fn mode(word: &str) -> Result<Mode, String> {
+    match word {
+        "rtu" => Ok(Mode::Rtu),
+        "ascii" => Ok(Mode::Ascii),
+        _ => Err(format!("--mode {word}: rtu or ascii")),
+    }
+}
+
+/// A time such as `1h` or a size such as `64MB`.
+fn rotation(text: &str) -> Result<Rotation, String> {
+    if let Some(bytes) = bytes(text) {
+        return Ok(Rotation::Bytes(bytes));
+    }
+    let (number, unit) = split(text);
+    let seconds = match unit {
+        "s" => 1,
+        "m" | "min" => 60,
+        "h" => 3600,
+        "d" => 86_400,
+        _ => 0,
+    };
+    match number {
+        Some(number) if number > 0 && seconds > 0 => Ok(Rotation::After(Duration::from_secs(number.saturating_mul(seconds)))),
+        _ => Err(format!("--rotate {text}: a time such as 1h, or a size such as 64MB")),
+    }
+}
+
+fn retention(text: &str) -> Result<Retention, String> {
+    if let Some(bytes) = bytes(text) {
+        return Ok(Retention::Bytes(bytes));
+    }
+    match split(text) {
+        (Some(number), "") if number > 0 => Ok(Retention::Segments(number as usize)),
+        _ => Err(format!("--keep {text}: a number of files, or a size such as 2GB")),
+    }
+}
+
+fn bytes(text: &str) -> Option<u64> {
+    let (number, unit) = split(text);
+    let power = match unit.to_ascii_uppercase().as_str() {
+        "KB" => 1,
+        "MB" => 2,
+        "GB" => 3,
+        _ => return None,
+    };
+    Some(number?.saturating_mul(1000u64.pow(power))).filter(|bytes| *bytes > 0)
+}
+
+/// A number and what follows it.
+fn split(text: &str) -> (Option<u64>, &str) {
+    let end = text.find(|character: char| !character.is_ascii_digit()).unwrap_or(text.len());
+    (text[..end].parse().ok(), &text[end..])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tap(words: &[&str]) -> Result<Box<Options>, String> {
+        match parse(&words.iter().map(ToString::to_string).collect::<Vec<_>>())? {
+            Wanted::Tap(options) => Ok(options),
+            Wanted::Text(text) => Err(text),
+        }
+    }
+
+    #[test]
+    fn times_sizes_and_names_are_read_as_modlens_tap_reads_them() {
+        let found = tap(&["boiler=/dev/ttyUSB0", "--line", "9600-8N1", "--rotate", "1h", "--keep", "2GB"]).unwrap();
+        assert_eq!((found.bus.as_str(), found.port.as_str()), ("boiler", "/dev/ttyUSB0"));
+        assert_eq!(found.line.unwrap().to_string(), "9600-8N1");
+        assert_eq!(found.rotation, Rotation::After(Duration::from_secs(3600)));
+        assert_eq!(found.retention, Retention::Bytes(2_000_000_000));
+        let found = tap(&["/dev/ttyUSB0", "--rotate", "64MB", "--keep", "168"]).unwrap();
+        assert_eq!((found.rotation, found.retention), (Rotation::Bytes(64_000_000), Retention::Segments(168)));
+    }
+
+    #[test]
+    fn wrong_use_is_told() {
+        for words in [&["--line"][..], &[], &["a", "b"], &["a", "--rotate", "0h"], &["a", "--keep", "x"], &["a", "--what"]] {
+            assert!(tap(words).is_err(), "{words:?}");
+        }
+    }
+}

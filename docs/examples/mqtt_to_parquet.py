@@ -1,0 +1,175 @@
+"""Transactions from an MQTT broker to Parquet files: `python mqtt_to_parquet.py HOST FOLDER NAME`.
+
+Start as many as are needed, each with a name of its own: they share the messages. The broker keeps
+what comes while one is away (persistent session, MQTT 5.0, 4.1), and a message is acknowledged
+when the file that it is in is on the disk, so nothing is lost when this program is killed. What
+comes again then is left out if it is in this program's newest file.
+
+Mosquitto 2.0 forgets shared subscriptions when it is restarted, and drops what comes before the
+consumers are back. There, give each consumer topics of its own: `--topic plant/pumps/transaction`,
+or `+/+/transaction` to a single one. Then nothing is lost when the broker is restarted, either.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+from paho.mqtt import client as paho
+from paho.mqtt.enums import CallbackAPIVersion
+from paho.mqtt.packettypes import PacketTypes
+from paho.mqtt.properties import Properties
+
+from analyzer.batches import schema
+
+SCHEMA = schema("transactions")
+SHARED = "$share/parquet/+/+/transaction"
+ROWS = 5000
+"""A file is written after so many rows at the latest."""
+
+AWAY_S = 7 * 86_400
+"""For how long the broker keeps the messages of a consumer that is away."""
+
+Key = tuple[str, int, int | None]
+
+
+def main() -> None:
+    """Write files until SIGTERM or Ctrl-C."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("broker", help="host or host:port")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("name")
+    parser.add_argument("--topic", default=SHARED)
+    parser.add_argument("--seconds", type=float, default=10.0, help="write a file after so long")
+    options = parser.parse_args()
+    folder, name, seconds = options.folder, options.name, options.seconds
+    folder.mkdir(parents=True, exist_ok=True)
+    inbox = Inbox()
+    client = connect(options.broker, name, options.topic, inbox)
+    stopped: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, frame: stopped.append(number))
+    known = newest_keys(folder, name)
+    while not stopped:
+        connection, batch = inbox.take(seconds)
+        if batch:
+            known = write(folder, name, [bytes(one.payload) for one in batch], known)
+            for one in batch:
+                inbox.acknowledge(client, connection, one)
+    client.disconnect()
+    client.loop_stop()
+
+
+class Inbox:
+    """Messages that wait to be written.
+
+    What has not been acknowledged when a connection ends comes again in the next one, where its
+    number may be that of another message: then it is neither kept nor acknowledged.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Condition()
+        self._connection = 0
+        self._messages: list[paho.MQTTMessage] = []
+
+    def begin(self) -> None:
+        """A connection has been made."""
+        with self._lock:
+            self._connection += 1
+            self._messages.clear()
+
+    def put(self, message: paho.MQTTMessage) -> None:
+        """A message has come."""
+        with self._lock:
+            self._messages.append(message)
+            if len(self._messages) >= ROWS:
+                self._lock.notify()
+
+    def take(self, seconds: float) -> tuple[int, list[paho.MQTTMessage]]:
+        """What comes within so many seconds, or as many as make a file; and of which connection."""
+        with self._lock:
+            self._lock.wait_for(lambda: len(self._messages) >= ROWS, seconds)
+            found, self._messages = self._messages[:ROWS], self._messages[ROWS:]
+            return self._connection, found
+
+    def acknowledge(self, client: paho.Client, connection: int, one: paho.MQTTMessage) -> None:
+        """Tell the broker that it may forget a message."""
+        with self._lock:
+            if connection == self._connection:
+                client.ack(one.mid, one.qos)
+
+
+def connect(broker: str, name: str, topic: str, inbox: Inbox) -> paho.Client:
+    """A client whose session the broker keeps, and that acknowledges by hand."""
+    client = paho.Client(
+        CallbackAPIVersion.VERSION2, f"parquet-{name}", protocol=paho.MQTTv5, manual_ack=True
+    )
+    kept = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
+    kept.SessionExpiryInterval = AWAY_S
+    kept.ReceiveMaximum = 2 * ROWS
+
+    def subscribe(client: paho.Client, *_: Any) -> None:
+        inbox.begin()
+        client.subscribe(topic, qos=1)
+
+    client.on_connect = subscribe
+    client.on_message = lambda client, data, message: inbox.put(message)
+    client.reconnect_delay_set(1, 30)
+    host, _, port = broker.partition(":")
+    client.connect_async(host, int(port or 1883), clean_start=False, properties=kept)
+    client.loop_start()
+    return client
+
+
+def write(folder: Path, name: str, payloads: list[bytes], known: set[Key]) -> set[Key]:
+    """Write a file of these transactions, but those that are known; gives what is known then."""
+    rows = {key_of(row): row for row in map(row_of, payloads)}
+    new = {key: row for key, row in rows.items() if key not in known}
+    if new:
+        path = folder / f"{name}-{time.time_ns():020d}.parquet"
+        aside = path.with_suffix(".unfinished")
+        pq.write_table(pa.Table.from_pylist(list(new.values()), SCHEMA), aside, compression="zstd")
+        with aside.open("rb") as file:
+            os.fsync(file.fileno())
+        aside.rename(path)
+        return set(new)
+    return known
+
+
+def row_of(payload: bytes) -> dict[str, Any]:
+    """A message as a row: times as nanoseconds, what JSON nests as JSON text."""
+    row: dict[str, Any] = json.loads(payload)
+    if "time" in row:
+        time_ns = pa.array([row["time"]]).cast(pa.timestamp("ns", "UTC")).cast(pa.int64())
+        row["time"] = time_ns[0].as_py()
+    for column in ("fields", "readings"):
+        if column in row:
+            row[column] = json.dumps(row[column])
+    return row
+
+
+def key_of(row: dict[str, Any]) -> Key:
+    """What tells transactions apart: numbers begin anew with each run of a tap."""
+    return row["bus"], row["txn"], row.get("time")
+
+
+def newest_keys(folder: Path, name: str) -> set[Key]:
+    """The transactions in the newest file of this consumer, which may come again."""
+    files = sorted(folder.glob(f"{name}-*.parquet"))
+    if not files:
+        return set()
+    table = pq.read_table(files[-1], columns=["bus", "txn", "time"])
+    times = table["time"].cast(pa.int64()).to_pylist()
+    return set(zip(table["bus"].to_pylist(), table["txn"].to_pylist(), times, strict=True))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""How modlens is built for other machines: wheels, their checks, the packages for gateways."""

@@ -1,0 +1,71 @@
+"""One version, and a workflow for releases that does nothing but call make."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+from ruamel.yaml import YAML
+
+import _modlens
+from release.licences import OUTPUT, document
+from release.targets import GATEWAYS, TARGETS
+from tests.conftest import ROOT
+
+WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
+TARGETS_OF_MAKE = set(
+    re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+)
+PINNED = r"[\w./-]+@([0-9a-f]{40}|v\d+(\.\d+)*)"
+
+
+def test_the_version_stands_once() -> None:
+    """In Cargo.toml; the build takes the wheel's from there, the extension has it compiled in."""
+    cargo = tomllib.loads((ROOT / "Cargo.toml").read_text(encoding="utf-8"))
+    version = cargo["workspace"]["package"]["version"]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert "version" not in project
+    assert "version" in project["dynamic"]
+    assert _modlens.__version__ == version
+    assert metadata.version("modlens") == version
+    for path in ROOT.glob("crates/*/Cargo.toml"):
+        crate = tomllib.loads(path.read_text(encoding="utf-8"))["package"]
+        assert crate["version"] == {"workspace": True}, path
+
+
+def test_the_changelog_begins_with_this_version() -> None:
+    """A release has its section."""
+    first = re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE)
+    assert first is not None
+    assert first[1].rstrip(",") == _modlens.__version__
+
+
+def test_the_licences_are_those_of_the_locked_crates() -> None:
+    """Where a crate has come or gone: make licences."""
+    assert OUTPUT.read_text(encoding="utf-8") == document()
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.name)
+def test_a_workflow_calls_make_and_pinned_actions(path: Path) -> None:
+    """What it does can be done at home, and its actions have versions."""
+    jobs = YAML(typ="safe").load(path.read_text(encoding="utf-8"))["jobs"]
+    for job in jobs.values():
+        for step in job["steps"]:
+            assert re.fullmatch(PINNED, step.get("uses", "make@v1")), step
+            for line in step.get("run", "").splitlines():
+                words = line.split()
+                assert words[0] == "make" or words[:2] == ["sudo", "apt-get"], line
+                assert words[0] != "make" or words[1] in TARGETS_OF_MAKE, line
+
+
+@pytest.mark.parametrize(
+    ("job", "key", "names"),
+    [("wheels", "target", list(TARGETS)), ("gateways", "machine", list(GATEWAYS))],
+)
+def test_the_workflow_builds_every_target(job: str, key: str, names: list[str]) -> None:
+    """Wheels and binaries of the matrices are those of release/targets.py."""
+    text = (ROOT / ".github" / "workflows" / "release.yml").read_text(encoding="utf-8")
+    assert YAML(typ="safe").load(text)["jobs"][job]["strategy"]["matrix"][key] == names
