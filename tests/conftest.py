@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -25,6 +26,12 @@ TIMEOUT_S = 120
 settings.register_profile("repeated", derandomize=True)
 if os.environ.get("MODLENS_CI") == "1":
     settings.load_profile("repeated")
+
+# A run under `nohup`, or in the background of a script, ignores these, and what it starts would
+# inherit that.
+for name in ("SIGHUP", "SIGQUIT"):
+    if signal.getsignal(getattr(signal, name, signal.SIGTERM)) is signal.SIG_IGN:
+        signal.signal(getattr(signal, name), signal.SIG_DFL)
 
 
 @dataclass(frozen=True, slots=True)
