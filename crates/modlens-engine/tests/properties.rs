@@ -228,6 +228,26 @@ fn cycle() -> impl Strategy<Value = Vec<(Vec<u8>, u32)>> {
     })
 }
 
+/// Exchanges of a few units of which half of the frames are cut short, mostly to less than the shortest frame, with the
+/// milliseconds of pause before each burst.
+fn torn_exchanges() -> impl Strategy<Value = Vec<Read>> {
+    let code = prop_oneof![3 => Just(3u8), 1 => 1u8..7, 1 => Just(15), 1 => Just(16)];
+    let poll = (0u8..4, code, prop_oneof![Just(0u16), 0u16..300], 0u8..4, prop_oneof![Just(0u8), any::<u8>()]);
+    let length = prop_oneof![4 => Just(usize::MAX), 3 => 0usize..5, 1 => 5usize..9];
+    let pause = prop_oneof![3 => Just(0u32), 1 => 500u32..4000, 1 => 20_000u32..400_000];
+    let turn = (poll, proptest::bool::weighted(0.15), (length.clone(), length), (pause.clone(), pause));
+    proptest::collection::vec(turn, 1..12).prop_map(|turns| {
+        let bursts = turns.into_iter().flat_map(|((unit, code, address, quantity, value), is_refused, cut, pauses)| {
+            let (mut request, response) = exchange(unit, code, address, quantity, value);
+            let mut response = if is_refused { framed(&[unit, code | 0x80, value % 12]) } else { response };
+            request.truncate(cut.0);
+            response.truncate(cut.1);
+            [(request, pauses.0), (response, pauses.1)]
+        });
+        bursts.collect()
+    })
+}
+
 /// The same bursts in ASCII framing; bytes that are no frame stay as they are.
 fn in_ascii(bursts: &[(Vec<u8>, u32)]) -> Vec<(Vec<u8>, u32)> {
     let frame = |bytes: &[u8]| {
@@ -263,7 +283,7 @@ fn mode() -> impl Strategy<Value = Option<Mode>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases.max(400), ..ProptestConfig::default() })]
 
     #[test]
     fn untimed_bytes_tile_and_chunk_sizes_change_nothing(data in traffic(), mode in mode()) {
@@ -310,6 +330,15 @@ proptest! {
     }
 
     #[test]
+    fn torn_exchanges_tile(reads in torn_exchanges(), mode in mode()) {
+        let data: Vec<u8> = reads.iter().flat_map(|(bytes, _)| bytes.clone()).collect();
+        for piece in [1, usize::MAX] {
+            assert_tiles(&timed(&reads, mode, piece), &data);
+            assert_tiles(&untimed(&data, mode, piece), &data);
+        }
+    }
+
+    #[test]
     fn any_bytes_tile(data in proptest::collection::vec(any::<u8>(), 0..3000), mode in mode()) {
         assert_tiles(&untimed(&data, mode, 512), &data);
     }
@@ -320,6 +349,19 @@ proptest! {
         let starts: Vec<i64> = batch.frames.iter().filter_map(|frame| frame.start).collect();
         prop_assert!(starts.windows(2).all(|pair| pair[0] <= pair[1]));
     }
+}
+
+// A damaged frame may be shorter than any frame is: here a response of three bytes, in front of which its request is looked for.
+#[test]
+fn a_damaged_response_shorter_than_a_frame_tells_what_it_can_of_its_request() {
+    let reads = [
+        &[3, 3, 0, 0, 0, 1, 133, 232, 3, 3, 2, 0, 1, 0, 68][..],
+        &[1, 3, 0, 0, 0, 0, 69, 202],
+        &[0, 3, 0, 0, 1, 3, 0, 0, 0, 1, 132, 10, 1, 3, 2, 0, 1, 121, 132],
+    ];
+    let data = reads.concat();
+    let reads: Vec<Read> = reads.iter().map(|bytes| (bytes.to_vec(), 0)).collect();
+    assert_tiles(&timed(&reads, Some(Mode::Rtu), usize::MAX), &data);
 }
 
 #[test]

@@ -72,9 +72,10 @@ fn retry<'a>(request: RequestRef<'_>) -> ExpectedFrame<'a> {
     ExpectedFrame { length: Some(bytes.len()), bytes: Cow::Owned(bytes), direction: REQUEST, selection_cost: RETRY_BITS }
 }
 
-/// The request that this response answers, as far as the response repeats it.
+/// The request that this response answers, as far as the response repeats it. A damaged response may have fewer bytes than its
+/// unit, function and CRC, but has unit and function; what it has besides those is not known to be its body.
 pub(super) fn request_of<'a>(region: &UnframedRegion<'a, '_>, response: &[u8]) -> ExpectedFrame<'a> {
-    let (unit, code, body) = (response[0], response[1], &response[2..response.len() - 2]);
+    let (unit, code, body) = (response[0], response[1], response.get(2..response.len() - 2).unwrap_or(&[]));
     let mut bytes = vec![unit, code & !EXCEPTION_BIT];
     let mut length = None;
     if let Some(row) = region.context.functions.row(bytes[1], body) {
