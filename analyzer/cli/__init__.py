@@ -172,6 +172,10 @@ def _run_help(words: list[str]) -> int:
     out.write("\n  modlens decode bus.hex                       a recording as a table\n")
     out.write("  modlens tap /dev/ttyUSB0                     a serial line, decoded live\n")
     out.write("  modlens show 01 03 00 6B 00 03 74 17         one frame, byte by byte\n")
+    out.write(
+        "\nexit status: 0 done, 1 damage found with --strict, 2 wrong use, 3 a file cannot be read"
+    )
+    out.write(" or written,\n4 port trouble\n")
     return 0
 
 

@@ -24,10 +24,11 @@ examples:
   modlens decode bus.hex
   modlens decode bus.bin --mode rtu --where "status != 'ok'"
   modlens decode bus.jsonl --line 19200-8E1 -o bus.csv -o frames:frames.jsonl
+  modlens decode plant.pcapng --port 502,1502
   modlens decode - --from hex --to jsonl < bus.txt
 
 The table is printed unless -o or --to is given; add --to table to print it
-along with -o.
+along with -o. A device profile (--profile) gives registers names and units.
 """
 
 
@@ -45,12 +46,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--replay",
         action="store_true",
-        help="decode as if live, using only past bytes",
+        help="decode as a tap would have done, without looking at later bytes",
     )
     parser.add_argument(
         "--detect",
         action="store_true",
-        help="report the line settings that fit the recorded bytes and line errors",
+        help="also report which line settings the recorded bytes and line errors suggest; nothing"
+        " is decoded differently",
     )
     parser.epilog = EPILOG
 

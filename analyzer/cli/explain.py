@@ -46,7 +46,8 @@ def run(options: argparse.Namespace) -> int:
     source = load_functions(options.functions)
     screen = stdout()
     if options.words == ["list"]:
-        for word in known_words(source=source):
+        keys = (one.key for name in TABLES for one in columns(name))
+        for word in dict.fromkeys((*known_words(source=source), *keys)):
             screen.line(visible(word))
         return 0
     found = _explanation(" ".join(options.words), source)

@@ -13,11 +13,14 @@ EPILOG = """\
 examples:
   modlens export bus.bin -o bus.csv
   modlens export *.hex -o all.jsonl -o findings:findings.csv --strict
+  modlens export bus.bin -o bus.pcapng            (for Wireshark)
   modlens export 'archive/**/*' -o out/ --style partitions
 
 With --style partitions and a folder for -o, recordings are exported side by
-side into out/date=.../bus=.../*.parquet. The same command again exports what
-is new or has changed, and goes on where it was interrupted.
+side into out/date=.../bus=.../*.parquet: the rows of each recording in a file
+for each day. The same command again exports what is new or has changed, and
+goes on where it was interrupted. modlens wireshark-setup gives Wireshark
+columns and colours for a pcapng.
 """
 
 

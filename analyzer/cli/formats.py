@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import textwrap
 from collections.abc import Iterator
 
 from analyzer.cli.parser import add_dialects, load_dialects
@@ -17,6 +18,11 @@ __all__ = ["add_arguments", "run"]
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     add_dialects(parser)
+    names = (", ".join(all_formats()), ", ".join(WRITTEN))
+    parser.epilog = "\n".join(
+        textwrap.fill(f"{what} {listed}", 78, subsequent_indent="  ", break_on_hyphens=False)
+        for what, listed in zip(("read (--from):", "written (--to):"), names, strict=True)
+    )
 
 
 def run(options: argparse.Namespace) -> int:

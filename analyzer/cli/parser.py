@@ -78,15 +78,28 @@ def add_line(parser: argparse.ArgumentParser) -> None:
         metavar=EXAMPLE,
         help="all line settings at once: baud rate, data bits, parity, stop bits",
     )
-    group.add_argument("--baud", type=int, metavar="N", help="baud rate (instead of --line)")
     group.add_argument(
-        "--bits", type=int, metavar="N", help="data bits (default: 8, or 7 with --mode ascii)"
+        "--baud",
+        type=int,
+        metavar="N",
+        help="baud rate (instead of --line; what is not given besides has its default)",
     )
     group.add_argument(
-        "--parity", metavar="P", help="parity: N none, E even, O odd, M mark, S space (default: E)"
+        "--bits",
+        type=int,
+        metavar="N",
+        help="with --baud: data bits (default: 8, or 7 with --mode ascii)",
     )
     group.add_argument(
-        "--stop", type=float, metavar="N", help="stop bits: 1, 1.5 or 2 (default: 1)"
+        "--parity",
+        metavar="P",
+        help="with --baud: parity, N none, E even, O odd, M mark, S space (default: E)",
+    )
+    group.add_argument(
+        "--stop",
+        type=float,
+        metavar="N",
+        help="with --baud: stop bits, 1, 1.5 or 2 (default: 1)",
     )
 
 
@@ -100,14 +113,14 @@ def add_decoding(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="N",
-        help="TCP and UDP ports that carry Modbus in captures, such as 502,1502,"
+        help="captures of networks only: TCP and UDP ports that carry Modbus, such as 502,1502,"
         " or any for all ports (default: 502)",
     )
     group.add_argument(
         "--channels",
         metavar="A,B",
-        help="logic analyser channels to use, such as RX,TX; write !RX if the line is"
-        " inverted (default: detected)",
+        help="samples of a logic analyser only: channels to use, such as RX,TX; write !RX if the"
+        " line is inverted (default: detected)",
     )
     group.add_argument(
         "--timeout",
@@ -121,8 +134,8 @@ def add_decoding(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="[UNITS=]NAME|FILE",
-        help="device profile, optionally for certain units, such as 1=mightyzap or"
-        " 2-7=pump.yaml; repeatable",
+        help="device profile, which names the registers and scales their values; optionally for"
+        " certain units, such as 1=mightyzap or 2-7=pump.yaml; repeatable",
     )
     group.add_argument(
         "--bus",
@@ -146,8 +159,8 @@ def add_archive(parser: argparse.ArgumentParser, threads: str) -> None:
         "--bus-names",
         choices=BUS_NAMES,
         default=BUS_NAMES[0],
-        help="names the bus of a recording that does not name it itself after its folder in the"
-        " archive (default), its own name without suffix, or its path",
+        help="how to name a bus that its recording does not name: after the recording's folder in"
+        " the archive (default), its file name without suffix (stem), or its path",
     )
 
 
@@ -181,7 +194,7 @@ def add_input(parser: argparse.ArgumentParser, *, optional: bool = False) -> Non
         "--timezone",
         metavar="ZONE",
         help="time zone of timestamps that do not state one: local, Europe/Berlin or +01:00"
-        " (without it, they are not converted to UTC)",
+        " (without it, such a recording has only times since its start)",
     )
     parser.add_argument(
         "--date",
@@ -198,7 +211,7 @@ def add_dialects(parser: argparse._ActionsContainer) -> None:
         action="append",
         default=[],
         metavar="FILE",
-        help="TOML file that defines additional text formats; repeatable",
+        help="TOML file that defines additional formats of text logs (dialects); repeatable",
     )
 
 
@@ -220,15 +233,16 @@ def add_rows(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--where",
         metavar="EXPR",
-        help="only rows that meet this condition, such as \"unit == 1 and 'retry' in findings\"",
+        help="only rows that meet this condition, such as \"unit == 1 and 'retry' in findings\" or"
+        " \"write and address == '40001'\"; modlens explain list prints the names",
     )
     group.add_argument(
         "--between",
         nargs=2,
         metavar=("T1", "T2"),
         help="only rows from T1 up to, but not including, T2: times as the table shows them, with"
-        " or without a date, in the same zone (--times), yesterday, today, or seconds from the"
-        " start of the recording",
+        " or without a date, in the same zone (--times), or yesterday, today, or seconds from"
+        " the start",
     )
     group.add_argument(
         "--limit", type=int, metavar="N", help="at most N rows in the table and in each file"
@@ -260,9 +274,10 @@ def add_rows(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--style",
         metavar="WORD",
-        help="variant of the output format: udp, rtu, tcp or original (pcapng); tsv or json"
-        " (zeek, icsnpp);"
-        " partitions (parquet)",
+        help="variant of the output format. pcapng: udp (Modbus/UDP, every function decoded by"
+        " Wireshark; default), rtu (for its RTU dissector), tcp (dressed as Modbus/TCP), original"
+        " (the recording's own packets); zeek, icsnpp: tsv (default) or json; parquet: partitions"
+        " (a folder for each day and bus)",
     )
     group.add_argument(
         "--context",
@@ -274,7 +289,8 @@ def add_rows(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--strict",
         action="store_true",
-        help="exit with status 1 if any frame was damaged or a line could not be parsed",
+        help="exit with status 1 if any frame was damaged or any line of a text recording could not"
+        " be parsed",
     )
 
 

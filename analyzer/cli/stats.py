@@ -37,7 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--strict",
         action="store_true",
-        help="exit with status 1 if any frame was damaged or a line could not be parsed",
+        help="exit with status 1 if any frame was damaged or any line of a text recording could not"
+        " be parsed",
     )
 
 

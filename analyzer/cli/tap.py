@@ -49,7 +49,7 @@ examples:
   modlens tap --bus plant.toml
   modlens tap socket://192.168.1.50:4001 --mqtt mqtt://localhost/plant
 
-If no line settings are given, they are detected from the traffic. PORT PORT
+If no line settings are given, all are detected from the traffic. PORT PORT
 taps two separate buses; PORT+PORT taps one bus with one port per direction;
 NAME=PORT@SETTINGS names a bus and sets its line settings. If a port is
 unplugged, modlens waits for it to come back. -o writes to a file as traffic
@@ -94,7 +94,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--detect",
         action="store_true",
-        help="detect the line settings from the traffic, ignoring any that are given",
+        help="find baud rate, parity and stop bits by listening, even if some are given",
     )
     add_rows(parser)
     add_decoding(parser)
@@ -109,12 +109,13 @@ def _add_recording(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--rotate",
         metavar="N",
-        help="start a new file every so often, or at this size, such as 1h or 64MB",
+        help="start a new file after this time or at this size, such as 1h or 64MB",
     )
     group.add_argument(
         "--keep",
         metavar="N",
-        help="keep the newest N files, or at most this size, such as 168 or 2GB",
+        help="keep the newest files only: so many, such as 168, or this size in all, such as 2GB,"
+        " which includes the growing file",
     )
 
 
@@ -141,7 +142,8 @@ def _add_feeds(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--mqtt",
         metavar="URL",
-        help="publish values to mqtt://[user@]host/prefix, or mqtts:// for TLS",
+        help="publish transactions and last values (as --profile names them, else raw registers)"
+        " to mqtt://[user@]host/prefix, or mqtts:// for TLS",
     )
     group.add_argument(
         "--mqtt-password-file",

@@ -246,6 +246,8 @@ def test_columns_are_explained(modlens: Modlens) -> None:
 
 
 def test_explain_lists_its_words(modlens: Modlens) -> None:
-    """`explain list` prints the name of each function, exception, finding and status."""
+    """`explain list` prints the name of each function, exception, finding, status and column."""
     words = modlens("explain", "list").out.splitlines()
     assert {"Read Holding Registers", "Illegal Data Address", "retry", "not_observed"} <= {*words}
+    assert {"unit", "response_time_us", "delimited_by"} <= {*words}
+    assert len(words) == len({*words})
