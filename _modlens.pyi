@@ -29,6 +29,95 @@ def lrc(data: bytes) -> int:
 def line_timing(baud: int, data_bits: int, parity: str, stop_bits: float) -> tuple[int, int, int]:
     """Character time, t1.5 and t3.5 in nanoseconds (serial line specification, 2.5.1.1)."""
 
+def parse_line(text: str) -> tuple[int, int, str, float]:
+    """Baud, data bits, parity and stop bits of `19200-8E1`, `9600,8,N,1` or `9600/7O2`.
+
+    `ValueError` if the text is not of this form.
+    """
+
+def parse_duration(text: str) -> int | None:
+    """Nanoseconds of `500ms`, `1h30m` or `0.3` (seconds); None if it is no time up to ten years."""
+
+def parse_rotation(text: str) -> tuple[int | None, int | None]:
+    """Seconds of `1h30m`, or bytes of `64MB`; `ValueError` says what to write."""
+
+def parse_retention(text: str) -> tuple[int | None, int | None]:
+    """Segments of `168`, or bytes of `2GB`; `ValueError` says what to write."""
+
+def parse_broker(
+    text: str, password: str | None = None
+) -> tuple[bool, str, int, str | None, str | None, str, bool]:
+    """TLS, host, port, user, password, prefix, and whether the address holds a password.
+
+    `text` is `mqtt[s]://[user[:password]@]host[:port][/prefix]`; `password` goes before that of the
+    address. `ValueError` for another text or a prefix that is no topic.
+    """
+
+def topic_level(name: str) -> str:
+    """A name as one level of a topic of MQTT, without wildcards and separators."""
+
+def usual_rates() -> list[tuple[int, float]]:
+    """The baud rates that `LineSearch` tries, and how probable each is beforehand."""
+
+def likely_rates(data: bytes, receiver: int) -> list[int]:
+    """The rates that bytes look like that were received at the rate `receiver`, likeliest first."""
+
+def proof_in(
+    reads: Sequence[tuple[bytes, int | None]], line: tuple[int, int, str, float]
+) -> tuple[str, str] | None:
+    """Whether reads (bytes, time in ns) are Modbus at these settings: framing, evidence in words.
+
+    `ValueError` for settings that mean nothing.
+    """
+
+@final
+class LineSearch:
+    """Finds the settings of a line by listening (see modlens-engine/src/line_search).
+
+    A read is (port, bytes, time in ns, positions of marked bytes, loss before, recorded).
+    """
+
+    def __new__(cls, *, marks_errors: bool = True) -> LineSearch: ...
+    def line(self) -> str:
+        """The settings to listen with now, as `19200-8E1`."""
+    def line_was_set(self, now_ns: int) -> None:
+        """The port was set to `line()`; what comes right behind is not counted."""
+    def feed(
+        self,
+        port: int,
+        data: bytes,
+        time_ns: int,
+        *,
+        line: str | None = None,
+        errors: Sequence[int] | None = None,
+        hole: bool = False,
+        recorded: bool = False,
+    ) -> None:
+        """Take a read made with the present settings; `line` is A or B on a two-line tap."""
+    def advance(self, now_ns: int) -> None:
+        """Nothing was received until now: a silence may complete a frame."""
+    def found(
+        self,
+    ) -> tuple[str, str, str, list[tuple[int, bytes, int, list[int], bool, bool]]] | None:
+        """Settings, framing, evidence in words, and the reads made with them; None before."""
+    def heard(self) -> list[tuple[str, tuple[int, bytes, int, list[int], bool, bool]]]:
+        """The settings of the time and the read, of all reads or the newest MiB of them."""
+    def take_messages(self) -> list[str]:
+        """What was tried and why it was given up, since the last call."""
+    def diagnosis(self) -> str:
+        """What can be said when the search ends without a result."""
+
+@final
+class LineCheck:
+    """Watches a bus whose settings were found by listening."""
+
+    def __new__(cls) -> LineCheck: ...
+    def damage(self, session: Session, bus: int) -> int | None:
+        """The bytes since the last valid frame, if the settings have to be searched again.
+
+        `IndexError` for a bus that there is not.
+        """
+
 @final
 class Dialects:
     """The table of text formats: the embedded rows and further ones."""
@@ -127,6 +216,17 @@ class Days:
         {date, bus, seconds} and the keys of docs/doctor.schema.json; `date` is null without one,
         `seconds` are those from the first to the last frame.
         """
+    def changed(self) -> list[tuple[str, str]]:
+        """The flat rows that have changed since the last call: bus, and the row as JSON.
+
+        Of a bus the latest day comes last.
+        """
+
+def bus_day_columns() -> list[tuple[str, str]]:
+    """Key and meaning of each column of `bus_day_row`, in order."""
+
+def bus_day_row(day: str) -> str:
+    """The flat row of an item of `Days.rows`, both as JSON; `ValueError` for what is no JSON."""
 
 @final
 class Functions:

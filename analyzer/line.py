@@ -12,7 +12,6 @@ as damaged or altered, so the user has to give the settings or have them detecte
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 import _modlens
@@ -27,11 +26,6 @@ PARITIES = ("N", "E", "O", "M", "S")
 
 _SLOWEST = 50
 _FASTEST = 12_000_000
-_TEXT = re.compile(
-    r"(?P<baud>\d+)\s*[-,/ ]\s*(?P<bits>[5-8])\s*[-,/]?\s*(?P<parity>[NEOMS])"
-    r"\s*[-,/]?\s*(?P<stop>1\.5|1|2)",
-    re.IGNORECASE,
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,11 +74,7 @@ def parse_line(text: str) -> Line:
 
     `UsageError` if the text is not of this form.
     """
-    match = _TEXT.fullmatch(text.strip())
-    if not match:
-        raise UsageError(
-            f"line settings {text!r}; give baud rate, data bits, parity and stop bits, as"
-            f" in {EXAMPLE}"
-        )
-    stop = float(match["stop"])
-    return Line(int(match["baud"]), int(match["bits"]), match["parity"].upper(), stop)
+    try:
+        return Line(*_modlens.parse_line(text))
+    except ValueError as error:
+        raise UsageError(str(error)) from error

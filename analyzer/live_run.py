@@ -40,14 +40,8 @@ READ_LAG_NS = 30_000_000
 LINES = ("A", "B")
 """Values of the `line` column for the two directions of a bus with two taps."""
 
-SETTLE_NS = 20_000_000
-"""Bytes that come so soon after a change of the settings may have been received with the old ones:
-an adapter holds them back for up to 16 ms."""
-
 CHECK_NS = 1_000_000_000
-MAX_DAMAGED_BYTES = 500
-"""Settings that were found by listening are searched again after so many bytes without a valid
-frame."""
+"""How often settings that were found by listening are checked."""
 
 _NAME = re.compile(r"([\w.-]+)=(.+)")
 _SETTINGS = re.compile(r"(.+)@(\d+-\d[A-Za-z][\d.]+)")
@@ -100,9 +94,8 @@ class _Bus:
     """A bus of the run: the numbers of its ports, and its number in the core.
 
     `number` is None while the first `search` is still looking for the line settings; `line` are the
-    settings that the core knows, `origin` is that of `BusStatus`. Reads up to `unsettled_ns` belong
-    to the settings before. `valid_frames` and `bad_bytes` are the counts when the last valid frame
-    was seen.
+    settings that the core knows, `origin` is that of `BusStatus`. `check` watches settings that
+    were found.
     """
 
     tap: Tap
@@ -111,9 +104,7 @@ class _Bus:
     search: SettingsSearch | None = None
     line: Line | None = None
     origin: str = ""
-    unsettled_ns: int = 0
-    valid_frames: int = 0
-    bad_bytes: int = 0
+    check: _modlens.LineCheck | None = None
 
 
 class LiveRun:
@@ -323,21 +314,15 @@ class LiveRun:
 
     def _check_found_settings(self) -> None:
         """Begin the search again where settings that were found give nothing but damaged bytes."""
-        doubtful = [bus for bus in self._buses if bus.origin == "found" and bus.search is None]
-        counted = json.loads(self._core.stats())["buses"] if doubtful else []
-        for bus in doubtful:
-            assert bus.number is not None
-            counts = counted[bus.number]
-            valid = counts["frames"]["ok"]
-            bad = sum(counts["bytes"].values()) - counts["bytes"]["ok"]
-            if valid != bus.valid_frames:
-                bus.valid_frames, bus.bad_bytes = valid, bad
-            elif bad - bus.bad_bytes >= MAX_DAMAGED_BYTES:
+        for bus in self._buses:
+            if bus.check is None or bus.search is not None or bus.number is None:
+                continue
+            damage = bus.check.damage(self._core, bus.number)
+            if damage is not None:
                 self._notify(
-                    f"{bus.tap.bus}: no valid frame in the last {bad - bus.bad_bytes} bytes at"
+                    f"{bus.tap.bus}: no valid frame in the last {damage} bytes at"
                     f" {self._listener.line(bus.ports[0])}"
                 )
-                bus.bad_bytes = bad
                 self._begin_search(bus)
                 self._is_searching = True
 
@@ -358,7 +343,7 @@ class LiveRun:
                 # records that, so that a replay gives the same rows.
                 self._feed(number, Chunk(b"", chunk.time_ns, (), True, chunk.recorded))
             self._feed(number, chunk)
-        elif chunk.time_ns > bus.unsettled_ns:
+        else:
             bus.search.feed(number, chunk)
             self._follow_search(bus, bus.search)
 
@@ -372,13 +357,13 @@ class LiveRun:
         line = search.line if found is None else found.line
         if line != self._listener.line(bus.ports[0]):
             self._set_line(bus, line)
-            bus.unsettled_ns = self._listener.now_ns() + SETTLE_NS
+            search.line_was_set(self._listener.now_ns())
         if found is not None:
             bus.search = None
             for port in bus.ports:
                 self._listener.reset_error_counts(port)
             self._notify(f"{bus.tap.bus}: found {found.evidence}")
-            bus.origin, bus.valid_frames, bus.bad_bytes = "found", 0, 0
+            bus.origin, bus.check = "found", _modlens.LineCheck()
             self._add_to_core(bus, found.line, mode=found.mode)
             for number, chunk in found.chunks:
                 self._feed(number, chunk)

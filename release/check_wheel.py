@@ -20,7 +20,6 @@ from release.targets import Target
 __all__ = ["WheelError", "check"]
 
 ROOT = Path(__file__).parents[1]
-MAX_BYTES = 8_000_000
 LICENCES = ("LICENSE", "THIRD_PARTY.md", "THIRD_PARTY_LICENSES.txt")
 PACKAGES = {"_modlens", "modlens", "analyzer", "dissectors"}
 
@@ -36,7 +35,7 @@ def check(wheel: Path, target: Target) -> None:
         _check_contents(archive)
         _check_metadata(archive)
         _check_sbom(archive)
-    limit = MAX_BYTES * len(target.triples)
+    limit = target.max_bytes
     if wheel.stat().st_size > limit:
         raise WheelError(f"{wheel.stat().st_size:,} bytes; it should have {limit:,} at most")
     _audit(wheel)

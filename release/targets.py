@@ -7,6 +7,11 @@ from dataclasses import dataclass
 __all__ = ["GATEWAYS", "MACHINES", "TARGETS", "Gateway", "Machine", "Target"]
 
 
+_MAX_BYTES = 8_000_000
+_MAX_BYTES_OF_APPLE = 10_000_000
+"""For each processor that a wheel is for."""
+
+
 @dataclass(frozen=True, slots=True)
 class Target:
     """One wheel: the triples of Rust that are in it, its standard, and the tag that it must have.
@@ -18,6 +23,11 @@ class Target:
     triples: tuple[str, ...]
     compatibility: str
     platforms: frozenset[str]
+
+    @property
+    def max_bytes(self) -> int:
+        """More than these is a mistake: debugging symbols, or something twice."""
+        return sum(_MAX_BYTES_OF_APPLE if "apple" in one else _MAX_BYTES for one in self.triples)
 
     @property
     def build_triple(self) -> str:

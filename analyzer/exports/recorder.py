@@ -12,14 +12,11 @@ oldest segments of the same name where `--keep` asks for it; never those of anot
 
 from __future__ import annotations
 
-import contextlib
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import _modlens
-from analyzer.durations import parse_duration
 from analyzer.exports.output import as_source_error
 from dissectors.errors import UsageError
 
@@ -35,9 +32,6 @@ __all__ = [
 
 CLOSE_S = 5.0
 """For how long the end of a recording waits for a disk that hangs."""
-
-BYTES_PER_UNIT = {"kb": 10**3, "mb": 10**6, "gb": 10**9, "kib": 2**10, "mib": 2**20, "gib": 2**30}
-_AMOUNT = re.compile(r"(\d+(?:\.\d+)?)\s*([a-z]*)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,36 +74,18 @@ class Read(Protocol):
 
 def parse_rotation(text: str) -> Rotation:
     """Parse `--rotate`: a time such as 10min, 1h, 1d, or a size such as 64MB."""
-    with contextlib.suppress(UsageError):
-        value, unit = _amount("--rotate", text)
-        if unit in BYTES_PER_UNIT:
-            return Rotation(bytes=round(value * BYTES_PER_UNIT[unit]))
     try:
-        seconds = round(parse_duration(text, "--rotate") / 1e9)
-    except UsageError:
-        seconds = 0
-    if not seconds or text.strip()[-1:].isdigit():
-        raise UsageError(
-            f"--rotate {text}: write a time such as 10min or 1h30m, or a size such as 64MB"
-        )
-    return Rotation(seconds=seconds)
+        return Rotation(*_modlens.parse_rotation(text))
+    except ValueError as error:
+        raise UsageError(f"--rotate {text}: {error}") from error
 
 
 def parse_retention(text: str) -> Retention:
     """Parse `--keep`: a number of segments, or a size such as 2GB."""
-    value, unit = _amount("--keep", text)
-    if unit in BYTES_PER_UNIT:
-        return Retention(bytes=round(value * BYTES_PER_UNIT[unit]))
-    if not unit and value == int(value):
-        return Retention(segments=int(value))
-    raise UsageError(f"--keep {text}: give a number of files, or a size such as 2GB")
-
-
-def _amount(option: str, text: str) -> tuple[float, str]:
-    match = _AMOUNT.fullmatch(text.strip().lower())
-    if match is None or not float(match[1]):
-        raise UsageError(f"{option} {text}: write a number and a unit, as 10min, 64MB or 2GB")
-    return float(match[1]), match[2]
+    try:
+        return Retention(*_modlens.parse_retention(text))
+    except ValueError as error:
+        raise UsageError(f"--keep {text}: {error}") from error
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,20 +10,14 @@ import os
 import ssl
 from dataclasses import dataclass, field
 from pathlib import Path
-from urllib.parse import unquote, urlsplit
 
+import _modlens
 from dissectors.errors import SourceError, UsageError
 
 __all__ = ["PASSWORD_VARIABLE", "Broker", "parse_broker", "tls_context"]
 
 PASSWORD_VARIABLE = "MODLENS_MQTT_PASSWORD"
 """The environment variable with the password, where no file and no URL has one."""
-
-PORTS = {"mqtt": 1883, "mqtts": 8883}
-"""The registered port of each scheme (IANA); `mqtts` is MQTT over TLS."""
-
-_HELP = "write mqtt://host or mqtts://user@host:8883/prefix"
-_MAX_TOPIC_BYTES = 65_535
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,26 +63,16 @@ def parse_broker(
     mqtts://broker.example:8883/modlens
     """
     try:
-        parts = urlsplit(url if "://" in url else f"mqtt://{url}")
-        port = parts.port or PORTS.get(parts.scheme, 0)
+        tls, host, port, user, password, prefix, exposed = _modlens.parse_broker(
+            url, _password(password_file)
+        )
     except ValueError as error:
-        raise UsageError(f"--mqtt: not the address of a broker ({error}); {_HELP}") from error
-    if parts.scheme not in PORTS or not parts.hostname:
-        raise UsageError(f"--mqtt: not the address of a broker; {_HELP}")
-    tls = parts.scheme == "mqtts"
+        raise UsageError(f"--mqtt: {error}") from error
     if not tls and (ca or certificate or key):
         raise UsageError("--mqtt-ca, --mqtt-cert and --mqtt-key need TLS: write mqtts://host")
     if key is not None and certificate is None:
         raise UsageError("--mqtt-key needs --mqtt-cert: the certificate that the key belongs to")
-    password = _password(password_file)
-    if password is None and parts.password is not None:
-        password = unquote(parts.password)
-    user = None if parts.username is None else unquote(parts.username)
-    if password is not None and user is None:
-        raise UsageError("--mqtt: a password without a user; write mqtt://user@host")
-    prefix = _topic(unquote(parts.path).strip("/") or "modlens")
-    exposed = parts.password is not None
-    return Broker(parts.hostname, port, user, password, prefix, tls, ca, certificate, key, exposed)
+    return Broker(host, port, user, password, prefix, tls, ca, certificate, key, exposed)
 
 
 def _password(path: str | None) -> str | None:
@@ -100,18 +84,6 @@ def _password(path: str | None) -> str | None:
         raise SourceError(f"--mqtt-password-file {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise SourceError(f"--mqtt-password-file {path}: not text in UTF-8") from error
-
-
-def _topic(prefix: str) -> str:
-    """The prefix, if it can begin a topic that is published to (MQTT 5.0, 4.7)."""
-    wrong = next((mark for mark in "+#\0" if mark in prefix), None)
-    if wrong is not None:
-        raise UsageError(f"--mqtt: the prefix {prefix!r} holds {wrong!r}, a wildcard of topics")
-    if prefix.startswith("$"):
-        raise UsageError(f"--mqtt: the prefix {prefix!r} begins with $, which is for the broker")
-    if "//" in prefix or len(prefix.encode()) > _MAX_TOPIC_BYTES // 2:
-        raise UsageError(f"--mqtt: the prefix {prefix!r} has an empty level or is too long")
-    return prefix
 
 
 def tls_context(broker: Broker) -> ssl.SSLContext:

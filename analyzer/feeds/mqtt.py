@@ -16,7 +16,6 @@ is back; so each message arrives at least once (quality of service 1).
 from __future__ import annotations
 
 import json
-import re
 import sys
 import threading
 import time
@@ -26,7 +25,6 @@ from typing import Any
 
 import _modlens
 from analyzer.addresses import SHORT
-from analyzer.bus_days import bus_day
 from analyzer.columns import pick
 from analyzer.feeds.broker import Broker, tls_context
 from analyzer.feeds.spool import Message, Spool
@@ -51,7 +49,6 @@ _KEPT_DAYS = 2
 
 _MAX_VALUES = 200_000
 _BIT_TABLES = ("coil", "discrete_input")
-_NOT_IN_TOPIC = re.compile(r"[^\w.-]+")
 
 
 class Mqtt:
@@ -87,7 +84,6 @@ class Mqtt:
         self._columns = pick("transactions", None)
         self._values: dict[str, Any] = {}
         self._days = _modlens.Days(_KEPT_DAYS)
-        self._day_rows: dict[tuple[str, str | None], bytes] = {}
         self._day_every_s, self._day_due_s = day_every_s, time.monotonic() + day_every_s
         self._sensors: dict[str, Message] = {}
         self._in_flight: dict[int, int] = {}
@@ -246,18 +242,14 @@ class Mqtt:
 
     def _day_messages(self) -> Iterator[Message]:
         """The rows of days that have changed; of each bus the latest day comes last, and stays."""
-        rows = {}
-        for day in json.loads(self._days.rows()):
-            rows[day["bus"], day["date"]] = payload = json.dumps(bus_day(day)).encode()
-            if self._day_rows.get((day["bus"], day["date"])) != payload:
-                topic = f"{self._prefix}/{_topic_level(day['bus'])}/day"
-                yield Message(topic, payload, retain=True)
-        self._day_rows = rows
+        for bus, row in self._days.changed():
+            topic = f"{self._prefix}/{_modlens.topic_level(bus)}/day"
+            yield Message(topic, row.encode(), retain=True)
 
     def _messages(self, table: _modlens.Table) -> Iterator[Message]:
         lines = b"".join(table.lines("jsonl", self._columns)).splitlines()
         for row, line in zip(table, lines, strict=True):
-            bus = f"{self._prefix}/{_topic_level(row.bus)}"
+            bus = f"{self._prefix}/{_modlens.topic_level(row.bus)}"
             yield Message(f"{bus}/transaction", line)
             if row.status == "ok":
                 for name, value in _values(row):
@@ -275,10 +267,10 @@ class Mqtt:
 
     def _sensor(self, topic: str, value: Any, row: _modlens.Row, name: str) -> Message:
         """The MQTT discovery message by which Home Assistant makes a sensor of one value."""
-        node = _topic_level(f"{self._prefix}_{row.bus}_{row.unit}")
+        node = _modlens.topic_level(f"{self._prefix}_{row.bus}_{row.unit}")
         about = {
             "name": name,
-            "unique_id": f"{node}_{_topic_level(name)}",
+            "unique_id": f"{node}_{_modlens.topic_level(name)}",
             "state_topic": topic,
             "availability_topic": self._status,
             "device": {
@@ -291,20 +283,15 @@ class Mqtt:
         if isinstance(value, bool) or row.register_type in _BIT_TABLES:
             kind = "binary_sensor"
             about |= {"payload_on": "1", "payload_off": "0"}
-        where = f"{DISCOVERY}/{kind}/{node}/{_topic_level(name)}/config"
+        where = f"{DISCOVERY}/{kind}/{node}/{_modlens.topic_level(name)}/config"
         return Message(where, json.dumps(about).encode(), retain=True)
-
-
-def _topic_level(name: str) -> str:
-    """A name as one level of a topic, without wildcards and separators."""
-    return _NOT_IN_TOPIC.sub("_", name).strip("_") or "_"
 
 
 def _values(row: _modlens.Row) -> Iterator[tuple[str, Any]]:
     """Names and values of a transaction: those of a profile's points, else registers and coils."""
     if row.readings:
         for name, value in row.readings.items():
-            yield _topic_level(name), value
+            yield _modlens.topic_level(name), value
         return
     kind = SHORT.get(row.register_type or "")
     if kind is None:

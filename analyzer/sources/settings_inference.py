@@ -13,20 +13,12 @@ bytes received at a wrong rate are lost.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
+import _modlens
 from analyzer.line import Line, parse_line
-from analyzer.sources.settings_search import (
-    BAUDS,
-    CHARACTER_MASKS,
-    evidence,
-    listener,
-    log_likelihood,
-    pulse_lengths,
-)
 
 __all__ = ["RecordedRead", "infer_settings", "parity_mismatches", "reads", "recorded_settings"]
 
@@ -36,7 +28,8 @@ MAX_BYTES = 1 << 18
 MIN_BYTES = 24
 """A recording of fewer bytes is not evaluated."""
 
-_MIN_EXPLAINED, _MIN_LOG_ODDS, _MAX_RATES = 0.9, -3.0, 3
+_MIN_EXPLAINED, _MAX_RATES = 0.9, 3
+_BYTES_FOR_RATES = 4096
 
 _ONLY_BYTES = (
     "so the receiver's settings were right, but bytes alone do not tell which they were: rate and"
@@ -104,21 +97,17 @@ def infer_settings(recorded_reads: Sequence[RecordedRead], recorded: Line | None
         yield f"settings: {len(data)} bytes are too few to tell"
         return
     known = recorded or Line(19200, 8, "E", 1)
-    for mode, mask in CHARACTER_MASKS.items():
-        core = listener(mode, known)
-        for one in recorded_reads:
-            core.feed(0, bytes(byte & mask for byte in one.data), one.time_ns)
-        core.flush()
-        evidence_text = evidence(mode, core)
-        if evidence_text:
-            found = f"{mode}: {evidence_text} in {len(data):,} bytes"
-            if all(one.time_ns is None for one in recorded_reads):
-                yield f"settings: {found}; {_ONLY_BYTES}"
-                return
-            rate = f"{recorded.baud} baud is" if recorded else "rate and bits are"
-            yield f"settings: {rate} right, {found}"
-            yield from _parity(recorded_reads, recorded)
+    proof = _modlens.proof_in([(one.data, one.time_ns) for one in recorded_reads], known.settings)
+    if proof is not None:
+        mode, evidence = proof
+        found = f"{mode}: {evidence} in {len(data):,} bytes"
+        if all(one.time_ns is None for one in recorded_reads):
+            yield f"settings: {found}; {_ONLY_BYTES}"
             return
+        rate = f"{recorded.baud} baud is" if recorded else "rate and bits are"
+        yield f"settings: {rate} right, {found}"
+        yield from _parity(recorded_reads, recorded)
+        return
     yield "settings: no checksum matches"
     yield from _rates(data, recorded)
 
@@ -172,16 +161,7 @@ def _rates(data: bytes, recorded: Line | None) -> Iterator[str]:
     if recorded is None:
         yield "settings: give the settings it was recorded with by --line to get the likely rates"
         return
-    counts = pulse_lengths(data[:4096])
-    log_odds = {
-        rate: math.log(usual) + log_likelihood(counts, recorded.baud / rate)
-        for rate, usual in BAUDS.items()
-    }
-    best = max(log_odds.values())
-    likely = sorted(
-        (rate for rate in log_odds if log_odds[rate] - best > _MIN_LOG_ODDS),
-        key=lambda r: -log_odds[r],
-    )
+    likely = _modlens.likely_rates(data[:_BYTES_FOR_RATES], recorded.baud)
     if likely[0] == recorded.baud:
         fit = f"the pulses fit {recorded.baud} baud"
         yield f"settings: {fit}; other parity or data bits, damage, or no Modbus"

@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 
+from analyzer.bus_days import COLUMNS
 from tests.conftest import ROOT, TIMEOUT_S, Modlens, environment, need_program, without
 
 LINE = "19200-8E1"
@@ -102,12 +103,36 @@ def test_its_recording_decodes_to_its_rows(
     assert same(rows_of(decoded.out))[:20] == same(rows)
 
 
-def test_line_settings_are_found(program: Path, port: tuple[int, str], tmp_path: Path) -> None:
-    """Without `--line` it listens until a candidate gives valid frames."""
-    status, out, err = tap(program, port, "--count", "3", cwd=tmp_path)
+def test_line_settings_are_found(
+    program: Path, port: tuple[int, str], tmp_path: Path, modlens: Modlens
+) -> None:
+    """Without `--line` it searches as `modlens tap` does; what proved them is decoded, recorded."""
+    words = ["--record", "bus.pcapng", "--count", "12"]
+    status, out, err = tap(program, port, *words, cwd=tmp_path)
     assert status == 0
     assert "searched by listening" in err
-    assert len(rows_of(out)) == 3
+    # A pseudo terminal gives its bytes at any settings: the first that are tried are right.
+    assert "found 115200-8E1, rtu: " in err
+    assert len(rows_of(out)) == 12
+    decoded = modlens("decode", tmp_path / "bus.pcapng", "--replay", "--to", "jsonl")
+    assert same(rows_of(decoded.out))[:12] == same(rows_of(out))
+
+
+def test_a_search_without_result_keeps_what_it_heard(
+    program: Path, port: tuple[int, str], tmp_path: Path
+) -> None:
+    """It says what may be wrong, and the recording has the bytes."""
+    words = [str(program), port[1], "--record", "bus.pcapng"]
+    running = subprocess.Popen(words, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+    noise = b"no Modbus at all; " * 3
+    time.sleep(0.5)
+    os.write(port[0], noise)
+    time.sleep(0.5)
+    running.send_signal(signal.SIGTERM)
+    _, err = running.communicate(timeout=TIMEOUT_S)
+    assert running.returncode == 0
+    assert f"no line settings fit the {len(noise)} bytes received" in err
+    assert f"{len(noise)} bytes recorded, 0 lost" in err
 
 
 def test_a_file_is_appended_to(program: Path, port: tuple[int, str], tmp_path: Path) -> None:
@@ -179,7 +204,7 @@ def broker(tmp_path: Path) -> Iterator[tuple[int, Path]]:
 def test_transactions_are_published_by_tls(
     program: Path, port: tuple[int, str], broker: tuple[int, Path], tmp_path: Path
 ) -> None:
-    """A subscriber gets the JSON lines; the last state is retained."""
+    """A subscriber gets the JSON lines and the row of the day; the last state is retained."""
     from paho.mqtt import client as paho  # noqa: PLC0415
     from paho.mqtt.enums import CallbackAPIVersion  # noqa: PLC0415
 
@@ -194,12 +219,15 @@ def test_transactions_are_published_by_tls(
     words = ["--line", LINE, "--count", "6", "--mqtt", f"mqtts://localhost:{number}/plant"]
     status, out, err = tap(program, port, *words, "--mqtt-ca", str(authority), cwd=tmp_path)
     until = time.monotonic() + 10
-    while len(got) < 8 and time.monotonic() < until:
+    while len(got) < 9 and time.monotonic() < until:
         time.sleep(0.05)
     client.loop_stop()
     assert status == 0, err
     published = [payload.decode() for topic, payload in got if topic.endswith("/transaction")]
     assert published == out.splitlines()
+    (day,) = [json.loads(payload) for topic, payload in got if topic.endswith("/day")]
+    assert list(day) == list(COLUMNS)
+    assert (day["bus"], day["verdict"], day["failed_share"]) == (port[1], "unknown", 0.0)
     states = [payload for topic, payload in got if topic == "plant/status"]
     assert (states[0], states[-1]) == (b"online", b"offline")
 
@@ -213,4 +241,4 @@ def test_a_broker_that_nobody_trusts_is_refused(
     assert status == 3
     assert len(rows_of(out)) == 2
     assert "certificate" in err
-    assert "2 messages were not delivered" in err
+    assert "3 messages were not delivered" in err, "two transactions, and the row of the day"

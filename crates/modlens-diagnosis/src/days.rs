@@ -11,6 +11,7 @@ use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 use serde_json::{json, Value as Json};
 
+use crate::bus_day::bus_day;
 use crate::contrast::Contrast;
 use crate::observation::{FrameObservation, Observation};
 use crate::report::{time_text, Report};
@@ -23,6 +24,8 @@ pub struct Days {
     buses: BTreeMap<String, Bus>,
     /// How many days of a bus are kept, the latest ones.
     kept: Option<usize>,
+    /// What the last call of `changed` saw, by bus and date.
+    told: BTreeMap<(String, String), String>,
 }
 
 /// The days of a bus. The key is the number of the day since 1970, `None` without a date.
@@ -90,6 +93,23 @@ impl Days {
             row
         })
         .collect()
+    }
+
+    /// The flat rows ([`bus_day`]) that have changed since the last call, as JSON, each with its bus; of a bus the latest day
+    /// comes last.
+    pub fn changed(&mut self) -> Vec<(String, String)> {
+        let mut changed = Vec::new();
+        let before = std::mem::take(&mut self.told);
+        for day in self.rows() {
+            let bus = day["bus"].as_str().unwrap_or_default().to_owned();
+            let key = (bus.clone(), day["date"].as_str().unwrap_or_default().to_owned());
+            let text = bus_day(&day).to_string();
+            if before.get(&key) != Some(&text) {
+                changed.push((bus, text.clone()));
+            }
+            self.told.insert(key, text);
+        }
+        changed
     }
 }
 

@@ -21,6 +21,7 @@
 //! **Silence where there is not enough.** A claim comes with the chance that its contrast is an accident, corrected for the
 //! number of contrasts that were looked at (`statistics`); above [`MAX_CHANCE`] nothing is said.
 
+pub mod bus_day;
 pub mod claim;
 pub mod contrast;
 pub mod days;

@@ -40,6 +40,7 @@ pub mod fast_path;
 pub mod findings;
 pub mod framer;
 pub mod input;
+pub mod line_search;
 pub mod pairing;
 pub mod records;
 pub mod session;

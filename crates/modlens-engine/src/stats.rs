@@ -194,6 +194,28 @@ impl Stats {
         (valid, bytes.iter().sum())
     }
 
+    /// How many valid frames a bus has.
+    pub(crate) fn valid_frames_of(&self, bus: usize) -> u64 {
+        self.buses[bus].frames[Verdict::Ok as usize]
+    }
+
+    /// How many bytes of a bus belong to no valid frame.
+    pub(crate) fn damaged_bytes_of(&self, bus: usize) -> u64 {
+        let bytes = &self.buses[bus].bytes;
+        bytes.iter().sum::<u64>() - bytes[Verdict::Ok as usize]
+    }
+
+    /// How many requests on a bus were answered, with data or an exception.
+    pub(crate) fn answered_on(&self, bus: usize) -> u64 {
+        let functions = self.buses[bus].units.iter().flat_map(|unit| &unit.functions);
+        functions.map(|counts| counts.statuses[Status::Ok as usize] + counts.statuses[Status::Exception as usize]).sum()
+    }
+
+    /// How often a finding was made.
+    pub(crate) fn findings_of(&self, finding: Finding) -> u64 {
+        self.findings.get(finding as usize).copied().unwrap_or(0)
+    }
+
     /// Counts a finding.
     pub fn finding(&mut self, finding: Finding) {
         self.findings.resize(Finding::ALL.len(), 0);

@@ -24,6 +24,23 @@ fn push_unsigned(value: u64, out: &mut Vec<u8>) {
     out.extend_from_slice(&[a, b, c, d]);
 }
 
+/// A number with commas between thousands, for people.
+///
+/// ```
+/// assert_eq!(modlens_protocol::decimal::thousands(1_234_567), "1,234,567");
+/// ```
+pub fn thousands(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (at, digit) in digits.chars().enumerate() {
+        if at > 0 && (digits.len() - at).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
 /// Appends a short text by two overlapping copies of fixed size. A copy of variable size costs a function call, which
 /// is more than everything else that is done with most texts.
 #[inline]

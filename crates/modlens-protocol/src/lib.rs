@@ -8,9 +8,10 @@
 //! - `checksum` has CRC-16 and LRC, `mbap` the header of Modbus/TCP, `line` the settings of a serial line with the times
 //!   that follow from them.
 //! - `framing`, `status`, `finding`, `register_type` and `source` are the enumerations that rows consist of.
-//! - `decimal`, `hex` and `timestamp` append values as text; all readers and writers share them. `mix` hashes numbers, to
-//!   choose some of them.
+//! - `decimal`, `hex` and `timestamp` append values as text; all readers and writers share them. `amount` reads durations and
+//!   sizes as people write them. `mix` hashes numbers, to choose some of them.
 
+pub mod amount;
 pub mod checksum;
 pub mod decimal;
 pub mod direction;

@@ -32,6 +32,10 @@ pub struct LineSettings {
     pub half_stop_bits: u8,
 }
 
+/// The rates that can be meant.
+const SLOWEST: u32 = 50;
+const FASTEST: u32 = 12_000_000;
+
 /// Above this baud rate t1.5 and t3.5 have fixed values (serial line specification, 2.5.1.1).
 const MAX_BAUD_WITH_SCALED_TIMES: u32 = 19_200;
 
@@ -96,15 +100,21 @@ impl LineSettings {
 
 impl std::fmt::Display for LineSettings {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let parity = match self.parity {
-            Parity::None => 'N',
-            Parity::Even => 'E',
-            Parity::Odd => 'O',
-            Parity::Mark => 'M',
-            Parity::Space => 'S',
-        };
         let stop = f64::from(self.half_stop_bits) / 2.0;
-        write!(f, "{}-{}{parity}{stop}", self.baud, self.data_bits)
+        write!(f, "{}-{}{}{stop}", self.baud, self.data_bits, self.parity.letter())
+    }
+}
+
+impl Parity {
+    /// The letter by which it is written.
+    pub fn letter(self) -> char {
+        match self {
+            Self::None => 'N',
+            Self::Even => 'E',
+            Self::Odd => 'O',
+            Self::Mark => 'M',
+            Self::Space => 'S',
+        }
     }
 }
 
@@ -123,23 +133,38 @@ impl FromStr for Parity {
     }
 }
 
+/// As `19200-8E1`, and as other programs write it: `9600,8,N,1`, `9600/7O2`, `9600 8n1`.
 impl FromStr for LineSettings {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || format!("line settings {text:?} are not like 19200-8E1 (baud-data bits, parity, stop bits)");
-        let (baud, format) = text.split_once('-').ok_or_else(wrong)?;
-        let baud = baud.parse().ok().filter(|&b| b > 0).ok_or_else(wrong)?;
-        let data_bits = format.get(0..1).and_then(|d| d.parse().ok()).filter(|d| (5..=8).contains(d)).ok_or_else(wrong)?;
-        let parity = format.get(1..2).ok_or_else(wrong)?.parse()?;
-        let half_stop_bits = match format.get(2..) {
-            Some("1") => 2,
-            Some("1.5") => 3,
-            Some("2") => 4,
+        let wrong = || format!("line settings {text:?}; give baud rate, data bits, parity and stop bits, as in 19200-8E1");
+        let text = text.trim();
+        let (baud, rest) = text.split_at(text.find(|one: char| !one.is_ascii_digit()).unwrap_or(text.len()));
+        let baud = baud.parse().map_err(|_| wrong())?;
+        // Something has to part the rate from the data bits; between the others it is a matter of taste.
+        let rest = Some(behind_separator(rest)).filter(|behind| behind.len() < rest.len()).ok_or_else(wrong)?;
+        let data_bits =
+            rest.get(..1).and_then(|digit| digit.parse().ok()).filter(|bits| (5..=8).contains(bits)).ok_or_else(wrong)?;
+        let rest = behind_separator(&rest[1..]);
+        let parity = rest.get(..1).and_then(|letter| letter.parse().ok()).ok_or_else(wrong)?;
+        let half_stop_bits = match behind_separator(&rest[1..]) {
+            "1" => 2,
+            "1.5" => 3,
+            "2" => 4,
             _ => return Err(wrong()),
         };
+        if !(SLOWEST..=FASTEST).contains(&baud) {
+            return Err(format!("{baud} baud is out of range; write {SLOWEST} to {FASTEST}"));
+        }
         Ok(Self { baud, data_bits, parity, half_stop_bits })
     }
+}
+
+/// What stands behind blanks with at most one comma, slash or dash among them.
+fn behind_separator(text: &str) -> &str {
+    let text = text.trim_start();
+    text.strip_prefix([',', '/', '-']).unwrap_or(text).trim_start()
 }
 
 #[cfg(test)]
@@ -177,8 +202,18 @@ mod tests {
     }
 
     #[test]
+    fn settings_are_read_as_programs_write_them() {
+        for (text, expected) in
+            [("9600,8,N,1", "9600-8N1"), ("9600/7o2", "9600-7O2"), (" 115200 8N1.5 ", "115200-8N1.5"), ("300-5M2", "300-5M2")]
+        {
+            assert_eq!(line(text).to_string(), expected);
+        }
+    }
+
+    #[test]
     fn wrong_settings_are_refused() {
-        for text in ["", "9600", "9600-8X1", "9600-9N1", "0-8N1", "9600-8N3", "x-8N1", "9600-8"] {
+        for text in ["", "9600", "9600-8X1", "9600-9N1", "0-8N1", "9600-8N3", "x-8N1", "9600-8", "49-8E1", "96008N1", "9600--8N1"]
+        {
             assert!(text.parse::<LineSettings>().is_err(), "{text}");
         }
     }

@@ -9,8 +9,11 @@ pub fn value_error(message: String) -> PyErr {
     PyValueError::new_err(message)
 }
 
-/// Line settings from the tuple that Python passes: baud, data bits, parity, stop bits.
-pub fn line_settings((baud, data_bits, parity, stop_bits): (u32, u8, String, f64)) -> PyResult<LineSettings> {
+/// Line settings as Python passes them: baud, data bits, parity, stop bits.
+pub type SettingsTuple = (u32, u8, String, f64);
+
+/// Line settings from that tuple.
+pub fn line_settings((baud, data_bits, parity, stop_bits): SettingsTuple) -> PyResult<LineSettings> {
     let stop = if stop_bits.fract() == 0.0 { format!("{stop_bits:.0}") } else { format!("{stop_bits}") };
     format!("{baud}-{data_bits}{parity}{stop}").parse().map_err(value_error)
 }

@@ -11,6 +11,7 @@ mod dialects;
 mod files;
 mod functions;
 mod inbox;
+mod line_search;
 mod lines;
 mod profile;
 mod recorder;
@@ -18,6 +19,7 @@ mod session;
 mod stream;
 mod table;
 mod view;
+mod words;
 
 use modlens_diagnosis::table::Diagnosis;
 use modlens_protocol::checksum;
@@ -117,6 +119,8 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(profile::convert, module)?)?;
     module.add_class::<capture::Capture>()?;
     module.add_class::<days::Days>()?;
+    module.add_function(wrap_pyfunction!(days::bus_day_columns, module)?)?;
+    module.add_function(wrap_pyfunction!(days::bus_day_row, module)?)?;
     module.add_class::<dialects::Dialects>()?;
     #[cfg(feature = "files")]
     module.add_class::<files::RowFile>()?;
@@ -132,6 +136,17 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<lines::Pieces>()?;
     module.add_class::<stream::ArrowStream>()?;
     module.add_class::<inbox::Inbox>()?;
+    module.add_class::<line_search::LineCheck>()?;
+    module.add_class::<line_search::LineSearch>()?;
+    module.add_function(wrap_pyfunction!(line_search::usual_rates, module)?)?;
+    module.add_function(wrap_pyfunction!(line_search::likely_rates, module)?)?;
+    module.add_function(wrap_pyfunction!(line_search::proof_in, module)?)?;
+    module.add_function(wrap_pyfunction!(words::parse_duration, module)?)?;
+    module.add_function(wrap_pyfunction!(words::parse_rotation, module)?)?;
+    module.add_function(wrap_pyfunction!(words::parse_retention, module)?)?;
+    module.add_function(wrap_pyfunction!(words::parse_line, module)?)?;
+    module.add_function(wrap_pyfunction!(words::parse_broker, module)?)?;
+    module.add_function(wrap_pyfunction!(words::topic_level, module)?)?;
     module.add_class::<recorder::Recorder>()?;
     module.add_class::<view::Lines>()?;
     module.add_function(wrap_pyfunction!(view::carried, module)?)?;

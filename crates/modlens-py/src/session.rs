@@ -37,7 +37,7 @@ fn framing(name: &str) -> PyResult<Option<Mode>> {
 }
 
 /// The number of a line of a bus.
-fn line_number(line: Option<&str>) -> PyResult<u8> {
+pub(crate) fn line_number(line: Option<&str>) -> PyResult<u8> {
     Ok(match line {
         None => 0,
         Some("A") => 1,

@@ -6,8 +6,10 @@
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::time::Duration;
 
+use modlens_protocol::amount::{count, duration, size};
 use modlens_protocol::line::LineSettings;
 use modlens_protocol::timestamp::push_time;
 
@@ -40,6 +42,32 @@ pub enum Retention {
     Segments(usize),
     /// Segments of so many bytes.
     Bytes(u64),
+}
+
+/// A time such as `1h30m`, or a size such as `64MB`; a bare number is neither.
+impl FromStr for Rotation {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if let Some(bytes) = size(text) {
+            return Ok(Self::Bytes(bytes));
+        }
+        let seconds = duration(text).map_or(0, |ns| (ns as f64 / 1e9).round_ties_even() as u64);
+        if seconds == 0 || text.trim().ends_with(|one: char| one.is_ascii_digit()) {
+            return Err("write a time such as 10min or 1h30m, or a size such as 64MB".into());
+        }
+        Ok(Self::After(Duration::from_secs(seconds)))
+    }
+}
+
+/// A number of segments, or a size such as `2GB`.
+impl FromStr for Retention {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let segments = count(text).and_then(|count| usize::try_from(count).ok()).map(Self::Segments);
+        segments.or_else(|| size(text).map(Self::Bytes)).ok_or_else(|| "give a number of files, or a size such as 2GB".into())
+    }
 }
 
 /// A recorded port.

@@ -1,4 +1,4 @@
-//! Where to publish: the URL of a broker, and the connection to it, in the clear or by TLS.
+//! The connection to a broker, in the clear or by TLS, and where its password comes from.
 
 use std::io::{self, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
+use modlens_writers::mqtt::Address;
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, ServerName};
 use rustls::{ClientConfig, ClientConnection, RootCertStore, StreamOwned};
@@ -20,20 +21,10 @@ const READ_TIMEOUT: Duration = Duration::from_millis(20);
 const WRITE_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// A broker.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone)]
 pub struct Broker {
-    /// Its name or address.
-    pub host: String,
-    /// Its port.
-    pub port: u16,
-    /// The topics begin with it.
-    pub prefix: String,
-    /// The user, if there is one.
-    pub user: Option<String>,
-    /// The password, if there is one.
-    pub password: Option<String>,
-    /// By TLS.
-    pub tls: bool,
+    /// Where it is, and how to log in.
+    pub address: Address,
     /// The certificates to trust; those of the system where `None`.
     pub authorities: Option<PathBuf>,
 }
@@ -43,37 +34,23 @@ pub trait Stream: Read + Write + Send {}
 impl<T: Read + Write + Send> Stream for T {}
 
 impl Broker {
-    /// Reads `mqtt[s]://[user@]host[:port]/prefix`. A password has no place in it: everybody on the machine could read it.
+    /// Reads `mqtt[s]://[user@]host[:port]/prefix`. A password has no place in it: everybody on the machine could read it,
+    /// for as long as the service runs.
     pub fn parse(url: &str, password_file: Option<&str>, authorities: Option<PathBuf>) -> Result<Self, String> {
-        let help = || format!("--mqtt {url}: write mqtt://host or mqtts://user@host:8883/prefix");
-        let (tls, rest) = match url.split_once("://") {
-            Some(("mqtt", rest)) => (false, rest),
-            Some(("mqtts", rest)) => (true, rest),
-            _ => return Err(help()),
-        };
-        let (place, prefix) = rest.split_once('/').unwrap_or((rest, ""));
-        let (user, place) = place.rsplit_once('@').map_or((None, place), |(user, place)| (Some(user.to_owned()), place));
-        if user.as_ref().is_some_and(|user| user.contains(':')) {
+        let address = Address::parse(url, password(password_file)?).map_err(|why| format!("--mqtt: {why}"))?;
+        if address.has_password {
             return Err("--mqtt: a password in the URL can be read by everybody here; use --mqtt-password-file".into());
         }
-        let default = if tls { 8883 } else { 1883 };
-        let (host, port) = match place.rsplit_once(':') {
-            Some((host, port)) if !port.contains(']') => (host, port.parse().map_err(|_| help())?),
-            _ => (place, default),
-        };
-        let host = host.trim_start_matches('[').trim_end_matches(']').to_owned();
-        let prefix = if prefix.is_empty() { "modlens" } else { prefix.trim_end_matches('/') }.to_owned();
-        if host.is_empty() || prefix.contains(['#', '+']) {
-            return Err(help());
+        if authorities.is_some() && !address.tls {
+            return Err("--mqtt-ca needs TLS: write mqtts://host".into());
         }
-        let password = password(password_file)?;
-        Ok(Self { host, port, prefix, user, password, tls, authorities })
+        Ok(Self { address, authorities })
     }
 
     /// Connects; a broker that cannot prove its name is refused.
     pub fn connect(&self) -> io::Result<Box<dyn Stream>> {
         let mut last = io::Error::other("no address");
-        for address in (self.host.as_str(), self.port).to_socket_addrs()? {
+        for address in (self.address.host.as_str(), self.address.port).to_socket_addrs()? {
             match TcpStream::connect_timeout(&address, CONNECT_TIMEOUT) {
                 Ok(stream) => return self.secured(stream),
                 Err(error) => last = error,
@@ -85,11 +62,11 @@ impl Broker {
     fn secured(&self, mut stream: TcpStream) -> io::Result<Box<dyn Stream>> {
         stream.set_nodelay(true)?;
         stream.set_write_timeout(Some(WRITE_TIMEOUT))?;
-        if !self.tls {
+        if !self.address.tls {
             stream.set_read_timeout(Some(READ_TIMEOUT))?;
             return Ok(Box::new(stream));
         }
-        let name = ServerName::try_from(self.host.clone()).map_err(io::Error::other)?;
+        let name = ServerName::try_from(self.address.host.clone()).map_err(io::Error::other)?;
         let mut session = ClientConnection::new(self.tls_settings()?, name).map_err(io::Error::other)?;
         stream.set_read_timeout(Some(CONNECT_TIMEOUT))?;
         while session.is_handshaking() {
@@ -141,14 +118,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_parts_of_a_url_are_read() {
-        let found = Broker::parse("mqtts://plant@broker.example:8884/site/a", None, None).unwrap();
-        assert_eq!((found.host.as_str(), found.port, found.prefix.as_str()), ("broker.example", 8884, "site/a"));
-        assert_eq!((found.user.as_deref(), found.tls), (Some("plant"), true));
-        let found = Broker::parse("mqtt://[::1]", None, None).unwrap();
-        assert_eq!((found.host.as_str(), found.port, found.prefix.as_str()), ("::1", 1883, "modlens"));
+    fn a_password_in_the_url_is_refused_and_not_repeated() {
+        let found = Broker::parse("mqtts://plant@broker.example:8884/site/a", None, Some("ca.pem".into())).unwrap();
+        assert_eq!((found.address.port, found.address.prefix.as_str()), (8884, "site/a"));
         for url in ["http://host", "mqtt://", "mqtt://user:secret@host", "mqtt://host:x", "mqtt://host/a/#"] {
-            assert!(Broker::parse(url, None, None).is_err(), "{url}");
+            let said = Broker::parse(url, None, None).err().unwrap();
+            assert!(said.starts_with("--mqtt: ") && !said.contains("secret"), "{url}: {said}");
         }
+        assert!(Broker::parse("mqtt://host", None, Some("ca.pem".into())).is_err());
     }
 }

@@ -1,4 +1,4 @@
-//! The loop of a tap: reads of the port to the engine, rows to the outputs.
+//! The loop of a tap: reads of the port to search or engine, rows to the outputs.
 
 use std::io;
 use std::os::fd::{AsFd, OwnedFd};
@@ -6,25 +6,22 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use modlens_engine::records::Bus;
-use modlens_engine::session::{BusOptions, Session, WantedTables};
-use modlens_protocol::functions::Functions;
+use modlens_engine::line_search::{LineCheck, LineSearch, SearchOptions, SearchRead};
 use modlens_protocol::line::LineSettings;
-use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::Ns;
-use modlens_readers::chunk::{Chunk, Times};
-use modlens_recorder::{Inbox, Read, RecordedPort, Recorder, RecorderOptions};
+use modlens_recorder::{Inbox, Read};
 
+use crate::decoding::Decoding;
 use crate::mqtt::Publisher;
 use crate::options::Options;
 use crate::port::{open_port, set_line};
 use crate::rows::Rows;
-use crate::search::Search;
 
 const PORT: usize = 0;
 const WAIT: Duration = Duration::from_millis(50);
 const RECONNECT: Duration = Duration::from_secs(1);
-const CLOSE: Duration = Duration::from_secs(5);
+/// How often settings that were found are checked.
+const CHECK_NS: Ns = 1_000_000_000;
 const QUEUE_BYTES: usize = 1 << 24;
 /// The engine is told a time so far in the past: reads may not have reached the queue yet.
 const READ_LAG_NS: Ns = 30_000_000;
@@ -62,11 +59,15 @@ struct Tap<'a> {
     options: &'a Options,
     port: Option<OwnedFd>,
     inbox: Inbox,
-    recorder: Option<Recorder>,
-    session: Session,
-    bus: Option<usize>,
+    decoding: Decoding<'a>,
+    /// The settings of the port.
     line: Option<LineSettings>,
-    search: Option<Search>,
+    /// The search for them, while it goes on; what watches them, where they were found.
+    search: Option<LineSearch>,
+    check: Option<LineCheck>,
+    next_check: Ns,
+    /// Reads are to go to the recorder by themselves, as soon as none is in our hands.
+    awaits_recording: bool,
     rows: Rows,
 }
 
@@ -75,25 +76,26 @@ impl<'a> Tap<'a> {
     fn open(options: &'a Options, rows: Rows) -> Result<Self, Trouble> {
         let port =
             open_port(&options.port).map_err(|error| Trouble { message: format!("{}: {error}", options.port), status: 4 })?;
-        let recorder = match &options.record {
-            Some(path) => {
-                let (rotation, retention) = (options.rotation, options.retention);
-                let wanted = RecorderOptions { rotation, retention, ..RecorderOptions::new(path) };
-                Some(Recorder::start(wanted).map_err(output("--record"))?)
-            }
-            None => None,
+        let mut tap = Self {
+            options,
+            port: Some(port),
+            inbox: Inbox::new(QUEUE_BYTES),
+            decoding: Decoding::open(options).map_err(output("--record"))?,
+            line: options.line,
+            search: None,
+            check: None,
+            next_check: 0,
+            awaits_recording: false,
+            rows,
         };
-        let wanted = WantedTables { frames: false, transactions: true, findings: false };
-        let session = Session::new(Arc::new(Functions::default()), wanted, true, None);
-        let (inbox, line) = (Inbox::new(QUEUE_BYTES), options.line);
-        let mut tap = Self { options, port: Some(port), inbox, recorder, session, bus: None, line, search: None, rows };
-        if line.is_none() {
-            tap.say("no line settings given; they are searched by listening");
-            tap.search = Some(Search::new(options.mode, tap.inbox.now_ns()));
-        } else {
+        if options.line.is_some() {
             tap.begin_decoding();
         }
-        tap.listen_to_port();
+        let marks_errors = tap.listen_to_port();
+        if options.line.is_none() {
+            tap.say("no line settings given; they are searched by listening");
+            tap.begin_search(marks_errors);
+        }
         Ok(tap)
     }
 
@@ -101,48 +103,67 @@ impl<'a> Tap<'a> {
         eprintln!("{}: {text}", self.options.bus);
     }
 
-    /// Reads the port with the settings that hold now.
-    fn listen_to_port(&mut self) {
-        let Some(line) = self.line.or_else(|| self.search.as_ref().map(Search::line)) else { return };
-        let Some(port) = &self.port else { return };
-        // A pseudo terminal has no parity, and a port that does not take the settings is still worth listening to.
-        let marks = set_line(port, line).unwrap_or_else(|error| {
-            self.say(&format!("{line}: {error}"));
-            false
-        });
-        self.inbox.set_char_ns(PORT, line.char_ns());
-        if let Err(error) = self.inbox.listen(PORT, port.as_fd(), marks) {
+    /// Reads the port with the settings that hold now; whether its driver marks line errors.
+    fn listen_to_port(&mut self) -> bool {
+        // Any settings tell whether errors are marked; the search sets its own.
+        let line = self.line.unwrap_or_else(|| LineSearch::new(SearchOptions::default()).line());
+        let marks_errors = self.set_line(line);
+        let Some(port) = &self.port else { return marks_errors };
+        if let Err(error) = self.inbox.listen(PORT, port.as_fd(), marks_errors) {
             self.say(&error.to_string());
             self.port = None;
         }
+        marks_errors
     }
 
-    /// Adds the bus to the engine and to the recording, now that its settings are known.
-    fn begin_decoding(&mut self) {
-        let bus = Bus {
-            name: self.options.bus.clone(),
-            source: self.options.port.clone(),
-            place: Place::Offset,
-            clock: Clock::Utc,
-            line: self.line,
-            network: None,
-        };
-        self.bus = Some(self.session.add_bus(BusOptions {
-            bus,
-            mode: self.options.mode,
-            line: self.line,
-            resolution: None,
-            rule: None,
-        }));
-        if let Some(recorder) = &self.recorder {
-            let at = recorder.add_port(RecordedPort {
-                name: self.options.port.clone(),
-                bus: self.options.bus.clone(),
-                line: None,
-                settings: self.line,
-            });
-            self.inbox.record(PORT, recorder.feed(), at);
+    /// Sets the port; whether its driver marks line errors.
+    fn set_line(&mut self, line: LineSettings) -> bool {
+        self.line = Some(line);
+        self.inbox.set_char_ns(PORT, line.char_ns());
+        let Some(port) = &self.port else { return false };
+        // A pseudo terminal has no parity, and a port that does not take the settings is still worth listening to.
+        set_line(port, line).unwrap_or_else(|error| {
+            self.say(&format!("{line}: {error}"));
+            false
+        })
+    }
+
+    /// Searches the settings, for the first time or again.
+    fn begin_search(&mut self, marks_errors: bool) {
+        self.inbox.stop_recording(PORT);
+        let search = LineSearch::new(SearchOptions { marks_errors, mode: self.options.mode });
+        self.set_line(search.line());
+        self.search = Some(search);
+        self.check = None;
+    }
+
+    /// Follows the search: sets the port to what it tries next, or begins to decode with what it has found.
+    fn follow_search(&mut self) {
+        let Some(mut search) = self.search.take() else { return };
+        for text in search.take_messages() {
+            self.say(&text);
         }
+        if self.line != Some(search.line()) {
+            self.set_line(search.line());
+            search.line_was_set(self.inbox.now_ns());
+        }
+        match search.found() {
+            None => self.search = Some(search),
+            Some(found) => {
+                self.say(&format!("found {}", found.evidence));
+                self.check = Some(LineCheck::default());
+                self.decoding.begin(Some(found.line), Some(found.mode));
+                self.begin_decoding();
+                for read in &found.reads {
+                    self.decoding.feed(read);
+                }
+            }
+        }
+    }
+
+    fn begin_decoding(&mut self) {
+        self.decoding.begin(self.line, None);
+        self.awaits_recording = true;
         let at = self.line.map_or(String::new(), |line| format!(" at {line}"));
         self.say(&format!("listening{at}; nothing is sent"));
     }
@@ -150,64 +171,76 @@ impl<'a> Tap<'a> {
     fn listen(&mut self, stop: &AtomicBool) -> Result<(), Trouble> {
         let mut retry = Instant::now();
         while !stop.load(Ordering::Relaxed) && !self.rows.is_full() {
+            self.record_directly();
             for read in self.inbox.take(WAIT, Duration::ZERO) {
-                self.take(&read);
+                self.take(read);
             }
             if self.port.is_none() && Instant::now() >= retry {
                 retry = Instant::now() + RECONNECT;
                 self.reconnect();
             }
             self.advance();
-            self.rows.put(self.session.take()).map_err(output("output"))?;
-            for line in self.recorder.as_ref().map(Recorder::take_messages).unwrap_or_default() {
+            self.rows.put(self.decoding.take()).map_err(output("output"))?;
+            for line in self.decoding.take_messages() {
                 self.say(&line);
             }
         }
         Ok(())
     }
 
-    /// One read, or the end of the port.
-    fn take(&mut self, read: &Read) {
-        if read.bytes.is_none() {
-            self.say("the port is gone; waiting for it");
-            self.inbox.end(PORT);
-            self.port = None;
-            self.feed(&Read { follows_loss: true, bytes: Some(Vec::new()), ..read.clone() });
-        } else if let Some(search) = &mut self.search {
-            if search.takes(read) {
-                self.line = Some(search.line());
-                self.search = None;
-                self.begin_decoding();
+    /// Lets reads go to the recorder by themselves.
+    fn record_directly(&mut self) {
+        if std::mem::take(&mut self.awaits_recording) {
+            if let Some((feed, at)) = self.decoding.recording() {
+                self.inbox.record(PORT, feed, at);
             }
-        } else {
-            self.feed(read);
         }
     }
 
-    fn feed(&mut self, read: &Read) {
-        let (Some(bus), Some(bytes)) = (self.bus, &read.bytes) else { return };
-        let times = Times::Read(read.time);
-        if read.follows_loss {
-            // What came before is closed only after all that time alone decides has been decided, as `modlens tap` does.
-            self.session.feed(bus, &Chunk { times, follows_loss: true, ..Chunk::default() });
-        }
-        if !bytes.is_empty() {
-            let (error_positions, follows_loss) = (read.errors.as_slice(), read.follows_loss);
-            self.session.feed(bus, &Chunk { bytes, times, error_positions, follows_loss, ..Chunk::default() });
+    /// One read, or the end of the port.
+    fn take(&mut self, read: Read) {
+        let Some(bytes) = read.bytes else {
+            self.say("the port is gone; waiting for it");
+            self.inbox.end(PORT);
+            self.port = None;
+            self.decoding.lose(read.time, read.is_recorded);
+            return;
+        };
+        let (errors, follows_loss, is_recorded) = (read.errors, read.follows_loss, read.is_recorded);
+        let read = SearchRead { port: PORT, line: 0, time: read.time, bytes, errors, follows_loss, is_recorded };
+        match &mut self.search {
+            Some(search) => {
+                search.feed(read);
+                self.follow_search();
+            }
+            None => self.decoding.feed(&read),
         }
     }
 
     /// Tells engine and search what time it is.
     fn advance(&mut self) {
-        for change in self.inbox.check_clocks() {
-            let _ = change;
-        }
+        // The clocks are followed where nothing is read, too.
+        self.inbox.check_clocks();
         let now = self.inbox.now_ns() - READ_LAG_NS;
-        self.session.poll(now);
-        if self.search.as_mut().is_some_and(|search| search.goes_on(now)) {
-            self.inbox.end(PORT);
-            self.listen_to_port();
+        self.decoding.session.poll(now);
+        if let Some(search) = &mut self.search {
+            search.advance(now);
+            self.follow_search();
         }
+        if now >= self.next_check {
+            self.next_check = now + CHECK_NS;
+            self.check_found_line();
+        }
+    }
+
+    /// Begins the search again where settings that were found give nothing but damaged bytes.
+    fn check_found_line(&mut self) {
+        let Some((check, bus)) = self.check.as_mut().zip(self.decoding.bus) else { return };
+        let Some(damage) = check.damage(&self.decoding.session, bus) else { return };
+        let at = self.line.map_or(String::new(), |line| format!(" at {line}"));
+        self.say(&format!("no valid frame in the last {damage} bytes{at}; the settings are searched again"));
+        let marks_errors = self.line.is_some_and(|line| self.set_line(line));
+        self.begin_search(marks_errors);
     }
 
     fn reconnect(&mut self) {
@@ -223,17 +256,20 @@ impl<'a> Tap<'a> {
     fn close(mut self) -> Result<(), Trouble> {
         self.inbox.close();
         for read in self.inbox.take(Duration::ZERO, Duration::ZERO) {
-            self.take(&read);
+            self.take(read);
         }
-        if let Some(bus) = self.bus {
-            let times = Times::Read(self.inbox.now_ns());
-            self.session.feed(bus, &Chunk { times, follows_loss: true, ..Chunk::default() });
+        if let Some(search) = self.search.take() {
+            // What was heard is decoded and recorded with the settings of the time.
+            self.say(&search.diagnosis());
+            for (line, read) in search.heard() {
+                self.decoding.begin(Some(line), None);
+                self.decoding.feed(read);
+            }
         }
-        self.session.flush();
-        self.rows.put(self.session.take()).map_err(output("output"))?;
-        let name = self.options.bus.clone();
-        if let Some(mut recorder) = self.recorder.take() {
-            let status = recorder.close(CLOSE);
+        let recorded = self.decoding.close(self.inbox.now_ns());
+        self.rows.put(self.decoding.take()).map_err(output("output"))?;
+        let name = &self.options.bus;
+        if let Some(status) = recorded {
             eprintln!("{name}: {} bytes recorded, {} lost", status.recorded, status.lost);
         }
         eprintln!("{name}: {} transactions", self.rows.count);

@@ -7,6 +7,8 @@
 #[cfg(unix)]
 mod broker;
 #[cfg(unix)]
+mod decoding;
+#[cfg(unix)]
 mod listening;
 #[cfg(unix)]
 mod mqtt;
@@ -16,8 +18,6 @@ mod options;
 mod port;
 #[cfg(unix)]
 mod rows;
-#[cfg(unix)]
-mod search;
 
 #[cfg(unix)]
 fn main() -> std::process::ExitCode {

@@ -1,11 +1,14 @@
-//! A publisher by MQTT 3.1.1 (OASIS standard, 29 October 2014): transactions with quality of service 1, the state as a
-//! retained message with a last will. It subscribes to nothing: a listener takes no commands.
+//! A publisher by MQTT 3.1.1 (OASIS standard, 29 October 2014): transactions with quality of service 1, the row of the day
+//! and the state as retained messages, the latter with a last will. It subscribes to nothing: a listener takes no commands.
+//! The topics are those of `modlens_writers::mqtt`.
 
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Write};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
+
+use modlens_writers::mqtt::level;
 
 use crate::broker::{Broker, Stream};
 
@@ -31,6 +34,8 @@ const DUPLICATE: u8 = 0x08;
 struct Message {
     topic: String,
     payload: Vec<u8>,
+    /// The broker keeps it for those who subscribe later.
+    is_retained: bool,
     /// The packet identifier under which it was sent; 0 if it was not.
     identifier: u16,
 }
@@ -57,28 +62,38 @@ impl Shared {
 /// Publishes in a thread of its own; nothing here waits for the network.
 pub struct Publisher {
     shared: Arc<Shared>,
-    topic: String,
+    transaction: String,
+    day: String,
     thread: JoinHandle<()>,
 }
 
 impl Publisher {
     /// Starts the thread, which connects again and again until the end.
     pub fn start(broker: Broker, bus: String) -> io::Result<Self> {
-        let topic = format!("{}/{}/transaction", broker.prefix, level(&bus));
+        let [transaction, day] = ["transaction", "day"].map(|what| broker.address.of_bus(&bus, what));
         let shared = Arc::new(Shared::default());
         let client = Client { broker, bus, shared: Arc::clone(&shared), next_identifier: 0 };
         let thread = std::thread::Builder::new().name("modlens mqtt".into()).spawn(move || client.run())?;
-        Ok(Self { shared, topic, thread })
+        Ok(Self { shared, transaction, day, thread })
     }
 
     /// Publishes a transaction.
     pub fn transaction(&self, json: &[u8]) {
+        self.send(&self.transaction, json, false);
+    }
+
+    /// Publishes the row of a day so far.
+    pub fn day(&self, json: &[u8]) {
+        self.send(&self.day, json, true);
+    }
+
+    fn send(&self, topic: &str, json: &[u8], is_retained: bool) {
         let mut state = self.shared.state();
         if state.waiting.len() >= MAX_WAITING {
             state.waiting.pop_front();
             state.dropped += 1;
         }
-        state.waiting.push_back(Message { topic: self.topic.clone(), payload: json.to_vec(), identifier: 0 });
+        state.waiting.push_back(Message { topic: topic.to_owned(), payload: json.to_vec(), is_retained, identifier: 0 });
         self.shared.changed.notify_all();
     }
 
@@ -90,11 +105,6 @@ impl Publisher {
         let state = self.shared.state();
         state.waiting.len() + state.dropped
     }
-}
-
-/// A name as one level of a topic, as `modlens tap` makes it.
-fn level(name: &str) -> String {
-    name.trim_matches('/').chars().map(|one| if "/+# ".contains(one) { '_' } else { one }).collect()
 }
 
 /// The thread's side.
@@ -115,7 +125,7 @@ impl Client {
                 Err(error) => {
                     let text = error.to_string();
                     if failures == 0 || text != said {
-                        eprintln!("{}: MQTT {}:{}: {text}", self.bus, self.broker.host, self.broker.port);
+                        eprintln!("{}: {}: {text}", self.bus, self.broker.address);
                     }
                     said = text;
                 }
@@ -142,7 +152,7 @@ impl Client {
     /// One connection, to its loss (an error) or the end of the tap.
     fn session(&mut self, failures: &mut usize) -> io::Result<()> {
         let mut stream = self.broker.connect()?;
-        let status = format!("{}/status", self.broker.prefix);
+        let status = self.broker.address.status();
         stream.write_all(&connect_packet(&self.broker, &self.bus, &status))?;
         stream.flush()?;
         let mut incoming = Incoming::default();
@@ -151,7 +161,7 @@ impl Client {
             return Err(io::Error::other(refusal(*code)));
         }
         *failures = 0;
-        eprintln!("{}: MQTT {}:{}: connected", self.bus, self.broker.host, self.broker.port);
+        eprintln!("{}: {}: connected", self.bus, self.broker.address);
         stream.write_all(&publish(&status, b"online", RETAIN, None))?;
         for message in &mut self.shared.state().waiting {
             // The broker has forgotten what it had not confirmed: the session is a clean one.
@@ -200,7 +210,8 @@ impl Client {
             if message.identifier == 0 {
                 self.next_identifier = self.next_identifier.checked_add(1).unwrap_or(1);
                 message.identifier = self.next_identifier;
-                packets.extend(publish(&message.topic, &message.payload, QOS_1, Some(message.identifier)));
+                let flags = if message.is_retained { QOS_1 | RETAIN } else { QOS_1 };
+                packets.extend(publish(&message.topic, &message.payload, flags, Some(message.identifier)));
             }
         }
         stream.write_all(&packets)?;
@@ -273,7 +284,7 @@ fn connect_packet(broker: &Broker, bus: &str, status: &str) -> Vec<u8> {
     push_text(&format!("modlens-tap-{}-{}", std::process::id(), level(bus)), &mut body);
     push_text(status, &mut body);
     push_text("offline", &mut body);
-    for (text, flag) in [(&broker.user, 0x80), (&broker.password, 0x40)] {
+    for (text, flag) in [(&broker.address.user, 0x80), (&broker.address.password, 0x40)] {
         if let Some(text) = text {
             flags |= flag;
             push_text(text, &mut body);
@@ -349,10 +360,5 @@ mod tests {
         assert_eq!(incoming.cut(), None);
         incoming.bytes.push(10);
         assert_eq!(incoming.cut(), Some((PUBACK, vec![0, 10])));
-    }
-
-    #[test]
-    fn a_bus_is_one_level_of_a_topic() {
-        assert_eq!(level("/dev/ttyUSB0"), "dev_ttyUSB0");
     }
 }

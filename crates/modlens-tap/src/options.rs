@@ -1,7 +1,7 @@
 //! The command line.
 
 use std::path::PathBuf;
-use std::time::Duration;
+use std::str::FromStr;
 
 use modlens_protocol::framing::Mode;
 use modlens_protocol::line::LineSettings;
@@ -86,13 +86,13 @@ pub fn parse(words: &[String]) -> Result<Wanted, String> {
         match word.as_str() {
             "-h" | "--help" => return Ok(Wanted::Text(HELP.into())),
             "-V" | "--version" => return Ok(Wanted::Text(format!("modlens-tap {}\n", env!("CARGO_PKG_VERSION")))),
-            "--line" => found.line = Some(value()?.parse()?),
+            "--line" => found.line = Some(told(word, value()?)?),
             "--mode" => found.mode = Some(mode(value()?)?),
             "-o" => found.output = Some(value()?.into()),
             "--quiet" => found.quiet = true,
             "--record" => found.record = Some(value()?.into()),
-            "--rotate" => found.rotation = rotation(value()?)?,
-            "--keep" => found.retention = retention(value()?)?,
+            "--rotate" => found.rotation = told(word, value()?)?,
+            "--keep" => found.retention = told(word, value()?)?,
             "--mqtt" => url = Some(value()?.clone()),
             "--mqtt-password-file" => password_file = Some(value()?.clone()),
             "--mqtt-ca" => authorities = Some(PathBuf::from(value()?)),
@@ -105,10 +105,18 @@ pub fn parse(words: &[String]) -> Result<Wanted, String> {
     if found.port.is_empty() {
         return Err("no port given".into());
     }
+    if found.retention != Retention::All && found.rotation == Rotation::Never {
+        return Err("--keep is for segments; add --rotate, as --rotate 1h".into());
+    }
     if let Some(url) = url {
         found.broker = Some(Broker::parse(&url, password_file.as_deref(), authorities)?);
     }
     Ok(Wanted::Tap(Box::new(found)))
+}
+
+/// What the value of an option means.
+fn told<T: FromStr<Err = String>>(option: &str, value: &str) -> Result<T, String> {
+    value.parse().map_err(|why| format!("{option} {value}: {why}"))
 }
 
 /// The name of a bus and its port, in `[BUS=]PORT`.
@@ -127,54 +135,10 @@ fn mode(word: &str) -> Result<Mode, String> {
     }
 }
 
-/// A time such as `1h` or a size such as `64MB`.
-fn rotation(text: &str) -> Result<Rotation, String> {
-    if let Some(bytes) = bytes(text) {
-        return Ok(Rotation::Bytes(bytes));
-    }
-    let (number, unit) = split(text);
-    let seconds = match unit {
-        "s" => 1,
-        "m" | "min" => 60,
-        "h" => 3600,
-        "d" => 86_400,
-        _ => 0,
-    };
-    match number {
-        Some(number) if number > 0 && seconds > 0 => Ok(Rotation::After(Duration::from_secs(number.saturating_mul(seconds)))),
-        _ => Err(format!("--rotate {text}: a time such as 1h, or a size such as 64MB")),
-    }
-}
-
-fn retention(text: &str) -> Result<Retention, String> {
-    if let Some(bytes) = bytes(text) {
-        return Ok(Retention::Bytes(bytes));
-    }
-    match split(text) {
-        (Some(number), "") if number > 0 => Ok(Retention::Segments(number as usize)),
-        _ => Err(format!("--keep {text}: a number of files, or a size such as 2GB")),
-    }
-}
-
-fn bytes(text: &str) -> Option<u64> {
-    let (number, unit) = split(text);
-    let power = match unit.to_ascii_uppercase().as_str() {
-        "KB" => 1,
-        "MB" => 2,
-        "GB" => 3,
-        _ => return None,
-    };
-    Some(number?.saturating_mul(1000u64.pow(power))).filter(|bytes| *bytes > 0)
-}
-
-/// A number and what follows it.
-fn split(text: &str) -> (Option<u64>, &str) {
-    let end = text.find(|character: char| !character.is_ascii_digit()).unwrap_or(text.len());
-    (text[..end].parse().ok(), &text[end..])
-}
-
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
 
     fn tap(words: &[&str]) -> Result<Box<Options>, String> {
@@ -186,10 +150,10 @@ mod tests {
 
     #[test]
     fn times_sizes_and_names_are_read_as_modlens_tap_reads_them() {
-        let found = tap(&["boiler=/dev/ttyUSB0", "--line", "9600-8N1", "--rotate", "1h", "--keep", "2GB"]).unwrap();
+        let found = tap(&["boiler=/dev/ttyUSB0", "--line", "9600-8N1", "--rotate", "1h30m", "--keep", "2GB"]).unwrap();
         assert_eq!((found.bus.as_str(), found.port.as_str()), ("boiler", "/dev/ttyUSB0"));
         assert_eq!(found.line.unwrap().to_string(), "9600-8N1");
-        assert_eq!(found.rotation, Rotation::After(Duration::from_secs(3600)));
+        assert_eq!(found.rotation, Rotation::After(Duration::from_secs(5400)));
         assert_eq!(found.retention, Retention::Bytes(2_000_000_000));
         let found = tap(&["/dev/ttyUSB0", "--rotate", "64MB", "--keep", "168"]).unwrap();
         assert_eq!((found.rotation, found.retention), (Rotation::Bytes(64_000_000), Retention::Segments(168)));
@@ -197,7 +161,15 @@ mod tests {
 
     #[test]
     fn wrong_use_is_told() {
-        for words in [&["--line"][..], &[], &["a", "b"], &["a", "--rotate", "0h"], &["a", "--keep", "x"], &["a", "--what"]] {
+        for words in [
+            &["--line"][..],
+            &[],
+            &["a", "b"],
+            &["a", "--rotate", "0h"],
+            &["a", "--keep", "x"],
+            &["a", "--keep", "2"],
+            &["a", "--what"],
+        ] {
             assert!(tap(words).is_err(), "{words:?}");
         }
     }

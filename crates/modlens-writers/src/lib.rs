@@ -4,6 +4,7 @@
 //!   for other programs in their own formats.
 //! - `arrow` and `files` build tables column by column.
 //! - `capture` writes frames as pcapng or pcap for Wireshark, `recording` the raw reads of a tap.
+//! - `mqtt` reads addresses of brokers and makes topics.
 //! - `view` lays rows out in columns for a terminal.
 //!
 //! `csv`, `jsonl` and the builders of arrays receive values through `CellSink`: the reader of a column is compiled
@@ -21,6 +22,7 @@ pub mod files;
 pub mod influx;
 pub mod jsonl;
 pub mod lines;
+pub mod mqtt;
 #[cfg(feature = "files")]
 mod parquet;
 pub mod recording;

@@ -123,3 +123,13 @@ def test_what_was_received_with_the_right_settings_is_kept() -> None:
     data = b"".join(chunk.data for _, chunk in search.found.chunks)
     requests = polls("rtu", 7)
     assert any(request in data for request, _ in (next(requests) for _ in range(40)))
+
+
+@pytest.mark.parametrize("settings", ["1200-8O1", "9600-8N1"])
+def test_no_read_is_kept_twice(settings: str) -> None:
+    """Silences while the character format is searched add nothing to what was read."""
+    search = SettingsSearch()
+    search_settings(search, traffic(parse_line(settings), "rtu", 7))
+    assert search.found is not None
+    times = [chunk.time_ns for _, chunk in search.found.chunks]
+    assert times == sorted(set(times))

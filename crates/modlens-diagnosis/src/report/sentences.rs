@@ -1,6 +1,7 @@
 //! Claims put into words: the sentence of the table with its places filled.
 
 use modlens_engine::records::DiagnosisRow;
+use modlens_protocol::decimal::thousands;
 use modlens_protocol::finding::Severity;
 
 use crate::claim::{duration, Claim};
@@ -98,17 +99,4 @@ fn moment(contrast: &BusContrast, place: Place) -> Option<String> {
         return Some(format!("{} UTC", String::from_utf8_lossy(&text[..19]).replace('T', " ")));
     }
     place.elapsed.map(|elapsed| format!("{} after the beginning", duration(elapsed)))
-}
-
-/// A number with commas between thousands.
-pub(super) fn thousands(number: u64) -> String {
-    let digits = number.to_string();
-    let mut text = String::new();
-    for (at, digit) in digits.chars().enumerate() {
-        if at > 0 && (digits.len() - at).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
 }

@@ -1,10 +1,10 @@
 //! One sentence first: healthy, works with trouble, broken, or not to be judged, and why.
 
 use modlens_engine::records::DiagnosisRow;
+use modlens_protocol::decimal::thousands;
 use modlens_protocol::finding::Severity;
 use modlens_protocol::framing::Verdict as FrameVerdict;
 
-use super::sentences::thousands;
 use crate::claim::{percent, ACCIDENT};
 use crate::contrast::BusContrast;
 use crate::statistics::{at_least, least_rate, Share};
