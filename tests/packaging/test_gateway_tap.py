@@ -227,7 +227,8 @@ def test_transactions_are_published_by_tls(
     assert published == out.splitlines()
     (day,) = [json.loads(payload) for topic, payload in got if topic.endswith("/day")]
     assert list(day) == list(COLUMNS)
-    assert (day["bus"], day["verdict"], day["failed_share"]) == (port[1], "unknown", 0.0)
+    assert (day["bus"], day["failed_share"]) == (port[1], 0.0)
+    assert day["requests"] > 0
     states = [payload for topic, payload in got if topic == "plant/status"]
     assert (states[0], states[-1]) == (b"online", b"offline")
 
