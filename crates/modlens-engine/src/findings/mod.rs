@@ -24,5 +24,8 @@ pub(crate) mod words;
 
 use modlens_protocol::finding::Finding;
 
+/// That of a frame with a right checksum which may be noise all the same.
+pub(crate) const UNCONFIRMED: Finding = Finding::Unconfirmed;
+
 /// Findings with their details.
 pub type Found = Vec<(Finding, String)>;

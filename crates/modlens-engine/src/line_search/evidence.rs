@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::line::LineSettings;
@@ -10,6 +9,7 @@ use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Times};
 
+use crate::findings::UNCONFIRMED;
 use crate::session::{BusOptions, Session, WantedTables};
 
 /// The framings that are listened for, and the bits of a character that each looks at.
@@ -63,7 +63,7 @@ impl Listener {
             Mode::Ascii => frames >= MIN_ASCII_FRAMES,
             _ => answered >= MIN_ANSWERED,
         };
-        let confirmed = frames.saturating_sub(stats.findings_of(Finding::Unconfirmed));
+        let confirmed = frames.saturating_sub(stats.findings_of(UNCONFIRMED));
         (enough || confirmed >= MIN_FRAMES).then(|| {
             let ending = |count| if count == 1 { "" } else { "s" };
             format!("{frames} valid frame{} and {answered} answered request{}", ending(frames), ending(answered))
