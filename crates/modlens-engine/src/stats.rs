@@ -125,7 +125,7 @@ impl Stats {
     /// Counts a closed transaction, on the bus of this index here: by unit and function its status, whether it is a retry, its
     /// exception and its response time; and its request in the table of requests.
     pub fn transaction(&mut self, bus: usize, functions: &Functions, transaction: &PendingTransaction) {
-        self.buses[bus].requests.transaction(functions, transaction);
+        self.buses[bus].requests.record_transaction(functions, transaction);
         let counts = self.buses[bus].function(transaction.unit, transaction.function);
         counts.statuses[transaction.status as usize] += 1;
         counts.retries += u64::from(transaction.retry_of.is_some());

@@ -297,6 +297,27 @@ fn a_response_read_before_its_request_on_the_other_line_is_paired_with_it() {
 }
 
 #[test]
+fn two_lines_of_which_only_one_has_times_keep_all_bytes() {
+    for timed in [0, 1] {
+        let (mut session, bus) = session(false, Clock::Utc);
+        let mut sent = Vec::new();
+        for i in 0..20u8 {
+            let time = START + i64::from(i) * 100 * MS;
+            for (side, (bytes, _)) in pair(read_request(1, 10, 2), counting_response(1, 2, i)).into_iter().enumerate() {
+                let times = if side == timed { Times::Read(time + side as i64 * 20 * MS) } else { Times::None };
+                session.feed(bus, &Chunk { bytes: &bytes, line: side as u8 + 1, times, ..Chunk::default() });
+                sent.push(bytes);
+            }
+        }
+        session.flush();
+        let mut found: Vec<Vec<u8>> = all_good(&session.take()).into_iter().map(|(bytes, _)| bytes).collect();
+        found.sort();
+        sent.sort();
+        assert_eq!(found, sent, "times on line {}", timed + 1);
+    }
+}
+
+#[test]
 fn the_skew_of_two_lines_is_learned_from_the_first_request_that_is_too_late() {
     for live in [false, true] {
         // 70 ms are longer than the skew assumed at first, which is 60 ms.

@@ -1,5 +1,7 @@
 //! Conversion of arguments and errors between Python and the core.
 
+use std::sync::Arc;
+
 use modlens_protocol::line::LineSettings;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -7,6 +9,14 @@ use pyo3::prelude::*;
 /// A `ValueError` with this message: the caller has passed something invalid.
 pub fn value_error(message: String) -> PyErr {
     PyValueError::new_err(message)
+}
+
+/// Changes a table that others may share: they keep theirs, and where the change fails, it stays as it was.
+pub fn change_if_valid<T: Clone>(table: &mut Arc<T>, change: impl FnOnce(&mut T) -> Result<(), String>) -> PyResult<()> {
+    let mut changed = T::clone(table);
+    change(&mut changed).map_err(value_error)?;
+    *table = Arc::new(changed);
+    Ok(())
 }
 
 /// Line settings as Python passes them: baud, data bits, parity, stop bits.

@@ -7,7 +7,7 @@ use modlens_readers::text::{detect, Dialects as Core, Reader};
 use pyo3::prelude::*;
 use serde_json::{json, Value as Json};
 
-use crate::arguments::{hex, value_error};
+use crate::arguments::{change_if_valid, hex, value_error};
 
 /// Bytes read from a log: line number, sender, time in ns, the bytes.
 type EntryTuple = (u64, Option<&'static str>, Option<i64>, Vec<u8>);
@@ -38,11 +38,7 @@ impl Dialects {
     }
 
     fn load(&mut self, text: &str, origin: &str) -> PyResult<()> {
-        let core = Arc::make_mut(&mut self.core);
-        let mut changed = core.clone();
-        changed.load(text, origin).map_err(value_error)?;
-        *core = changed;
-        Ok(())
+        change_if_valid(&mut self.core, |dialects| dialects.load(text, origin))
     }
 
     fn rows(&self) -> String {

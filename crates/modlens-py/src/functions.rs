@@ -7,7 +7,7 @@ use modlens_protocol::pdu;
 use pyo3::prelude::*;
 use serde_json::Value as Json;
 
-use crate::arguments::value_error;
+use crate::arguments::{change_if_valid, value_error};
 
 /// The embedded functions and those that users have added.
 #[pyclass(module = "_modlens")]
@@ -23,11 +23,7 @@ impl Functions {
     }
 
     fn load(&mut self, text: &str, origin: &str) -> PyResult<()> {
-        let core = Arc::make_mut(&mut self.core);
-        let mut changed = core.clone();
-        changed.load(text, origin, None).map_err(value_error)?;
-        *core = changed;
-        Ok(())
+        change_if_valid(&mut self.core, |functions| functions.load(text, origin, None))
     }
 
     fn load_vendor(&mut self, name: &str) -> PyResult<()> {

@@ -59,7 +59,7 @@ fn match_exchange(
         return None;
     }
     let [request, response] = adus;
-    let is_settled = state.profiles.learn_quietly(functions, request, expected.read_data(response));
+    let is_settled = state.profiles.learn_on_fast_path(functions, request, expected.read_data(response));
     let (mode, response_bits) = (Mode::Ascii, u8::MAX);
     is_settled.then_some(MatchedExchange { expected, mode, mbap_id: None, lines: [0, 0], lengths, response_bits })
 }

@@ -95,7 +95,7 @@ fn match_exchange(
     let expected = exchange.filter(may_hold_no_map)?;
     let lengths = [expected.request_bytes, expected.response_bytes].map(|length| length + CRC_BYTES);
     let (request, response) = line.input.bytes()[..lengths[0] + lengths[1]].split_at(lengths[0]);
-    if !state.profiles.learn_quietly(functions, request, expected.read_data(&response[..expected.response_bytes])) {
+    if !state.profiles.learn_on_fast_path(functions, request, expected.read_data(&response[..expected.response_bytes])) {
         return None;
     }
     let pause_evidence = || {

@@ -39,7 +39,7 @@ fn match_exchange(state: &mut BusState, functions: &Functions, lines: [usize; 2]
     if !(are_framed && expected.is_answered_by(request, response)) {
         return None;
     }
-    let is_settled = state.profiles.learn_quietly(functions, request, expected.read_data(response));
+    let is_settled = state.profiles.learn_on_fast_path(functions, request, expected.read_data(response));
     let (mode, mbap_id, response_bits) = (Mode::Tcp, Some(id), u8::MAX);
     is_settled.then_some((MatchedExchange { expected, mode, mbap_id, lines, lengths, response_bits }, times))
 }

@@ -60,9 +60,14 @@ pub struct FrameResult {
 impl FrameResult {
     /// Bytes that belong to no frame.
     pub fn noise(length: usize, delimited_by: DelimitedBy) -> Self {
+        Self::new(Verdict::Noise, length, delimited_by)
+    }
+
+    /// Bytes with this verdict and evidence for their end, of which nothing else is known.
+    pub fn new(verdict: Verdict, length: usize, delimited_by: DelimitedBy) -> Self {
         Self {
             length,
-            verdict: Verdict::Noise,
+            verdict,
             delimited_by,
             direction: Direction::Unknown,
             confidence: 0,

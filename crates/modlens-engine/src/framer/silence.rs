@@ -65,7 +65,7 @@ fn frame(input: &Input, context: &FramerContext<'_>, length: usize, delimited_by
     };
     let direction = if verdict.is_good() { direction(input, context, adu) } else { Direction::Unknown };
     let confidence = CRC_CONFIDENCE_BITS;
-    FrameResult { verdict, direction, confidence, ..FrameResult::noise(length, delimited_by) }
+    FrameResult { direction, confidence, ..FrameResult::new(verdict, length, delimited_by) }
 }
 
 /// Who sent a good frame at the first byte, of which `adu` has unit and PDU.

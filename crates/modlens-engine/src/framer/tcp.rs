@@ -78,7 +78,7 @@ fn cut_short(input: &Input, adu: &mut Vec<u8>) -> FrameResult {
 fn incomplete(input: &Input, length: usize, delimited_by: DelimitedBy, adu: &mut Vec<u8>) -> FrameResult {
     adu.extend_from_slice(input.bytes().get(PREFIX_BYTES..length).unwrap_or(&[]));
     let mbap_id = transaction_identifier(input.bytes());
-    FrameResult { verdict: Verdict::Incomplete, mbap_id, ..FrameResult::noise(length, delimited_by) }
+    FrameResult { mbap_id, ..FrameResult::new(Verdict::Incomplete, length, delimited_by) }
 }
 
 /// The transaction identifier of the header that begins with the first byte.
@@ -209,8 +209,8 @@ impl TcpFramer {
         let fault = (!fits || has_crc).then_some(FramingFault::MbapLength);
         let length = if has_crc { length + CRC_BYTES } else { length };
         let confidence = if fits { MBAP_CONFIDENCE_BITS } else { CRC_CONFIDENCE_BITS };
-        let noise = FrameResult::noise(length, DelimitedBy::Length);
-        FrameResult { verdict: Verdict::Ok, direction, confidence, mbap_id, fault, ..noise }
+        let frame = FrameResult::new(Verdict::Ok, length, DelimitedBy::Length);
+        FrameResult { direction, confidence, mbap_id, fault, ..frame }
     }
 }
 

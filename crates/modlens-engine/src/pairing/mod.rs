@@ -189,6 +189,16 @@ impl Pairing {
         }
     }
 
+    /// Good requests so far.
+    fn requests_heard(&self) -> u64 {
+        self.heard[0]
+    }
+
+    /// Good responses so far.
+    fn responses_heard(&self) -> u64 {
+        self.heard[1]
+    }
+
     /// Pairs one frame; the transactions that it completes are added to `done`. A new transaction takes the number
     /// `next_txn` and increments it.
     pub fn add_frame(

@@ -62,7 +62,7 @@ impl Pairing {
         let mut transaction = self.start_request(frame, next_txn);
         if let (Some(overlap), Some(open)) = (overlap, self.open.back_mut()) {
             open.waited = open.waited.or(interval(open.request.end, frame.start));
-            let timeout_excluded = matches!(overlap, OverlapEvidence::NoTimeout);
+            let timeout_excluded = matches!(overlap, OverlapEvidence::BeforeTimeout);
             open.overlap = Some(OverlappingRequest { txn: transaction.txn, timeout_excluded, is_answered: false });
         }
         let mut result = PairingResult { txn: Some(transaction.txn), ..PairingResult::default() };
@@ -118,9 +118,9 @@ impl Pairing {
         }
     }
 
-    /// Closes the open requests for which, after this request, no response can come in time any more: on a connection as
-    /// `close_reused` says, and the oldest where more than `MAX_OPEN_REQUESTS` would be open; on a serial line all but the last
-    /// one, and that, too, unless the new request overlaps it (`overlaps`).
+    /// Closes the open requests whose response is not expected any more once this request was sent: on a connection those that
+    /// `close_reused` names, and the oldest where more than `MAX_OPEN_REQUESTS` would be open; on a serial line all but the last
+    /// one, and that, too, unless the new request overlaps it (`overlaps`). A response to one of them would be a late one.
     ///
     /// `Some` if the last open one stays open because of an overlap, with the evidence for it.
     fn close_superseded(
@@ -175,23 +175,24 @@ impl Pairing {
     }
 
     /// Whether this request leaves the open one waiting for its response, since a second master may have sent it: one to
-    /// another unit, not a broadcast, that comes before the open one has had a response, damaged or not, and has timed out.
-    /// `None` if it does not, or if a master gives up as soon as that. Without times one overlap at a time is assumed.
+    /// another unit, not a broadcast, while the open one may still be answered, because it has had no response, not even a
+    /// damaged one, and has not timed out. `None` if not so, or if its own master may have given up by then, as masters on this
+    /// line do (`is_before_timeout`). Without times one overlap at a time is assumed.
     fn overlaps(&self, open: &PendingTransaction, frame: &ObservedFrame<'_>) -> Option<OverlapEvidence> {
-        let has_no_answer_yet = !open.is_timed_out && !open.response.is_present();
-        let waits = open.status != Status::BadRequest && !open.expects_no_response && has_no_answer_yet;
+        let may_still_be_answered = !open.is_timed_out && !open.response.is_present();
+        let waits = open.status != Status::BadRequest && !open.expects_no_response && may_still_be_answered;
         if open.unit == frame.unit() || !waits || frame.unit() == BROADCAST_UNIT {
             return None;
         }
         match interval(open.request.end, frame.start) {
-            Some(waited) => self.is_before_timeout(waited).then_some(OverlapEvidence::NoTimeout),
-            None => open.overlap.is_none().then_some(OverlapEvidence::NoClock),
+            Some(waited) => self.is_before_timeout(waited).then_some(OverlapEvidence::BeforeTimeout),
+            None => open.overlap.is_none().then_some(OverlapEvidence::WithoutClock),
         }
     }
 
-    /// Pairs a request that arrived damaged, on a serial line; on TCP, and for a function and a unit that are both unknown,
-    /// it does nothing. One of its full length closes all open requests and opens a transaction, since a response to it would show
-    /// that the unit could read it; a truncated one only waits for such a response, or for its retry.
+    /// Pairs a request that arrived damaged, if it may be one (`may_be_damaged_request`); else it does nothing. One of its full
+    /// length closes all open requests and opens a transaction, since a response to it would show that the unit could read it; a
+    /// truncated one only waits for such a response, or for its retry.
     pub(super) fn add_damaged_request(
         &mut self,
         functions: &Functions,
@@ -218,8 +219,8 @@ impl Pairing {
         PairingResult { txn: Some(txn), ..PairingResult::default() }
     }
 
-    /// Whether a damaged frame is taken for a request: on a serial line, with unit and function, one of which is known, and
-    /// taken for a request by the framer.
+    /// Whether a damaged frame is taken for a request: on a serial line, where the framer takes it for one, with two bytes at
+    /// least (unit and function), of which one is known: the function is in the table, or the unit has responded before.
     fn may_be_damaged_request(&self, functions: &Functions, frame: &ObservedFrame<'_>) -> bool {
         let is_known = || functions.name(frame.function()).is_some() || self.answering_units[usize::from(frame.unit())];
         frame.mode != Mode::Tcp && frame.direction == Direction::Request && frame.adu.len() > 1 && is_known()
@@ -295,7 +296,7 @@ impl Pairing {
         match (is_retried, open.retry_of.is_some()) {
             (true, _) => Silence::BeforeRetry,
             (false, true) => Silence::OfRetry,
-            (false, false) if self.heard[1] == 0 => Silence::Unheard,
+            (false, false) if self.responses_heard() == 0 => Silence::Unheard,
             (false, false) if self.masters.skips_by_habit() => Silence::ByHabit,
             (false, false) if has_timed_out() => Silence::BeforeAnother,
             (false, false) => Silence::Unproven,
@@ -307,9 +308,9 @@ impl Pairing {
 #[derive(Clone, Copy)]
 enum OverlapEvidence {
     /// By the clock it came sooner than any master gives up.
-    NoTimeout,
+    BeforeTimeout,
     /// There is no clock, so that a time-out cannot be excluded.
-    NoClock,
+    WithoutClock,
 }
 
 /// The transaction of a request that lacks bytes; it has no number yet.

@@ -206,7 +206,7 @@ impl Pairing {
         transaction.findings.extend_from_slice(frame.codes);
         transaction.status = Status::Unsolicited;
         // Where hardly any request is heard, somebody may have asked all the same.
-        let hears_requests = 4 * self.heard[0] >= self.heard[1];
+        let hears_requests = 4 * self.requests_heard() >= self.responses_heard();
         let is_in_order = self.is_wire_order && !self.order_is_inferred && hears_requests;
         transaction.certainty = if is_in_order { UNEXPECTED_RESPONSE_BITS } else { UNEXPECTED_IN_ANY_ORDER_BITS };
         transaction.exception = exception_code(frame);

@@ -15,7 +15,7 @@ use crate::session::inner_pauses::InnerPauses;
 use crate::session::lateness::Lateness;
 use crate::session::line::{LineState, UnmergedFrames};
 use crate::session::profiles::Profiles;
-use crate::session::two_lines::unmerged::next_lines;
+use crate::session::two_lines::unmerged::infer_line_order;
 use crate::session::unit_habits::UnitHabits;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Mode;
@@ -166,16 +166,17 @@ impl BusState {
 
     /// The line of a chunk, which is added if it is new.
     ///
-    /// The first chunk of a line decides how its frames are ordered: if the tap has two lines (numbers from 1, no connection),
-    /// the chunk has no times and starts no record, and the lines before it are of that kind, too, the line's frames wait
-    /// unmerged, so that their order is inferred from their content. Pairing is told that the order is inferred.
+    /// The first chunk of the bus decides how its frames are ordered: if the tap has two lines (numbers from 1, no connection),
+    /// the chunk has no times and starts no record, the frames wait unmerged, so that their order is inferred from their
+    /// content. Those of a further line wait, too, even if its reads have times, because nothing orders them among frames
+    /// without. Pairing is told that the order is inferred.
     pub(crate) fn line_for(&mut self, chunk: &Chunk<'_>) -> &mut LineState {
         let is_new = self.lines.iter().all(|(line, _)| *line != chunk.line);
-        let all_unmerged = self.lines.iter().all(|(_, line)| line.unmerged.is_some());
         let is_two_line_tap = chunk.line != 0 && self.options.bus.network.is_none();
         let is_untimed = matches!(chunk.times, Times::None) && !chunk.starts_record;
+        let waits = self.lines.first().map_or(is_two_line_tap && is_untimed, |(_, first)| first.unmerged.is_some());
         let line = self.line(chunk.line);
-        if is_new && all_unmerged && is_two_line_tap && is_untimed {
+        if is_new && waits {
             line.unmerged = Some(Box::new(UnmergedFrames::new(Input::new(line.input.char_ns))));
             self.pairing.order_is_inferred = true;
         }
@@ -261,16 +262,16 @@ impl BusState {
     }
 
     /// The next frame and the index of its line; `adu` gets its unit and PDU. `None` if more bytes or time are needed: while
-    /// it is not known which line is next (`next_line`), or as long as that line's framer decides nothing. The bytes of the
+    /// it is not known which line is next (`line_of_next_frame`), or as long as that line's framer decides nothing. The bytes of the
     /// frame are left in the input.
     ///
-    /// Where no clock tells the order of two lines, `next_merged` says which frame is next. The framer looks ahead in
+    /// Where no clock tells the order of two lines, `next_frame_without_clock` says which frame is next. The framer looks ahead in
     /// recordings only. What it has learned of the framing may change the silence that ends frames of this line (`break_ns`).
     pub(crate) fn next_frame(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, FrameResult)> {
         if self.lines.first().is_some_and(|(_, line)| line.unmerged.is_some()) {
-            return self.next_merged(functions, live, adu);
+            return self.next_frame_without_clock(functions, live, adu);
         }
-        let at = self.next_line(functions, live)?;
+        let at = self.line_of_next_frame(functions, live)?;
         // On a two-line tap the silence on one line says nothing about the other's, so it is no evidence.
         let is_single_line = self.lines.len() == 1;
         let (timing, side_votes) = (&self.pairing.timing, self.side_votes);
@@ -297,7 +298,7 @@ impl BusState {
     /// The index of the line that has the next frame: the only line if it has bytes; of two lines with a clock, the one whose
     /// frame was on the wire first (`turn`). `None` if that is not known yet, and while the survey is open.
     #[inline]
-    fn next_line(&mut self, functions: &Functions, live: bool) -> Option<usize> {
+    fn line_of_next_frame(&mut self, functions: &Functions, live: bool) -> Option<usize> {
         if self.survey_is_open(functions, live) {
             return None;
         }
@@ -308,28 +309,30 @@ impl BusState {
     }
 }
 
+/// Two lines without a clock: their frames wait, unmerged, until the order is inferred from their content.
 impl BusState {
     /// The next frame of two lines without a clock, as `next_frame` gives it. Each time the frames ordered so far are used up,
     /// both lines are framed as far as their bytes and the window go; frames that either side may send are assigned to the one
     /// that speaks on their line, if that is known; then the order of the frames found is inferred. `None` while the order is
     /// open because the window is not full and more bytes may come.
-    fn next_merged(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, FrameResult)> {
+    fn next_frame_without_clock(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, FrameResult)> {
         if self.merged_order.is_empty() {
-            self.frame_unmerged(functions, live);
+            self.frame_lines_in_turn(functions, live);
             for at in 0..self.lines.len() {
                 if let Some(speaker) = self.speaker(at) {
                     self.lines[at].1.assign_ambiguous_to(functions, speaker);
                 }
             }
-            self.merged_order = next_lines(functions, &mut self.lines).into();
+            self.merged_order = infer_line_order(functions, &mut self.lines).into();
         }
         let at = self.merged_order.pop_front()?;
         Some((at, self.lines[at].1.pop_unmerged(adu)?))
     }
 
-    /// Frames the bytes of all lines in turn, until none yields a further frame. No outstanding request and no silence is
-    /// given as evidence, as pairing has not seen these frames yet and there is no clock.
-    fn frame_unmerged(&mut self, functions: &Functions, live: bool) {
+    /// Frames the bytes of all lines in turn, a frame each, until none yields a further one: so what one line shows of who
+    /// speaks on it (`speaker`) helps the other from its first frames on. No outstanding request and no silence is given as
+    /// evidence, as pairing has not seen these frames yet and there is no clock.
+    fn frame_lines_in_turn(&mut self, functions: &Functions, live: bool) {
         let mut at = 0;
         let mut lines_without_frame = 0;
         while lines_without_frame < self.lines.len() {
@@ -347,7 +350,7 @@ impl BusState {
                 poll_log_odds: &|_| 0.0,
                 declared_direction: &|side| declared_direction(self.side_votes, side),
             };
-            let has_frame = self.lines[at].1.frame_next(&context);
+            let has_frame = self.lines[at].1.queue_frame(&context);
             lines_without_frame = if has_frame { 0 } else { lines_without_frame + 1 };
             at = (at + 1) % self.lines.len();
         }

@@ -152,10 +152,10 @@ impl Session {
     fn note_time(&mut self, state: &mut CaptureState, time: Ns, interface: &Interface) {
         if state.clock == Clock::None {
             let by_time = if time < MIN_DATE_NS { Clock::Relative } else { Clock::Utc };
-            state.clock = interface.own.as_ref().map_or(by_time, |port| port.clock);
+            state.clock = interface.written_by_modlens.as_ref().map_or(by_time, |port| port.clock);
         }
         state.resolution = state.resolution.max(interface.resolution);
-        if interface.own.is_none() {
+        if interface.written_by_modlens.is_none() {
             self.origin.get_or_insert(time);
         }
     }
@@ -249,10 +249,10 @@ impl Session {
     ) {
         let chunk = Chunk {
             bytes: content.bytes,
-            line: interface.own.as_ref().map_or(0, |port| port.line),
+            line: interface.written_by_modlens.as_ref().map_or(0, |port| port.line),
             times: time.map_or(Times::None, Times::Read),
             // A tap of modlens receives everything, so that its word `received` does not tell who has sent the bytes.
-            side: content.side.filter(|_| interface.own.is_none()),
+            side: content.side.filter(|_| interface.written_by_modlens.is_none()),
             starts_record: content.is_whole_frame,
             follows_loss: content.follows_loss,
             // Marks on single bytes say more than a mark on the whole packet.
@@ -275,7 +275,7 @@ impl Session {
         if let Some(bus) = state.lines[index] {
             return bus;
         }
-        let bus = if let Some(port @ PortMetadata { recording: Some(segment), .. }) = &interface.own {
+        let bus = if let Some(port @ PortMetadata { recording: Some(segment), .. }) = &interface.written_by_modlens {
             self.recorded_bus(state, port, segment)
         } else {
             let name = interface.name.clone().unwrap_or_else(|| self.name_after(&state.options.source));

@@ -45,13 +45,14 @@ impl Profiles {
         profiles
     }
 
-    /// The profile of the transaction's unit, after it has learned from this transaction: scale factors, and `SunSpec`
-    /// models. If values or function contradict the profile, a finding is added to `found` (none on the function of a request
-    /// that arrived damaged). `None` if the unit has no profile.
+    /// Learns scale factors and `SunSpec` models from a transaction; gives the profile of its unit after that. If values or
+    /// function contradict the profile, a finding is added to `found` (none on the function of a request that arrived damaged).
+    /// `None` if the unit has no profile.
     ///
     /// Only registers that were read with success (status `ok`) teach anything. A unit without profile gets one if they are
-    /// holding registers that begin or continue its `SunSpec` models. The order of bytes is checked until that is done.
-    pub(super) fn apply(
+    /// holding registers that begin or continue its `SunSpec` models. The order of bytes is checked until each point is judged;
+    /// with scale factors for ever, because these may change.
+    pub(super) fn learn_from(
         &mut self,
         functions: &Functions,
         transaction: &PendingTransaction,
@@ -76,8 +77,8 @@ impl Profiles {
         Some(Arc::clone(instance))
     }
 
-    /// Looks for `SunSpec` models in the registers that were read of a unit without profile, or of one whose profile they are;
-    /// a profile that the user gave stays. Only holding registers are looked at.
+    /// Looks for `SunSpec` models in holding registers that were read. Not for a unit that has a profile from the user; for one
+    /// without profile, or whose profile was made from its models, which may go on.
     fn discover_models(&mut self, unit: u8, read: Option<(Space, u16, &[u8])>) {
         let Some((Space::Holding, first, bytes)) = read else { return };
         let has_profile = self.by_unit.get(usize::from(unit)).is_some_and(Option::is_some);
@@ -86,14 +87,15 @@ impl Profiles {
         }
     }
 
-    /// Learns from a transaction on the fast path; `false` if it would give a finding or change the profile, so that it
-    /// has to go through `apply`. `request` begins with the unit, `block` are the registers read, if any were.
+    /// Learns from a transaction on the fast path, if that takes no more than adding it to the check of the order of bytes. Else
+    /// `false`, with nothing learned: it may give a finding or change the profile, and has to go through `learn_from`.
+    /// `request` begins with the unit, `block` are the registers read, if any were.
     #[inline]
-    pub(crate) fn learn_quietly(&mut self, functions: &Functions, request: &[u8], block: Option<&[u8]>) -> bool {
+    pub(crate) fn learn_on_fast_path(&mut self, functions: &Functions, request: &[u8], block: Option<&[u8]>) -> bool {
         self.by_unit.is_empty() || self.learn_block(functions, request, block)
     }
 
-    /// The part of `learn_quietly` for buses with profiles; it gives the same answer. A unit without profile, or a block of
+    /// The part of `learn_on_fast_path` for buses with profiles; it gives the same answer. A unit without profile, or a block of
     /// bits, changes nothing: `true`. `false`, with nothing learned, if the unit has `SunSpec` models, if the profile does
     /// not list the function or the table has no address space for it, if a scale factor would change, or if the check of the
     /// order of bytes has not begun or could be decided with this block. Else the block is added to the check of that order.

@@ -20,7 +20,7 @@ use modlens_protocol::source::Place;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 use modlens_readers::pcap::adu::unwrap;
-use modlens_readers::pcap::metadata::{self, micros, named, number, unhex, value, PacketMetadata};
+use modlens_readers::pcap::metadata::{self, micros, named, number, unhex, value, PacketMetadata, PortMetadata};
 use modlens_readers::pcap::Interface;
 
 /// Frames that may wait for the metadata of their transaction. In a file that was cut, some wait for ever.
@@ -56,19 +56,20 @@ fn connection_line(direction: Direction) -> u8 {
     }
 }
 
-/// A frame as the statistics get it. `number` is its number in this session, `adu` has unit and PDU if it is a good one;
-/// `packet` and `time`, in ns, are those of its packet. It ends `char_ns` for each of its bytes behind its start.
+/// A frame as the statistics get it. `frame_number` is its number in this session, `adu` has unit and PDU if it is a good one;
+/// `packet` and `time`, in ns, are those of its packet. Its end is its start and `char_ns` for each of its
+/// bytes; with 0, because the line settings are not known, both are the same.
 fn observed<'a>(
     metadata: &'a PacketMetadata<'_>,
-    number: u64,
+    frame_number: u64,
     adu: &'a [u8],
     char_ns: Ns,
     (packet, time): (u64, Option<Ns>),
 ) -> ObservedFrame<'a> {
-    let (text, fields) = (metadata.frame, &metadata.fields);
-    let start = time.filter(|_| !text.split(' ').any(|word| word == "no_time"));
+    let (frame_words, fields) = (metadata.frame, &metadata.fields);
+    let start = time.filter(|_| !frame_words.split(' ').any(|word| word == "no_time"));
     ObservedFrame {
-        number,
+        number: frame_number,
         wire: &metadata.bytes,
         adu,
         verdict: fields.verdict,
@@ -77,11 +78,11 @@ fn observed<'a>(
         start,
         end: start.map(|start| start + metadata.bytes.len() as Ns * char_ns),
         clean_start: true,
-        gap: micros(text, "gap_us"),
-        mbap_id: metadata::number(text, "mbap_id").map(|id| id as u16),
+        gap: micros(frame_words, "gap_us"),
+        mbap_id: number(frame_words, "mbap_id").map(|id| id as u16),
         origin: packet,
-        unconfirmed: is_unconfirmed(text),
-        confidence: confidence_of(text),
+        unconfirmed: is_unconfirmed(frame_words),
+        confidence: confidence_of(frame_words),
         is_cut: false,
         side: None,
         codes: &[],
@@ -188,8 +189,9 @@ impl Session {
     /// `time` its time in ns.
     ///
     /// The comments of the packet hold findings with their details. Those that the metadata of the frame name are emitted at
-    /// once as findings on the frame; the others wait with it for its transaction. The beginning of the recording is taken
-    /// from the metadata, unless it is known. Packets of an interface that modlens did not write are ignored.
+    /// once as findings on the frame; the others wait with it for its transaction. The beginning of the recording, if the
+    /// session does not know it yet, is that of the interface's metadata, or else of the frame's. Packets of an interface that
+    /// modlens did not write are ignored.
     pub(super) fn reimport_packet(
         &mut self,
         reimport: &mut ReimportState,
@@ -199,12 +201,12 @@ impl Session {
         packet: u64,
         time: Option<Ns>,
     ) {
-        let Some(port) = &interface.own else { return };
+        let Some(port) = &interface.written_by_modlens else { return };
         let in_frame = || value(metadata.frame, "origin_ns").and_then(|text| text.parse().ok());
-        if let Some(origin) = port.origin.or_else(in_frame) {
-            self.origin.get_or_insert(origin);
+        if let Some(recording_start) = port.origin.or_else(in_frame) {
+            self.origin.get_or_insert(recording_start);
         }
-        let bus = self.reimport_bus(reimport, options, interface, metadata.frame);
+        let bus = self.reimport_bus(reimport, options, port, metadata.frame);
         let frame = self.reimport_frame(reimport, (bus, port.line), metadata, packet, time);
         let (on_frame, other_findings) = commented_findings(metadata);
         for finding in on_frame {
@@ -220,22 +222,21 @@ impl Session {
     }
 
     /// The index of the bus of a packet, which is added if it is new: one for each port, or, on connections, for each server
-    /// and number of the connection. `text` is the metadata of the frame.
+    /// and number of the connection. `frame_words` is the metadata of the frame.
     fn reimport_bus(
         &mut self,
         reimport: &mut ReimportState,
         options: &CaptureOptions,
-        interface: &Interface,
-        text: &str,
+        port: &PortMetadata,
+        frame_words: &str,
     ) -> usize {
-        let Some(port) = &interface.own else { return 0 };
-        let connection = number(text, "connection");
+        let connection = number(frame_words, "connection");
         if let Some((_, bus)) = reimport.buses.iter().rev().find(|((name, of), _)| *of == connection && *name == port.name) {
             return *bus;
         }
         let network = connection.map(|connection| Network {
             client_port: None,
-            client: value(text, "client").unwrap_or_default().to_owned(),
+            client: value(frame_words, "client").unwrap_or_default().to_owned(),
             server: port.name.clone(),
             connection,
         });

@@ -79,7 +79,7 @@ impl Session {
         self.found.append(&mut transaction.imported_findings);
         findings::transaction::find(&self.functions, transaction, &mut self.found);
         let without_profile = self.found.len();
-        let points = self.buses[bus].profiles.apply(&self.functions, transaction, &mut self.found);
+        let points = self.buses[bus].profiles.learn_from(&self.functions, transaction, &mut self.found);
         let are_known = self.found[without_profile..].iter().all(|(finding, _)| transaction.findings.contains(finding));
         if transaction.is_reimported && are_known {
             self.found.truncate(without_profile);

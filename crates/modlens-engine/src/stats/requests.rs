@@ -78,8 +78,9 @@ struct RequestCounts {
     late_responses: u64,
     /// How long behind the master's time-out the late responses came.
     late_by: TimeHistogram,
-    /// Of those unanswered: unit and status of the transaction before.
-    before: BTreeMap<(u8, Status), u64>,
+    /// Of those unanswered: how many came behind a transaction of this unit and status.
+    preceded_by: BTreeMap<(u8, Status), u64>,
+    /// When it was last polled, if no retry came since.
     last_start: Option<Ns>,
     /// The time from its starts to the ends of its responses, or to the ends of waiting for them.
     taken: Ns,
@@ -115,8 +116,9 @@ impl RequestTable {
     /// Counts a closed transaction: a late response with the request that it belongs to, and its own request as sent, if it has
     /// an intact one. Of a request without response (`Status::NoResponse`), also what `count_unanswered` says.
     ///
-    /// A retry is sent, but not a poll. A request for which there is no room (`MAX_REQUESTS`) is not counted in this table.
-    pub fn transaction(&mut self, functions: &Functions, transaction: &PendingTransaction) {
+    /// A retry counts as sent, but does not mark the beginning of a cycle (`add_retry`). A request for which there is no room
+    /// (`MAX_REQUESTS`) is not counted in this table.
+    pub fn record_transaction(&mut self, functions: &Functions, transaction: &PendingTransaction) {
         if let Some(txn) = transaction.late_response_to {
             self.count_late_response(txn, transaction.late_response);
         }
@@ -125,7 +127,7 @@ impl RequestTable {
         }
         let key = RequestKey::of(functions, transaction);
         let previous = self.previous.replace((transaction.unit, transaction.status));
-        let Some(at) = self.index(key) else { return };
+        let Some(at) = self.find_or_add(key) else { return };
         self.counts[at].taken += time_taken(transaction);
         if transaction.retry_of.is_none() {
             self.counts[at].add_poll(transaction.request.start);
@@ -145,7 +147,7 @@ impl RequestTable {
         counts.unanswered += 1;
         counts.unanswered_with_damage += u64::from(self.last_damaged_frame > transaction.request.number);
         if let Some(before) = previous {
-            *counts.before.entry(before).or_default() += 1;
+            *counts.preceded_by.entry(before).or_default() += 1;
         }
         if let Some(waited) = transaction.waited {
             self.waited.add(waited);
@@ -160,7 +162,7 @@ impl RequestTable {
     #[inline]
     pub fn record_exchange(&mut self, key: RequestKey, start: Option<Ns>, taken: Option<Ns>) {
         self.previous = Some((key.0, Status::Ok));
-        if let Some(at) = self.index(key) {
+        if let Some(at) = self.find_or_add(key) {
             self.counts[at].add_poll(start);
             self.counts[at].taken += taken.unwrap_or(0);
         }
@@ -170,7 +172,7 @@ impl RequestTable {
     /// cycle, so the request that followed the last one before is tried first; this saves the hash map's look-up. The request
     /// found becomes the follower of the last one, and then the last one itself.
     #[inline]
-    fn index(&mut self, key: RequestKey) -> Option<usize> {
+    fn find_or_add(&mut self, key: RequestKey) -> Option<usize> {
         let likely = self.followers.get(self.latest).map_or(0, |follower| follower.1 as usize);
         let at = if self.followers.get(likely).is_some_and(|follower| follower.0 == key) {
             likely
@@ -244,7 +246,7 @@ impl RequestTable {
             return Json::Null;
         }
         unanswered.sort_by_key(|counts| (std::cmp::Reverse(counts.unanswered), counts.key));
-        let rows: Vec<Json> = unanswered.iter().map(|counts| counts.json(functions)).collect();
+        let rows: Vec<Json> = unanswered.iter().map(|counts| counts.timeout_json(functions)).collect();
         json!({"waited": self.waited.json(), "requests": rows})
     }
 }
@@ -258,7 +260,7 @@ impl RequestCounts {
             unanswered_with_damage: 0,
             late_responses: 0,
             late_by: TimeHistogram::default(),
-            before: BTreeMap::new(),
+            preceded_by: BTreeMap::new(),
             last_start: None,
             taken: 0,
             cycle: TimeHistogram::default(),
@@ -283,20 +285,23 @@ impl RequestCounts {
         self.last_start = None;
     }
 
+    /// A request of the poll cycle; `count` is how often it was sent. The time taken is null where there was no clock.
     fn poll_json(&self, functions: &Functions) -> Json {
         let RequestKey(unit, function, range) = self.key;
+        let has_times = self.last_start.is_some() || self.taken > 0;
         json!({
             "unit": unit, "function": function, "address": range.map(|(address, _)| address),
             "quantity": range.map(|(_, quantity)| quantity),
             "register_type": functions.row(function, &[]).and_then(|row| row.register_type.clone()),
             "count": self.sent, "interval": self.cycle.json(),
-            "taken_us": self.last_start.or((self.taken > 0).then_some(0)).map(|_| self.taken as f64 / 1000.0),
+            "taken_us": has_times.then(|| self.taken as f64 / 1000.0),
         })
     }
 
-    fn json(&self, functions: &Functions) -> Json {
+    /// A request that was not always answered; `count` is how often it was not, `asked` how often it was sent.
+    fn timeout_json(&self, functions: &Functions) -> Json {
         let RequestKey(unit, function, range) = self.key;
-        let mut before: Vec<(&(u8, Status), &u64)> = self.before.iter().collect();
+        let mut before: Vec<(&(u8, Status), &u64)> = self.preceded_by.iter().collect();
         before.sort_by_key(|(transaction, count)| (std::cmp::Reverse(**count), **transaction));
         let before: Vec<Json> =
             before.iter().map(|((unit, status), count)| json!({"unit": unit, "status": status.text(), "count": count})).collect();

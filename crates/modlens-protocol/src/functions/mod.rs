@@ -201,6 +201,21 @@ mod tests {
     }
 
     #[test]
+    fn a_least_length_is_more_than_the_bytes_that_it_was_read_from() {
+        for row in Functions::embedded().rows() {
+            for shape in [&row.request, &row.response].into_iter().filter_map(Layout::shape) {
+                for value in [0, 1, 2, 5, 14, 43, 0x80, 0xFF] {
+                    for length in 0..40 {
+                        if let Extent::AtLeast(least) = shape.extent(&vec![value; length]) {
+                            assert!(least > length, "{}: {least} of {length} bytes of {value}", row.code);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
     fn table_contains_all_public_functions() {
         let codes: std::collections::BTreeSet<u8> = Functions::embedded().rows().map(|row| row.code).collect();
         for code in [1, 2, 3, 4, 5, 6, 7, 8, 11, 12, 15, 16, 17, 20, 21, 22, 23, 24, 43] {

@@ -69,7 +69,7 @@ pub struct Field {
 pub enum Extent {
     /// The body has exactly this many bytes.
     Exactly(usize),
-    /// The body has at least this many bytes; with that many, the length can be determined.
+    /// The body has at least this many bytes, more than there are; with that many, the length can be determined.
     AtLeast(usize),
     /// The body has at least this many bytes, and no field gives its length: only the checksum or a silence ends it.
     Open(usize),

@@ -34,7 +34,7 @@ pub struct Interface {
     /// The description that the file gives for it.
     pub description: Option<String>,
     /// What modlens has written about it, if modlens wrote the file.
-    pub own: Option<PortMetadata>,
+    pub written_by_modlens: Option<PortMetadata>,
     /// The smallest difference between two timestamps, in ns.
     pub resolution: Ns,
     /// Ticks of a timestamp per second.
@@ -365,7 +365,7 @@ fn describe_interface(block: &InterfaceDescriptionBlock<'_>, section_metadata: &
         link: block.linktype.0 as u16,
         name: text(OptionCode::IfName),
         description: text(OptionCode::IfDescription),
-        own: metadata::custom_texts(&block.options).find_map(|words| PortMetadata::read(section_metadata, words)),
+        written_by_modlens: metadata::custom_texts(&block.options).find_map(|words| PortMetadata::read(section_metadata, words)),
         resolution: (1_000_000_000 / ticks_per_second.max(1)).max(1) as Ns,
         ticks_per_second,
         offset_s: block.ts_offset(),

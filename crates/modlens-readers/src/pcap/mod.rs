@@ -135,7 +135,7 @@ fn read_serial_packet(
     skipped: &mut SkipCounts,
     each: &mut dyn FnMut(Event<'_>),
 ) {
-    let decoded = packet.by.own.as_ref().is_some_and(|port| port.recording.is_none());
+    let decoded = packet.by.written_by_modlens.as_ref().is_some_and(|port| port.recording.is_none());
     if let Some(metadata) = decoded.then(|| serial::exported_metadata(packet)).flatten() {
         let (interface, by) = (packet.interface, packet.by);
         each(Event::Reimported { interface, by, metadata, packet: packet.number, time: packet.time });
@@ -150,7 +150,7 @@ fn read_serial_packet(
             skipped.headers += u64::from(content.had_header);
             skipped.cut += u64::from(packet.length > packet.data.len());
             let (interface, section, by) = (packet.interface, packet.section, packet.by);
-            let errors = if by.own.is_some() { metadata::errors(packet.options) } else { Vec::new() };
+            let errors = if by.written_by_modlens.is_some() { metadata::errors(packet.options) } else { Vec::new() };
             each(Event::Line { interface, section, by, content, errors, packet: packet.number, time: packet.time });
         }
         SerialPacket::Network(segment) => table.take(functions, &segment, (packet.number, packet.time), skipped, each),

@@ -42,7 +42,7 @@ impl RtuFramer {
                 self.search.set_outstanding_request(context.outstanding_request);
             }
             match self.try_fast_path(input, context) {
-                FrameCheck::Frame(length) => return Some(self.emit_fast_path_frame(input, context, length, adu)),
+                FrameCheck::Frame(length) => return Some(self.commit_unambiguous_frame(input, context, length, adu)),
                 FrameCheck::NeedsMoreBytes => return None,
                 FrameCheck::NoFrame => self.decision = Some(self.next_decision(input, context)?),
             }
@@ -151,7 +151,7 @@ impl RtuFramer {
         adu.clear();
         adu.extend_from_slice(&frame[..length - CRC_BYTES]);
         let delimited_by = self.delimited_by(input, context, length);
-        FrameResult { verdict: Verdict::Ok, direction, confidence, ..FrameResult::noise(length, delimited_by) }
+        FrameResult { direction, confidence, ..FrameResult::new(Verdict::Ok, length, delimited_by) }
     }
 
     /// What ends a frame with a valid CRC that has `length` bytes: its length if its header announces exactly that in either
@@ -184,6 +184,6 @@ impl RtuFramer {
         let (functions, outstanding) = (context.functions, context.outstanding_request);
         let declared = context.declared_direction_at(input, 0);
         let direction = infer_direction(functions, outstanding, bytes[0], &bytes[1..], declared, pause);
-        Some(FrameResult { verdict: Verdict::NoChecksum, direction, ..FrameResult::noise(length, DelimitedBy::Record) })
+        Some(FrameResult { direction, ..FrameResult::new(Verdict::NoChecksum, length, DelimitedBy::Record) })
     }
 }

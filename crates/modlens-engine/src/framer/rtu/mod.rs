@@ -93,7 +93,7 @@ impl Framer for RtuFramer {
         let has_checksum = || input.first_read().is_some_and(|read| !read.lacks_checksum);
         if self.decision.is_none() && !context.is_multi_line && has_checksum() {
             match self.try_fast_path(input, context) {
-                FrameCheck::Frame(length) => return Some(self.emit_fast_path_frame(input, context, length, adu)),
+                FrameCheck::Frame(length) => return Some(self.commit_unambiguous_frame(input, context, length, adu)),
                 FrameCheck::NeedsMoreBytes => return None,
                 FrameCheck::NoFrame => {}
             }

@@ -15,8 +15,8 @@ use modlens_protocol::framing::{DelimitedBy, Verdict};
 impl RtuFramer {
     /// Whether the first bytes are an unambiguous frame.
     ///
-    /// Tried at most once per stream offset. A second attempt after more bytes have come could give a different result, and
-    /// the output would then depend on how the input was split into blocks.
+    /// Not tried again at a stream offset where it has failed (`NoFrame`): after more bytes have come it could give a different
+    /// result, and the output would then depend on how the input was split into blocks. After `NeedsMoreBytes` it is.
     #[inline]
     pub(super) fn try_fast_path(&mut self, input: &Input, context: &FramerContext<'_>) -> FrameCheck {
         let is_idle = !context.is_multi_line || self.search.is_idle();
@@ -99,17 +99,17 @@ impl RtuFramer {
     fn fast_path_odds(&self, input: &Input, context: &FramerContext<'_>, stray_bytes: usize, length: FrameLength) -> f32 {
         let bytes = &input.bytes()[stray_bytes..stray_bytes + length.bytes()];
         let outstanding = self.search.outstanding_request().filter(|_| !length.is_request());
-        if outstanding.is_none_or(|request| request.pdu[..] != bytes[1..bytes.len() - 2]) {
+        if outstanding.is_none_or(|request| request.pdu[..] != bytes[1..bytes.len() - CRC_BYTES]) {
             return CERTAIN_DIRECTION_BITS;
         }
         let silence = if stray_bytes > 0 { input.silence_since(input.offset(), stray_bytes) } else { input.pause_before(0) };
         self.search.mirrored_response_odds(bytes[0], context.pause_evidence(silence), !input.has_times)
     }
 
-    /// The row of the frame that the fast path found at the first byte; `adu` gets its unit and PDU. The search commits the
-    /// frame, and model and `recovery` learn from it.
+    /// Commits the frame that the fast path found at the first byte, and lets model and `recovery` learn from it; gives it out,
+    /// `adu` gets its unit and PDU.
     #[inline]
-    pub(super) fn emit_fast_path_frame(
+    pub(super) fn commit_unambiguous_frame(
         &mut self,
         input: &Input,
         context: &FramerContext<'_>,
@@ -124,11 +124,12 @@ impl RtuFramer {
         let direction = self.search.last_direction();
         self.recovery.truncation.learn_reaction(&mut self.search.model, context, frame, direction);
         let confidence = unambiguous_confidence(context, frame).min(confidence::of_direction(odds));
+        // What ended a frame whose header does not announce just this length has to be found out (`delimited_by`).
         if !length.is_exact() {
             return self.emit_frame(input, context, length.bytes(), direction, confidence, adu);
         }
         copy_prefix(adu, input.bytes(), length.bytes() - CRC_BYTES);
-        FrameResult { verdict: Verdict::Ok, direction, confidence, ..FrameResult::noise(length.bytes(), DelimitedBy::Length) }
+        FrameResult { direction, confidence, ..FrameResult::new(Verdict::Ok, length.bytes(), DelimitedBy::Length) }
     }
 }
 

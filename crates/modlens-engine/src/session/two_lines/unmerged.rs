@@ -32,7 +32,7 @@ impl LineState {
     /// Finds one more frame (or noise) in the bytes that have come, unless the window is full; says whether there was one. It
     /// is taken out of the line's own input and waits in `unmerged`, whose input still has its bytes. A good one votes on who
     /// speaks on this line. `false` for a line whose frames do not wait.
-    pub(in crate::session) fn frame_next(&mut self, context: &FramerContext<'_>) -> bool {
+    pub(in crate::session) fn queue_frame(&mut self, context: &FramerContext<'_>) -> bool {
         let Self { unmerged: Some(unmerged), input, framer, request_votes, .. } = self else { return false };
         if unmerged.frames.len() >= weights::WIDE_WINDOW_FRAMES || input.bytes().is_empty() {
             return false;
@@ -83,7 +83,7 @@ impl LineState {
 /// window.
 ///
 /// If a line has room in its window, or the wait was given up, `merge_order` takes what waits for all that there is.
-pub(in crate::session) fn next_lines(functions: &Functions, lines: &mut [(u8, LineState)]) -> Vec<usize> {
+pub(in crate::session) fn infer_line_order(functions: &Functions, lines: &mut [(u8, LineState)]) -> Vec<usize> {
     let has_waited_enough = lines.iter().any(|(_, line)| line.input.bytes().len() > MAX_WAITING_BYTES);
     let is_over = lines.iter().all(|(_, line)| line.input.is_ended && line.input.bytes().is_empty());
     let lacks_second_line = lines.len() < 2 && !is_over;

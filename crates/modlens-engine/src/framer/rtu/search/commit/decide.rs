@@ -26,12 +26,12 @@ impl Search {
         is_closed: bool,
     ) -> Option<Decision> {
         self.skip.needs_more_bytes = false;
-        let (best, score) = if is_closed { self.best_path_before_silence() } else { self.best_path() };
-        let first = self.lattice[best].first_on_path;
+        let (path_end, score) = if is_closed { self.best_path_before_silence() } else { self.best_path() };
+        let first = self.lattice[path_end].first_on_path;
         let state = match first {
             ROOT => self.unframed_state(is_closed),
             _ if is_closed => CommitState::Final,
-            _ => self.frame_state(input, context, best, score),
+            _ => self.frame_state(input, context, path_end, score),
         };
         match state.wait() {
             Some((until, only_new_hypothesis_matters)) => {
@@ -64,12 +64,13 @@ impl Search {
         CommitState::Unframed { until: piece_end + MAX_CANDIDATE_SPAN + 1 }
     }
 
-    /// The state of the first frame of the best path, while the line is not closed; `best` is the index of the last frame of
-    /// that path, `score` its score in bits with the bytes behind it. The checks come in the order of the drawing in `commit`.
+    /// The state of the first frame of the best path, while the line is not closed; `path_end` is the index of the last frame
+    /// of that path, `score` its score in bits with the bytes behind it. The checks come in the order of the drawing in
+    /// `commit`.
     ///
     /// Sets `skip.needs_more_bytes` where a look-ahead in a recording cannot tell yet.
-    fn frame_state(&mut self, input: &Input, context: &FramerContext<'_>, best: usize, score: f32) -> CommitState {
-        let first = self.lattice[best].first_on_path;
+    fn frame_state(&mut self, input: &Input, context: &FramerContext<'_>, path_end: usize, score: f32) -> CommitState {
+        let first = self.lattice[path_end].first_on_path;
         let end = self.lattice[first].end;
         let patience = if context.may_look_ahead { weights::OFFLINE_TIE_PATIENCE_BYTES } else { weights::TIE_PATIENCE_BYTES };
         // More bytes will not tell these hypotheses apart, or there are too many of them.
@@ -79,7 +80,7 @@ impl Search {
         if let Some(rival_end) = self.first_rival_end(context, first, score) {
             // A rival whose last frame ends no later than the best path's pays no more for any further byte, so it does not
             // fall further behind until a new hypothesis is found.
-            let has_constant_distance = rival_end <= self.lattice[best].end;
+            let has_constant_distance = rival_end <= self.lattice[path_end].end;
             return CommitState::Contested { until: end + patience, has_constant_distance };
         }
         // No frame that begins before `end` reaches further.
@@ -87,41 +88,43 @@ impl Search {
         if self.scanned_to >= max_rival_end {
             return CommitState::Final;
         }
-        self.uncontested_state(input, context, best, score, max_rival_end)
+        self.state_without_complete_rival(input, context, path_end, score, max_rival_end)
     }
 
-    /// The state of the first frame of the best path (`best`, `score` as above) while no complete rival is within the margin. No
-    /// unfinished frame that counts ends behind stream offset `max_rival_end`, which is not scanned yet.
+    /// The state of the first frame of the best path while no complete rival is within the margin of `first_rival_end`.
+    /// `path_end` is the index of the last frame of that path, `score` its score in bits with the bytes behind it. No unfinished
+    /// frame that may be a rival, because it begins before that first frame ends, reaches behind stream offset `max_rival_end`,
+    /// which is not scanned yet.
     ///
     /// What look-aheads find out is kept in `skip`, so that the next call need not ask again: the last rival, the starts without
     /// one, the answer on an open length. `skip.needs_more_bytes` is set where one of them (of an outer frame, or of a rival)
     /// lacks bytes to tell. None of this changes a later answer.
-    fn uncontested_state(
+    fn state_without_complete_rival(
         &mut self,
         input: &Input,
         context: &FramerContext<'_>,
-        best: usize,
+        path_end: usize,
         score: f32,
         max_rival_end: u64,
     ) -> CommitState {
-        let first = self.lattice[best].first_on_path;
+        let first = self.lattice[path_end].first_on_path;
         let Hypothesis { start, end, is_crc_valid, .. } = self.lattice[first];
         if let Some(until) = self.nested_until(input, context, start, end).filter(|&until| self.scanned_to < until) {
             return CommitState::Nested { until };
         }
-        let has_successor = first != best;
+        let has_successor = first != path_end;
         if !has_successor && (!is_crc_valid || self.has_unclear_direction(input, context, first, score)) {
             return CommitState::AwaitsSuccessor { until: max_rival_end };
         }
-        let bar = self.rival_bar(context, best, score);
+        let bar = self.rival_bar(context, path_end, score);
         match self.overtakable_until(input, context, first, bar) {
             Some(until) => CommitState::Overtakable { until: until.min(max_rival_end) },
             None => CommitState::Final,
         }
     }
 
-    /// The rivals of the frame `first` are the paths with another first frame whose score is less than the margin below `score`,
-    /// that of the best path. The stream offset behind the last frame of a rival, the least of all rivals; `None` if there are
+    /// The rivals of the frame `first` are the paths with another first frame whose score is less than the margin
+    /// (`COMMIT_MARGIN_BITS`, in a recording `OFFLINE_COMMIT_MARGIN_BITS`) below `score`, that of the best path. The stream offset behind the last frame of a rival, the least of all rivals; `None` if there are
     /// no rivals. The root counts as one: the path on which all bytes are unframed.
     fn first_rival_end(&self, context: &FramerContext<'_>, first: usize, score: f32) -> Option<u64> {
         let margin = if context.may_look_ahead { weights::OFFLINE_COMMIT_MARGIN_BITS } else { weights::COMMIT_MARGIN_BITS };
@@ -139,10 +142,11 @@ impl Search {
             && self.has_opposite_rival(first, score - weights::OPPOSITE_DIRECTION_MARGIN_BITS)
     }
 
-    /// What an unfinished frame has to exceed: the score of the best path (that ends with the frame `best`) less the margin, now
-    /// and at the least, once that path has paid for further bytes behind its last frame.
-    fn rival_bar(&self, context: &FramerContext<'_>, best: usize, score: f32) -> RivalBar {
-        let unframed = self.scanned_to - self.lattice[best].end;
+    /// What an unfinished frame has to exceed: the score of the best path (that ends with the frame `path_end`) less the margin
+    /// (`COMMIT_MARGIN_BITS`, in a recording `LOOKAHEAD_MARGIN_BITS`), `now` as that path scores, and `least` once it has paid
+    /// all that bytes behind its last frame can cost.
+    fn rival_bar(&self, context: &FramerContext<'_>, path_end: usize, score: f32) -> RivalBar {
+        let unframed = self.scanned_to - self.lattice[path_end].end;
         let further_cost =
             self.model.open_unframed_cost(unframed.max(weights::SETTLED_BEHIND_BYTES)) - self.model.open_unframed_cost(unframed);
         let now = score - if context.may_look_ahead { weights::LOOKAHEAD_MARGIN_BITS } else { weights::COMMIT_MARGIN_BITS };
@@ -278,8 +282,8 @@ impl Search {
         let behind = &self.lattice[parent];
         let continues_other_path = start == behind.end && parent != ROOT && behind.first_on_path != first;
         let until = match starts.contains(&start) || continues_other_path {
-            true if context.may_look_ahead => self.will_outscore_until(input, context, parent, start, bar.now),
-            true => self.may_outscore_until(input, context, behind, start, bar.now),
+            true if context.may_look_ahead => self.rival_until_by_lookahead(input, context, parent, start, bar.now),
+            true => self.rival_until_by_header(input, context, behind, start, bar.now),
             false => None,
         };
         Some(Rival { parent, start, until: until? })

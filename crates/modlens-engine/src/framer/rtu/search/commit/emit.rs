@@ -16,6 +16,9 @@ use crate::weights;
 use modlens_protocol::direction::{self, Direction, ResponseMatch};
 use modlens_protocol::functions::{Layout, EXCEPTION_BIT};
 
+// The surroundings by which a lone frame is known again all stand before it.
+const _: () = assert!(SURROUNDING_BYTES as u64 <= weights::MAY_HIDE_FRAME_BYTES);
+
 /// The first frame of the best path, with a valid CRC, about to be committed.
 struct Winner<'a> {
     /// Its index in the lattice.
@@ -38,8 +41,9 @@ struct Winner<'a> {
 }
 
 impl Winner<'_> {
-    /// Whether so many unframed bytes stand before it that a whole frame may be among them.
-    fn may_follow_hidden_frame(&self) -> bool {
+    /// Whether it stands alone: before it are so many unframed bytes that a whole frame may be hidden among them, so that
+    /// nothing is known of what it follows.
+    fn is_lone(&self) -> bool {
         self.unframed.len() as u64 >= weights::MAY_HIDE_FRAME_BYTES
     }
 }
@@ -70,7 +74,7 @@ impl Search {
     ///
     /// With a valid CRC it teaches the model, as do the unframed bytes before it. An unconfirmed frame teaches no unit or
     /// function, and the request that is outstanding behind it becomes unconfirmed, too. Nothing is learned from a damaged
-    /// frame here: the framer explains it when its row is given out.
+    /// frame here: the framer explains it when it gives the frame out.
     pub(super) fn commit_frame(&mut self, input: &Input, context: &FramerContext<'_>, first: usize, score: f32) -> Decision {
         let Hypothesis { start, end, direction, is_crc_valid, .. } = self.lattice[first];
         if !is_crc_valid {
@@ -144,7 +148,7 @@ impl Search {
         }
     }
 
-    /// Log2 of the odds of the direction of a frame in a row of equal frames, kept for the frame behind it. What the recording
+    /// Log2 of the odds of the direction of a frame in a run of equal frames, kept for the frame behind it. What the recording
     /// declares is certain.
     fn direction_odds(&mut self, input: &Input, context: &FramerContext<'_>, winner: &Winner<'_>) -> f32 {
         let declared = context.declared_direction_at(input, winner.start_index);
@@ -157,22 +161,19 @@ impl Search {
         }
     }
 
-    /// Counts a frame that stands behind so many unframed bytes that it stands alone (`MAY_HIDE_FRAME_BYTES` or more); returns
-    /// whether the same came before, behind the same bytes. A response that vouches for its request is counted for that one
-    /// instead; it does not come again itself.
+    /// Counts a frame that stands alone (`is_lone`); returns whether the same came before, behind the same bytes. A response
+    /// that vouches for its request is counted for that one instead, and never counts as recurring itself.
     fn record_lone_frame(&mut self, input: &Input, context: &FramerContext<'_>, winner: &Winner<'_>) -> bool {
         let last = self.last_lone_frame.take();
-        let vouches = |request: &HeldRequest| vouches_for(context, request, winner.frame);
-        if winner.answers_outstanding && self.outstanding_request().is_some_and(vouches) {
+        if self.vouches_for_outstanding(context, winner) {
             if let Some(key) = last {
                 self.lone_frames.record_response(key);
             }
             return false;
         }
-        if !winner.may_follow_hidden_frame() {
+        if !winner.is_lone() {
             return false;
         }
-        // So many unframed bytes are more than `SURROUNDING_BYTES`.
         let end_index = winner.start_index + winner.frame.0.len();
         let key = key_of(&input.bytes()[winner.start_index - SURROUNDING_BYTES..end_index]);
         let came_before = self.lone_frames.is_recurring(key);
@@ -181,15 +182,20 @@ impl Search {
         came_before
     }
 
+    /// Whether a frame answers the request that is outstanding behind the root and proves that it is one (`vouches_for`).
+    fn vouches_for_outstanding(&self, context: &FramerContext<'_>, winner: &Winner<'_>) -> bool {
+        let request = self.outstanding_request().filter(|_| winner.answers_outstanding);
+        request.is_some_and(|request| vouches_for(context, request, winner.frame))
+    }
+
     /// Whether a frame stands alone in noise and nothing vouches for it: a CRC is valid by chance once in 65536 places.
     /// `recurs`: it stood alone in the same noise before.
     ///
     /// It is confirmed if it answers a sound request, or stands right behind a frame that is not in doubt; where it only repeats
-    /// that one (`is_repetition`), behind a chain of others. A unit of a paired
-    /// transaction vouches for its frames, in the middle of noise only for likely ones (`is_likely_in_noise`).
+    /// that one (`is_repetition`), behind a chain of others. Else a unit of a paired transaction vouches for its frames, in the
+    /// middle of noise only for likely ones (`is_likely_in_noise`).
     fn is_unconfirmed(&self, context: &FramerContext<'_>, winner: &Winner<'_>, recurs: bool, is_repetition: bool) -> bool {
-        let vouches = |request: &HeldRequest| vouches_for(context, request, winner.frame);
-        let is_vouched = winner.answers_outstanding && self.outstanding_request().is_none_or(vouches);
+        let is_vouched = self.vouches_for_outstanding(context, winner);
         // Right behind a chance match there may be another one, but neither its response nor a chain of frames.
         let is_chain = self.adjacent_frames >= weights::CHAIN_FRAMES;
         let follows_doubt = self.last_was_doubtful && !is_vouched && !is_chain;
@@ -197,7 +203,7 @@ impl Search {
         if follows_firm_frame || self.answers_sound_request(winner, is_vouched) {
             return false;
         }
-        let is_in_noise = winner.may_follow_hidden_frame() || follows_doubt;
+        let is_in_noise = winner.is_lone() || follows_doubt;
         let is_unlikely = || recurs || !self.is_likely_in_noise(context, winner);
         !context.paired_units[usize::from(winner.frame.unit())] || (is_in_noise && is_unlikely())
     }
@@ -207,7 +213,7 @@ impl Search {
     /// stray byte or two in front of every frame.
     fn answers_sound_request(&self, winner: &Winner<'_>, is_vouched: bool) -> bool {
         let Some(request) = self.outstanding_request().filter(|_| winner.answers_outstanding) else { return false };
-        let is_near = !winner.may_follow_hidden_frame();
+        let is_near = !winner.is_lone();
         [!request.is_unconfirmed, is_vouched, is_near].into_iter().filter(|&holds| holds).count() >= 2
     }
 
@@ -277,7 +283,7 @@ impl Search {
     pub(in crate::framer::rtu::search) fn learn_request(&mut self, frame: &[u8]) {
         self.model.learn_same_again(frame, self.outstanding_request().is_some());
         let Some(outstanding) = self.outstanding_request() else { return };
-        let is_same = outstanding.unit == frame[0] && outstanding.pdu == frame[1..frame.len() - 2];
+        let is_same = outstanding.unit == frame[0] && outstanding.pdu == FrameBytes(frame).pdu();
         let may_be_echo = is_same && !outstanding.is_repeated && self.model.has_echo();
         let unit = outstanding.unit;
         if !may_be_echo {
@@ -318,7 +324,7 @@ fn answers_fully(context: &FramerContext<'_>, request: &HeldRequest, response: F
 /// The log2 odds that a frame is right: by its lead, what it looks like and where it stands, but no more than the odds of its
 /// direction, nor than an unconfirmed frame may have.
 fn confidence_of(context: &FramerContext<'_>, winner: &Winner<'_>, evidence: &Evidence) -> u8 {
-    let standing = match winner.may_follow_hidden_frame() {
+    let standing = match winner.is_lone() {
         true if evidence.recurs => Standing::Recurring,
         true => Standing::InNoise,
         false => Standing::Among,

@@ -25,7 +25,7 @@ impl Search {
     /// must also come to an end, with a valid CRC, or damaged right behind a hypothesis. Where bytes are missing to tell, it
     /// counts, and `skip.needs_more_bytes` is set.
     ///
-    /// Moves `skip.no_rival_before` behind the starts, from the first one on, at which no frame can be a rival of any path.
+    /// Moves `skip.no_rival_before` past the leading starts at which no frame can ever be a rival, whichever path it follows.
     pub(super) fn find_rival_by_lookahead(
         &mut self,
         input: &Input,
@@ -35,17 +35,17 @@ impl Search {
         bar: RivalBar,
     ) -> Option<Rival> {
         let filter = self.header_filter(bar);
-        let mut none_before = true;
+        let mut all_excluded_so_far = true;
         for start in starts.start.max(self.skip.no_rival_before)..starts.end {
             let bytes = &input.bytes()[(start - input.offset()) as usize..];
-            if !self.cannot_exceed(context, bytes, start, &filter) {
+            if self.may_exceed(context, bytes, start, &filter) {
                 match self.rival_at(input, context, start, bar) {
                     RivalAt::Found(rival) => return Some(rival),
-                    RivalAt::NoneNow => none_before = false,
-                    RivalAt::NeverAny => {}
+                    RivalAt::NotNow => all_excluded_so_far = false,
+                    RivalAt::Never => {}
                 }
             }
-            if none_before {
+            if all_excluded_so_far {
                 self.skip.no_rival_before = start + 1;
             }
         }
@@ -56,15 +56,15 @@ impl Search {
     /// hypotheses that end right there are tried, because only behind these a damaged frame is possible.
     fn rival_at(&mut self, input: &Input, context: &FramerContext<'_>, start: u64, bar: RivalBar) -> RivalAt {
         let never_completes = self.completion(input, context, start) == Completion::Never;
-        let mut result = RivalAt::NeverAny;
+        let mut result = RivalAt::Never;
         for parent in 0..self.lattice.len() {
             if never_completes && self.lattice[parent].end != start {
                 continue;
             }
-            if let Some(until) = self.will_outscore_until(input, context, parent, start, bar.now) {
+            if let Some(until) = self.rival_until_by_lookahead(input, context, parent, start, bar.now) {
                 return RivalAt::Found(Rival { parent, start, until });
             }
-            result = RivalAt::NoneNow;
+            result = RivalAt::NotNow;
         }
         result
     }
@@ -83,14 +83,14 @@ impl Search {
             if first_on_path == first {
                 return None;
             }
-            let until = self.will_outscore_until(input, context, parent, start, bar.now)?;
+            let until = self.rival_until_by_lookahead(input, context, parent, start, bar.now)?;
             Some(Rival { parent, start, until })
         })
     }
 
-    /// As `may_outscore_until`, for recordings: `None` also for a frame that never comes to an end. `parent` is the index of the
+    /// As `rival_until_by_header`, for recordings: `None` also for a frame that never comes to an end. `parent` is the index of the
     /// hypothesis behind which it begins, `start` its stream offset. Sets `skip.needs_more_bytes` where bytes are missing.
-    pub(super) fn will_outscore_until(
+    pub(super) fn rival_until_by_lookahead(
         &mut self,
         input: &Input,
         context: &FramerContext<'_>,
@@ -99,7 +99,7 @@ impl Search {
         bar: f32,
     ) -> Option<u64> {
         let behind = &self.lattice[parent];
-        let until = self.may_outscore_until(input, context, behind, start, bar)?;
+        let until = self.rival_until_by_header(input, context, behind, start, bar)?;
         // What comes with an invalid CRC has to be within the smaller margin for complete rivals, not that for look-ahead.
         let damaged_bar = bar + weights::LOOKAHEAD_MARGIN_BITS - weights::OFFLINE_COMMIT_MARGIN_BITS;
         let completion = match self.completion(input, context, start) {
@@ -236,7 +236,8 @@ impl<'a> FrameAhead<'a> {
             Extent::Exactly(length) if length > self.max_length || length <= self.scanned_length => return Completion::Never,
             Extent::Exactly(length) => (crc_valid_at(self.bytes, length), length),
             Extent::AtLeast(length) if length > self.max_length => return Completion::Never,
-            Extent::AtLeast(_) => (false, self.max_length),
+            // The bytes that tell the length have not come: a least length is always more than there is.
+            Extent::AtLeast(length) => (false, length),
             Extent::Open(_) if !is_familiar() => return Completion::Never,
             Extent::Open(_) => (has_valid_length(self.bytes, self.scanned_length + 1, self.max_length), self.max_length),
         };
@@ -285,6 +286,7 @@ fn complete_frame_at(input: &Input, context: &FramerContext<'_>, at: usize, to: 
             Extent::Open(_) if !is_known => continue,
             Extent::Open(_) => (first_valid_length(&bytes[..max_length.min(bytes.len())], to - at), max_length),
             Extent::Exactly(length) => (crc_valid_at(bytes, length).then_some(length), length),
+            // As in `look_up`: the bytes that tell the length have not come.
             Extent::AtLeast(length) => (None, length),
         };
         match found {

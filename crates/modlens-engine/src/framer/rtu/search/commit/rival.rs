@@ -38,7 +38,8 @@ impl Search {
     /// one that begins in `starts` (stream offsets, the end excluded) behind any hypothesis, else one right behind a frame of
     /// another path.
     ///
-    /// Moves `skip.no_rival_before` behind the starts that cannot become rivals while the hypotheses stay the same.
+    /// Moves `skip.no_rival_before` past the leading starts at which no frame can become a rival while the hypotheses stay the
+    /// same.
     pub(super) fn find_rival_by_header(
         &mut self,
         input: &Input,
@@ -48,21 +49,21 @@ impl Search {
         bar: RivalBar,
     ) -> Option<Rival> {
         let filter = self.header_filter(bar);
-        let mut none_before = true;
+        let mut all_excluded_so_far = true;
         for start in starts.start.max(self.skip.no_rival_before)..starts.end {
             let bytes = &input.bytes()[(start - input.offset()) as usize..];
             let seen = &bytes[..(self.scanned_to - start) as usize];
-            if !self.cannot_exceed(context, seen, start, &filter) {
+            if self.may_exceed(context, seen, start, &filter) {
                 match self.header_rival_at(input, context, start, bar) {
                     RivalAt::Found(rival) => return Some(rival),
-                    RivalAt::NoneNow => none_before = false,
+                    RivalAt::NotNow => all_excluded_so_far = false,
                     // Once all bytes are seen that a header is judged by, it will not be worth more later.
-                    RivalAt::NeverAny => {
-                        none_before &= start + header_score::judged_header_bytes(context, bytes) <= self.scanned_to;
+                    RivalAt::Never => {
+                        all_excluded_so_far &= start + header_score::judged_header_bytes(context, bytes) <= self.scanned_to;
                     }
                 }
             }
-            if none_before {
+            if all_excluded_so_far {
                 self.skip.no_rival_before = start + 1;
             }
         }
@@ -80,7 +81,7 @@ impl Search {
     ) -> Option<Rival> {
         (1..self.lattice.len()).filter(|&parent| self.lattice[parent].first_on_path != first).find_map(|parent| {
             let start = self.lattice[parent].end;
-            let until = self.may_outscore_until(input, context, &self.lattice[parent], start, bar.now)?;
+            let until = self.rival_until_by_header(input, context, &self.lattice[parent], start, bar.now)?;
             Some(Rival { parent, start, until })
         })
     }
@@ -88,15 +89,15 @@ impl Search {
     /// Whether an unfinished frame at stream offset `start` is a rival by its header as far as it is seen, behind any
     /// hypothesis.
     fn header_rival_at(&self, input: &Input, context: &FramerContext<'_>, start: u64, bar: RivalBar) -> RivalAt {
-        let mut result = RivalAt::NeverAny;
+        let mut result = RivalAt::Never;
         for (parent, behind) in self.lattice.iter().enumerate() {
-            if self.may_outscore_until(input, context, behind, start, bar.least).is_none() {
+            if self.rival_until_by_header(input, context, behind, start, bar.least).is_none() {
                 continue;
             }
-            if let Some(until) = self.may_outscore_until(input, context, behind, start, bar.now) {
+            if let Some(until) = self.rival_until_by_header(input, context, behind, start, bar.now) {
                 return RivalAt::Found(Rival { parent, start, until });
             }
-            result = RivalAt::NoneNow;
+            result = RivalAt::NotNow;
         }
         result
     }
@@ -105,7 +106,7 @@ impl Search {
     /// score in bits: the stream offset up to which its bound holds, so that it has to be awaited. `None` if it cannot.
     ///
     /// Only bytes scanned count. The path is worth its score less the unframed bytes between, and an upper bound of the header.
-    pub(super) fn may_outscore_until(
+    pub(super) fn rival_until_by_header(
         &self,
         input: &Input,
         context: &FramerContext<'_>,
@@ -130,17 +131,17 @@ impl Search {
         Some(start + header.until_bytes)
     }
 
-    /// Whether no frame that begins at stream offset `start` can lift any path above the bar of the filter, whatever its body
-    /// holds. False where it may answer a request that is outstanding on some path, or where unit and function are not both
-    /// there. It costs two look-ups (and fills their cache), and nearly always spares the exact bound behind each path.
+    /// Whether a frame that begins at stream offset `start` may lift any path above the bar of the filter with some body. True
+    /// where it may answer a request that is outstanding on some path, or where unit and function are not both there. `false`
+    /// costs two look-ups (and fills their cache), and nearly always spares the exact bound behind each path.
     ///
     /// `seen` are the bytes from `start` on.
-    pub(super) fn cannot_exceed(&mut self, context: &FramerContext<'_>, seen: &[u8], start: u64, filter: &HeaderFilter) -> bool {
-        let &[unit, code, ..] = seen else { return false };
+    pub(super) fn may_exceed(&mut self, context: &FramerContext<'_>, seen: &[u8], start: u64, filter: &HeaderFilter) -> bool {
+        let &[unit, code, ..] = seen else { return true };
         let header = self.model.max_header_score(context.functions, unit, code);
         let is_little = header + weights::FRAME_DUE_BITS <= filter.least_bits
             || (header - self.model.unframed_cost(1) <= filter.least_bits && !self.is_due_at(start));
-        is_little && !(filter.outstanding_units.contains(unit) && self.may_answer(unit, code & !EXCEPTION_BIT))
+        !is_little || (filter.outstanding_units.contains(unit) && self.may_answer(unit, code & !EXCEPTION_BIT))
     }
 
     /// Whether some path ends exactly at this stream offset.

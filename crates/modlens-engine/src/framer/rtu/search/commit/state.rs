@@ -123,9 +123,9 @@ pub enum RivalAt {
     /// It is.
     Found(Rival),
     /// Not by the scores of now, but perhaps by those of later.
-    NoneNow,
+    NotNow,
     /// Not even if `RivalBar::now` falls to `RivalBar::least`.
-    NeverAny,
+    Never,
 }
 
 /// What an unfinished frame has to exceed to be a rival, as scores of its path in bits.
