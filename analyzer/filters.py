@@ -7,11 +7,11 @@ write_address >= '40100' and touches(hr, 107)
 time >= '2023-10-11T14:00:00Z' and status != 'ok'
 ```
 
-The grammar is the part of Python's expressions that `ast.parse` reads and the white list below lets
-pass: names of columns, numbers, texts, `and or not`, comparisons (chained, too), `in`, `not in`,
-`is None`, `is not None`, arithmetic `+ - * / // % &`, tuples and lists of literals, and the two
-questions `touches(type, where)` and `writes(type, where)`. A filter never runs as Python: it
-becomes the tree below, which the core interprets row by row.
+The grammar is a part of Python's expressions: what `ast.parse` reads and `analyzer.filter_compiler`
+knows how to compile, nothing else: names of columns, numbers, texts, `and or not`, comparisons
+(chained, too), `in`, `not in`, `is None`, `is not None`, arithmetic `+ - * / // % &`, tuples and
+lists of literals, and the two questions `touches(type, where)` and `writes(type, where)`. A filter
+never runs as Python: it becomes the tree below, which the core interprets row by row.
 
 A word alone is a condition, too: `exception` (a column that is not empty), `retry` (a finding),
 `no_response` (a status), `noise` (a verdict), `write` (every function that writes, also file

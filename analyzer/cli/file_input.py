@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 
 from analyzer.cli.messages import Messages
 from analyzer.session import FileRun
@@ -12,11 +13,16 @@ __all__ = ["file_run"]
 
 
 def file_run(
-    options: argparse.Namespace, settings: Settings, messages: Messages, *, follow: bool = False
+    options: argparse.Namespace,
+    settings: Settings,
+    messages: Messages,
+    *,
+    files: Sequence[str] | None = None,
+    follow: bool = False,
 ) -> FileRun:
-    """The run over the files that the options name; what is detected goes to `messages`."""
+    """The run over `files`, or those that the options name; what is detected goes to `messages`."""
     return FileRun(
-        options.files,
+        options.files if files is None else files,
         settings,
         read_as=options.read_as,
         replay=getattr(options, "replay", False),

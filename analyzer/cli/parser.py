@@ -35,6 +35,7 @@ __all__ = [
     "add_input",
     "add_line",
     "add_rows",
+    "add_strict",
     "load_dialects",
     "load_functions",
     "settings",
@@ -286,7 +287,12 @@ def add_rows(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="when writing pcap or pcapng, also keep the N frames before and after each match",
     )
-    group.add_argument(
+    add_strict(group)
+
+
+def add_strict(parser: argparse._ActionsContainer) -> None:
+    """Add `--strict` for commands that read recordings."""
+    parser.add_argument(
         "--strict",
         action="store_true",
         help="exit with status 1 if any frame was damaged or any line of a text recording could not"

@@ -6,6 +6,7 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
+from analyzer.cli.file_input import file_run
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import SIGNALLED
 from analyzer.cli.parser import add_decoding, add_input, add_line, settings
@@ -58,12 +59,8 @@ def run(options: argparse.Namespace) -> int:
         raise UsageError(f"plot: -o {options.output}: pictures are SVG; name it .svg")
     messages = Messages(quiet=True)
     wanted = _filter_of(options.expression)
-    files = FileRun(
-        options.files,
-        replace(settings(options), tables=("transactions", "readings")),
-        read_as=options.read_as,
-        on_status=messages.recording_status,
-        progress=messages.progress,
+    files = file_run(
+        options, replace(settings(options), tables=("transactions", "readings")), messages
     )
     with StopSignals() as stop_signals:
         series, axis = _values(files, wanted, stop_signals, several=len(options.files) > 1)

@@ -11,6 +11,7 @@ import os
 import re
 
 import _modlens
+from analyzer.cli.file_input import file_run
 from analyzer.cli.messages import Messages
 from analyzer.cli.parser import add_decoding, add_line, settings
 from analyzer.cli.show_frames import (
@@ -134,13 +135,7 @@ def _show_recording(options: argparse.Namespace, screen: Screen) -> None:
         raise UsageError("show: --frame and --txn need one recording")
     chosen = settings(options)
     messages = Messages(quiet=True)
-    run = FileRun(
-        options.words,
-        chosen,
-        read_as=options.read_as,
-        on_status=messages.recording_status,
-        progress=messages.progress,
-    )
+    run = file_run(options, chosen, messages, files=options.words)
     if options.frame is not None:
         found = lookup_frame(run, options.frame)
     else:

@@ -11,11 +11,11 @@ from typing import Any
 
 import _modlens
 from analyzer.addresses import SHORT
+from analyzer.cli.file_input import file_run
 from analyzer.cli.messages import Messages
 from analyzer.cli.parser import settings
 from analyzer.counts import count_of
 from analyzer.filters import parse
-from analyzer.session import FileRun
 from analyzer.views.grid import ColumnLayout, GridColumn
 from analyzer.views.registers import show_grid
 from analyzer.views.screen import Screen
@@ -111,13 +111,7 @@ def _samples(options: argparse.Namespace, unit: int, space: str, first: int) -> 
     """The values of the registers in all transactions that read or wrote all of them."""
     messages = Messages(quiet=True)
     chosen = replace(settings(options), tables=("transactions",))
-    run = FileRun(
-        options.words,
-        chosen,
-        read_as=options.read_as,
-        on_status=messages.recording_status,
-        progress=messages.progress,
-    )
+    run = file_run(options, chosen, messages, files=options.words)
     kind = next(long for long, short in SHORT.items() if short == space)
     text = f"unit == {unit} and register_type == {kind!r} and touches({space}, {first})"
     wanted = parse(text, "transactions").predicate()

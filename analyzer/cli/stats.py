@@ -10,7 +10,7 @@ from typing import Any
 
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import DAMAGED, SIGNALLED
-from analyzer.cli.parser import add_decoding, add_input, add_line
+from analyzer.cli.parser import add_decoding, add_input, add_line, add_strict
 from analyzer.cli.recording_document import RecordingDocument
 from analyzer.cli.standard_streams import print_text
 from analyzer.cli.stop_signals import StopSignals
@@ -34,12 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=("json",),
         help="write one JSON document instead of text: statistics, and what the doctor says",
     )
-    parser.add_argument(
-        "--strict",
-        action="store_true",
-        help="exit with status 1 if any frame was damaged or any line of a text recording could not"
-        " be parsed",
-    )
+    add_strict(parser)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -7,7 +7,7 @@ from typing import Any
 
 from analyzer.views import cells
 from analyzer.views.screen import Part, Screen
-from analyzer.views.spark import sparkline
+from analyzer.views.sparkline import sparkline
 
 __all__ = ["show_courses"]
 

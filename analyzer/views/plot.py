@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 
 from analyzer.views.screen import Part, Screen, visible
-from analyzer.views.spark import braille
+from analyzer.views.sparkline import braille
 
 __all__ = ["Points", "show_plot", "svg"]
 
