@@ -47,6 +47,30 @@ fn with_damage(damage: impl Fn(&mut Vec<u8>, &mut Vec<u8>)) -> (Vec<u8>, Batch) 
     (before, batch)
 }
 
+// Stray bytes of a line driver take the place of those that the response has lost; behind a pause follows a frame that begins
+// with the same value.
+#[test]
+fn the_first_byte_behind_a_pause_is_no_stray_byte() {
+    let bursts = [(100, read_request(1, 0, 1)), (6, vec![1, 3, 2, 0, 3, 0, 0]), (90, frame(0, &[3, 0]))];
+    for piece in [1, usize::MAX] {
+        let (mut session, bus) = wire::session(false, Clock::Utc);
+        let mut now = 1_700_000_000_000_000_000;
+        for (pause, bytes) in &bursts {
+            let start = now + pause * MS;
+            let times: Vec<i64> = (1..=bytes.len() as i64).map(|at| start + at * 572_917).collect();
+            for (bytes, times) in bytes.chunks(piece).zip(times.chunks(piece)) {
+                session.feed(bus, &Chunk { bytes, times: Times::Bytes(times), ..Chunk::default() });
+            }
+            now = start + bytes.len() as i64 * 572_917;
+        }
+        session.flush();
+        let batch = session.take();
+        let rows: Vec<(Verdict, u32)> = batch.frames.iter().map(|row| (row.verdict, row.wire.length)).collect();
+        let expected = [(Verdict::Ok, 8), (Verdict::Incomplete, 5), (Verdict::Noise, 2), (Verdict::Ok, 5)];
+        assert_eq!(rows, expected, "pieces of {piece}");
+    }
+}
+
 #[test]
 fn a_flipped_bit_is_found_and_named_in_every_byte_of_a_response() {
     for at in 0..9 {

@@ -64,6 +64,23 @@ fn untimed(data: &[u8], mode: Option<Mode>, piece: usize) -> Batch {
     session.take()
 }
 
+/// The same, in pieces of these lengths, again and again, on a line without settings, which may as well be a connection.
+fn untimed_cut(data: &[u8], cuts: &[usize]) -> Batch {
+    let mut session = Session::default();
+    let bus = session.add_bus(BusOptions::named("bus"));
+    let mut rest = data;
+    for &cut in cuts.iter().cycle() {
+        if rest.is_empty() {
+            break;
+        }
+        let (bytes, behind) = rest.split_at(cut.min(rest.len()));
+        session.feed(bus, &Chunk { bytes, ..Chunk::default() });
+        rest = behind;
+    }
+    session.flush();
+    session.take()
+}
+
 /// The same bytes with the same byte times, each read given whole or byte by byte.
 fn timed(reads: &[Read], mode: Option<Mode>, piece: usize) -> Batch {
     let mut session = Session::default();
@@ -126,6 +143,36 @@ fn traffic() -> impl Strategy<Value = Vec<u8>> {
     });
     let noise = proptest::collection::vec(byte, 0..40);
     proptest::collection::vec(prop_oneof![3 => poll, 2 => frame, 1 => ascii, 1 => noise], 0..12).prop_map(|parts| parts.concat())
+}
+
+/// Some exchanges in one framing, whole or cut short, or bytes in none; and the microseconds of pause before them.
+fn changing_framing() -> impl Strategy<Value = Read> {
+    let poll = (1u8..4, prop_oneof![Just(3u8), Just(6), Just(16)], 0u16..300, 1u8..6, any::<u8>());
+    let polls = proptest::collection::vec(poll, 1..8);
+    let noise = proptest::collection::vec(prop_oneof![Just(0u8), Just(b':'), Just(b'\r'), Just(b'0'), any::<u8>()], 0..60);
+    let cut = prop_oneof![3 => Just(usize::MAX), 1 => 1usize..80];
+    let pause = prop_oneof![2 => Just(0u32), 1 => 500u32..400_000, 1 => Just(1_200_000u32)];
+    (polls, 0u8..4, noise, cut, pause).prop_map(|(polls, framing, noise, cut, pause)| {
+        let frames = polls.iter().enumerate().flat_map(|(id, &(unit, code, address, quantity, value))| {
+            let (request, response) = exchange(unit, code, address, quantity, value);
+            [request, response].map(|frame| match framing {
+                0 => frame,
+                1 => in_ascii(&[(frame, 0)]).remove(0).0,
+                2 => in_mbap(id as u8, &frame),
+                _ => Vec::new(),
+            })
+        });
+        let mut bytes = frames.collect::<Vec<_>>().concat();
+        bytes.truncate(cut);
+        bytes.extend(if framing == 3 { noise } else { Vec::new() });
+        (bytes, pause)
+    })
+}
+
+/// A frame behind an MBAP header (messaging on TCP/IP, 3.1.3).
+fn in_mbap(id: u8, frame: &[u8]) -> Vec<u8> {
+    let adu = &frame[..frame.len() - 2];
+    [&[0, id, 0, 0, 0, adu.len() as u8], adu].concat()
 }
 
 /// All rows of these bytes, given `piece` bytes at a time: frames, transactions and findings with their bytes, and the
@@ -330,11 +377,31 @@ proptest! {
     }
 
     #[test]
-    fn torn_exchanges_tile(reads in torn_exchanges(), mode in mode()) {
+    fn torn_exchanges_tile_and_chunk_sizes_change_nothing(reads in torn_exchanges(), mode in mode()) {
         let data: Vec<u8> = reads.iter().flat_map(|(bytes, _)| bytes.clone()).collect();
-        for piece in [1, usize::MAX] {
-            assert_tiles(&timed(&reads, mode, piece), &data);
-            assert_tiles(&untimed(&data, mode, piece), &data);
+        let (whole, untimed_whole) = (timed(&reads, mode, usize::MAX), untimed(&data, mode, usize::MAX));
+        assert_tiles(&whole, &data);
+        assert_tiles(&untimed_whole, &data);
+        for piece in [1, 3] {
+            prop_assert_eq!(shown(&timed(&reads, mode, piece)), shown(&whole));
+            prop_assert_eq!(shown(&untimed(&data, mode, piece)), shown(&untimed_whole));
+        }
+    }
+
+    // What a line carries may change: rows of one framing, and behind them rows of another.
+    #[test]
+    fn where_a_read_is_cut_changes_nothing_on_lines_that_change_their_framing(
+        parts in proptest::collection::vec(changing_framing(), 1..6),
+        cuts in proptest::collection::vec(1usize..40, 1..8),
+    ) {
+        let data: Vec<u8> = parts.iter().flat_map(|(bytes, _)| bytes.clone()).collect();
+        let (whole, untimed_whole) = (timed(&parts, None, usize::MAX), untimed(&data, None, usize::MAX));
+        assert_tiles(&whole, &data);
+        assert_tiles(&untimed_whole, &data);
+        prop_assert_eq!(shown(&untimed_cut(&data, &cuts)), shown(&untimed_cut(&data, &[usize::MAX])));
+        for piece in [1, cuts[0]] {
+            prop_assert_eq!(shown(&untimed(&data, None, piece)), shown(&untimed_whole));
+            prop_assert_eq!(shown(&timed(&parts, None, piece)), shown(&whole));
         }
     }
 

@@ -150,12 +150,14 @@ impl UnframedRegion<'_, '_> {
     }
 
     /// Whether the line is silent behind the stray bytes that begin at index `strays`, as it is behind those of a line
-    /// driver. A second transmitter would keep sending.
+    /// driver. A second transmitter would keep sending. What stands behind a pause or begins a record is no stray byte, though
+    /// it may have the same value.
     pub(crate) fn is_silent_behind_strays(&self, strays: usize) -> bool {
         let bytes = self.input.bytes();
         let is_same = |&&byte: &&u8| byte == bytes[strays];
         let end = strays + bytes[strays..].iter().take(MAX_GLITCH_BYTES).take_while(is_same).count();
-        let limit = if self.ends_as_announced { bytes.len() } else { self.length };
+        let next_burst = || self.input.boundary_after(strays, bytes.len(), self.frame_gap_ns).unwrap_or(bytes.len());
+        let limit = if self.ends_as_announced { next_burst() } else { self.length };
         if end >= limit {
             return true;
         }

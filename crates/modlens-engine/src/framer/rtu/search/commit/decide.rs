@@ -3,7 +3,9 @@
 use std::ops::Range;
 
 use crate::framer::rtu::announced_length::announced_lengths;
+use crate::framer::rtu::context_score::mirrors_request;
 use crate::framer::rtu::crc_scan::MAX_CANDIDATE_SPAN;
+use crate::framer::rtu::frame_bytes::FrameBytes;
 use crate::framer::rtu::search::commit::state::{CommitState, Completion, Decision, Rival, RivalBar};
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::nested::Contents;
@@ -140,6 +142,30 @@ impl Search {
         (context.timeout_log_odds)(input.pause_before(index)) == 0.0
             && context.line_direction.is_none()
             && self.has_opposite_rival(first, score - weights::OPPOSITE_DIRECTION_MARGIN_BITS)
+    }
+
+    /// Whether the first frame of the best path, at a boundary of a recording before the byte at this index, is to wait for the
+    /// frames behind that: the path fills all bytes up to there, and the same bytes in the other direction lead one within the
+    /// margin (`OFFLINE_COMMIT_MARGIN_BITS`). After `OFFLINE_TIE_PATIENCE_BYTES`, or with too many hypotheses, none waits; nor does a write that its response
+    /// repeats where the boundary is a silence: what the silence says of it counts at its end only (`best_path_before_silence`).
+    pub(in crate::framer::rtu::search) fn awaits_direction(
+        &self,
+        input: &Input,
+        context: &FramerContext<'_>,
+        index: usize,
+    ) -> bool {
+        let (best, score) = self.best_path();
+        let Hypothesis { first_on_path: first, end: path_end, .. } = self.lattice[best];
+        let Hypothesis { start, end, .. } = self.lattice[first];
+        let is_impatient =
+            self.scanned_to >= end + weights::OFFLINE_TIE_PATIENCE_BYTES || self.lattice.len() >= weights::MAX_HYPOTHESES;
+        if first == ROOT || path_end < self.scanned_to || is_impatient {
+            return false;
+        }
+        let frame = FrameBytes(&input.bytes()[(start - input.offset()) as usize..(end - input.offset()) as usize]);
+        let starts_record = input.read(index).is_some_and(|read| read.starts_record);
+        (starts_record || !mirrors_request(context, frame.pdu()))
+            && self.has_path_in_opposite_direction(first, score - weights::OFFLINE_COMMIT_MARGIN_BITS)
     }
 
     /// What an unfinished frame has to exceed: the score of the best path (that ends with the frame `path_end`) less the margin
@@ -292,10 +318,19 @@ impl Search {
     /// Whether the bytes of the frame `first` are also a hypothesis of the other direction that ends a path whose score now, with
     /// the bytes behind it, exceeds `bar` (bits).
     pub(super) fn has_opposite_rival(&self, first: usize, bar: f32) -> bool {
+        self.lattice.iter().any(|other| self.is_opposite(first, other) && self.current_score(other) > bar)
+    }
+
+    /// Whether they are the first frame of any path whose score now exceeds `bar` (bits), whatever follows them there.
+    fn has_path_in_opposite_direction(&self, first: usize, bar: f32) -> bool {
+        let begins_with_it = |path: &Hypothesis| self.is_opposite(first, &self.lattice[path.first_on_path]);
+        self.lattice.iter().any(|path| self.current_score(path) > bar && begins_with_it(path))
+    }
+
+    /// Whether a hypothesis has the bytes of the frame `first` in the other direction.
+    fn is_opposite(&self, first: usize, other: &Hypothesis) -> bool {
         let frame = &self.lattice[first];
-        let is_opposite =
-            |other: &Hypothesis| (other.start, other.end) == (frame.start, frame.end) && other.direction != frame.direction;
-        self.lattice.iter().any(|other| is_opposite(other) && self.current_score(other) > bar)
+        (other.start, other.end) == (frame.start, frame.end) && other.direction != frame.direction
     }
 }
 
