@@ -12,7 +12,15 @@ from analyzer.views.grid import ColumnLayout, GridColumn
 from analyzer.views.screen import visible, width_of
 from dissectors.table import function as table_function
 
-__all__ = ["BASE_TITLES", "bus_field", "function_name", "labels", "milliseconds", "number"]
+__all__ = [
+    "BASE_TITLES",
+    "bus_field",
+    "function_name",
+    "labels",
+    "milliseconds",
+    "number",
+    "share_of",
+]
 
 BASE_TITLES = {
     "wire": "addr from 0",
@@ -79,6 +87,15 @@ def milliseconds(microseconds: float | None) -> str:
         return ""
     digits = 1 if microseconds < _WHOLE_MS_FROM_US else 0
     return f"{microseconds / 1e3:.{digits}f}"
+
+
+def share_of(part: int, whole: int) -> str:
+    """Which part of them, in words; only the number where it is all of them.
+
+    >>> share_of(3, 12), share_of(12, 12)
+    ('3 of 12', '12')
+    """
+    return f"{part:,}" if part == whole else f"{part:,} of {whole:,}"
 
 
 def function_name(row: Mapping[str, Any]) -> str:

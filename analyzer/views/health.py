@@ -10,7 +10,8 @@ The judgement is the core's (crates/modlens-diagnosis); this file only draws it.
                 "failed", "total", "since", "until", "chance", "sentence", "advice", "proof",
                 "examples": [int]}],          by harm
  "reserves": [{"bus": text, "unit": int, "requests": int, "answered": int, "damaged": int,
-               "late": int, "response_time_p99_us": float | null,
+               "late": int, "timed": int,     answers with a usable response time
+               "response_time_p99_us": float | null,
                "timeout_us": float | null}],  the master's time-out, where it was seen
  "not_judged": [{"bus": text, "what": text, "needs": text}]}
 ```
@@ -129,6 +130,8 @@ def _reserves(rows: Sequence[Mapping[str, Any]], width: int) -> Iterator[list[Pa
         GridColumn(ColumnLayout("late", 5, align_right=True), lambda row: _some(row["late"])),
         GridColumn(ColumnLayout("damaged", 7, align_right=True), lambda row: _some(row["damaged"])),
     ]
+    if any(0 < row["timed"] < row["answered"] for row in rows):
+        fields.insert(3, GridColumn(ColumnLayout("timed", 5, align_right=True), _timed))
     buses = tuple(dict.fromkeys(row["bus"] for row in rows))
     if len(buses) > 1:
         fields.insert(0, cells.bus_field(buses, lambda row: str(row["bus"])))
@@ -136,6 +139,11 @@ def _reserves(rows: Sequence[Mapping[str, Any]], width: int) -> Iterator[list[Pa
     yield grid.head()
     for row in rows:
         yield grid.line(row)
+
+
+def _timed(row: Mapping[str, Any]) -> str:
+    """Of how many answers the response times are."""
+    return cells.share_of(row["timed"], row["answered"])
 
 
 def _some(count: int) -> str:

@@ -85,7 +85,7 @@ def _lines(
     rows = [{**row, "bus": bus["bus"]} for bus in buses for row in bus["units"]]
     if rows:
         yield []
-        fields = _row_fields(is_wide=width >= WIDE_COLUMNS)
+        fields = _row_fields(rows, is_wide=width >= WIDE_COLUMNS)
         if len(short) > 1:
             fields.insert(0, cells.bus_field(tuple(short), lambda row: str(row["bus"])))
         yield from _grid(fields, rows, width)
@@ -197,7 +197,7 @@ def _bus_fields(short: Mapping[str, str]) -> list[GridColumn]:
     ]
 
 
-def _row_fields(*, is_wide: bool) -> list[GridColumn]:
+def _row_fields(rows: Sequence[Mapping[str, Any]], *, is_wide: bool) -> list[GridColumn]:
     """The columns of the table of units and functions; more times where there is room."""
     chosen = [
         GridColumn(
@@ -215,12 +215,29 @@ def _row_fields(*, is_wide: bool) -> list[GridColumn]:
         GridColumn(ColumnLayout("failed", 6, align_right=True), _failed, lambda _: "bad"),
         GridColumn(ColumnLayout("retry", 5, align_right=True), lambda row: _some(row["retries"])),
     ]
+    if any(0 < _timed(row) < _answered(row) for row in rows):
+        chosen.append(
+            GridColumn(
+                ColumnLayout("timed", 5, align_right=True),
+                lambda row: cells.share_of(_timed(row), _answered(row)),
+            )
+        )
     chosen += [
         GridColumn(ColumnLayout(f"{name} ms", 6, align_right=True), _response(f"{name}_us"))
         for name in ("min", "p50", "p95", "max")
         if is_wide or name in ("p50", "max")
     ]
     return chosen
+
+
+def _timed(row: Mapping[str, Any]) -> int:
+    """Answers whose response times the recording tells."""
+    return int((row["response_time"] or {}).get("count", 0))
+
+
+def _answered(row: Mapping[str, Any]) -> int:
+    """Good answers and refusals."""
+    return sum(row["statuses"].get(status, 0) for status in ("ok", "exception"))
 
 
 def _some(count: int) -> str:

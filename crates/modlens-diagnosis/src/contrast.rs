@@ -5,6 +5,7 @@ mod bus;
 mod epochs;
 mod network;
 mod noise;
+mod recall;
 mod request;
 pub mod sample;
 pub mod tally;
@@ -23,7 +24,7 @@ pub use noise::{NoiseCounts, NoiseKey, NoiseRuns};
 pub use request::{Lonely, Pair, RequestCounts};
 pub use unit::{LengthRatios, Overtaken, Pauses, Runs, UnitCounts, EXCEPTIONS};
 
-use crate::observation::{FrameObservation, Observation};
+use crate::observation::{Clean, FrameObservation, Observation};
 use tally::{mix, mix_bytes};
 
 /// Buses, units and distinct requests that are counted, all buses taken together: those with the least hashes of their names.
@@ -63,25 +64,54 @@ impl Contrast {
     pub fn observe(&mut self, batch: &Batch) {
         self.observe_connections(batch);
         let functions = batch.functions.as_deref().unwrap_or_else(|| Functions::embedded());
-        let mut rest = &batch.frames[..];
-        while let Some(first) = rest.first() {
-            let run = rest.partition_point_by_bus(first.bus);
-            let bus = self.bus(batch, first.bus);
-            for row in &rest[..run] {
-                bus.frame(FrameObservation::of(batch, row));
-            }
-            rest = &rest[run..];
-        }
-        let mut rest = &batch.transactions[..];
-        while let Some(first) = rest.first() {
-            let run = rest.partition_point_by_bus(first.bus);
-            let bus = self.bus(batch, first.bus);
-            for row in &rest[..run] {
-                bus.transaction(Observation::of(batch, functions, row));
-            }
-            rest = &rest[run..];
-        }
+        self.observe_frames(batch);
+        self.observe_transactions(batch, functions);
+        self.buses.values_mut().for_each(BusContrast::settle);
         self.prune(MOST);
+    }
+
+    /// Counts frames, with those of exchanges in short between them.
+    fn observe_frames(&mut self, batch: &Batch) {
+        let (mut rest, mut runs) = (&batch.frames[..], batch.exchange_runs.iter().peekable());
+        while !rest.is_empty() || runs.peek().is_some() {
+            if let Some(run) = runs.next_if(|run| rest.first().is_none_or(|row| run.frame < row.number)) {
+                self.bus(batch, run.bus).frames_in_short(run, run.exchanges.of(&batch.exchanges));
+                continue;
+            }
+            let (bus, until) = (rest[0].bus, runs.peek().map_or(u64::MAX, |run| run.frame));
+            let count = rest.iter().position(|row| row.bus != bus || row.number > until).unwrap_or(rest.len());
+            let bus = self.bus(batch, bus);
+            for row in &rest[..count] {
+                if !bus.clean_frame(row) {
+                    bus.frame(FrameObservation::of(batch, row));
+                }
+            }
+            rest = &rest[count..];
+        }
+    }
+
+    /// Counts transactions, with exchanges in short between them.
+    fn observe_transactions(&mut self, batch: &Batch, functions: &Functions) {
+        let (mut rest, mut runs) = (&batch.transactions[..], batch.exchange_runs.iter().peekable());
+        while !rest.is_empty() || runs.peek().is_some() {
+            if let Some(run) = runs.next_if(|run| rest.first().is_none_or(|row| run.number < row.number)) {
+                let bus = self.bus(batch, run.bus);
+                let numbered = run.exchanges.of(&batch.exchanges).iter().zip(run.number..);
+                let exchanges = numbered.filter_map(|(row, number)| Clean::in_short(batch, functions, number, row));
+                exchanges.for_each(|exchange| bus.clean(&exchange));
+                continue;
+            }
+            let (bus, until) = (rest[0].bus, runs.peek().map_or(u64::MAX, |run| run.number));
+            let count = rest.iter().position(|row| row.bus != bus || row.number > until).unwrap_or(rest.len());
+            let bus = self.bus(batch, bus);
+            for row in &rest[..count] {
+                match Clean::of(batch, functions, row) {
+                    Some(clean) => bus.clean(&clean),
+                    None => bus.transaction(Observation::of(batch, functions, row)),
+                }
+            }
+            rest = &rest[count..];
+        }
     }
 
     /// Leaves out what is beyond the bounds. What is kept depends on names only: what is among the least hashes of the whole is
@@ -105,7 +135,10 @@ impl Contrast {
             let all = self.buses.iter().flat_map(|(name, bus)| bus.requests.hashes().map(move |hash| of(name, hash)));
             let limit = limit(all.collect(), most.requests).expect("there are more");
             self.overflowed = true;
-            self.buses.iter_mut().for_each(|(name, bus)| bus.requests.retain(|hash| of(name, hash) < limit));
+            for (name, bus) in &mut self.buses {
+                bus.requests.retain(|hash| of(name, hash) < limit);
+                bus.forget();
+            }
         }
     }
 
@@ -162,24 +195,6 @@ impl Contrast {
 /// The hash from which on there are too many; `None` if there are not.
 fn limit(mut hashes: Vec<u64>, most: usize) -> Option<u64> {
     (hashes.len() > most).then(|| *hashes.select_nth_unstable(most).1)
-}
-
-/// Rows that know their bus.
-trait RunsOfBus {
-    /// How many rows from the first one on are of this bus.
-    fn partition_point_by_bus(&self, bus: u32) -> usize;
-}
-
-impl RunsOfBus for [modlens_engine::records::Frame] {
-    fn partition_point_by_bus(&self, bus: u32) -> usize {
-        self.iter().position(|row| row.bus != bus).unwrap_or(self.len())
-    }
-}
-
-impl RunsOfBus for [modlens_engine::records::Transaction] {
-    fn partition_point_by_bus(&self, bus: u32) -> usize {
-        self.iter().position(|row| row.bus != bus).unwrap_or(self.len())
-    }
 }
 
 #[cfg(test)]

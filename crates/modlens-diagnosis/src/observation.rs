@@ -1,8 +1,9 @@
 //! What the contrast needs to know of a transaction and of a frame: a few numbers each, without the bytes.
 
+mod clean;
 mod damage;
 
-use modlens_engine::records::{Batch, Frame, InnerPauses, Transaction};
+use modlens_engine::records::{Batch, Exchange, Frame, InnerPauses, Transaction};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
@@ -10,10 +11,11 @@ use modlens_protocol::functions::{Functions, Operation};
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
+pub(crate) use clean::Clean;
 pub(crate) use damage::response_part;
 pub use damage::{DamagedPart, DAMAGED_PARTS};
 
-use crate::contrast::tally::{mix, mix_bytes, Place};
+use crate::contrast::tally::{mix, Place};
 
 /// The findings of a row, one bit each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -69,14 +71,14 @@ impl Outcome {
 /// What the data of an answer look like, for comparison with other answers to the same request.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Data {
-    /// Hash of the data; 0 where there are none.
-    pub hash: u64,
+    /// There is an answer with a block of data.
+    pub is_present: bool,
     /// All registers are FFFF.
     pub all_ones: bool,
     /// All registers are 0000.
     pub all_zeros: bool,
-    /// Hash of the first two registers.
-    pub head_hash: u64,
+    /// The first four bytes; none where there are fewer.
+    pub opening: Option<[u8; COMPARED_BYTES]>,
     /// The first two registers; the second one is 0 where there is none.
     pub head: [u16; 2],
     /// The first or the last register is FFFF; and 0000.
@@ -109,6 +111,7 @@ pub struct RequestKey {
 
 impl RequestKey {
     /// A well-mixed hash.
+    #[inline]
     pub(crate) fn hash(self) -> u64 {
         mix(u64::from(u16::from_be_bytes([self.unit, self.function])) << 32
             | u64::from(self.address) << 16
@@ -217,7 +220,7 @@ impl Observation {
             exception: row.exception,
             range,
             writes,
-            written: if writes && is_intact { mix_bytes(request) } else { 0 },
+            written: if writes && is_intact { clean::fingerprint(request) } else { 0 },
             data,
             response_time: row.response_time,
             waited: row.waited,
@@ -282,17 +285,19 @@ fn answering_unit(mode: Mode, wire: &[u8]) -> Option<u8> {
 /// Answers to different requests are compared by so many bytes.
 const COMPARED_BYTES: usize = 4;
 
+#[inline]
 fn data(block: &[u8], bits: bool) -> Data {
     let register = |at: usize| block.get(at..at + 2).map_or(0, |pair| u16::from_be_bytes([pair[0], pair[1]]));
     let head = if bits { [0, 0] } else { [register(0), register(2)] };
     let last = register(block.len().saturating_sub(2));
+    let is_all = |byte: u8| !bits && block.first() == Some(&byte) && block.iter().all(|other| *other == byte);
     Data {
+        is_present: true,
         head,
         touches: [head[0] == 0xFFFF || last == 0xFFFF, head[0] == 0 || last == 0],
-        hash: mix_bytes(block),
-        all_ones: !bits && !block.is_empty() && block.iter().all(|byte| *byte == 0xFF),
-        all_zeros: !bits && !block.is_empty() && block.iter().all(|byte| *byte == 0),
-        head_hash: mix_bytes(&block[..block.len().min(COMPARED_BYTES)]),
+        all_ones: is_all(0xFF),
+        all_zeros: is_all(0),
+        opening: block.first_chunk().copied(),
         length: block.len() as u16,
     }
 }
@@ -332,6 +337,25 @@ pub struct FrameObservation {
 const NOISE_BYTES: usize = 64;
 
 impl FrameObservation {
+    /// What a frame of an exchange in short shows: the request, or the answer, in the transaction with this number.
+    pub(crate) fn in_short(txn: u64, number: u64, direction: Direction, row: &Exchange) -> Self {
+        Self {
+            place: Place { number: txn, elapsed: None, time: None },
+            number,
+            verdict: Verdict::Ok,
+            direction,
+            mode: Mode::Rtu,
+            unit: Some(row.unit),
+            findings: FindingSet::default(),
+            length: u32::from(row.lengths[usize::from(direction != Direction::Request)]),
+            txn: Some(txn),
+            bytes: Vec::new(),
+            gap: None,
+            pauses: InnerPauses::default(),
+            damage: None,
+        }
+    }
+
     /// What a row shows.
     pub fn of(batch: &Batch, row: &Frame) -> Self {
         let wire = row.wire.of(&batch.arena);

@@ -1,11 +1,16 @@
 //! Tests for small counts: how likely is this contrast, if nothing were behind it?
 
 use std::f64::consts::PI;
+use std::sync::LazyLock;
+
+/// The natural logarithms of the first factorials, 0! to 31!.
+static FIRST_FACTORIALS: LazyLock<[f64; 32]> =
+    LazyLock::new(|| std::array::from_fn(|n| (2..=n).map(|factor| (factor as f64).ln()).sum()));
 
 /// The natural logarithm of n!: exact sums below 32, Stirling's series above (its error there is below 1e-12).
 fn ln_factorial(n: u64) -> f64 {
-    if n < 32 {
-        return (2..=n).map(|factor| (factor as f64).ln()).sum();
+    if let Some(known) = FIRST_FACTORIALS.get(n as usize) {
+        return *known;
     }
     let n = n as f64;
     n * n.ln() - n + 0.5 * (2.0 * PI * n).ln() + 1.0 / (12.0 * n) - 1.0 / (360.0 * n * n * n)
@@ -67,8 +72,13 @@ pub fn fisher(inside: Share, outside: Share) -> f64 {
     let (failed, total) = (inside.failed + outside.failed, inside.total + outside.total);
     let all = ln_choose(total, failed);
     let most = failed.min(inside.total);
-    let least = inside.failed.max(failed.saturating_sub(outside.total));
-    sum_of_tail((least..=most).map(|k| ln_choose(inside.total, k) + ln_choose(outside.total, failed - k) - all))
+    let least = failed.saturating_sub(outside.total);
+    let term = |k: u64| ln_choose(inside.total, k) + ln_choose(outside.total, failed - k) - all;
+    if u128::from(inside.failed) * u128::from(total) < u128::from(failed) * u128::from(inside.total) {
+        // Below what is likeliest, all others are fewer terms that count.
+        return 1.0 - sum_of_tail((least..inside.failed).rev().map(term));
+    }
+    sum_of_tail((inside.failed..=most).map(term))
 }
 
 /// The chance of `failed` or more failures among `total`, each of which fails with this probability.
@@ -83,7 +93,13 @@ pub fn at_least(share: Share, probability: f64) -> f64 {
     if share.failed == 0 {
         return 1.0;
     }
-    sum_of_tail((share.failed..=n).map(|k| ln_choose(n, k) + k as f64 * p.ln() + (n - k) as f64 * (1.0 - p).ln()))
+    let (failing, good) = (p.ln(), (1.0 - p).ln());
+    let term = |k: u64| ln_choose(n, k) + k as f64 * failing + (n - k) as f64 * good;
+    if (share.failed as f64) < n as f64 * p {
+        // Below what is likeliest, all others are fewer terms that count.
+        return 1.0 - sum_of_tail((0..share.failed).rev().map(term));
+    }
+    sum_of_tail((share.failed..=n).map(term))
 }
 
 /// The chance of `failed` or fewer failures among `total`, each of which fails with this probability.
@@ -133,7 +149,7 @@ fn sum_of_tail(terms: impl Iterator<Item = f64>) -> f64 {
     for term in terms {
         let probability = term.exp();
         sum += probability;
-        if term < last && probability < sum * 1e-12 {
+        if term < last && probability <= sum * 1e-12 {
             break;
         }
         last = term;

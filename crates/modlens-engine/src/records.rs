@@ -12,6 +12,7 @@ use std::mem::take;
 use std::sync::{Arc, Mutex};
 
 use modlens_profiles::points::PlanInstance;
+use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::{Finding, Severity};
 use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
@@ -160,6 +161,48 @@ pub struct Transaction {
     pub origin: u64,
 }
 
+/// An exchange of an RTU line without a clock, in short: a plain request and its good answer, without a finding. Its bytes are
+/// in the arena, the answer's right behind the request's.
+#[derive(Clone, Copy, Debug)]
+pub struct Exchange {
+    /// Where the request's bytes begin.
+    pub start: u32,
+    /// Bytes of the request and of the answer.
+    pub lengths: [u16; 2],
+    /// Address of the first register or bit.
+    pub address: u16,
+    /// Number of registers or bits.
+    pub quantity: u16,
+    /// Unit.
+    pub unit: u8,
+    /// Function code.
+    pub function: u8,
+}
+
+impl Exchange {
+    /// The PDUs of the request and of the answer.
+    #[inline]
+    pub fn pdus<'a>(&self, arena: &'a [u8]) -> [&'a [u8]; 2] {
+        let [request, answer] = self.lengths.map(usize::from);
+        let both = &arena[self.start as usize..][..request + answer];
+        let (request, answer) = both.split_at(request);
+        [request, answer].map(|frame| &frame[1..frame.len() - CRC_BYTES])
+    }
+}
+
+/// Exchanges in short that stand one behind the other.
+#[derive(Clone, Debug)]
+pub struct ExchangeRun {
+    /// Index of the bus.
+    pub bus: u32,
+    /// Number of the first transaction; the others have the next ones.
+    pub number: u64,
+    /// Number of the first frame; each exchange has two.
+    pub frame: u64,
+    /// Which of `Batch::exchanges`.
+    pub exchanges: Span,
+}
+
 /// A finding on a frame or transaction.
 #[derive(Clone, Debug)]
 pub struct FindingRow {
@@ -239,6 +282,10 @@ pub struct Batch {
     pub transactions: Vec<Transaction>,
     /// Findings.
     pub findings: Vec<FindingRow>,
+    /// Exchanges in short, which are not among frames and transactions (`Session::emit_in_short`).
+    pub exchanges: Vec<Exchange>,
+    /// The same by bus, in the order of their numbers.
+    pub exchange_runs: Vec<ExchangeRun>,
     /// TCP connections that are over, in the order in which they began.
     pub connections: Vec<Connection>,
     /// Diagnoses, at the end of a recording.
@@ -254,7 +301,7 @@ pub struct Batch {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MemoryPool(Arc<Mutex<Vec<Memory>>>);
 
-type Memory = (Vec<u8>, Vec<Finding>, Vec<Frame>, Vec<Transaction>, Vec<FindingRow>);
+type Memory = (Vec<u8>, Vec<Finding>, Vec<Frame>, Vec<Transaction>, Vec<FindingRow>, Vec<Exchange>);
 
 /// Batches whose memory is kept: one is filled while another is written.
 const MAX_POOLED_BATCHES: usize = 2;
@@ -268,7 +315,7 @@ impl MemoryPool {
         let mut batch = Batch::default();
         batch.pool = self.clone();
         if let Some(memory) = self.0.lock().ok().and_then(|mut memories| memories.pop()) {
-            (batch.arena, batch.codes, batch.frames, batch.transactions, batch.findings) = memory;
+            (batch.arena, batch.codes, batch.frames, batch.transactions, batch.findings, batch.exchanges) = memory;
         }
         batch
     }
@@ -276,8 +323,8 @@ impl MemoryPool {
 
 impl Drop for Batch {
     /// Gives the vectors of the batch, emptied, back to its session, unless that is gone, has enough of them, or the arena is
-    /// too large to be kept. `connections` and `inner_packets`, mostly empty, are
-    /// not among them.
+    /// too large to be kept. `exchange_runs`, `connections` and `inner_packets`,
+    /// mostly short, are not among them.
     fn drop(&mut self) {
         // With one reference, the session is gone, or the batch was not made by one.
         if Arc::strong_count(&self.pool.0) == 1 || self.arena.capacity() > MAX_POOLED_BYTES {
@@ -290,12 +337,14 @@ impl Drop for Batch {
             self.frames.clear();
             self.transactions.clear();
             self.findings.clear();
+            self.exchanges.clear();
             memories.push((
                 take(&mut self.arena),
                 take(&mut self.codes),
                 take(&mut self.frames),
                 take(&mut self.transactions),
                 take(&mut self.findings),
+                take(&mut self.exchanges),
             ));
         }
     }

@@ -80,6 +80,7 @@ impl Session {
     ) -> PyResult<Self> {
         let mut wanted = WantedTables { frames: tables.is_none(), transactions: tables.is_none(), findings: tables.is_none() };
         let mut contrast = None;
+        let only_diagnoses = !overview && tables.as_ref().is_some_and(|tables| tables.iter().all(|name| name == "diagnoses"));
         for name in tables.unwrap_or_default() {
             match TableKind::from_name(&name).ok_or_else(|| value_error(format!("no table {name:?}")))? {
                 TableKind::Frames => wanted.frames = true,
@@ -95,6 +96,9 @@ impl Session {
             (wanted.frames, wanted.transactions) = (true, true);
         }
         let mut core = Core::new(Arc::clone(&functions.core), wanted, live, timeout_ns);
+        if only_diagnoses {
+            core.emit_in_short();
+        }
         if let Some(name) = bus_name {
             core.name_buses(name);
         }

@@ -34,8 +34,9 @@ def slow_answers(rng: Random, _seed: int) -> Case:
     """One unit's response times reach beyond the master's time-out; the answers exist."""
     scene = Scene(rng)
     scene.habits.timeout_s = rng.choice([0.1, 0.2, 0.3, 0.5, 1.0])
-    # An answer that comes before the next request looks like one in time.
-    scene.habits.pauses_s = (rng.uniform(0.004, 0.02),)
+    # An answer that comes before the next request looks like one in time; without pauses between
+    # cycles, a part of them does not.
+    scene.habits.pauses_s, scene.habits.period_s = (rng.uniform(0.004, 0.02),), 0.0
     share = min(share_of(scene.plant, unit.address) for unit in scene.plant.units)
     count, rate = scale(rng, share)
     unit = make_slow(scene, rate)

@@ -148,7 +148,8 @@ def _neighbours(scene: Scene) -> tuple[int, int]:
     """A unit that is asked behind another one somewhere in the cycle, and elsewhere not."""
     polls = scene.plant.polls
     other, unit = polls[0].unit, next(poll.unit for poll in polls if poll.unit != polls[0].unit)
-    own = [poll for poll in polls if poll.unit == unit]
+    # What is asked in each cycle comes behind the other unit, else there is hardly anything to see.
+    own = sorted((poll for poll in polls if poll.unit == unit), key=lambda poll: poll.every)
     others = [poll for poll in polls if poll.unit not in (unit, other)]
     theirs = [poll for poll in polls if poll.unit == other]
     scene.plant.polls = [*theirs, own[0], *others, *own]

@@ -2,27 +2,28 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use modlens_engine::records::{Bus, Connection};
+use modlens_engine::records::{Bus, Connection, Exchange, ExchangeRun, Frame};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
-use modlens_protocol::framing::Mode;
+use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 
 use super::before::Before;
 use super::network::Connections;
 use super::noise::NoiseRuns;
+use super::recall::Recall;
 use super::request::RequestCounts;
 use super::sample::Sample;
 use super::tally::{Place, Tally};
 use super::unit::UnitCounts;
-use crate::observation::{response_part, Data, FrameObservation, Observation, Outcome, RequestKey, Shift, DAMAGED_PARTS};
+use crate::observation::{response_part, Clean, Data, FrameObservation, Observation, Outcome, RequestKey, Shift, DAMAGED_PARTS};
 
 /// What is counted of a row depends on at most so many rows before it.
 pub const WINDOW: usize = 64;
 
 /// Requests that are counted one by one.
-const MAX_REQUESTS: usize = 1024;
+pub(super) const MAX_REQUESTS: usize = 1024;
 
 /// A write is remembered for so many transactions.
 const WRITE_MEMORY: usize = 4;
@@ -90,6 +91,8 @@ pub struct FrameCounts {
     pub lost: Tally,
     /// Damaged requests without a transaction, by the part that is damaged.
     pub request_parts: [Tally; DAMAGED_PARTS],
+    /// Frames without a finding that are not counted in the tallies yet.
+    clean: u64,
 }
 
 /// A run of damaged frames and noise behind a good frame.
@@ -103,6 +106,8 @@ struct BadRun {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct PreviousRequest {
     key: RequestKey,
+    /// Of the key.
+    hash: u64,
     /// Whether it failed, or one since.
     failed: bool,
     /// Requests since that could not be read.
@@ -171,6 +176,9 @@ pub struct BusContrast {
     first_transactions: VecDeque<Observation>,
     frames_seen: u64,
     transactions_seen: u64,
+    /// Whether something is pending.
+    is_pending: bool,
+    recall: Recall,
 }
 
 impl BusContrast {
@@ -188,15 +196,108 @@ impl BusContrast {
         }
     }
 
+    /// Takes the next frame if it is good, has no finding and no pauses inside; whether it was taken.
+    #[inline]
+    pub(crate) fn clean_frame(&mut self, row: &Frame) -> bool {
+        let is_clean = row.verdict.is_good() && row.findings.length == 0 && row.pauses.count == 0;
+        if !is_clean || self.frames_seen < WINDOW as u64 {
+            return false;
+        }
+        (self.frames_seen, self.is_pending) = (self.frames_seen + 1, true);
+        self.context.last_txn = row.txn.unwrap_or(self.context.last_txn);
+        self.context.last_good = Some((row.number, row.direction, row.unit));
+        self.facts.mode = Some(row.mode);
+        self.frames.count_clean(row);
+        true
+    }
+
+    /// Takes the frames of a run of exchanges in short.
+    pub(super) fn frames_in_short(&mut self, run: &ExchangeRun, exchanges: &[Exchange]) {
+        let Some(last) = exchanges.last() else { return };
+        let numbered = exchanges.iter().zip(run.number..).zip((run.frame..).step_by(2));
+        let mut rest = 0;
+        for ((row, txn), frame) in numbered.clone() {
+            if self.frames_seen >= WINDOW as u64 {
+                break;
+            }
+            rest += 1;
+            self.frame(FrameObservation::in_short(txn, frame, Direction::Request, row));
+            self.frame(FrameObservation::in_short(txn, frame + 1, Direction::Response, row));
+        }
+        let count = exchanges.len() as u64;
+        let in_bulk = &exchanges[rest..];
+        let bytes = in_bulk.iter().map(|row| u64::from(row.lengths[0]) + u64::from(row.lengths[1])).sum();
+        self.frames_seen += 2 * in_bulk.len() as u64;
+        self.is_pending = true;
+        self.frames.count_in_short(2 * in_bulk.len() as u64, bytes);
+        self.facts.mode = Some(Mode::Rtu);
+        self.context.last_txn = run.number + count - 1;
+        self.context.last_good = Some((run.frame + 2 * count - 1, Direction::Response, Some(last.unit)));
+    }
+
+    /// Takes the next transaction, an exchange that went well.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // Its argument is large, and would be written and read again for each exchange.
+    pub(crate) fn clean(&mut self, seen: &Clean) {
+        if self.transactions_seen < WINDOW as u64 || !self.count_clean(seen) {
+            self.transaction(seen.observation());
+        }
+    }
+
+    /// Counts an exchange that went well; false, and nothing is done, where more is to be noted than that it did.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
+    fn count_clean(&mut self, seen: &Clean) -> bool {
+        let hash = seen.hash;
+        let slot = self.recall.slot(&mut self.requests, seen.key, hash);
+        let is_read = seen.data.length > 0;
+        if is_read && self.context.is_odd(seen, self.recall.age(hash)) {
+            return false;
+        }
+        let unit = self.units.entry(seen.key.unit).or_default();
+        if !unit.takes_clean() {
+            return false;
+        }
+        (self.transactions_seen, self.is_pending) = (self.transactions_seen + 1, true);
+        let before = self.context.before(Some(seen.key), seen.starts[0]);
+        unit.count_clean(seen, &before);
+        self.requests_seen.count_good(1);
+        if let Some(counts) = slot.and_then(|slot| self.requests.at(slot, &seen.key)) {
+            counts.count_clean(seen, before.request);
+        }
+        if let Some((unit, place, waited, needed)) = before.overtaken {
+            self.units.entry(unit).or_default().overtaken.count(place, waited, needed);
+        }
+        self.recall.note(is_read.then_some(hash));
+        self.context.follow_clean(seen);
+        true
+    }
+
+    /// Forgets what could be found anew: requests have been left out, or rows came that are not in the memory of answers.
+    pub(super) fn forget(&mut self) {
+        self.recall = Recall::default();
+    }
+
+    /// Counts what is pending, before anything is shown or merged.
+    pub(super) fn settle(&mut self) {
+        if !std::mem::take(&mut self.is_pending) {
+            return;
+        }
+        self.frames.settle();
+        self.units.values_mut().for_each(UnitCounts::settle);
+        self.requests.values_mut().for_each(RequestCounts::settle);
+    }
+
     /// Takes the next transaction.
     pub(crate) fn transaction(&mut self, mut seen: Observation) {
         self.transactions_seen += 1;
         self.context.complete(&mut seen);
+        self.recall.note(seen.key().filter(|_| seen.data.length > 0).map(RequestKey::hash));
         if self.first_transactions.len() < WINDOW && self.transactions_seen <= WINDOW as u64 {
             self.context.transaction(&mut seen);
             self.first_transactions.push_back(seen);
         } else {
-            let before = self.context.before(&seen);
+            let before = self.context.before(seen.key(), seen.starts[0]);
             self.context.transaction(&mut seen);
             self.count_transaction(&seen, before);
         }
@@ -236,6 +337,8 @@ impl BusContrast {
         }
         self.requests.merge(&later.requests, RequestCounts::merge);
         self.facts = BusFacts { mode: later.facts.mode.or(self.facts.mode), ..later.facts.clone() };
+        self.forget();
+        self.settle();
     }
 
     fn count_frame(&mut self, seen: &FrameObservation, attached: Option<(Direction, Option<u8>)>) {
@@ -299,13 +402,8 @@ fn bits(one: Data, other: Data) -> u32 {
 
 impl FrameCounts {
     fn count(&mut self, seen: &FrameObservation) {
-        let verdict = seen.verdict as usize;
-        self.frames[verdict] += 1;
-        self.bytes[verdict] += u64::from(seen.length);
-        if let Some(time) = seen.place.time {
-            let (first, last) = self.span.unwrap_or((time, time));
-            self.span = Some((first.min(time), last.max(time)));
-        }
+        self.settle();
+        self.count_size(seen.verdict as usize, seen.length, seen.place.time);
         let has = |finding| seen.findings.has(finding);
         self.bit_flips.count(has(Finding::BitFlip), seen.place);
         self.collisions.count(has(Finding::Collision), seen.place);
@@ -315,6 +413,36 @@ impl FrameCounts {
             self.request_parts.iter_mut().enumerate().for_each(|(at, tally)| tally.count(at == part as usize, seen.place));
         }
         self.lost.count(has(Finding::LostBytes) || has(Finding::DuplicateByte), seen.place);
+    }
+
+    #[inline]
+    fn count_clean(&mut self, row: &Frame) {
+        self.clean += 1;
+        self.count_size(row.verdict as usize, row.wire.length, row.start);
+    }
+
+    fn count_in_short(&mut self, frames: u64, bytes: u64) {
+        self.clean += frames;
+        self.frames[Verdict::Ok as usize] += frames;
+        self.bytes[Verdict::Ok as usize] += bytes;
+    }
+
+    #[inline]
+    fn count_size(&mut self, verdict: usize, length: u32, time: Option<Ns>) {
+        self.frames[verdict] += 1;
+        self.bytes[verdict] += u64::from(length);
+        if let Some(time) = time {
+            let (first, last) = self.span.unwrap_or((time, time));
+            self.span = Some((first.min(time), last.max(time)));
+        }
+    }
+
+    /// Counts the clean frames in the tallies.
+    fn settle(&mut self) {
+        let clean = std::mem::take(&mut self.clean);
+        for tally in [&mut self.bit_flips, &mut self.collisions, &mut self.echoes, &mut self.pauses, &mut self.lost] {
+            tally.count_good(clean);
+        }
     }
 
     fn merge(&mut self, later: &Self) {
@@ -367,11 +495,13 @@ impl Context {
         seen.lengths[1] = run.length;
     }
 
-    fn before(&self, seen: &Observation) -> Before {
+    /// What came before a request with this key and start.
+    #[inline]
+    fn before(&self, key: Option<RequestKey>, start: Option<Ns>) -> Before {
         // A request sent again, and one behind bytes that could not be read, say nothing about the order of requests.
-        let request = self.previous_request.filter(|before| before.age == 0 && Some(before.key) != seen.key());
-        let request = request.map(|before| (before.key.hash(), before.failed));
-        let overtaken = self.previous_answer.zip(seen.starts[0]).filter(|(before, start)| before.came > *start);
+        let request = self.previous_request.filter(|before| before.age == 0 && Some(before.key) != key);
+        let request = request.map(|before| (before.hash, before.failed));
+        let overtaken = self.previous_answer.zip(start).filter(|(before, start)| before.came > *start);
         let overtaken = overtaken
             .map(|(before, start)| (before.unit, before.place, start - before.requested, before.came - before.requested));
         let written = self.since_write.is_some();
@@ -391,7 +521,7 @@ impl Context {
             self.previous_failed = seen.outcome.is_failure();
             let failed = seen.outcome.is_failure();
             self.previous_request = match (seen.key(), self.previous_request) {
-                (Some(key), _) => Some(PreviousRequest { key, failed, age: 0 }),
+                (Some(key), _) => Some(PreviousRequest { key, hash: key.hash(), failed, age: 0 }),
                 (None, Some(before)) if before.age < MAX_AGE => {
                     Some(PreviousRequest { failed: before.failed || failed, age: before.age + 1, ..before })
                 }
@@ -400,11 +530,45 @@ impl Context {
         } else if seen.is_read_of_all() {
             self.previous = Some((seen.unit, true));
         }
+        self.note_write(seen.writes);
+    }
+
+    #[inline]
+    fn note_write(&mut self, writes: bool) {
         self.since_write = match self.since_write {
-            _ if seen.writes => Some(1),
+            _ if writes => Some(1),
             Some(count) if count < WRITE_MEMORY => Some(count + 1),
             _ => None,
         };
+    }
+
+    /// Notes an exchange that went well and whose data are not odd.
+    #[inline]
+    fn follow_clean(&mut self, seen: &Clean) {
+        self.remember(Some(seen.key).filter(|_| seen.data.length > 0), seen.data);
+        self.note_silence(false);
+        self.previous_answer = match seen.starts {
+            [Some(requested), Some(came)] => Some(PreviousAnswer { unit: seen.key.unit, place: seen.place, requested, came }),
+            _ => None,
+        };
+        (self.previous, self.previous_failed) = (Some((seen.key.unit, false)), false);
+        self.previous_request = Some(PreviousRequest { key: seen.key, hash: seen.hash, failed: false, age: 0 });
+        self.note_write(seen.writes);
+    }
+
+    /// Whether the data of an exchange that went well may be those of another request, or go on with its values. `age` is
+    /// how many transactions back its request was answered last, as far as that is known.
+    #[inline]
+    fn is_odd(&self, seen: &Clean, age: Option<u64>) -> bool {
+        let is_own = |one: &Option<(RequestKey, Data)>| one.is_some_and(|(key, _)| key == seen.key);
+        let age = match age {
+            Some(age) => age as usize,
+            None => self.recent.iter().rev().position(is_own).map_or(usize::MAX, |at| at + 1),
+        };
+        let own = self.recent.len().checked_sub(age).and_then(|at| self.recent[at]);
+        let is_far = own.is_some_and(|(_, own)| distance(own, seen.data) >= FAR);
+        let is_behind_silence = own.is_some() && self.since_silence.is_some();
+        (is_far && self.is_of_another(seen.key, seen.data)) || (is_behind_silence && self.shift(seen.key, seen.data).is_some())
     }
 
     /// Compares the data with those of the transactions before.
@@ -414,12 +578,22 @@ impl Context {
             seen.is_of_another = self.is_of_another(key, seen.data);
             seen.shift = self.shift(key, seen.data);
         }
+        self.remember(key, seen.data);
+        self.note_silence(matches!(seen.outcome, Outcome::Silent | Outcome::NotSeen));
+    }
+
+    #[inline]
+    fn remember(&mut self, key: Option<RequestKey>, data: Data) {
         if self.recent.len() == RECENT {
             self.recent.pop_front();
         }
-        self.recent.push_back(key.map(|key| (key, seen.data)));
+        self.recent.push_back(key.map(|key| (key, data)));
+    }
+
+    #[inline]
+    fn note_silence(&mut self, is_silent: bool) {
         self.since_silence = match self.since_silence {
-            _ if matches!(seen.outcome, Outcome::Silent | Outcome::NotSeen) => Some(0),
+            _ if is_silent => Some(0),
             Some(count) if count < BEHIND_SILENCE => Some(count + 1),
             _ => None,
         };
@@ -431,8 +605,7 @@ impl Context {
             return false;
         }
         let mut others = self.recent.iter().rev().take(COMPARED).flatten();
-        let is_alike =
-            others.any(|(other, others)| others.head_hash == data.head_hash && other.unit == key.unit && *other != key);
+        let is_alike = others.any(|(other, others)| others.opening == data.opening && other.unit == key.unit && *other != key);
         let own = || self.recent.iter().rev().flatten().find(|(other, _)| *other == key);
         is_alike && own().is_some_and(|(_, own)| distance(*own, data) >= FAR)
     }

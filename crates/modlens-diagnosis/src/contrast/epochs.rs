@@ -47,6 +47,17 @@ impl Epochs {
         self.current.as_mut().unwrap_or(&mut self.first).count(shift, place);
     }
 
+    /// Whether of an answer that shows no shift only the number is counted.
+    #[inline]
+    pub(super) fn takes_clean(&self) -> bool {
+        self.current.as_ref().unwrap_or(&self.first).onset.is_none()
+    }
+
+    /// Counts answers that show no shift, while `takes_clean`.
+    pub(super) fn count_clean(&mut self, answers: u64) {
+        self.current.as_mut().unwrap_or(&mut self.first).before += answers;
+    }
+
     fn end(&mut self, epoch: &Epoch) {
         self.bits += if epoch.is_behind() { epoch.bits } else { 0 };
         self.ended.merge(&epoch.tally());

@@ -4,9 +4,9 @@ use modlens_protocol::Ns;
 
 use super::before::Before;
 use super::sample::Sample;
-use super::tally::Tally;
+use super::tally::{Place, Tally};
 use super::times::Durations;
-use crate::observation::{Observation, Outcome};
+use crate::observation::{Clean, Data, Observation, Outcome};
 use crate::statistics::Share;
 
 /// Different requests before it that are counted.
@@ -78,6 +78,18 @@ pub struct RequestCounts {
     last_start: Option<Ns>,
     first_written: u64,
     last_written: u64,
+    pending: Pending,
+}
+
+/// Exchanges that went well and are not counted yet.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Pending {
+    good: u64,
+    /// Those whose data are neither all FFFF nor all 0000.
+    usual: u64,
+    /// The request that came right before the last of them, and how many more came right behind it.
+    after: Option<u64>,
+    pairs: u64,
 }
 
 /// Odd ones in a series, and in how many runs they stand.
@@ -92,7 +104,17 @@ pub struct Lonely {
 }
 
 impl Lonely {
-    fn count(&mut self, is_odd: bool, place: super::tally::Place) {
+    /// Counts some that are not odd.
+    fn count_usual(&mut self, usual: u64) {
+        if usual > 0 {
+            self.odd.count_good(usual);
+            self.turns += u64::from(self.last == Some(true));
+            self.first.get_or_insert(false);
+            self.last = Some(false);
+        }
+    }
+
+    fn count(&mut self, is_odd: bool, place: Place) {
         self.odd.count(is_odd, place);
         self.turns += u64::from(self.last.is_some_and(|last| last != is_odd));
         self.first.get_or_insert(is_odd);
@@ -116,6 +138,7 @@ impl Lonely {
 
 impl RequestCounts {
     pub(super) fn count(&mut self, seen: &Observation, before: Before) {
+        self.settle();
         self.writes = seen.writes;
         if let Some((request, failed)) = before.request {
             if let Some(pair) = self.after.entry(request, request) {
@@ -130,18 +153,82 @@ impl RequestCounts {
             Outcome::Unasked | Outcome::NotSeen | Outcome::Unknown => {}
         }
         self.bad.count(seen.outcome.is_failure() || seen.outcome == Outcome::Refused, seen.place);
-        if seen.outcome == Outcome::Good && seen.data.hash != 0 {
-            let [touches_ones, touches_zeros] = seen.data.touches;
-            self.near_ones += u64::from(touches_ones && !seen.data.all_ones);
-            self.near_zeros += u64::from(touches_zeros && !seen.data.all_zeros);
-            self.all_ones.count(seen.data.all_ones, seen.place);
-            self.all_zeros.count(seen.data.all_zeros, seen.place);
-            self.of_another.count(seen.is_of_another, seen.place);
+        if seen.outcome == Outcome::Good && seen.data.is_present {
+            self.count_data(seen.data, seen.is_of_another, seen.place);
         }
         if !seen.is_retry {
             self.count_period(seen.starts[0]);
-            self.count_written(seen);
+            self.count_written(seen.written, seen.place);
         }
+    }
+
+    /// Counts an exchange that went well, whose data are not of another request.
+    #[inline]
+    pub(super) fn count_clean(&mut self, seen: &Clean, before: Option<(u64, bool)>) {
+        self.pending.good += 1;
+        self.writes = seen.writes;
+        match before {
+            Some((request, false)) if self.pending.after == Some(request) => self.pending.pairs += 1,
+            Some((request, false)) => self.count_pair(request),
+            Some((request, true)) => {
+                if let Some(pair) = self.after.entry(request, request) {
+                    pair.count(true, false);
+                }
+            }
+            None => {}
+        }
+        let data = &seen.data;
+        if data.all_ones || data.all_zeros {
+            self.settle();
+            self.count_data(*data, false, seen.place);
+        } else if data.is_present {
+            self.pending.usual += 1;
+            self.near_ones += u64::from(data.touches[0]);
+            self.near_zeros += u64::from(data.touches[1]);
+        }
+        self.count_period(seen.starts[0]);
+        if seen.writes {
+            self.count_written(seen.written, seen.place);
+        }
+    }
+
+    /// Counts two requests that went well, this one behind the other; further ones behind the same one are only pending.
+    fn count_pair(&mut self, request: u64) {
+        let Some(pair) = self.after.entry(request, request) else { return };
+        pair.count(false, false);
+        self.settle_pairs();
+        self.pending.after = Some(request);
+    }
+
+    fn settle_pairs(&mut self) {
+        let (after, pairs) = (self.pending.after.take(), std::mem::take(&mut self.pending.pairs));
+        if let Some(pair) = after.and_then(|request| self.after.entry(request, request)) {
+            pair.total += pairs;
+            pair.clean += pairs;
+        }
+    }
+
+    /// Counts what is pending, before anything else than exchanges that went well is counted or shown.
+    pub(super) fn settle(&mut self) {
+        if self.pending == Pending::default() {
+            return;
+        }
+        self.settle_pairs();
+        let Pending { good, usual, .. } = std::mem::take(&mut self.pending);
+        self.good += good;
+        self.bad.count_good(good);
+        for series in [&mut self.all_ones, &mut self.all_zeros, &mut self.of_another] {
+            series.count_usual(usual);
+        }
+    }
+
+    fn count_data(&mut self, data: Data, is_of_another: bool, place: Place) {
+        let [touches_ones, touches_zeros] = data.touches;
+        self.near_ones += u64::from(touches_ones && !data.all_ones);
+        self.near_zeros += u64::from(touches_zeros && !data.all_zeros);
+        self.all_ones.count(data.all_ones, place);
+        self.all_zeros.count(data.all_zeros, place);
+        self.of_another.count(is_of_another, place);
     }
 
     fn count_period(&mut self, start: Option<Ns>) {
@@ -153,14 +240,14 @@ impl RequestCounts {
         self.last_start = Some(start);
     }
 
-    fn count_written(&mut self, seen: &Observation) {
-        if seen.written != 0 {
-            self.written.count(true, seen.place);
-            self.changes += u64::from(self.last_written != 0 && self.last_written != seen.written);
+    fn count_written(&mut self, written: u64, place: Place) {
+        if written != 0 {
+            self.written.count(true, place);
+            self.changes += u64::from(self.last_written != 0 && self.last_written != written);
             if self.first_written == 0 {
-                self.first_written = seen.written;
+                self.first_written = written;
             }
-            self.last_written = seen.written;
+            self.last_written = written;
         }
     }
 

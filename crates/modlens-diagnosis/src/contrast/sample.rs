@@ -4,67 +4,176 @@
 use std::collections::BTreeMap;
 
 /// Up to `LIMIT` entries, by the hash of their keys.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Sample<K, V, const LIMIT: usize> {
-    entries: BTreeMap<(u64, K), V>,
+    /// Where the value of each key is in `slots`.
+    order: BTreeMap<(u64, K), usize>,
+    slots: Vec<(K, V)>,
+    /// The greatest hash of all keys if there is no more room, else the greatest there is.
+    last_hash: u64,
     /// Whether a key was left out.
     pub overflowed: bool,
 }
 
 impl<K, V, const LIMIT: usize> Default for Sample<K, V, LIMIT> {
     fn default() -> Self {
-        Self { entries: BTreeMap::new(), overflowed: false }
+        Self { order: BTreeMap::new(), slots: Vec::new(), last_hash: u64::MAX, overflowed: false }
+    }
+}
+
+/// Two are equal that have the same entries, whatever the order in which they came.
+impl<K: Ord + Clone, V: Default + PartialEq, const LIMIT: usize> PartialEq for Sample<K, V, LIMIT> {
+    fn eq(&self, other: &Self) -> bool {
+        self.overflowed == other.overflowed && self.len() == other.len() && self.entries().eq(other.entries())
     }
 }
 
 impl<K: Ord + Clone, V: Default, const LIMIT: usize> Sample<K, V, LIMIT> {
     /// The entry of a key, which is added if it is new; `None` if there is no room for it.
     pub fn entry(&mut self, hash: u64, key: K) -> Option<&mut V> {
-        let full_key = (hash, key);
-        if self.entries.len() >= LIMIT && !self.entries.contains_key(&full_key) {
+        let at = self.slot(hash, key)?;
+        Some(&mut self.slots[at].1)
+    }
+
+    /// The place of a key's entry, which is added if it is new; `None` if there is no room for it. A place stays that of its
+    /// key until the key has to make room for another one: `at` tells.
+    pub fn slot(&mut self, hash: u64, key: K) -> Option<usize> {
+        if self.refuses(hash, &key) {
             self.overflowed = true;
-            if self.entries.last_key_value().is_some_and(|(last, _)| *last < full_key) {
-                return None;
-            }
-            self.entries.pop_last();
+            return None;
         }
-        Some(self.entries.entry(full_key).or_default())
+        let full_key = (hash, key);
+        if let Some(at) = self.order.get(&full_key) {
+            return Some(*at);
+        }
+        let entry = (full_key.1.clone(), V::default());
+        let at = if self.slots.len() < LIMIT {
+            self.slots.push(entry);
+            self.slots.len() - 1
+        } else {
+            self.overflowed = true;
+            let (_, at) = self.order.pop_last()?;
+            self.slots[at] = entry;
+            at
+        };
+        self.order.insert(full_key, at);
+        self.note_last();
+        Some(at)
+    }
+
+    fn note_last(&mut self) {
+        let last = self.order.last_key_value().filter(|_| self.slots.len() >= LIMIT);
+        self.last_hash = last.map_or(u64::MAX, |((hash, _), _)| *hash);
+    }
+
+    /// Whether keys with this hash are beyond those that there is room for; that one was left out is noted then.
+    #[inline]
+    pub fn is_beyond(&mut self, hash: u64) -> bool {
+        let is_beyond = hash > self.last_hash;
+        self.overflowed |= is_beyond;
+        is_beyond
+    }
+
+    /// Whether a key is beyond those that there is room for.
+    #[inline]
+    fn refuses(&self, hash: u64, key: &K) -> bool {
+        if hash != self.last_hash || self.slots.len() < LIMIT {
+            return hash > self.last_hash;
+        }
+        self.order.last_key_value().is_some_and(|((_, last_key), _)| last_key < key)
+    }
+
+    /// The entry at this place, if it is still that of this key.
+    #[inline]
+    pub fn at(&mut self, slot: usize, key: &K) -> Option<&mut V> {
+        self.slots.get_mut(slot).filter(|(own, _)| own == key).map(|(_, value)| value)
     }
 
     /// Adds what came later.
     pub fn merge(&mut self, later: &Self, merge: impl Fn(&mut V, &V)) {
         self.overflowed |= later.overflowed;
-        for ((hash, key), value) in &later.entries {
+        for ((hash, key), at) in &later.order {
             if let Some(own) = self.entry(*hash, key.clone()) {
-                merge(own, value);
+                merge(own, &later.slots[*at].1);
             }
         }
     }
 
     /// How many entries there are.
     pub fn len(&self) -> usize {
-        self.entries.len()
+        self.slots.len()
     }
 
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
-        self.entries.is_empty()
+        self.slots.is_empty()
     }
 
     /// The hashes of the keys.
     pub fn hashes(&self) -> impl Iterator<Item = u64> + '_ {
-        self.entries.keys().map(|(hash, _)| *hash)
+        self.order.keys().map(|(hash, _)| *hash)
     }
 
     /// Leaves out the entries whose hash does not meet this.
     pub fn retain(&mut self, keeps: impl Fn(u64) -> bool) {
-        self.entries.retain(|(hash, _), _| keeps(*hash));
+        let mut slots: Vec<Option<(K, V)>> = std::mem::take(&mut self.slots).into_iter().map(Some).collect();
+        self.order.retain(|(hash, _), _| keeps(*hash));
+        for at in self.order.values_mut() {
+            self.slots.extend(slots[*at].take());
+            *at = self.slots.len() - 1;
+        }
+        self.note_last();
+    }
+
+    /// The values, in no order.
+    pub fn values_mut(&mut self) -> impl Iterator<Item = &mut V> {
+        self.slots.iter_mut().map(|(_, value)| value)
+    }
+
+    /// The entries, in the order of their keys' hashes.
+    fn entries(&self) -> impl Iterator<Item = (&K, &V)> {
+        self.order.iter().map(|((_, key), at)| (key, &self.slots[*at].1))
     }
 
     /// The entries, in the order of their keys.
     pub fn sorted(&self) -> Vec<(&K, &V)> {
-        let mut all: Vec<(&K, &V)> = self.entries.iter().map(|((_, key), value)| (key, value)).collect();
+        let mut all: Vec<(&K, &V)> = self.entries().collect();
         all.sort_by(|one, other| one.0.cmp(other.0));
         all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample(keys: impl Iterator<Item = u64>) -> Sample<u64, u64, 4> {
+        let mut all = Sample::default();
+        for key in keys {
+            if let Some(count) = all.entry(key, key) {
+                *count += 1;
+            }
+        }
+        all
+    }
+
+    #[test]
+    fn the_least_hashes_stay_in_whatever_order_they_come() {
+        let (up, down) = (sample(1..=9), sample((1..=9).rev()));
+        assert_eq!(up, down);
+        assert_eq!(up.sorted(), [(&1, &1), (&2, &1), (&3, &1), (&4, &1)]);
+        assert!(up.overflowed && !sample(1..=4).overflowed);
+    }
+
+    #[test]
+    fn a_place_is_that_of_its_key_until_the_key_makes_room() {
+        let mut all = sample([1, 2, 3, 9].into_iter());
+        let slot = all.slot(9, 9).unwrap();
+        *all.at(slot, &9).unwrap() = 7;
+        assert_eq!(all.slot(4, 4), Some(slot));
+        assert_eq!(all.at(slot, &9), None);
+        assert_eq!(all.at(slot, &4).copied(), Some(0));
+        all.retain(|hash| hash > 1);
+        assert_eq!(all.sorted(), [(&2, &1), (&3, &1), (&4, &0)]);
     }
 }

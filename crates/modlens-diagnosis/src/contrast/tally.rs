@@ -89,6 +89,17 @@ impl Tally {
         }
     }
 
+    /// Counts some that did not fail.
+    #[inline]
+    pub fn count_good(&mut self, good: u64) {
+        self.total += good;
+        if self.failed == 0 {
+            self.before += good;
+        } else {
+            self.after += good;
+        }
+    }
+
     fn fail(&mut self, place: Place) {
         self.failed += 1;
         self.first.get_or_insert(place);

@@ -10,7 +10,7 @@ use super::before::Before;
 use super::epochs::Epochs;
 use super::tally::{Place, Tally};
 use super::times::{ByDuration, Durations};
-use crate::observation::{DamagedPart, Observation, Outcome, DAMAGED_PARTS};
+use crate::observation::{Clean, DamagedPart, Observation, Outcome, DAMAGED_PARTS};
 use crate::statistics::Share;
 
 /// Exception codes that are counted one by one; 0 stands for all others.
@@ -61,6 +61,8 @@ pub struct UnitCounts {
     pub by_pause: [Share; 2],
     /// Runs of failures.
     pub runs: Runs,
+    /// Failures that repeat a request.
+    pub repeated_failures: u64,
     /// Answers with stray bytes in front of them, and behind them.
     pub strays: [Tally; 2],
     /// Answers of other units to requests of this one, by the unit that answered.
@@ -95,6 +97,7 @@ pub struct UnitCounts {
     pub order_mismatches: Tally,
     /// Bytes of garbled answers against those of the answers expected, in per cent: 50 is half as long.
     pub length_ratios: LengthRatios,
+    pending: Pending,
 }
 
 /// How long runs of failures are.
@@ -116,6 +119,12 @@ pub struct Runs {
 const LONG_RUN: u64 = 3;
 
 impl Runs {
+    /// Counts some successes, one at least.
+    fn count_good(&mut self, good: u64) {
+        self.count(false);
+        self.total += good - 1;
+    }
+
     fn count(&mut self, failed: bool) {
         self.total += 1;
         if failed {
@@ -262,9 +271,123 @@ pub struct LengthRatios {
     pub expected: u64,
 }
 
+/// Exchanges that went well and are not counted yet.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Pending {
+    good: u64,
+    /// With a write among the transactions before.
+    behind_writes: u64,
+    /// By the unit before, and by function; these are not set back with `good`.
+    by_previous: Few<u8>,
+    by_function: Few<u8>,
+}
+
+/// Counts by a few different keys, the same one mostly many times on end.
+#[derive(Clone, Debug, PartialEq)]
+struct Few<K> {
+    counts: Vec<(K, u64)>,
+    last: usize,
+}
+
+impl<K> Default for Few<K> {
+    fn default() -> Self {
+        Self { counts: Vec::new(), last: 0 }
+    }
+}
+
+impl<K: PartialEq> Few<K> {
+    #[inline]
+    fn count(&mut self, key: K) {
+        if self.counts.get(self.last).is_none_or(|(last, _)| *last != key) {
+            self.last = self.counts.iter().position(|(other, _)| *other == key).unwrap_or(self.counts.len());
+            if self.last == self.counts.len() {
+                self.counts.push((key, 0));
+            }
+        }
+        self.counts[self.last].1 += 1;
+    }
+}
+
 impl UnitCounts {
+    /// Counts an exchange that went well and does not tell anything of lockstep.
+    #[inline]
+    pub(super) fn count_clean(&mut self, seen: &Clean, before: &Before) {
+        let pending = &mut self.pending;
+        pending.good += 1;
+        pending.by_function.count(seen.key.function);
+        pending.behind_writes += u64::from(before.written);
+        match before.previous {
+            Some((unit, false)) => pending.by_previous.count(unit),
+            Some(silent) => self.by_previous.entry(silent).or_default().count(false),
+            None => {}
+        }
+        if before.previous.is_some() {
+            self.damage_after_failure[usize::from(before.failed)].count(false);
+        }
+        if let Some(time) = seen.response_time {
+            self.response_times.add(time);
+        }
+        if let Some(gap) = seen.gap {
+            self.by_gap.count(gap, false);
+            if before.previous.is_some_and(|(unit, _)| unit != seen.key.unit) {
+                self.by_gap_after_others.count(gap, false);
+            }
+        }
+        if let [Some(request), Some(answer)] = seen.starts {
+            self.garbled_by_response_time.count(seen.response_time.unwrap_or(answer - request), false);
+        }
+        if let Some(time) = seen.place.time {
+            self.by_hour[hour(time)].count(false);
+        }
+    }
+
+    /// Whether nothing but the number of exchanges that went well is to be noted for lockstep.
+    #[inline]
+    pub(super) fn takes_clean(&self) -> bool {
+        self.epochs.takes_clean()
+    }
+
+    /// Counts all that is pending, before it is shown.
+    pub(super) fn settle(&mut self) {
+        self.settle_order();
+        let Pending { by_previous, by_function, .. } = std::mem::take(&mut self.pending);
+        let add = |share: &mut Share, count: u64| share.total += count;
+        by_previous.counts.into_iter().for_each(|(unit, count)| add(self.by_previous.entry((unit, false)).or_default(), count));
+        by_function.counts.into_iter().for_each(|(function, count)| add(self.by_function.entry(function).or_default(), count));
+    }
+
+    /// Counts what is pending where order matters, before anything else than exchanges that went well is counted.
+    fn settle_order(&mut self) {
+        let (good, behind_writes) = (self.pending.good, self.pending.behind_writes);
+        if good == 0 {
+            return;
+        }
+        (self.pending.good, self.pending.behind_writes) = (0, 0);
+        for tally in [
+            &mut self.other_functions,
+            &mut self.other_ids,
+            &mut self.echoes,
+            &mut self.crossings,
+            &mut self.order_mismatches,
+            &mut self.not_seen,
+            &mut self.failures,
+            &mut self.silent,
+            &mut self.garbled,
+            &mut self.bad_requests,
+        ] {
+            tally.count_good(good);
+        }
+        self.not_seen_runs.count_good(good);
+        self.runs.count_good(good);
+        self.epochs.count_clean(good);
+        self.by_write[1].total += behind_writes;
+        self.by_write[0].total += good - behind_writes;
+        self.by_pause[0].total += good;
+    }
+
     /// Counts a transaction.
     pub(super) fn count(&mut self, seen: &Observation, before: Before) {
+        self.settle_order();
         self.count_oddities(seen);
         if seen.outcome == Outcome::Unasked {
             self.count_unasked(seen, before);
@@ -278,6 +401,9 @@ impl UnitCounts {
             self.reads_of_all.count(seen.is_read_of_all(), seen.place);
             return;
         }
+        if seen.is_read_of_all() {
+            self.reads_of_all.count(true, seen.place);
+        }
         self.epochs.count(seen.outcome, seen.shift, seen.place);
         let (place, failed) = (seen.place, seen.outcome.is_failure());
         self.failures.count(failed, place);
@@ -285,6 +411,7 @@ impl UnitCounts {
         self.garbled.count(seen.outcome == Outcome::Garbled, place);
         self.bad_requests.count(seen.outcome == Outcome::BadRequest, place);
         self.runs.count(failed);
+        self.repeated_failures += u64::from(failed && seen.is_retry);
         self.count_exception(seen);
         self.count_times(seen);
         self.count_damage(seen);
@@ -381,7 +508,7 @@ impl UnitCounts {
         self.by_function.entry(seen.function).or_default().count(failed);
         self.by_write[usize::from(before.written)].count(failed);
         if let Some(time) = seen.place.time {
-            self.by_hour[(time.div_euclid(3_600_000_000_000) % 24) as usize].count(failed);
+            self.by_hour[hour(time)].count(failed);
         }
         self.by_pause[usize::from(seen.findings.has(Finding::GapInFrame))].count(failed);
     }
@@ -427,6 +554,7 @@ impl UnitCounts {
             own.iter_mut().zip(more).for_each(|(own, more)| *own = own.with(*more));
         }
         self.runs.merge(&later.runs);
+        self.repeated_failures += later.repeated_failures;
         self.not_seen_runs.merge(&later.not_seen_runs);
         self.by_gap_after_others.merge(&later.by_gap_after_others);
         self.epochs.merge(&later.epochs);
@@ -441,6 +569,11 @@ impl UnitCounts {
         self.length_ratios.came += later.length_ratios.came;
         self.length_ratios.expected += later.length_ratios.expected;
     }
+}
+
+/// The hour of the day.
+fn hour(time: Ns) -> usize {
+    (time.div_euclid(3_600_000_000_000) % 24) as usize
 }
 
 fn merge_each(own: &mut [Tally], later: &[Tally]) {

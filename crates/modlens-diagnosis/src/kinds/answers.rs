@@ -66,14 +66,16 @@ fn late(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     Some(claim)
 }
 
-/// No late answer is seen, but many good ones come shortly before the time-out: those that failed were later still.
+/// Many good answers come shortly before the time-out, and few late ones or none are seen: those that failed were later still.
+/// A late answer is damaged if it meets the next request; so where some are seen, all failures are taken together.
 fn pressing(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
-    let chance = view.beyond_accident(counts.silent.share())?;
+    let failed = if counts.late.failed > 0 { &counts.failures } else { &counts.silent };
+    let chance = view.beyond_accident(failed.share())?;
     let timeout = counts.waited.percentile(0.1)?;
     let (median, high) = (counts.response_times.percentile(0.5)?, counts.response_times.percentile(0.9)?);
     let presses = high > timeout / 2 && high < timeout * 2 && median * 3 > timeout;
     (presses && counts.response_times.count >= 10).then(|| {
-        Claim::new("slow_answers", &counts.silent, chance)
+        Claim::new("slow_answers", failed, chance)
             .of_unit(unit)
             .fact("timeout", format!(", after {}", duration(timeout)))
             .fact("needed", format!("; of the answers in time, one in ten took more than {}", duration(high)))
@@ -144,9 +146,9 @@ fn absent(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     if answered < 2 || in_runs * 10 < counts.failures.failed * 8 || silent.failed * 10 < counts.failures.failed * 8 {
         return None;
     }
-    // A retry after each failure makes pairs of them by itself: so half of them are counted.
-    let failed = counts.runs.failures().div_ceil(2);
-    let all = Share { failed, total: counts.failures.total - (counts.runs.failures() - failed) };
+    // A retry after each failure makes runs of them by itself: so retries are left out.
+    let repeated = counts.repeated_failures;
+    let all = Share { failed: counts.runs.failures() - repeated, total: counts.failures.total - repeated };
     let runs = counts.runs.count_of_long() + (counts.runs.failures() - in_runs);
     let chance = view.corrected(in_runs_at_most(all, runs));
     if chance >= MAX_CHANCE || view.beyond_accident(silent).is_none() || counts.late.failed * 4 > silent.failed {

@@ -86,6 +86,10 @@ pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
     let good = frames.frames[Verdict::Ok as usize];
     let share = Share { failed: damaged, total: damaged + good };
     let (Some(chance), true) = (view.beyond_accident(share), good > damaged) else { return Vec::new() };
+    // Noise does not repeat itself: another protocol on the wires hits as many frames as it has runs.
+    if super::wires::foreign_protocol(view).iter().any(|foreign| foreign.share.failed >= damaged) {
+        return Vec::new();
+    }
     let inside = parts(view, DamagedPart::Bit) + parts(view, DamagedPart::Inside);
     let known = inside + parts(view, DamagedPart::Start) + parts(view, DamagedPart::End) + parts(view, DamagedPart::Whole);
     // A late answer meets the next request: damage that comes only behind other failures is theirs (slow_answers).

@@ -4,6 +4,7 @@ use crate::claim::{Claim, View};
 use crate::contrast::tally::Tally;
 use crate::contrast::UnitCounts;
 use crate::statistics::{at_least, Share};
+use modlens_protocol::finding::Severity;
 
 /// Answers that the client takes for those of the next request.
 pub(super) fn lockstep(view: &View<'_>) -> Vec<Claim> {
@@ -136,7 +137,12 @@ fn reads_of_all(view: &View<'_>) -> Option<Claim> {
     let best = view.bus.units.iter().max_by_key(|(_, counts)| answers(counts)).filter(|(_, counts)| answers(counts) > 0);
     let unit = best.or_else(|| view.bus.units.iter().find(|(unit, _)| **unit != 0)).map_or(1, |(unit, _)| *unit);
     let others = best.map_or(String::new(), |(unit, counts)| format!("; unit {unit} answers {} of them", answers(counts)));
-    let claim = Claim::new("gateway_unit_id", reads, chance).of_unit(0).fact("others", others);
+    let mut claim = Claim::new("gateway_unit_id", reads, chance).of_unit(0).fact("others", others);
+    // Where unit 0 itself answers, nothing is lost by it.
+    let failing = view.bus.units.get(&0)?.failures.share();
+    if failing.total > 0 && view.beyond_accident(failing).is_none() {
+        claim = claim.at_most(Severity::Warning);
+    }
     Some(claim.fact("try_unit", unit.to_string()))
 }
 

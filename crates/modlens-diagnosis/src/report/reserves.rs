@@ -18,7 +18,7 @@ pub(super) fn of_bus(name: &str, bus: &BusContrast) -> Vec<Json> {
             json!({
                 "bus": name, "unit": unit, "requests": requests, "answered": requests - failed,
                 "damaged": counts.garbled.failed + counts.bad_requests.failed, "late": counts.late.failed,
-                "response_time_p99_us": p99.map(us), "timeout_us": own.map(us),
+                "timed": counts.response_times.count, "response_time_p99_us": p99.map(us), "timeout_us": own.map(us),
             })
         })
         .collect()

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::confidence::{self, Likeness};
 use crate::fast_path::expected_exchange::ExpectedExchange;
-use crate::records::{Frame, FrameRef, Span, Transaction};
+use crate::records::{Exchange, Frame, FrameRef, Span, Transaction};
 use crate::session::frame_timing::FrameTiming;
 use crate::session::rows::elapsed;
 use crate::weights::{
@@ -59,6 +59,20 @@ pub(super) struct ExchangeRows<'a> {
 }
 
 impl ExchangeRows<'_> {
+    /// The exchange in short.
+    #[inline]
+    pub(super) fn in_short(&self) -> Exchange {
+        let expected = &self.matched.expected;
+        Exchange {
+            start: self.request_wire.start,
+            lengths: self.matched.lengths.map(|length| length as u16),
+            address: expected.address,
+            quantity: expected.quantity,
+            unit: expected.unit,
+            function: expected.code,
+        }
+    }
+
     /// The row of the transaction, which starts with its request and has status ok: what is neither plain nor complete takes
     /// the slow path, so there is no exception, retry or late response. `points`: the profile of its unit, if there is one.
     /// `pdus`: places of the PDUs of request and response in the arena. `findings`: an empty place in the batch. Times are

@@ -5,6 +5,7 @@ use crate::fast_path::emit::{adjacent_spans, may_hold_no_map, BatchTotals, Excha
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rows::MatchedExchange;
 use crate::framer::PauseEvidence;
+use crate::records::{ExchangeRun, Span};
 use crate::session::bus::BusState;
 use crate::session::Session;
 use modlens_protocol::checksum::CRC_BYTES;
@@ -35,11 +36,14 @@ impl Session {
     /// take over the last exchange. If there was none, nothing has changed. Nothing is done where frames are checked against a
     /// rule of silence: the statistics of silences need each frame by itself.
     pub(super) fn emit_rtu_exchanges(&mut self, bus: usize) {
+        let in_short = self.emits_in_short(bus);
         let state = &mut self.buses[bus];
         if state.lines[0].1.input.has_times && state.options.rule().is_some() {
             return;
         }
         let mut run = Run::new(state, 0);
+        run.in_short = in_short;
+        let (number, frame, from) = (self.next_txn, self.next_frame, self.batch.exchanges.len() as u32);
         let answered_before = state.lines[0].1.framer.rtu_mut().and_then(|framer| framer.last_answered());
         let mut last: Option<LastExchange> = None;
         let arena_start = self.batch.arena.len();
@@ -54,6 +58,10 @@ impl Session {
             last = Some(LastExchange { expected: matched.expected, odds });
         }
         if let Some(last) = last {
+            if run.in_short {
+                let exchanges = Span { start: from, length: run.totals.exchanges as u32 };
+                self.batch.exchange_runs.push(ExchangeRun { bus: bus as u32, number, frame, exchanges });
+            }
             self.end_rtu_run(bus, &run.totals, last);
         }
     }

@@ -102,6 +102,8 @@ pub struct Session {
     pub(crate) held: Vec<Transaction>,
     pub(crate) wanted: WantedTables,
     live: bool,
+    /// Whether exchanges may be emitted in short.
+    in_short: bool,
     /// The time-out of requests that the user has set.
     timeout: Option<Ns>,
     pub(crate) next_frame: u64,
@@ -157,6 +159,7 @@ impl Session {
             held: Vec::new(),
             wanted,
             live,
+            in_short: false,
             timeout,
             next_frame: 1,
             next_txn: 1,
@@ -178,6 +181,22 @@ impl Session {
             recorded: Vec::new(),
             bus_name: None,
         }
+    }
+
+    /// Emits exchanges of an RTU line without a clock in short (`Batch::exchanges`) where that changes no order: for who only
+    /// counts them, and can do without the rows of their frames and transactions.
+    pub fn emit_in_short(&mut self) {
+        self.in_short = true;
+    }
+
+    /// Whether exchanges of this bus are emitted in short from now on. With another bus open, a transaction may have to wait
+    /// for an older one while exchanges behind it are given out.
+    pub(crate) fn emits_in_short(&self, bus: usize) -> bool {
+        self.in_short
+            && !self.live
+            && !self.buses[bus].lines[0].1.input.has_times
+            && self.open.len() == 1
+            && self.open.contains(&bus)
     }
 
     /// Gives a name to buses that would be named after their source: the file is one of several of a bus. A recording that
@@ -241,7 +260,7 @@ impl Session {
 
     /// Number of rows that `take` would return.
     pub fn pending_rows(&self) -> usize {
-        self.batch.frames.len() + self.batch.findings.len() + self.held.len()
+        self.batch.frames.len() + self.batch.findings.len() + self.batch.exchanges.len() + self.held.len()
     }
 
     /// The rows emitted since the last call.
