@@ -25,6 +25,11 @@ def environment(triples: Sequence[str]) -> dict[str, str]:
     if not all(_have_standard_library(triple) for triple in triples):
         subprocess.run(["rustup", "component", "add", "rust-src"], cwd=ROOT, check=True)
         env |= {"RUSTC_BOOTSTRAP": "1", "CARGO_UNSTABLE_BUILD_STD": "std,panic_unwind"}
+        for triple in triples:
+            if "-musl" in triple:
+                # The start files of musl come with the standard library; zig has its own.
+                name = f"CARGO_TARGET_{triple.upper().replace('-', '_')}_RUSTFLAGS"
+                env[name] = "-C link-self-contained=no"
     return env
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import tomllib
 from importlib import metadata
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 from ruamel.yaml import YAML
 
 import _modlens
+from release import rust
 from release.licences import OUTPUT, document
 from release.targets import GATEWAYS, TARGETS
 from tests.conftest import ROOT
@@ -34,6 +36,21 @@ def test_the_version_stands_once() -> None:
     for path in ROOT.glob("crates/*/Cargo.toml"):
         crate = tomllib.loads(path.read_text(encoding="utf-8"))["package"]
         assert crate["version"] == {"workspace": True}, path
+
+
+@pytest.mark.parametrize(
+    ("triple", "own"),
+    [("armv7-unknown-linux-musleabihf", True), ("armv7-unknown-linux-gnueabihf", False)],
+)
+def test_start_files_of_musl_are_those_of_zig_where_rust_has_none(
+    triple: str, own: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They come with Rust's standard library, which is compiled where it cannot be fetched."""
+    monkeypatch.setattr(rust, "_have_standard_library", lambda _: False)
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: None)
+    name = f"CARGO_TARGET_{triple.replace('-', '_').upper()}_RUSTFLAGS"
+    flags = rust.environment([triple]).get(name, "")
+    assert ("link-self-contained=no" in flags) == own
 
 
 def test_the_changelog_begins_with_this_version() -> None:
