@@ -240,6 +240,9 @@ class Functions:
         """
     def load_vendor(self, name: str) -> None:
         """Add an embedded vendor's rows; `ValueError` lists the known names."""
+    @property
+    def loads(self) -> int:
+        """How often rows have been added: what was made of `rows()` holds as long as this stays."""
     def rows(self) -> str:
         """All rows as JSON."""
     def decode(self, pdu: bytes, direction: str) -> str:
@@ -305,6 +308,8 @@ class Table:
         """The rows for which the predicate holds."""
     def slice(self, start: int, count: int) -> Table:
         """At most `count` rows from row `start` on, which may be behind the last one."""
+    def has_value(self, column: str) -> bool:
+        """Whether a column has a value in any row; ValueError for a column that is not there."""
     def lines(self, format: str, columns: Sequence[str], *, header: bool = False) -> Pieces:
         """Rows as lines of text, in pieces of about 64 KiB that end with a row.
 

@@ -154,9 +154,7 @@ def functions(source: _modlens.Functions | None = None) -> tuple[Function, ...]:
     >>> len({row.code for row in functions()})
     20
     """
-    if source is None:
-        return _embedded()
-    return tuple(_function(row) for row in json.loads(source.rows()))
+    return _embedded() if source is None else _rows_of(source, source.loads)
 
 
 def function(
@@ -202,6 +200,12 @@ def row_of(pdu: bytes, *, source: _modlens.Functions | None = None) -> Function 
 @functools.cache
 def _embedded() -> tuple[Function, ...]:
     return tuple(_function(row) for row in vocabulary()["functions"])
+
+
+@functools.lru_cache(maxsize=4)
+def _rows_of(source: _modlens.Functions, loads: int) -> tuple[Function, ...]:
+    """The rows of a table after so many `load`s: they are asked for again and again."""
+    return tuple(_function(row) for row in json.loads(source.rows()))
 
 
 def _function(row: Mapping[str, Any]) -> Function:

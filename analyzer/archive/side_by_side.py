@@ -5,14 +5,13 @@ Threads are enough: the core decodes and encodes outside of Python's lock.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from typing import Protocol, TypeVar
 
 from analyzer.archive.recordings import ArchivedRecording
 
-__all__ = ["Position", "cores", "side_by_side"]
+__all__ = ["Position", "side_by_side"]
 
 _LOOK_S = 0.2
 """How often progress is told and the stop asked for while nothing ends."""
@@ -41,14 +40,6 @@ class Position:
 
     def wipe(self) -> None:
         """Nothing to do."""
-
-
-def cores() -> int:
-    """The processor cores that this program may use."""
-    try:
-        return len(os.sched_getaffinity(0))
-    except AttributeError:  # macOS, Windows
-        return os.cpu_count() or 1
 
 
 def side_by_side(

@@ -8,7 +8,6 @@ import io
 
 from analyzer.archive.days import bus_days
 from analyzer.archive.recordings import find_recordings
-from analyzer.archive.side_by_side import cores
 from analyzer.bus_days import COLUMNS
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import DAMAGED, SIGNALLED
@@ -16,6 +15,7 @@ from analyzer.cli.parser import settings
 from analyzer.cli.segmentation import report_silence_limits
 from analyzer.cli.standard_streams import print_text
 from analyzer.cli.stop_signals import StopSignals
+from analyzer.cores import cores
 from analyzer.session import RecordingStatus
 from dissectors.errors import CaptureError
 

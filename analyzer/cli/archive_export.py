@@ -13,12 +13,13 @@ import _modlens
 from analyzer.archive.folder import Export, ExportFolder, Stopped
 from analyzer.archive.manifest import Entry
 from analyzer.archive.recordings import ArchivedRecording, find_recordings
-from analyzer.archive.side_by_side import Position, cores, side_by_side
+from analyzer.archive.side_by_side import Position, side_by_side
 from analyzer.cli.between import combine_filters
 from analyzer.cli.messages import Messages
 from analyzer.cli.parser import settings
 from analyzer.cli.stop_signals import StopSignals
 from analyzer.columns import TABLES
+from analyzer.cores import cores
 from analyzer.counts import count_of
 from analyzer.exports import format_of
 from dissectors.errors import CaptureError, SourceError, UsageError

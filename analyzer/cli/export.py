@@ -30,7 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_rows(parser)
     add_decoding(parser)
     add_line(parser)
-    add_archive(parser, "recordings exported side by side with --style partitions")
+    add_archive(
+        parser,
+        "recordings exported side by side with --style partitions; without it, two write the rows"
+        " of large files while the next ones are decoded",
+    )
     parser.epilog = EPILOG
 
 

@@ -21,6 +21,7 @@ from analyzer.cli.parser import settings
 from analyzer.cli.segmentation import report_silence_limits
 from analyzer.cli.standard_streams import STDOUT, discard_output
 from analyzer.cli.stop_signals import StopSignals
+from analyzer.cores import cores
 from analyzer.counts import count_of
 from analyzer.exports import ExportOptions
 from analyzer.exports.sink import (
@@ -41,6 +42,9 @@ __all__ = ["DAMAGED", "OutputSink", "Outputs", "run_files", "run_settings", "tar
 
 DAMAGED = 1
 SIGNALLED = 128
+
+LARGE_BYTES = 4 << 20
+"""From so many bytes of recordings on, files are written in a thread of their own."""
 
 TABLE = "table"
 """The value of `--to` that means the table for people on standard output."""
@@ -67,7 +71,11 @@ def run_files(
         StopSignals() as stop_signals,
         Outputs(options, messages, to=to, names=options.files) as outputs,
     ):
-        outputs.pump(run, stop_signals.received)
+        outputs.pump(
+            run,
+            stop_signals.received,
+            beside=not follow and uses_threads(options.files, getattr(options, "threads", None)),
+        )
         signal = stop_signals.signal
         # A signal is the only way to end `--follow`, whose outputs are complete then.
         outputs.close(interrupted=signal is not None and not follow)
@@ -82,6 +90,17 @@ def run_files(
     if options.strict and (damaged(stats) or messages.unparsed_lines) and not outputs.status:
         return DAMAGED
     return max(outputs.status, CaptureError.exit_status if run.unreadable else 0)
+
+
+def uses_threads(names: Sequence[str], threads: int | None) -> bool:
+    """Whether rows of these recordings are written while the next ones are decoded.
+
+    `threads` is what the user allows, None as many as there are cores. Where another process is
+    read from, nothing waits for rows anyway, and what is small is done before a thread has begun.
+    """
+    if (threads or cores()) < 2 or not all(map(isfile, names)):  # noqa: PLR2004 - two threads
+        return False
+    return sum(os.path.getsize(name) for name in names) >= LARGE_BYTES
 
 
 def _interruption(partial: Sequence[str]) -> str:
@@ -186,16 +205,19 @@ class Outputs:
         if not self._sinks:
             raise UsageError("no output given; add -o FILE or --to FORMAT")
 
-    def pump(self, run: Run, stop: Callable[[], bool]) -> None:
+    def pump(self, run: Run, stop: Callable[[], bool], *, beside: bool = False) -> None:
         """Pass the run's batches to the sinks until `stop()` is True or all sinks have failed.
 
-        Errors of the input are raised after the sinks have got the batches before.
+        Errors of the input are raised after the sinks have got the batches before. With `beside`
+        files are written in a thread of their own, if all of them can be.
         """
+        sinks = [*self._observers, *self._sinks]
         pump(
             run,
-            [*self._observers, *self._sinks],
+            sinks,
             stop=lambda: stop() or self._failures >= len(self._sinks) or self._are_full(),
             on_failure=self._on_failure,
+            beside=beside and all(getattr(sink, "any_thread", False) for sink in sinks),
         )
 
     def _are_full(self) -> bool:

@@ -93,6 +93,9 @@ class Format:
     readable_while_written: ClassVar[bool] = True
     """Whether an incomplete file can be read, so that a live tap may let it grow in place."""
 
+    any_thread: ClassVar[bool] = True
+    """Whether rows may be encoded in another thread than that which opens and closes the file."""
+
     def __init__(self, options: ExportOptions) -> None:
         self.options = options
 

@@ -43,21 +43,15 @@ class EmptyColumns:
     def __init__(self, table: str, keys: Iterable[str]) -> None:
         self._table = table
         wanted = set(keys)
-        self._unseen: dict[str, _modlens.Predicate] = {}
-        if not wanted:
-            return
-        from analyzer.filters import parse  # noqa: PLC0415 - loaded where columns are chosen
-
-        self._unseen = {
-            column.key: parse(f"{column.key} is not None", table).predicate()
-            for column in columns(table)
+        self._unseen = [
+            column.key
+            for column in (columns(table) if wanted else ())
             if column.key in wanted and not column.always
-        }
+        ]
 
     def watch(self, rows: _modlens.Table) -> None:
         """Look at rows that are written."""
-        for key in [key for key, has in self._unseen.items() if len(rows.where(has))]:
-            del self._unseen[key]
+        self._unseen = [key for key in self._unseen if not rows.has_value(key)]
 
     def remarks(self, row_count: int) -> Sequence[str]:
         """A remark for each column that was empty in all rows, of which there were so many."""

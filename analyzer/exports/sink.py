@@ -139,6 +139,11 @@ class ExportSink:
         self.name = self._output.name
 
     @property
+    def any_thread(self) -> bool:
+        """Whether `put` may be called in another thread than that which opens and closes."""
+        return self._format.any_thread
+
+    @property
     def is_full(self) -> bool:
         """Whether `limit` rows have been written."""
         return self.row_count == self.limit

@@ -63,6 +63,7 @@ class Format(exports.MultiTableFormat):
     """A database; it is its own output, because SQLite writes the file itself."""
 
     has_column_choice = False
+    any_thread = False
 
     def __init__(self, options: exports.ExportOptions) -> None:
         super().__init__(options)

@@ -29,6 +29,16 @@ def test_a_table_with_a_vendors_rows_is_another_table() -> None:
         function(0x41)
 
 
+def test_rows_that_are_loaded_later_are_seen() -> None:
+    """What was made of the rows before does not hold any more."""
+    table = _modlens.Functions()
+    assert functions(table) is functions(table)
+    with pytest.raises(KeyError):
+        function(0x41, source=table)
+    table.load_vendor("huawei")
+    assert function(0x41, when=0x25, source=table).vendor == "huawei"
+
+
 def test_groups_have_children() -> None:
     """A group's type is split into the fields of an item."""
     field = Field.parse("objects:group{object_id:u8 length:len8 value:bytes}")

@@ -303,8 +303,8 @@ pub(crate) struct MemoryPool(Arc<Mutex<Vec<Memory>>>);
 
 type Memory = (Vec<u8>, Vec<Finding>, Vec<Frame>, Vec<Transaction>, Vec<FindingRow>, Vec<Exchange>);
 
-/// Batches whose memory is kept: one is filled while another is written.
-const MAX_POOLED_BATCHES: usize = 2;
+/// Batches whose memory is kept: one is filled while others are written or wait for it.
+const MAX_POOLED_BATCHES: usize = 4;
 
 /// A batch with a larger arena is an exception, whose memory is given back to the system.
 const MAX_POOLED_BYTES: usize = 1 << 23;

@@ -74,15 +74,20 @@ pub fn push_short(text: &[u8], out: &mut Vec<u8>) {
 pub fn decimal_texts() -> &'static [[u8; 8]] {
     static TABLE: OnceLock<Vec<[u8; 8]>> = OnceLock::new();
     TABLE.get_or_init(|| {
-        (0..=u16::MAX)
-            .map(|value| {
-                let text = value.to_string();
-                let mut entry = [0; 8];
-                entry[..text.len()].copy_from_slice(text.as_bytes());
-                entry[7] = text.len() as u8;
-                entry
-            })
-            .collect()
+        let mut texts: Vec<[u8; 8]> = Vec::with_capacity(1 << 16);
+        texts.extend((b'0'..=b'9').map(|digit| [digit, 0, 0, 0, 0, 0, 0, 1]));
+        // A number is a tenth of it with a digit behind. It is made at every start, for which `to_string` takes too long.
+        for tenth in 1..=usize::from(u16::MAX) / 10 {
+            let mut entry = texts[tenth];
+            let length = usize::from(entry[7]);
+            entry[7] += 1;
+            for digit in b'0'..=b'9' {
+                entry[length] = digit;
+                texts.push(entry);
+            }
+        }
+        texts.truncate(1 << 16);
+        texts
     })
 }
 
@@ -114,6 +119,14 @@ mod tests {
         let mut out = Vec::new();
         push_int(i64::MIN, &mut out);
         assert_eq!(String::from_utf8(out).unwrap(), i64::MIN.to_string());
+    }
+
+    #[test]
+    fn texts_of_all_16_bit_numbers() {
+        assert_eq!(decimal_texts().len(), 1 << 16);
+        for (value, entry) in decimal_texts().iter().enumerate() {
+            assert_eq!(&entry[..usize::from(entry[7])], value.to_string().as_bytes());
+        }
     }
 
     #[test]

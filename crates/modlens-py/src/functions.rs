@@ -13,20 +13,29 @@ use crate::arguments::{change_if_valid, value_error};
 #[pyclass(module = "_modlens")]
 pub struct Functions {
     pub(crate) core: Arc<Core>,
+    /// How often rows have been added.
+    loads: usize,
 }
 
 #[pymethods]
 impl Functions {
     #[new]
     fn new() -> Self {
-        Self { core: Arc::new(Core::default()) }
+        Self { core: Arc::new(Core::default()), loads: 0 }
     }
 
     fn load(&mut self, text: &str, origin: &str) -> PyResult<()> {
+        self.loads += 1;
         change_if_valid(&mut self.core, |functions| functions.load(text, origin, None))
     }
 
+    #[getter]
+    fn loads(&self) -> usize {
+        self.loads
+    }
+
     fn load_vendor(&mut self, name: &str) -> PyResult<()> {
+        self.loads += 1;
         Arc::make_mut(&mut self.core).load_vendor(name).map_err(value_error)
     }
 

@@ -81,6 +81,11 @@ impl Table {
         Self { core: self.core.slice(start, count) }
     }
 
+    fn has_value(&self, py: Python<'_>, column: &str) -> PyResult<bool> {
+        let column = self.core.kind.column(column).map_err(value_error)?;
+        Ok(py.detach(|| self.core.has_value(column)))
+    }
+
     #[pyo3(signature = (format, columns, *, header=false))]
     fn lines(&self, format: &str, columns: Vec<String>, header: bool) -> PyResult<Pieces> {
         Pieces::new(&self.core, format, &columns, header)

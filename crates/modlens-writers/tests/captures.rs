@@ -78,6 +78,26 @@ fn decoded_in(file: &[u8], block: usize, ports: Ports) -> (Batch, Vec<(String, u
     (session.take(), left_out)
 }
 
+/// The transactions in the batches of `take` behind each block.
+fn taken_in(file: &[u8], block: usize) -> Vec<Essence> {
+    let mut session = Session::default();
+    let capture = session.add_capture(CaptureOptions {
+        source: String::from("file"),
+        ports: Ports::default(),
+        mode: None,
+        line: None,
+        rule: None,
+    });
+    let mut rows = Vec::new();
+    for part in file.chunks(block).chain([&[][..]]) {
+        session.feed_capture(capture, part, part.is_empty());
+        rows.extend(essence(&session.take()));
+    }
+    session.flush();
+    rows.extend(essence(&session.take()));
+    rows
+}
+
 fn decoded(file: &[u8]) -> Batch {
     decoded_in(file, usize::MAX, Ports::default()).0
 }
@@ -249,6 +269,20 @@ proptest! {
         }
         let ports = if any_port { Ports::Any } else { Ports::default() };
         decoded_in(&file, 777, ports);
+    }
+}
+
+/// The first request waits for 30 s, and the rows behind it with it: far more than one batch has.
+#[test]
+fn rows_behind_an_old_request_are_given_once_and_in_order() {
+    let sizes: Vec<(u8, usize)> = (0..6000u32).map(|at| (1 + (at % 30) as u8, 300)).collect();
+    let mut sent = poll(&sizes);
+    sent.remove(1);
+    let file = pcap_every(4000, ETHERNET, &sent.iter().map(ethernet).collect::<Vec<_>>());
+    let whole = essence(&decoded(&file));
+    assert_eq!(whole.len(), 6000);
+    for block in [1000, 16_000, 200_000] {
+        assert_eq!(taken_in(&file, block), whole);
     }
 }
 

@@ -9,6 +9,7 @@
 //! | what nearly all frames of a line have in common | `line_patterns` |
 //! | what the responses of a unit have in common | `unit_habits` |
 //! | how a frame or a transaction becomes a row | `frames`, `transactions`, `rows` |
+//! | which rows wait for older transactions | `held` |
 //! | what is counted of a connection, and how it becomes a row | `connection_tally`, `in_flight`, `connections` |
 //! | what is given back when a source has ended | `closing` |
 //! | how rows of our own captures are read back | `reimport` |
@@ -24,6 +25,7 @@ mod connections;
 mod feed;
 pub(crate) mod frame_timing;
 mod frames;
+mod held;
 pub(crate) mod in_flight;
 pub(crate) mod inner_pauses;
 pub(crate) mod lateness;
@@ -45,7 +47,7 @@ use std::sync::Arc;
 use crate::findings::Found;
 use crate::framer::Framer;
 use crate::pairing::{Pairing, PendingTransaction};
-use crate::records::{Batch, Buses, MemoryPool, Span, Transaction};
+use crate::records::{Batch, Buses, MemoryPool, Transaction};
 use crate::stats::Stats;
 use modlens_profiles::points::Plan;
 use modlens_protocol::finding::Finding;
@@ -61,9 +63,6 @@ use bus::BusState;
 use connections::Connections;
 use profiles::{Assignment, Profiles};
 use sources::{CaptureState, LogicState};
-
-/// Transactions that may wait for an older one; beyond it they are written all the same, out of order.
-const MAX_HELD_TRANSACTIONS: usize = 65_536;
 
 /// The tables to build.
 #[derive(Clone, Copy, Debug)]
@@ -100,6 +99,8 @@ pub struct Session {
     pool: MemoryPool,
     /// Rows of transactions. In a recording they wait here for older transactions that are still open.
     pub(crate) held: Vec<Transaction>,
+    /// How many of them the last `take` has kept.
+    kept: usize,
     pub(crate) wanted: WantedTables,
     live: bool,
     /// Whether exchanges may be emitted in short.
@@ -157,6 +158,7 @@ impl Session {
             batch: Batch::default(),
             pool: MemoryPool::default(),
             held: Vec::new(),
+            kept: 0,
             wanted,
             live,
             in_short: false,
@@ -266,53 +268,24 @@ impl Session {
     /// The rows emitted since the last call.
     ///
     /// Rows of transactions that `ready_rows` does not release are kept for a later call; their bytes move to the next batch.
-    /// Buses of closed connections that no kept row names become free.
+    /// Buses of closed connections that no kept row names become free. Where many rows are kept, the batch may be empty until
+    /// about as many new ones have come: on a connection a request without a response keeps those of half a minute.
     pub fn take(&mut self) -> Batch {
+        if self.waits_for_more() {
+            let mut nothing = Batch::default();
+            (nothing.buses, nothing.functions) = (Arc::clone(&self.bus_rows), Some(Arc::clone(&self.functions)));
+            return nothing;
+        }
         let ready = self.ready_rows();
         let mut batch = std::mem::replace(&mut self.batch, self.pool.batch());
         std::mem::swap(&mut batch.transactions, &mut self.held);
         self.held.extend(batch.transactions.drain(ready..));
+        self.kept = self.held.len();
         self.copy_held_bytes(&batch);
         self.release_buses();
         batch.connections = self.connections.take(self.live);
         batch.buses = Arc::clone(&self.bus_rows);
         batch.functions = Some(Arc::clone(&self.functions));
         batch
-    }
-
-    /// How many of the first transactions in `held` may be given out.
-    ///
-    /// In a recording `held` is sorted by number, in the order of the requests, and those in front of the oldest transaction
-    /// that is still open are ready. In a live session, and in a recording where more than `MAX_HELD_TRANSACTIONS` are held,
-    /// all of them are, as they were emitted.
-    fn ready_rows(&mut self) -> usize {
-        if self.live || self.held.len() > MAX_HELD_TRANSACTIONS {
-            return self.held.len();
-        }
-        let reimported = self.captures.iter().flatten().filter_map(CaptureState::oldest);
-        let open = self.open.iter().filter_map(|&bus| self.buses[bus].pairing.oldest_open_txn());
-        let oldest = open.chain(reimported).min().unwrap_or(u64::MAX);
-        if !self.held.is_sorted_by_key(|row| row.number) {
-            self.held.sort_by_key(|row| row.number);
-        }
-        self.held.partition_point(|row| row.number < oldest)
-    }
-
-    /// Copies the bytes and findings of the transactions that are kept for a later call to the next batch, and lets the rows
-    /// refer to the copies. `from` is the batch that is given out. A PDU that is a part of the bytes on the wire stays one.
-    fn copy_held_bytes(&mut self, from: &Batch) {
-        for row in &mut self.held {
-            row.findings = self.batch.store_findings(row.findings.of(&from.codes));
-            for half in [&mut row.request, &mut row.response] {
-                let inside = half.pdu.start.wrapping_sub(half.wire.start);
-                let wire = self.batch.store(half.wire.of(&from.arena));
-                half.pdu = if inside < half.wire.length.max(1) {
-                    Span { start: wire.start + inside, length: half.pdu.length }
-                } else {
-                    self.batch.store(half.pdu.of(&from.arena))
-                };
-                half.wire = wire;
-            }
-        }
     }
 }

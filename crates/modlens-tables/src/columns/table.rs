@@ -83,6 +83,17 @@ impl<'a> RowRef<'a> {
     }
 }
 
+/// Tells whether a column has a value, which is not made for that.
+struct Probe(bool);
+
+impl CellSink for Probe {
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // Reduces the match to one arm in each caller.
+    fn put_cell(&mut self, cell: Cell<'_>) {
+        self.0 = !matches!(cell, Cell::Null);
+    }
+}
+
 /// The rows of a view: all, those with these indices, or readings.
 #[derive(Clone, Debug)]
 enum Rows {
@@ -184,6 +195,15 @@ impl Table {
     #[inline]
     pub fn cell(&self, row: usize, column: usize) -> Cell<'_> {
         self.row(row).cell(column)
+    }
+
+    /// Whether a column has a value in any row.
+    pub fn has_value(&self, column: usize) -> bool {
+        let (reader, mut probe) = (self.kind.reader(column), Probe(false));
+        (0..self.len()).any(|row| {
+            self.row(row).emit(&reader, &mut probe);
+            probe.0
+        })
     }
 
     /// One row. Use this to read several of its values.

@@ -71,6 +71,11 @@ impl<B: Bucket> Series<B> {
         let number = position >> self.shift;
         let alone = Range { shift: self.shift, first: number, last: number };
         let wanted = self.range().map_or(alone, |own| own.with(alone)).within(most);
+        if self.range().is_some_and(|own| (own.shift, own.first) == (wanted.shift, wanted.first)) {
+            // One more behind the last one, as nearly always: the others stay where they are.
+            self.buckets.resize((wanted.last - wanted.first + 1) as usize, B::default());
+            return;
+        }
         self.buckets = self.cut_to(wanted);
         (self.shift, self.first) = (wanted.shift, wanted.first);
     }
@@ -153,6 +158,12 @@ mod tests {
         let mut merged = counted(&positions[..123], 16);
         merged.merge(&counted(&positions[123..], 16), 16);
         assert_eq!(merged, whole);
+    }
+
+    #[test]
+    fn positions_between_are_empty() {
+        let series = counted(&[3, 4, 6, 6], 8);
+        assert_eq!((series.first, series.buckets), (3, vec![1, 1, 0, 2]));
     }
 
     #[test]
