@@ -137,7 +137,11 @@ def connect(broker: str, name: str, topic: str, inbox: Inbox) -> paho.Client:
         inbox.begin()
         client.subscribe(topic, qos=1)
 
+    def tell(client: paho.Client, data: Any, number: int, reasons: list[Any], *_: Any) -> None:
+        sys.stderr.write(f"{name}: {topic}: {', '.join(map(str, reasons))}\n")
+
     client.on_connect = subscribe
+    client.on_subscribe = tell
     client.on_message = lambda client, data, message: inbox.put(client, message)
     client.reconnect_delay_set(1, 30)
     host, _, port = broker.partition(":")

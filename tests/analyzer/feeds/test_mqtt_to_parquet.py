@@ -6,7 +6,6 @@ import json
 import signal
 import subprocess
 import sys
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from importlib.util import module_from_spec, spec_from_file_location
@@ -71,11 +70,17 @@ class Consumer:
         """Start it."""
         command = [sys.executable, str(CONSUMER), f"127.0.0.1:{port}", str(folder), name]
         self._command = [*command, "--seconds", "0.1", *words]
+        self._told = folder.parent / f"{name}.txt"
         self.start()
 
     def start(self) -> None:
         """With a file every tenth of a second, so that many moments can be hit."""
-        self._running = subprocess.Popen(self._command, cwd=ROOT)
+        with self._told.open("wb") as told:
+            self._running = subprocess.Popen(self._command, cwd=ROOT, stderr=told)
+
+    def is_subscribed(self) -> bool:
+        """Whether the broker knows it: it keeps nothing for strangers."""
+        return "Granted QoS 1" in self._told.read_text()
 
     def end(self, number: int) -> None:
         """By a signal."""
@@ -250,7 +255,7 @@ def published(
     meanwhile: Callable[[int], None],
 ) -> None:
     """Publish the traffic of two buses, and wait until all of it is in files."""
-    time.sleep(3.0)  # until all have subscribed: the broker keeps nothing for strangers
+    wait(lambda: all(one.is_subscribed() for one in consumers))
     feed = Mqtt(here(broker), spool=str(folder / "spool"))
     expected: Counter[tuple[Any, ...]] = Counter()
     sources = [batches(bus) for bus in range(BUSES)]
