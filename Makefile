@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 	$(shell find $(filter-out crates/modlens-bench crates/modlens-tap,$(wildcard crates/*)) dissectors analyzer -name '*.rs' -o -name '*.toml')
 
-.PHONY: demo check test lint actionlint recipes docs wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load soak settings bench bench-captures bench-text bench-readings bench-exports speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
+.PHONY: demo check test lint actionlint recipes docs wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak settings bench bench-captures bench-text bench-readings bench-exports speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
 
 demo: export PAGER := cat
 demo: $(VENV)/.installed
@@ -114,6 +114,10 @@ load: $(VENV)/.tested
 
 memory: $(VENV)/.tested
 	$(BIN)/python bench/tap_load.py --seconds 1200 --load 0.4
+
+# Spark and one file after the other on an archive of 203 files; tests take one of 27. A minute.
+spark: $(VENV)/.tested
+	MODLENS_SPARK=1 $(BIN)/python -m pytest tests/analyzer/test_spark.py
 
 # Everything against a tap at once: stalled output, a full disk, no broker, a port unplugged, a clock that is set.
 soak: $(VENV)/.tested

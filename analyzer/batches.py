@@ -9,7 +9,7 @@ it as it is (`docs/fleets.md`). Rows in are pieces of recordings, or bytes off l
 | `path` | text, null | name of the recording that the piece is of; null: bytes off the line |
 | `offset` | int | position of the piece in its recording, or in the stream of its line |
 | `time` | timestamp or int (ns since 1970), null | when the bytes were read off the line |
-| `bytes` | binary | the piece |
+| `bytes` | binary, null | the piece; null: the file of that path, which is read here |
 | `line` | text, null | optional: `A` or `B` of a bus with two lines |
 | `size` | int, null | optional: bytes of the whole recording, which is decoded when all are there |
 
@@ -139,7 +139,7 @@ class _Row:
     path: str | None
     offset: int
     time_ns: int | None
-    data: bytes
+    data: bytes | None
     line: str | None
     size: int | None
 
@@ -162,6 +162,9 @@ class _Pieces:
             self._streams[bus].take(row)
             return
         key = (row.bus, row.path)
+        if row.data is None:
+            yield from self._decode(*key, None)
+            return
         recording = self._recordings.setdefault(key, _Recording({}))
         recording.pieces[row.offset] = row.data
         if row.size is not None and recording.held() >= row.size:
@@ -181,13 +184,14 @@ class _Pieces:
             stream.core.flush()
             yield from _arrow(stream.core.conclude(), self._settings.table)
 
-    def _decode(self, bus: str | None, path: str, recording: _Recording) -> Iterator[Any]:
+    def _decode(self, bus: str | None, path: str, recording: _Recording | None) -> Iterator[Any]:
+        """The rows of a recording; of the file of that name, block by block, where it is None."""
         try:
             run = FileRun(
                 [path],
                 self._settings.decoder(bus),
                 read_as=self._settings.read_as,
-                data={path: recording.joined(path)},
+                data={} if recording is None else {path: recording.joined(path)},
                 on_status=lambda status: self._report(path, status.details.get("trouble")),
             )
             for batch in run.batches():
@@ -238,6 +242,7 @@ class _Stream:
 
     def take(self, row: _Row) -> None:
         """The next bytes of a line."""
+        data = row.data or b""
         if self._number is None:
             clock = "none" if row.time_ns is None else "utc"
             self._number = self._chosen.add_bus(self.core, self._bus, clock=clock)
@@ -245,7 +250,7 @@ class _Stream:
             self._ends[row.line], self._gaps[row.line] = row.offset, [(0, row.offset)]
             self.core.begin_at(self._number, row.offset, line=row.line)
         end, gaps = self._ends[row.line], self._gaps[row.line]
-        stop = row.offset + len(row.data)
+        stop = row.offset + len(data)
         if any(row.offset < behind and first < stop for first, behind in gaps):
             raise UsageError(
                 f"bus {self._bus}: bytes at {row.offset} come behind those up to {end}; sort the"
@@ -254,8 +259,8 @@ class _Stream:
         if row.offset > end:
             gaps.append((end, row.offset))
         if stop > end:
-            data = row.data[max(end - row.offset, 0) :]
             hole = row.offset > end
+            data = data[max(end - row.offset, 0) :]
             self.core.feed(self._number, data, row.time_ns, line=row.line, hole=hole)
             self._ends[row.line] = stop
 
@@ -277,7 +282,7 @@ def _rows(batch: Any) -> Iterator[_Row]:
     cells = [column(name) for name in ("bus", "path", "offset", "bytes", "line", "size")]
     for *found, time in zip(*cells, _times(column("time")), strict=True):
         bus, path, offset, data, line, size = (_value(cell) for cell in found)
-        yield _Row(bus, path, offset or 0, _value(time), data or b"", line, size)
+        yield _Row(bus, path, offset or 0, _value(time), data, line, size)
 
 
 def _value(cell: Any) -> Any:

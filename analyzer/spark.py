@@ -27,27 +27,47 @@ if TYPE_CHECKING:
 
 __all__ = ["decode", "decode_lines", "new_recordings", "recordings", "spark_schema", "write"]
 
+ROW_BYTES = 64 << 20
+"""Larger files are not sent to a worker as a row, but read by it, where it can open them."""
+
+_MAX_ROW_BYTES = (1 << 31) - (1 << 20)
+"""What fits into a row of Spark."""
+
 _FILES = "binaryFile"
 _FILE_COLUMNS = "path string, modificationTime timestamp, length long, content binary"
 _DAY_NS = 86_400_000_000_000
 
 
-def recordings(spark: SparkSession, folder: str, *, bus_names: str = BUS_NAMES[0]) -> DataFrame:
+def recordings(
+    spark: SparkSession,
+    folder: str,
+    *,
+    bus_names: str = BUS_NAMES[0],
+    row_bytes: int = ROW_BYTES,
+) -> DataFrame:
     """The recordings in a folder and those below it, whole, as pieces for `decode`.
 
-    `bus_names` is one of `analyzer.archive.BUS_NAMES`: what names their buses. A file is a row, so
-    that it must be smaller than 2 GB.
+    `bus_names` is one of `analyzer.archive.BUS_NAMES`: what names their buses. A file is a row. Of
+    one with more than `row_bytes` the row has the path only, and the worker reads it block by
+    block: the folder has to be there on each machine under the same name. From stores with a URL
+    files come as rows up to 2 GB; larger ones are told and left out.
     """
-    return _pieces(spark.read.format(_FILES), folder, bus_names)
+    return _pieces(spark.read.format(_FILES), folder, bus_names, row_bytes)
 
 
-def new_recordings(spark: SparkSession, folder: str, *, bus_names: str = BUS_NAMES[0]) -> DataFrame:
+def new_recordings(
+    spark: SparkSession,
+    folder: str,
+    *,
+    bus_names: str = BUS_NAMES[0],
+    row_bytes: int = ROW_BYTES,
+) -> DataFrame:
     """The same as a stream: recordings that are put into the folder, once each.
 
     A file has to appear complete, as by a rename.
     """
     reader = spark.readStream.format(_FILES).schema(_FILE_COLUMNS)
-    return _pieces(reader, folder, bus_names)
+    return _pieces(reader, folder, bus_names, row_bytes)
 
 
 def decode(
@@ -112,7 +132,7 @@ def spark_schema(table: str) -> StructType:
     return from_arrow_schema(_for_spark(schema(table).empty_table()).schema)
 
 
-def _pieces(reader: Any, folder: str, bus_names: str) -> DataFrame:
+def _pieces(reader: Any, folder: str, bus_names: str, row_bytes: int) -> DataFrame:
     from pyspark.sql import functions as sql  # noqa: PLC0415
 
     if bus_names not in BUS_NAMES:
@@ -128,13 +148,21 @@ def _pieces(reader: Any, folder: str, bus_names: str) -> DataFrame:
         "stem": own,
         "path": sql.lit(None).cast("string"),
     }
-    return files.select(
-        buses[bus_names].alias("bus"),
-        path.alias("path"),
-        sql.lit(0).cast("long").alias("offset"),
-        sql.col("content").alias("bytes"),
-        sql.col("length").alias("size"),
-    )
+    here = "://" not in folder or folder.startswith("file:")
+    most = min(row_bytes, _MAX_ROW_BYTES) if here else _MAX_ROW_BYTES
+
+    def rows(files: DataFrame, content: Any) -> DataFrame:
+        return files.select(
+            buses[bus_names].alias("bus"),
+            path.alias("path"),
+            sql.lit(0).cast("long").alias("offset"),
+            content.alias("bytes"),
+            sql.col("length").alias("size"),
+        )
+
+    # Spark reads only what both columns and filter ask for. Large files are begun first.
+    large = rows(files.where(sql.col("length") > most), sql.lit(None).cast("binary"))
+    return large.unionAll(rows(files.where(sql.col("length") <= most), sql.col("content")))
 
 
 def _last_parts(folder: str) -> str:

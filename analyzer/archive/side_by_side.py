@@ -59,14 +59,20 @@ def side_by_side(
     total, finished = sum(one.size for one in recordings), 0
     running: dict[Future[Result], tuple[ArchivedRecording, Position]] = {}
     with ThreadPoolExecutor(threads) as pool:
+
+        def begin() -> None:
+            while waiting and len(running) < threads and not stop():
+                one, position = waiting.pop(), Position()
+                running[pool.submit(work, one, position)] = one, position
+
         try:
-            while running or (waiting and not stop()):
-                while waiting and len(running) < threads and not stop():
-                    one, position = waiting.pop(), Position()
-                    running[pool.submit(work, one, position)] = one, position
+            begin()
+            while running:
                 done, _ = wait(running, _LOOK_S, FIRST_COMPLETED)
-                for future in done:
-                    one, _ = running.pop(future)
+                results = [(running.pop(future)[0], future) for future in done]
+                # The threads go on while the caller writes down what is done.
+                begin()
+                for one, future in results:
                     finished += one.size
                     yield one, future.result()
                 progress.advance(finished + sum(at.done for _, at in running.values()), total)

@@ -53,7 +53,7 @@ class Format(exports.Format):
         self._new_file: Callable[[], _modlens.RowFile] = lambda: row_file(
             self.name, options.table, keys
         )
-        self._file: _modlens.RowFile = self._new_file()
+        self._file: _modlens.RowFile | None = None
         self._folder: _PartitionedOutput | None = None
 
     def output(self, path: str | None, *, growing: bool) -> Output:
@@ -70,11 +70,17 @@ class Format(exports.Format):
         if self._folder is not None:
             self._folder.write(table)
             return b""
-        return self._file.rows(table)
+        return self._only_file().rows(table)
 
     def footer(self) -> bytes:
         """The last row group and the footer of the file."""
-        return b"" if self._folder is not None else self._file.end()
+        return b"" if self._folder is not None else self._only_file().end()
+
+    def _only_file(self) -> _modlens.RowFile:
+        """The file; a folder does not need it, whose files are made one by one."""
+        if self._file is None:
+            self._file = self._new_file()
+        return self._file
 
 
 def _file_columns(options: exports.ExportOptions) -> Sequence[str]:

@@ -45,7 +45,7 @@ def main() -> None:
 
 
 def session() -> SparkSession:
-    """A session whose batches are a few recordings, not ten thousand; files stand in memory."""
+    """A session whose batches are a few recordings, not ten thousand: they stand in memory."""
     builder = SparkSession.builder.appName("modlens")
     if not any(name in os.environ for name in ("MASTER", "SPARK_ENV_LOADED")):
         builder = builder.master("local[2,4]").config("spark.driver.bindAddress", "127.0.0.1")
@@ -53,6 +53,7 @@ def session() -> SparkSession:
     settings = {
         "spark.sql.session.timeZone": "UTC",
         "spark.sql.execution.arrow.maxRecordsPerBatch": 16,
+        "spark.sql.execution.arrow.maxBytesPerBatch": 64 << 20,
         "spark.sql.files.maxPartitionBytes": 32 << 20,
         "spark.sql.files.openCostInBytes": 1 << 20,
         "spark.task.maxFailures": 4,

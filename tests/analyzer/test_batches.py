@@ -178,6 +178,20 @@ def test_a_recording_with_a_missing_piece_is_told() -> None:
     assert told == ["x.jsonl: bytes 50 to 60 have not come; not decoded"]
 
 
+def test_a_path_without_bytes_is_read_where_it_lies(
+    tmp_path: Path, recordings: dict[str, bytes]
+) -> None:
+    some = {name: data for name, data in recordings.items() if "/bus-0" in name}
+    told: list[str] = []
+    pieces: list[Any] = [(None, name, 0, None, None) for name in [*some, str(tmp_path / "gone")]]
+    found = decode_batches([batch(pieces)], notify=told.append)
+    table = pa.Table.from_batches(found, schema("transactions"))
+    expected = one_after_the_other(some, "transactions")
+    assert by_recording(table.to_pylist(), "transactions") == by_recording(expected, "transactions")
+    assert len(told) == len(DAMAGED) + 1
+    assert f"{tmp_path}/gone: " in told[-1]
+
+
 def test_a_recording_whose_size_is_known_is_decoded_when_it_is_there() -> None:
     data = Traffic(1, 0, 20).chunks()
     pieces = pa.table(

@@ -1,4 +1,7 @@
-"""Spark gives the rows of one file after the other, also where a worker dies and in a stream."""
+"""Spark gives the rows of one file after the other, also where a worker dies and in a stream.
+
+By default on an archive of 27 files; `make spark` takes the one of 203 files and 20 buses.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,15 @@ from analyzer.batches import decode_batches, schema
 from analyzer.columns import TABLES, columns
 from tests.conftest import ROOT, need_program
 from tests.support.fleet import archive
-from tests.support.spark_run import chunks
+from tests.support.spark_run import ROW_BYTES, chunks
+
+FULL = "MODLENS_SPARK" in os.environ
+BUSES, SHIFTS = (20, 10) if FULL else (8, 3)
+LATER = ("bus-04", "bus-07")
+"""Buses, a folder of logs and one of captures, that come while the stream is already there."""
+
+QUICK_JAVA = "-XX:TieredStopAtLevel=1 -XX:+UseSerialGC"
+"""Half of the time of a short job is that of Java's second compiler."""
 
 
 @pytest.fixture(scope="module")
@@ -29,9 +40,9 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with what Spark has made of an archive."""
     need_program("java")
     folder = tmp_path_factory.mktemp("spark")
-    archive(folder / "archive")
+    archive(folder / "archive", buses=BUSES, shifts=SHIFTS)
     shutil.copytree(folder / "archive", folder / "whole")
-    for bus in ("bus-08", "bus-11"):
+    for bus in LATER:
         (folder / "later" / bus).parent.mkdir(exist_ok=True)
         shutil.move(folder / "archive" / bus, folder / "later" / bus)
     (folder / "out").mkdir()
@@ -39,7 +50,12 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
         [sys.executable, "-m", "tests.support.spark_run"]
         + [str(folder / name) for name in ("archive", "later", "out")],
         cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "SPARK_LOCAL_IP": "127.0.0.1"},
+        env={
+            **os.environ,
+            "PYTHONPATH": str(ROOT),
+            "SPARK_LOCAL_IP": "127.0.0.1",
+            "JDK_JAVA_OPTIONS": QUICK_JAVA,
+        },
         capture_output=True,
         text=True,
         check=False,
@@ -84,10 +100,20 @@ def files_of(place: Path, folder: str, *buses: str) -> list[dict[str, Any]]:
 
 
 def test_an_archive_gives_the_rows_of_one_file_after_the_other(place: Path) -> None:
-    begun = {bus.name for bus in (place / "whole").iterdir()} - {"bus-08", "bus-11"}
+    begun = {bus.name for bus in (place / "whole").iterdir()} - {*LATER}
     expected = rows_of(files_of(place, "whole", *begun))
-    assert expected.total() > 18 * 10 * 40
+    assert expected.total() > (BUSES - len(LATER)) * SHIFTS * 40
     assert spark_rows(place / "out/files") == expected
+
+
+def test_large_files_are_read_where_they_lie(place: Path) -> None:
+    large = {
+        str(place / "archive" / path.relative_to(place / "whole"))
+        for path in (place / "whole").rglob("*")
+        if path.is_file() and path.parent.name not in LATER and path.stat().st_size > ROW_BYTES
+    }
+    assert len(large) >= SHIFTS
+    assert {*json.loads((place / "out/in_place.json").read_text())} == large
 
 
 def test_files_are_sorted_by_bus_and_time(place: Path) -> None:
@@ -100,7 +126,7 @@ def test_files_are_sorted_by_bus_and_time(place: Path) -> None:
 def test_a_worker_that_is_killed_leaves_nothing_out_and_nothing_twice(place: Path) -> None:
     assert "cut.jsonl.gz" in (place / "out/killed.txt").read_text(), "it was not killed"
     files = files_of(place, "whole", "bus-00")
-    assert len(files) == 13
+    assert len(files) == SHIFTS + 3
     unnamed = [{key: one[key] for key in ("path", "offset", "bytes")} for one in files]
     assert spark_rows(place / "out/killed") == rows_of(unnamed)
 

@@ -64,7 +64,7 @@ impl Dialects {
         Ok((found, left_out, reader.unread_lines().count))
     }
 
-    fn detect(&self, sample: &[u8], name: &str) -> Vec<detect::FormatGuess> {
-        detect::detect(sample, name, &self.core)
+    fn detect(&self, py: Python<'_>, sample: &[u8], name: &str) -> Vec<detect::FormatGuess> {
+        py.detach(|| detect::detect(sample, name, &self.core))
     }
 }

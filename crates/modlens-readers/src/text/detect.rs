@@ -113,11 +113,15 @@ fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<FormatGuess> {
         .map(|row| (Arc::clone(row), score(std::slice::from_ref(row), text)))
         .filter(|(_, score)| score.records > 0)
         .collect();
-    let proved = dialects.proved_row().map(|row| (Arc::clone(row), score(std::slice::from_ref(row), text)));
-    let proved = proved.filter(|(_, score)| is_enough(*score, text));
+    // What checksums prove anywhere in the text takes longer than all else, and is not asked for where a dialect reads it all.
+    let proved = || {
+        let row = dialects.proved_row()?;
+        let found = score(std::slice::from_ref(row), text);
+        is_enough(found, text).then(|| (Arc::clone(row), found))
+    };
     let best = scored.iter().map(|(_, score)| score.worth()).fold(0.0, f64::max);
     if best == 0.0 {
-        if let Some((row, score)) = proved {
+        if let Some((row, score)) = proved() {
             return Some(guess(&[row], score));
         }
         if let Some((row, score)) = scored.iter().find(|(row, score)| row.has_unique_syntax && score.unparsed == 0) {
@@ -156,7 +160,7 @@ fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<FormatGuess> {
         }
     }
     // What no row reads is read where checksums prove it. Rows that lack most of this were the wrong ones.
-    if let Some((row, alone)) = proved.filter(|_| total.unparsed > 0) {
+    if let Some((row, alone)) = (total.unparsed > 0).then(proved).flatten() {
         let extended = score(&[&rows[..], &[Arc::clone(&row)]].concat(), text);
         if extended.proven_bytes as f64 <= MAX_SHARE_OF_PROVED * alone.proven_bytes as f64 {
             (rows, total) = (vec![row], alone);
