@@ -156,7 +156,7 @@ def functions(source: _modlens.Functions | None = None) -> tuple[Function, ...]:
     """
     if source is None:
         return _embedded()
-    return tuple(_function(row) for row in json.loads(source.rows()))
+    return _parsed(source.rows())
 
 
 def function(
@@ -202,6 +202,11 @@ def row_of(pdu: bytes, *, source: _modlens.Functions | None = None) -> Function 
 @functools.cache
 def _embedded() -> tuple[Function, ...]:
     return tuple(_function(row) for row in vocabulary()["functions"])
+
+
+@functools.lru_cache(maxsize=4)
+def _parsed(rows: str) -> tuple[Function, ...]:
+    return tuple(_function(row) for row in json.loads(rows))
 
 
 def _function(row: Mapping[str, Any]) -> Function:

@@ -145,6 +145,7 @@ const Plots = (() => {
       if (!found) return;
       const ms = (values) => values.map((us) => (us === null ? null : us / 1000));
       const series = [["longest", ms(found.max_us), { width: 1 }], ["shortest", ms(found.min_us), { width: 1 }], ["mean", ms(found.mean_us), { width: 2 }]];
+      if (found.p95_us) series.push(["p95", ms(found.p95_us), { width: 1.5 }]);
       if (reserve?.timeout_us) series.push(["time-out", found.min_us.map(() => reserve.timeout_us / 1000), { dash: [6, 4], colour: "bad" }]);
       plot(place, "over time", bus.axis, "ms", positions(bus.requests.steps, bus.axis), series, { bands: [[1, 2]], height: 180, decimals: 3 });
     };
@@ -173,11 +174,10 @@ const Plots = (() => {
   const label = (row) => Model.visible(row.name || `unit ${row.unit} ${row.register_type} ${row.address}`).replaceAll("_", " ");
 
   // The cells of a table that are drawn: the row's data, and a canvas.
-  function cells(id, count, draw) {
+  function cells(id, title, count, draw) {
     const table = document.querySelector(`#${id} > .scroll > table`);
     if (!table) return;
-    const titles = [...table.tHead.rows[0].cells].map((one) => one.textContent);
-    const column = titles.findIndex((title) => title === "over time" || title === "distribution");
+    const column = [...table.tHead.rows[0].cells].findIndex((one) => one.textContent === title);
     const found = [...table.tBodies[0].rows].slice(0, count);
     if (column >= 0) found.forEach((row, at) => draw(row.cells[column], at));
   }
@@ -197,33 +197,56 @@ const Plots = (() => {
 
   function unitStrips(data) {
     const rows = Model.rowsAt(data, "doctor.reserves[]");
-    cells("units", rows.length, (cell, at) => {
-      const row = rows[at], bus = data.overview.buses.find((one) => one.bus === row.bus);
-      const own = bus?.requests.rows.filter((one) => one.unit === row.unit) || [];
-      if (!own.length) return;
-      const sum = (key, number) => own.reduce((all, one) => all + one[key][number], 0);
-      strip(cell, `unit ${row.unit}: answered share over time`, (to, width, height) => {
-        const count = bus.requests.steps.count, step = width / count;
-        for (let number = 0; number < count; number++) {
-          const all = sum("transactions", number);
-          if (!all) continue;
-          const bad = sum("silent", number) + sum("damaged", number), refused = sum("exceptions", number);
-          const parts = [[colour("ok"), all - bad - refused], [colour("odd"), refused], [colour("bad"), bad]];
-          let from = height;
-          for (const [paint, share] of parts) {
-            const part = share ? Math.max((share / all) * height, 2) : 0;
-            to.fillStyle = paint;
-            to.fillRect(number * step, from - part, Math.max(step, 1), part);
-            from -= part;
-          }
-        }
-      });
+    const busOf = (row) => data.overview.buses.find((one) => one.bus === row.bus);
+    cells("units", "answered over time", rows.length, (cell, at) => {
+      const own = busOf(rows[at])?.requests.rows.filter((one) => one.unit === rows[at].unit) || [];
+      if (own.length) strip(cell, `unit ${rows[at].unit}: answered share over time`, (to, width, height) => answered(to, width, height, own));
     });
+    cells("units", "p95 over time", rows.length, (cell, at) => {
+      const row = rows[at], p95 = busOf(row)?.requests.units?.find((one) => one.unit === row.unit)?.p95_us || [];
+      const known = p95.filter((us) => us !== null);
+      if (!known.length) return;
+      const least = Math.min(...known), most = Math.max(...known), edge = row.timeout_us || most, ms = (us) => Model.fixed(us / 1000, 1);
+      const name = `unit ${row.unit}: 95 % of the responses take up to ${ms(least)} to ${ms(most)} ms, ` +
+        (row.timeout_us ? `the time-out is ${ms(edge)} ms` : "the time-out is not known");
+      strip(cell, name, (to, width, height) => reserve(to, width, height, p95, edge, Boolean(row.timeout_us)));
+    });
+  }
+
+  // Bars of a unit's requests in each bucket: answered, refused, and failed on top.
+  function answered(to, width, height, own) {
+    const sum = (key, number) => own.reduce((all, one) => all + one[key][number], 0);
+    const count = own[0].transactions.length, step = width / count;
+    for (let number = 0; number < count; number++) {
+      const all = sum("transactions", number);
+      if (!all) continue;
+      const bad = sum("silent", number) + sum("damaged", number), refused = sum("exceptions", number);
+      let from = height;
+      for (const [paint, share] of [["ok", all - bad - refused], ["odd", refused], ["bad", bad]]) {
+        const part = share ? Math.max((share / all) * height, 2) : 0;
+        to.fillStyle = colour(paint);
+        to.fillRect(number * step, from - part, Math.max(step, 1), part);
+        from -= part;
+      }
+    }
+  }
+
+  // Bars up to the p95 in each bucket; the upper edge is the time-out, which what exceeds it hides.
+  function reserve(to, width, height, p95, edge, isTimeout) {
+    const step = width / p95.length;
+    p95.forEach((us, number) => {
+      if (us === null) return;
+      const part = Math.max(Math.min(us / edge, 1) * height, 2);
+      to.fillStyle = colour(isTimeout && us >= edge ? "bad" : "accent");
+      to.fillRect(number * step, height - part, Math.max(step, 1), part);
+    });
+    to.fillStyle = colour(isTimeout ? "bad" : "dim");
+    to.fillRect(0, 0, width, Math.max(1, window.devicePixelRatio || 1));
   }
 
   function distributions(data) {
     const rows = Model.rowsAt(data, "statistics.buses[].units[]");
-    cells("response-times", rows.length, (cell, at) => {
+    cells("response-times", "distribution", rows.length, (cell, at) => {
       const found = rows[at].response_time;
       if (!found) return;
       const most = Math.max(...found.histogram.counts), counts = found.histogram.counts;
@@ -240,7 +263,7 @@ const Plots = (() => {
 
   function sparklines(data, registers) {
     const { rows, chosen, draw } = registers;
-    cells("registers", rows.length, (cell, at) => {
+    cells("registers", "over time", rows.length, (cell, at) => {
       const row = rows[at];
       if (!row.course) return void cell.replaceChildren(el("span", { class: "hint" }, "constant"));
       const made = el("td", {});

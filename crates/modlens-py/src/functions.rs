@@ -1,6 +1,6 @@
 //! The table of functions, by which PDUs are decoded and encoded.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use modlens_protocol::functions::Functions as Core;
 use modlens_protocol::pdu;
@@ -13,25 +13,29 @@ use crate::arguments::{change_if_valid, value_error};
 #[pyclass(module = "_modlens")]
 pub struct Functions {
     pub(crate) core: Arc<Core>,
+    /// All rows as JSON, made when somebody asks: reports ask for each of their examples.
+    rows: OnceLock<String>,
 }
 
 #[pymethods]
 impl Functions {
     #[new]
     fn new() -> Self {
-        Self { core: Arc::new(Core::default()) }
+        Self { core: Arc::new(Core::default()), rows: OnceLock::new() }
     }
 
     fn load(&mut self, text: &str, origin: &str) -> PyResult<()> {
+        self.rows = OnceLock::new();
         change_if_valid(&mut self.core, |functions| functions.load(text, origin, None))
     }
 
     fn load_vendor(&mut self, name: &str) -> PyResult<()> {
+        self.rows = OnceLock::new();
         Arc::make_mut(&mut self.core).load_vendor(name).map_err(value_error)
     }
 
-    fn rows(&self) -> String {
-        self.core.rows().map(|row| row.source.clone()).collect::<Json>().to_string()
+    fn rows(&self) -> &str {
+        self.rows.get_or_init(|| self.core.rows().map(|row| row.source.clone()).collect::<Json>().to_string())
     }
 
     fn decode(&self, pdu: &[u8], direction: &str) -> PyResult<String> {
