@@ -5,7 +5,9 @@ const Plots = (() => {
   const el = Render.el;
   let drawn = [];
 
-  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+  // Looked up once for each time that all is drawn: to ask costs more than to paint.
+  let colours = {};
+  const colour = (name) => (colours[name] ??= getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim());
 
   // The middle of each bucket: seconds, or numbers of transactions.
   function positions(steps, axis) {
@@ -102,7 +104,7 @@ const Plots = (() => {
       const line = bus.line, x = positions(line, bus.axis), name = data.overview.buses.length > 1 ? Model.visible(bus.bus) + ": " : "";
       if (line.busy_us) plot(host, name + "load", bus.axis, "%", x, [["load %", line.busy_us.map((busy) => (100 * busy) / line.step), { steps: true }]], { height: 130 });
       else plot(host, name + "frames", bus.axis, "frames", x, [["frames", line.frames, { steps: true }]], { height: 130, decimals: 0 });
-      plot(host, name + "failures", bus.axis, "transactions", x, [["failed", line.failed, { bars: true, colour: "bad" }],
+      plot(host, name + "failures", bus.axis, "count", x, [["failed", line.failed, { bars: true, colour: "bad" }],
         ["exceptions", line.exceptions, { bars: true, colour: "odd" }]], { height: 110, decimals: 0 });
       if (line.silence_us) plot(host, name + "longest silence", bus.axis, "ms", x, [["ms", line.silence_us.map((us) => us / 1000 || null), { steps: true, gaps: true }]], { height: 110, decimals: 3 });
     }
@@ -185,14 +187,18 @@ const Plots = (() => {
   function strip(cell, name, paint) {
     const canvas = el("canvas", { class: "strip", role: "img", "aria-label": name });
     cell.replaceChildren(canvas);
-    const again = () => {
-      const box = canvas.getBoundingClientRect(), ratio = window.devicePixelRatio || 1;
-      canvas.width = Math.max(1, box.width * ratio);
-      canvas.height = Math.max(1, box.height * ratio);
+    drawn.push({ canvas, paint, host: cell });
+  }
+
+  // All strips: first all are measured, then all are painted. One after the other, each would lay out the page anew.
+  function paintStrips() {
+    const strips = drawn.filter((one) => one.canvas), ratio = window.devicePixelRatio || 1;
+    const boxes = strips.map((one) => one.canvas.getBoundingClientRect());
+    strips.forEach(({ canvas, paint }, at) => {
+      canvas.width = Math.max(1, boxes[at].width * ratio);
+      canvas.height = Math.max(1, boxes[at].height * ratio);
       paint(canvas.getContext("2d"), canvas.width, canvas.height);
-    };
-    drawn.push({ again, host: cell });
-    again();
+    });
   }
 
   function unitStrips(data) {
@@ -282,7 +288,6 @@ const Plots = (() => {
       cell.replaceChildren(box, ...made.childNodes);
     });
     draw();
-    drawn.filter((one) => one.again).forEach((one) => one.again());
   }
 
   function sparkline(to, width, height, row) {
@@ -309,8 +314,9 @@ const Plots = (() => {
   }
 
   function redraw() {
-    for (const one of drawn) if (one.again) one.again();
-      else one.plot.redraw(false, true);
+    colours = {};
+    paintStrips();
+    for (const one of drawn) if (one.plot) one.plot.redraw(false, true);
   }
 
   function resize() {
@@ -320,6 +326,7 @@ const Plots = (() => {
 
   function all(data) {
     drawn = [];
+    colours = {};
     const host = (name) => document.querySelector(`[data-plot="${name}"]`);
     for (const name of ["timeline", "response-times", "registers", "damage"]) host(name).replaceChildren();
     unitStrips(data);
@@ -328,6 +335,7 @@ const Plots = (() => {
     distributions(data);
     sparklines(data, registers(data, host("registers")));
     damage(data, host("damage"));
+    paintStrips();
   }
 
   // What the plots with an axis show of it.

@@ -37,7 +37,7 @@ const Report = (() => {
     }
   }
 
-  // A filter above a table: every word has to be in the row, and NAME=VALUE in the column of that name.
+  // A filter above a table: NAME=VALUE has to be in the column of that name, the words between somewhere in the row.
   function addFilter({ id, title, examples }) {
     const section = document.getElementById(id), table = section.querySelector(":scope > .scroll > table");
     const rows = examples ? [...section.querySelectorAll(".example")] : table ? [...table.tBodies[0].rows] : [];
@@ -46,20 +46,23 @@ const Report = (() => {
     const names = examples ? [] : [...table.tHead.rows[0].cells].map((one) => one.textContent.toLowerCase());
     const name = names.includes("unit") || examples ? "unit" : names[0];
     const input = Render.el("input", { type: "search", id: `filter-${id}`, autocomplete: "off", placeholder: `words, or ${name}=…` });
-    section.querySelector("h2").after(Render.el("div", { class: "tools filter" }, Render.el("label", {}, `Filter ${title.toLowerCase()} `, input)));
+    const tools = Render.el("div", { class: "tools filter" }, Render.el("label", {}, `Filter ${title.toLowerCase()} `, input));
+    (examples ? rows[0] : table.parentElement).before(tools);
     input.addEventListener("input", () => {
-      const words = input.value.trim().toLowerCase().split(/\s+/).filter(Boolean);
-      for (const row of rows) row.hidden = !words.every((word) => matches(row, names, word));
+      const [pairs, words] = [true, false].map((isPair) => input.value.trim().toLowerCase().split(/\s+/).filter((word) => word.includes("=") === isPair));
+      const text = words.join(" ");
+      for (const row of rows) row.hidden = !row.textContent.toLowerCase().includes(text) || !pairs.every((pair) => matches(row, names, pair));
       say(`${Model.fixed(rows.filter((row) => !row.hidden).length, 0)} of ${Model.fixed(rows.length, 0)} are shown.`);
     });
   }
 
-  function matches(row, names, word) {
-    const [, name, value] = /^([^=]+)=(.+)$/.exec(word) || [], column = names.indexOf(name);
+  function matches(row, names, pair) {
+    const [name, value] = pair.split("="), column = names.indexOf(name);
+    // An example says it in words: "unit 3, function 4 Read ...".
+    if (column < 0) return ` ${row.textContent.toLowerCase()}`.replaceAll(",", " ").includes(` ${name} ${value} `);
+    const text = row.cells[column].textContent.toLowerCase();
     // A function is written with its name behind its number.
-    if (column >= 0) return row.cells[column].textContent.toLowerCase().split(" ").includes(value) || row.cells[column].textContent.toLowerCase() === value;
-    const text = row.textContent.toLowerCase();
-    return name ? ` ${text}`.includes(` ${name} ${value},`) || ` ${text}`.includes(` ${name} ${value} `) : text.includes(word);
+    return text === value || text.split(" ")[0] === value;
   }
 
   // A link to an example opens it.

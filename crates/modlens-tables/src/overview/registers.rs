@@ -281,8 +281,8 @@ impl Block {
         let one = |bucket: &BlockBucket| match bucket.count {
             0 => PointBucket::default(),
             count => {
-                let [least, most, last] = bucket.columns().map(|column| f64::from(column[at]));
-                PointBucket { count, least, most, last }
+                let [least, greatest, last] = bucket.columns().map(|column| f64::from(column[at]));
+                PointBucket { count, least, most: greatest, last }
             }
         };
         Row {
@@ -312,16 +312,16 @@ impl BlockBucket {
     /// The least values, the greatest, and the newest.
     fn columns(&self) -> [&[u16]; 3] {
         let (least, rest) = self.values.split_at(self.values.len() / 3);
-        let (most, last) = rest.split_at(least.len());
-        [least, most, last]
+        let (greatest, last) = rest.split_at(least.len());
+        [least, greatest, last]
     }
 
     /// Takes in values between these least and greatest ones, the newest of which are given.
     fn extend(&mut self, (least, most): (&[u16], &[u16]), newest: &[u16]) {
         let (own_least, rest) = self.values.split_at_mut(newest.len());
-        let (own_most, own_last) = rest.split_at_mut(newest.len());
+        let (own_greatest, own_last) = rest.split_at_mut(newest.len());
         own_least.iter_mut().zip(least).for_each(|(own, new)| *own = (*own).min(*new));
-        own_most.iter_mut().zip(most).for_each(|(own, new)| *own = (*own).max(*new));
+        own_greatest.iter_mut().zip(most).for_each(|(own, new)| *own = (*own).max(*new));
         own_last.copy_from_slice(newest);
     }
 }
@@ -336,8 +336,8 @@ impl Bucket for BlockBucket {
             return;
         }
         self.count += later.count;
-        let [least, most, last] = later.columns();
-        self.extend((least, most), last);
+        let [least, greatest, last] = later.columns();
+        self.extend((least, greatest), last);
     }
 }
 
