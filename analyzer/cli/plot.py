@@ -68,7 +68,10 @@ def run(options: argparse.Namespace) -> int:
     with StopSignals() as stop_signals:
         series, axis = _values(files, wanted, stop_signals, several=len(options.files) > 1)
         if not series:
-            raise UsageError(f"plot: no reading with a number meets {options.expression!r}")
+            raise UsageError(
+                f"plot: no reading with a number meets {options.expression!r};"
+                " modlens map lists what was read and written"
+            )
         if draw is None:
             show_plot(series, stdout(), axis)
         else:

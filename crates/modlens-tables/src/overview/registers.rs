@@ -281,8 +281,8 @@ impl Block {
         let one = |bucket: &BlockBucket| match bucket.count {
             0 => PointBucket::default(),
             count => {
-                let [least, greatest, last] = bucket.columns().map(|column| f64::from(column[at]));
-                PointBucket { count, least, most: greatest, last }
+                let [least, greatest, newest] = bucket.columns().map(|column| f64::from(column[at]));
+                PointBucket { count, least, most: greatest, last: newest }
             }
         };
         Row {
@@ -312,17 +312,17 @@ impl BlockBucket {
     /// The least values, the greatest, and the newest.
     fn columns(&self) -> [&[u16]; 3] {
         let (least, rest) = self.values.split_at(self.values.len() / 3);
-        let (greatest, last) = rest.split_at(least.len());
-        [least, greatest, last]
+        let (greatest, newest) = rest.split_at(least.len());
+        [least, greatest, newest]
     }
 
     /// Takes in values between these least and greatest ones, the newest of which are given.
     fn extend(&mut self, (least, most): (&[u16], &[u16]), newest: &[u16]) {
         let (own_least, rest) = self.values.split_at_mut(newest.len());
-        let (own_greatest, own_last) = rest.split_at_mut(newest.len());
+        let (own_greatest, own_newest) = rest.split_at_mut(newest.len());
         own_least.iter_mut().zip(least).for_each(|(own, new)| *own = (*own).min(*new));
         own_greatest.iter_mut().zip(most).for_each(|(own, new)| *own = (*own).max(*new));
-        own_last.copy_from_slice(newest);
+        own_newest.copy_from_slice(newest);
     }
 }
 
@@ -336,8 +336,8 @@ impl Bucket for BlockBucket {
             return;
         }
         self.count += later.count;
-        let [least, greatest, last] = later.columns();
-        self.extend((least, greatest), last);
+        let [least, greatest, newest] = later.columns();
+        self.extend((least, greatest), newest);
     }
 }
 
