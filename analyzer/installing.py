@@ -15,6 +15,7 @@ from pathlib import Path
 __all__ = ["how_to_install"]
 
 _DEBIAN = {
+    "matplotlib": "python3-matplotlib",
     "paho-mqtt": "python3-paho-mqtt",
     "pandas": "python3-pandas",
     "prometheus-client": "python3-prometheus-client",

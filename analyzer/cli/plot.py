@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from analyzer.cli.recording_document import write_page
 from analyzer.cli.stop_signals import StopSignals
 from analyzer.filters import Filter, parse
 from analyzer.session import FileRun
-from analyzer.views.plot import show_plot, svg
+from analyzer.views.plot import png, show_plot, svg
 from analyzer.views.screen import stdout
 from dissectors.errors import CaptureError, UsageError
 
@@ -48,15 +49,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_decoding(parser)
     add_line(parser)
     parser.add_argument(
-        "-o", dest="output", metavar="FILE", help="write a picture, such as plot.svg, instead"
+        "-o",
+        dest="output",
+        metavar="FILE",
+        help="write a picture instead: plot.svg, or plot.png (extra png)",
     )
     parser.epilog = EPILOG
 
 
 def run(options: argparse.Namespace) -> int:
     """Decode the recordings, then draw the values; gives the exit status."""
-    if options.output not in (None, "-") and Path(options.output).suffix != ".svg":
-        raise UsageError(f"plot: -o {options.output}: pictures are SVG; name it .svg")
+    draw = _picture(options.output)
     messages = Messages(quiet=True)
     wanted = _filter_of(options.expression)
     files = file_run(
@@ -65,14 +68,31 @@ def run(options: argparse.Namespace) -> int:
     with StopSignals() as stop_signals:
         series, axis = _values(files, wanted, stop_signals, several=len(options.files) > 1)
         if not series:
-            raise UsageError(f"plot: no reading with a number meets {options.expression!r}")
-        if options.output is None:
+            raise UsageError(
+                f"plot: no reading with a number meets {options.expression!r};"
+                " modlens map lists what was read and written"
+            )
+        if draw is None:
             show_plot(series, stdout(), axis)
         else:
-            write_page(options.output, svg(series, axis).encode())
+            write_page(options.output, draw(series, axis))
         if stop_signals.signal is not None:
             return SIGNALLED + stop_signals.signal
     return CaptureError.exit_status if files.unreadable else 0
+
+
+def _picture(output: str | None) -> Callable[[Series, str], bytes] | None:
+    """What draws the picture of this name; none for the terminal."""
+    if output is None:
+        return None
+    match Path(output).suffix.lower():
+        case ".png":
+            return png
+        case ".svg":
+            return lambda series, axis: svg(series, axis).encode()
+        case _ if output == "-":
+            return lambda series, axis: svg(series, axis).encode()
+    raise UsageError(f"plot: -o {output}: pictures are SVG or PNG; name it .svg or .png")
 
 
 def _filter_of(text: str) -> Filter:

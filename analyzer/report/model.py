@@ -10,7 +10,7 @@ import math
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
-from importlib import resources
+from pathlib import Path
 from typing import Any
 
 from analyzer.visible import visible
@@ -33,8 +33,7 @@ _FAILED = ("no_response", "bad_request", "bad_response")
 @cache
 def layout() -> dict[str, Any]:
     """The table of sections."""
-    text = resources.files("analyzer.report").joinpath("layout.toml").read_text("utf-8")
-    return tomllib.loads(text)
+    return tomllib.loads(Path(__file__).with_name("layout.toml").read_text("utf-8"))
 
 
 def rows_at(document: Any, path: str) -> list[Row]:

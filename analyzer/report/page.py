@@ -14,7 +14,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from html import escape
-from importlib import resources
+from pathlib import Path
 from typing import Any
 
 from analyzer.report import model
@@ -78,13 +78,14 @@ def _whole(title: str, body: str, document: Mapping[str, Any] | None) -> bytes:
 
 def _packed(document: Mapping[str, Any]) -> str:
     text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
-    packed = gzip.compress(text.encode("utf-8", "surrogatepass"), 9, mtime=0)
+    # Level 9 would take twice the time for 2 % less.
+    packed = gzip.compress(text.encode("utf-8", "surrogatepass"), 6, mtime=0)
     return base64.b64encode(packed).decode()
 
 
 @cache
 def _asset(names: Sequence[str]) -> str:
-    folder = resources.files("analyzer.report").joinpath("assets")
+    folder = Path(__file__).with_name("assets")
     return "\n".join(folder.joinpath(name).read_text("utf-8") for name in names)
 
 

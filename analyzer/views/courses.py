@@ -19,7 +19,7 @@ _VALUE_COLUMNS = 18
 
 
 def show_courses(overview: Mapping[str, Any], screen: Screen) -> None:
-    """Print load, failures and the answered share of each unit over time."""
+    """Print load, failures and each unit's response times over time."""
     buses = overview["buses"]
     short = cells.labels([bus["bus"] for bus in buses])
     width = max(min(screen.width - _NAME_COLUMNS - _VALUE_COLUMNS, MOST_COLUMNS), 10)
@@ -46,24 +46,18 @@ def _lines(bus: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
     for name, style in (("failed", "bad"), ("exceptions", "odd"), ("damaged", "bad")):
         if any(line[name]):
             yield _row(name, line[name], width, f"{sum(line[name]):,}", style)
-    units = dict.fromkeys(row["unit"] for row in bus["requests"]["rows"])
-    for unit in list(units)[:MOST_UNITS]:
-        yield _unit(unit, [row for row in bus["requests"]["rows"] if row["unit"] == unit], width)
+    units = bus["requests"]["units"]
+    for unit in units[:MOST_UNITS]:
+        yield _unit(unit["unit"], unit["p95_us"], width)
     if len(units) > MOST_UNITS:
         yield [(f"and {len(units) - MOST_UNITS} more units", "dim")]
 
 
-def _unit(unit: int, rows: Sequence[Mapping[str, Any]], width: int) -> list[Part]:
-    """The mean response time of a unit in each bucket; empty where it did not answer."""
-    means: list[float | None] = []
-    for at in range(len(rows[0]["transactions"])):
-        known = [row["response_time"] for row in rows if row["response_time"]]
-        timed = [(one["count"][at], one["mean_us"][at]) for one in known if one["count"][at]]
-        count = sum(number for number, _ in timed)
-        means.append(sum(number * mean for number, mean in timed) / count if count else None)
-    longest = max((mean for mean in means if mean is not None), default=None)
+def _unit(unit: int, p95_us: Sequence[float | None], width: int) -> list[Part]:
+    """The 95th percentile of a unit's response times in each bucket; empty where it was silent."""
+    longest = max((one for one in p95_us if one is not None), default=None)
     told = "no response time" if longest is None else f"up to {cells.milliseconds(longest)} ms"
-    return _row(f"unit {unit} answers", means, width, told, "")
+    return _row(f"unit {unit} p95", p95_us, width, told, "")
 
 
 def _row(

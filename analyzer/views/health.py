@@ -87,7 +87,7 @@ def _lines(doctor: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
         said.setdefault((row["what"], row["needs"]), []).append(row["bus"])
     for (what, needs), on in said.items():
         where = f"{cells.labels(on)[on[0]]}: " if len(buses) > 1 and len(on) == 1 else ""
-        yield from _wrapped(f"{where}{what}. It takes {needs}.", width, indent=2)
+        yield from _wrapped(f"{where}{what}. This needs {needs}.", width, indent=2)
 
 
 def _diagnosis(

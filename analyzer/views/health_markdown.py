@@ -38,7 +38,7 @@ def markdown(doctor: Mapping[str, Any]) -> Iterator[str]:
     if doctor["not_judged"]:
         yield "\nNot judged:\n\n"
     for row in doctor["not_judged"]:
-        yield f"- {_escaped(row['bus'])}: {_escaped(row['what'])}. It takes {row['needs']}.\n"
+        yield f"- {_escaped(row['bus'])}: {_escaped(row['what'])}. This needs {row['needs']}.\n"
     # What is appended to the document, such as a table of --to md, begins a paragraph of its own.
     yield "\n"
 

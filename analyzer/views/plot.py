@@ -1,14 +1,17 @@
-"""Draws values over time: in the terminal, and as a picture in SVG."""
+"""Draws values over time: in the terminal, and as a picture in SVG or PNG."""
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 
+from analyzer.installing import how_to_install
 from analyzer.views.screen import Part, Screen, visible
 from analyzer.views.sparkline import braille
+from dissectors.errors import UsageError
 
-__all__ = ["Points", "show_plot", "svg"]
+__all__ = ["Points", "png", "show_plot", "svg"]
 
 Points = Sequence[tuple[float, float]]
 """Pairs of x and value, in order of x."""
@@ -16,6 +19,7 @@ Points = Sequence[tuple[float, float]]
 _ROWS = 12
 _LABEL_COLUMNS = 12
 _SIZE = (1000, 360)
+_DPI = 100
 _MARGIN = (80, 20, 60, 40)  # left, top, right, bottom
 _COLOURS = ("#2a78c8", "#c8641e", "#2e8b57", "#a04bb4", "#b93a3a", "#5f6f7d", "#9a7d0a", "#1c8c9c")
 
@@ -74,6 +78,40 @@ def svg(series: Mapping[str, Points], axis: str) -> str:
         y = height + 20 * number + 10
         parts.append(f'<text x="{left}" y="{y}" fill="{colour}">{escape(visible(name))}</text>')
     return "\n".join((*parts, "</svg>", ""))
+
+
+def png(series: Mapping[str, Points], axis: str) -> bytes:
+    """The same as pixels, drawn by matplotlib; `UsageError` says how to install it."""
+    try:
+        from matplotlib.figure import Figure  # noqa: PLC0415 - an extra, and slow to import
+    except ImportError as error:
+        needed = how_to_install("matplotlib")
+        message = f"plot: a picture as PNG needs a package: {needed}; SVG needs none"
+        raise UsageError(message) from error
+    left, top, right, bottom = _MARGIN
+    width, height = _SIZE[0], _SIZE[1] + 20 * len(series)
+    figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=2 * _DPI)
+    axes = figure.add_axes(
+        (
+            left / width,
+            1 - (_SIZE[1] - bottom) / height,
+            (width - left - right) / width,
+            (_SIZE[1] - top - bottom) / height,
+        )
+    )
+    for points, colour in zip(series.values(), _COLOURS, strict=False):
+        thinned = _thinned(points)
+        axes.plot([x for x, _ in thinned], [y for _, y in thinned], color=colour, linewidth=1.2)
+    axes.set_xlabel(axis.strip("()"))
+    axes.grid(visible=True, alpha=0.3)
+    for number, (name, colour) in enumerate(zip(series, _COLOURS, strict=False)):
+        y = (20 * (len(series) - number) - 12) / height
+        # Names are data: nothing between dollar signs is mathematics.
+        text = figure.text(left / width, y, visible(name), color=colour, fontsize=9)
+        text.set_parse_math(False)
+    picture = io.BytesIO()
+    figure.savefig(picture, format="png", metadata={"Software": None})
+    return picture.getvalue()
 
 
 def _path(points: Points, box: Sequence[float], inner: Sequence[int]) -> Iterator[str]:

@@ -5,7 +5,9 @@ const Plots = (() => {
   const el = Render.el;
   let drawn = [];
 
-  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+  // Looked up once for each time that all is drawn: to ask costs more than to paint.
+  let colours = {};
+  const colour = (name) => (colours[name] ??= getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim());
 
   // The middle of each bucket: seconds, or numbers of transactions.
   function positions(steps, axis) {
@@ -102,7 +104,7 @@ const Plots = (() => {
       const line = bus.line, x = positions(line, bus.axis), name = data.overview.buses.length > 1 ? Model.visible(bus.bus) + ": " : "";
       if (line.busy_us) plot(host, name + "load", bus.axis, "%", x, [["load %", line.busy_us.map((busy) => (100 * busy) / line.step), { steps: true }]], { height: 130 });
       else plot(host, name + "frames", bus.axis, "frames", x, [["frames", line.frames, { steps: true }]], { height: 130, decimals: 0 });
-      plot(host, name + "failures", bus.axis, "transactions", x, [["failed", line.failed, { bars: true, colour: "bad" }],
+      plot(host, name + "failures", bus.axis, "count", x, [["failed", line.failed, { bars: true, colour: "bad" }],
         ["exceptions", line.exceptions, { bars: true, colour: "odd" }]], { height: 110, decimals: 0 });
       if (line.silence_us) plot(host, name + "longest silence", bus.axis, "ms", x, [["ms", line.silence_us.map((us) => us / 1000 || null), { steps: true, gaps: true }]], { height: 110, decimals: 3 });
     }
@@ -145,6 +147,7 @@ const Plots = (() => {
       if (!found) return;
       const ms = (values) => values.map((us) => (us === null ? null : us / 1000));
       const series = [["longest", ms(found.max_us), { width: 1 }], ["shortest", ms(found.min_us), { width: 1 }], ["mean", ms(found.mean_us), { width: 2 }]];
+      if (found.p95_us) series.push(["p95", ms(found.p95_us), { width: 1.5 }]);
       if (reserve?.timeout_us) series.push(["time-out", found.min_us.map(() => reserve.timeout_us / 1000), { dash: [6, 4], colour: "bad" }]);
       plot(place, "over time", bus.axis, "ms", positions(bus.requests.steps, bus.axis), series, { bands: [[1, 2]], height: 180, decimals: 3 });
     };
@@ -173,11 +176,10 @@ const Plots = (() => {
   const label = (row) => Model.visible(row.name || `unit ${row.unit} ${row.register_type} ${row.address}`).replaceAll("_", " ");
 
   // The cells of a table that are drawn: the row's data, and a canvas.
-  function cells(id, count, draw) {
+  function cells(id, title, count, draw) {
     const table = document.querySelector(`#${id} > .scroll > table`);
     if (!table) return;
-    const titles = [...table.tHead.rows[0].cells].map((one) => one.textContent);
-    const column = titles.findIndex((title) => title === "over time" || title === "distribution");
+    const column = [...table.tHead.rows[0].cells].findIndex((one) => one.textContent === title);
     const found = [...table.tBodies[0].rows].slice(0, count);
     if (column >= 0) found.forEach((row, at) => draw(row.cells[column], at));
   }
@@ -185,45 +187,72 @@ const Plots = (() => {
   function strip(cell, name, paint) {
     const canvas = el("canvas", { class: "strip", role: "img", "aria-label": name });
     cell.replaceChildren(canvas);
-    const again = () => {
-      const box = canvas.getBoundingClientRect(), ratio = window.devicePixelRatio || 1;
-      canvas.width = Math.max(1, box.width * ratio);
-      canvas.height = Math.max(1, box.height * ratio);
+    drawn.push({ canvas, paint, host: cell });
+  }
+
+  // All strips: first all are measured, then all are painted. One after the other, each would lay out the page anew.
+  function paintStrips() {
+    const strips = drawn.filter((one) => one.canvas), ratio = window.devicePixelRatio || 1;
+    const boxes = strips.map((one) => one.canvas.getBoundingClientRect());
+    strips.forEach(({ canvas, paint }, at) => {
+      canvas.width = Math.max(1, boxes[at].width * ratio);
+      canvas.height = Math.max(1, boxes[at].height * ratio);
       paint(canvas.getContext("2d"), canvas.width, canvas.height);
-    };
-    drawn.push({ again, host: cell });
-    again();
+    });
   }
 
   function unitStrips(data) {
     const rows = Model.rowsAt(data, "doctor.reserves[]");
-    cells("units", rows.length, (cell, at) => {
-      const row = rows[at], bus = data.overview.buses.find((one) => one.bus === row.bus);
-      const own = bus?.requests.rows.filter((one) => one.unit === row.unit) || [];
-      if (!own.length) return;
-      const sum = (key, number) => own.reduce((all, one) => all + one[key][number], 0);
-      strip(cell, `unit ${row.unit}: answered share over time`, (to, width, height) => {
-        const count = bus.requests.steps.count, step = width / count;
-        for (let number = 0; number < count; number++) {
-          const all = sum("transactions", number);
-          if (!all) continue;
-          const bad = sum("silent", number) + sum("damaged", number), refused = sum("exceptions", number);
-          const parts = [[colour("ok"), all - bad - refused], [colour("odd"), refused], [colour("bad"), bad]];
-          let from = height;
-          for (const [paint, share] of parts) {
-            const part = share ? Math.max((share / all) * height, 2) : 0;
-            to.fillStyle = paint;
-            to.fillRect(number * step, from - part, Math.max(step, 1), part);
-            from -= part;
-          }
-        }
-      });
+    const busOf = (row) => data.overview.buses.find((one) => one.bus === row.bus);
+    cells("units", "answered over time", rows.length, (cell, at) => {
+      const own = busOf(rows[at])?.requests.rows.filter((one) => one.unit === rows[at].unit) || [];
+      if (own.length) strip(cell, `unit ${rows[at].unit}: answered share over time`, (to, width, height) => answered(to, width, height, own));
     });
+    cells("units", "p95 over time", rows.length, (cell, at) => {
+      const row = rows[at], p95 = busOf(row)?.requests.units?.find((one) => one.unit === row.unit)?.p95_us || [];
+      const known = p95.filter((us) => us !== null);
+      if (!known.length) return;
+      const least = Math.min(...known), most = Math.max(...known), edge = row.timeout_us || most, ms = (us) => Model.fixed(us / 1000, 1);
+      const name = `unit ${row.unit}: 95 % of the responses take up to ${ms(least)} to ${ms(most)} ms, ` +
+        (row.timeout_us ? `the time-out is ${ms(edge)} ms` : "the time-out is not known");
+      strip(cell, name, (to, width, height) => reserve(to, width, height, p95, edge, Boolean(row.timeout_us)));
+    });
+  }
+
+  // Bars of a unit's requests in each bucket: answered, refused, and failed on top.
+  function answered(to, width, height, own) {
+    const sum = (key, number) => own.reduce((all, one) => all + one[key][number], 0);
+    const count = own[0].transactions.length, step = width / count;
+    for (let number = 0; number < count; number++) {
+      const all = sum("transactions", number);
+      if (!all) continue;
+      const bad = sum("silent", number) + sum("damaged", number), refused = sum("exceptions", number);
+      let from = height;
+      for (const [paint, share] of [["ok", all - bad - refused], ["odd", refused], ["bad", bad]]) {
+        const part = share ? Math.max((share / all) * height, 2) : 0;
+        to.fillStyle = colour(paint);
+        to.fillRect(number * step, from - part, Math.max(step, 1), part);
+        from -= part;
+      }
+    }
+  }
+
+  // Bars up to the p95 in each bucket; the upper edge is the time-out, which what exceeds it hides.
+  function reserve(to, width, height, p95, edge, isTimeout) {
+    const step = width / p95.length;
+    p95.forEach((us, number) => {
+      if (us === null) return;
+      const part = Math.max(Math.min(us / edge, 1) * height, 2);
+      to.fillStyle = colour(isTimeout && us >= edge ? "bad" : "accent");
+      to.fillRect(number * step, height - part, Math.max(step, 1), part);
+    });
+    to.fillStyle = colour(isTimeout ? "bad" : "dim");
+    to.fillRect(0, 0, width, Math.max(1, window.devicePixelRatio || 1));
   }
 
   function distributions(data) {
     const rows = Model.rowsAt(data, "statistics.buses[].units[]");
-    cells("response-times", rows.length, (cell, at) => {
+    cells("response-times", "distribution", rows.length, (cell, at) => {
       const found = rows[at].response_time;
       if (!found) return;
       const most = Math.max(...found.histogram.counts), counts = found.histogram.counts;
@@ -240,7 +269,7 @@ const Plots = (() => {
 
   function sparklines(data, registers) {
     const { rows, chosen, draw } = registers;
-    cells("registers", rows.length, (cell, at) => {
+    cells("registers", "over time", rows.length, (cell, at) => {
       const row = rows[at];
       if (!row.course) return void cell.replaceChildren(el("span", { class: "hint" }, "constant"));
       const made = el("td", {});
@@ -259,7 +288,6 @@ const Plots = (() => {
       cell.replaceChildren(box, ...made.childNodes);
     });
     draw();
-    drawn.filter((one) => one.again).forEach((one) => one.again());
   }
 
   function sparkline(to, width, height, row) {
@@ -286,8 +314,9 @@ const Plots = (() => {
   }
 
   function redraw() {
-    for (const one of drawn) if (one.again) one.again();
-      else one.plot.redraw(false, true);
+    colours = {};
+    paintStrips();
+    for (const one of drawn) if (one.plot) one.plot.redraw(false, true);
   }
 
   function resize() {
@@ -297,6 +326,7 @@ const Plots = (() => {
 
   function all(data) {
     drawn = [];
+    colours = {};
     const host = (name) => document.querySelector(`[data-plot="${name}"]`);
     for (const name of ["timeline", "response-times", "registers", "damage"]) host(name).replaceChildren();
     unitStrips(data);
@@ -305,6 +335,7 @@ const Plots = (() => {
     distributions(data);
     sparklines(data, registers(data, host("registers")));
     damage(data, host("damage"));
+    paintStrips();
   }
 
   // What the plots with an axis show of it.

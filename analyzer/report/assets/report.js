@@ -1,6 +1,6 @@
 // What the page does when it is open: reads the document in it, draws, filters, takes other documents.
 const Report = (() => {
-  const FORMAT = "modlens report", VERSION = 1;
+  const FORMAT = "modlens report", VERSION = 1, MOST_AT_A_GLANCE = 4;
   const layout = JSON.parse(document.getElementById("layout").content.textContent);
 
   const say = (text) => { document.getElementById("said").textContent = text; };
@@ -15,7 +15,7 @@ const Report = (() => {
 
   function draw(data) {
     Plots.all(data);
-    for (const section of layout.section) if (section.filter) addFilter(section.filter);
+    for (const section of layout.section) if (section.filter) addFilter(section);
     openTarget();
     document.documentElement.dataset.state = "drawn";
   }
@@ -37,22 +37,32 @@ const Report = (() => {
     }
   }
 
-  function addFilter(id) {
-    const section = document.getElementById(id), rows = [...section.querySelectorAll(id === "examples" ? ".example" : ":scope > .scroll > table > tbody > tr")];
-    section.querySelector(":scope > .tools")?.remove();
-    if (rows.length < 2) return;
-    const input = Render.el("input", { type: "search", id: `filter-${id}`, autocomplete: "off" });
-    const tools = Render.el("div", { class: "tools" }, Render.el("label", {}, "Filter ", input));
-    section.querySelector("h2").after(tools);
+  // A filter above a table: NAME=VALUE has to be in the column of that name, the words between somewhere in the row.
+  function addFilter({ id, title, examples }) {
+    const section = document.getElementById(id), table = section.querySelector(":scope > .scroll > table");
+    const rows = examples ? [...section.querySelectorAll(".example")] : table ? [...table.tBodies[0].rows] : [];
+    section.querySelector(":scope > .filter")?.remove();
+    if (rows.length < MOST_AT_A_GLANCE) return;
+    const names = examples ? [] : [...table.tHead.rows[0].cells].map((one) => one.textContent.toLowerCase());
+    const name = names.includes("unit") || examples ? "unit" : names[0];
+    const input = Render.el("input", { type: "search", id: `filter-${id}`, autocomplete: "off", placeholder: `words, or ${name}=…` });
+    const tools = Render.el("div", { class: "tools filter" }, Render.el("label", {}, `Filter ${title.toLowerCase()} `, input));
+    (examples ? rows[0] : table.parentElement).before(tools);
     input.addEventListener("input", () => {
-      const wanted = input.value.trim().toLowerCase();
-      let count = 0;
-      for (const row of rows) {
-        row.hidden = !row.textContent.toLowerCase().includes(wanted);
-        count += row.hidden ? 0 : 1;
-      }
-      say(`${Model.fixed(count, 0)} of ${Model.fixed(rows.length, 0)} are shown.`);
+      const [pairs, words] = [true, false].map((isPair) => input.value.trim().toLowerCase().split(/\s+/).filter((word) => word.includes("=") === isPair));
+      const text = words.join(" ");
+      for (const row of rows) row.hidden = !row.textContent.toLowerCase().includes(text) || !pairs.every((pair) => matches(row, names, pair));
+      say(`${Model.fixed(rows.filter((row) => !row.hidden).length, 0)} of ${Model.fixed(rows.length, 0)} are shown.`);
     });
+  }
+
+  function matches(row, names, pair) {
+    const [name, value] = pair.split("="), column = names.indexOf(name);
+    // An example says it in words: "unit 3, function 4 Read ...".
+    if (column < 0) return ` ${row.textContent.toLowerCase()}`.replaceAll(",", " ").includes(` ${name} ${value} `);
+    const text = row.cells[column].textContent.toLowerCase();
+    // A function is written with its name behind its number.
+    return text === value || text.split(" ")[0] === value;
   }
 
   // A link to an example opens it.

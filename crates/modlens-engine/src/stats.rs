@@ -1,6 +1,6 @@
 //! Statistics of a session: counters by bus, unit and function. Their memory is bounded, whatever the size of the recording.
 
-mod histogram;
+pub mod histogram;
 mod requests;
 
 use std::collections::BTreeMap;

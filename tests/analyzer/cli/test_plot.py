@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 from pathlib import Path
 
-from tests.conftest import CAPTURES, Modlens
+import numpy
+import pytest
+
+from tests.conftest import CAPTURES, Modlens, without
 
 PLANT = CAPTURES / "pymodbus_plant" / "recording.jsonl"
 DISTURBED = CAPTURES / "pymodbus_disturbed" / "recording.jsonl"
@@ -56,6 +60,42 @@ def test_a_picture_has_a_line_for_each_value(modlens: Modlens, tmp_path: Path) -
     assert pairs[1][0] == 366.7
 
 
+def test_a_picture_as_pixels(modlens: Modlens, tmp_path: Path) -> None:
+    """A PNG in which the line is where its values are; a name with dollars is no formula."""
+    if importlib.util.find_spec("matplotlib") is None:
+        without("matplotlib")
+    from matplotlib import image  # noqa: PLC0415 - an extra
+
+    path = write_series(tmp_path / "bus.jsonl")
+    profile = tmp_path / "meter.toml"
+    profile.write_text('profile = 1\n[[registers]]\nat = "hr:107"\nname = "$a_$"\n')
+    target = tmp_path / "plot.png"
+    done = modlens("plot", path, "address == 107", "--profile", profile, "-o", target)
+    assert done.status == 0, done.err
+    pixels = image.imread(target)
+    # Twice 1000 by 380. A line of #2a78c8 from the lower left to the upper right of its frame.
+    assert pixels.shape[:2] == (760, 2000)
+    distance = numpy.abs(pixels[:640, :, :3] - [0x2A / 255, 0x78 / 255, 0xC8 / 255])
+    blue = numpy.all(distance < 0.05, axis=2)
+    middle = [blue[:, x].nonzero()[0].mean() for x in (400, 1000, 1600)]
+    assert middle == sorted(middle, reverse=True)
+    assert middle[1] == pytest.approx((20 + 320) / 2 * 2, abs=20)
+
+
+def test_without_the_extra_it_is_told_how_to_get_it(modlens: Modlens, tmp_path: Path) -> None:
+    """The package is named, and what works without it."""
+    path = write_series(tmp_path / "bus.jsonl")
+    hidden = tmp_path / "hidden" / "matplotlib"
+    hidden.mkdir(parents=True)
+    (hidden / "__init__.py").write_text("raise ImportError('not here')\n")
+    target = tmp_path / "plot.png"
+    done = modlens("plot", path, "address == 107", "-o", target, PYTHONPATH=str(hidden.parent))
+    assert done.status == 2
+    assert "needs a package" in done.err
+    assert "matplotlib; SVG needs none" in done.err
+    assert not target.exists()
+
+
 def test_what_cannot_be_drawn_is_told(modlens: Modlens, tmp_path: Path) -> None:
     """Nothing, too much, and a picture of another kind."""
     nothing = modlens("plot", PLANT, "voltage", "--line", "57600-8E1")
@@ -63,7 +103,7 @@ def test_what_cannot_be_drawn_is_told(modlens: Modlens, tmp_path: Path) -> None:
     many = modlens("plot", PLANT, "unit == 9", "--line", "57600-8E1")
     assert (many.status, "8 at most are drawn" in many.err) == (2, True)
     other = modlens("plot", PLANT, "unit == 9", "-o", tmp_path / "plot.gif")
-    assert (other.status, "name it .svg" in other.err) == (2, True)
+    assert (other.status, "name it .svg or .png" in other.err) == (2, True)
 
 
 def test_statistics_show_the_course(modlens: Modlens) -> None:

@@ -127,6 +127,59 @@ def test_filters_leave_what_matches(opened: Browser) -> None:
     assert opened.run(shown) == 7
 
 
+def test_a_filter_takes_columns_by_name(browser: Browser, modlens: Modlens, tmp_path: Path) -> None:
+    """The number of a function, words, and both; an empty filter shows everything."""
+    target = tmp_path / "report.html"
+    target.write_bytes(page(document_of(modlens, "pymodbus_all_functions")))
+    browser.open(target)
+    script = (
+        "const box = document.getElementById('filter-polls'); box.value = arguments[0];"
+        "box.dispatchEvent(new Event('input'));"
+        "const rows = box.closest('section').querySelectorAll('tbody tr');"
+        "return [...rows].filter((row) => !row.hidden)"
+        ".map((row) => [row.cells[0].textContent, row.cells[1].textContent])"
+    )
+    every = browser.run(script, "")
+    assert len({function for _, function in every}) > 5
+    for unit, function in every:
+        code = function.split()[0]
+        shown = browser.run(script, f"function={code}")
+        assert shown == [row for row in every if row[1].split()[0] == code]
+        assert browser.run(script, f"unit={unit} {function.split()[-1].lower()} function={code}")
+    assert browser.run(script, "unit=99") == []
+    assert browser.run(script, "write") == [row for row in every if "Write" in row[1]]
+    assert browser.run(script, " ") == every
+
+
+def test_many_registers_are_laid_out_once(
+    browser: Browser, modlens: Modlens, tmp_path: Path
+) -> None:
+    """A thousand small plots; to lay out the page for each took twenty seconds."""
+    document = document_of(modlens, "pymodbus_plant")
+    rows = document["overview"]["buses"][0]["registers"]["rows"]
+    changing = next(row for row in rows if row["course"])
+    rows[:] = [{**changing, "address": address} for address in range(1000)]
+    target = tmp_path / "report.html"
+    target.write_bytes(page(document))
+    browser.command("Performance.enable")
+    browser.open(target)
+    metrics = browser.command("Performance.getMetrics")["metrics"]
+    assert len(browser.run("return document.querySelectorAll('#registers .strip')")) == 1000
+    layouts = next(one["value"] for one in metrics if one["name"] == "LayoutCount")
+    assert layouts < 100
+
+
+def test_strips_show_a_unit_over_time(opened: Browser) -> None:
+    """The share that was answered, and p95 against the time-out, which is said in words, too."""
+    labels = opened.run(
+        "return [...document.querySelectorAll('#units canvas')]"
+        ".map((one) => one.getAttribute('aria-label'))"
+    )
+    assert labels[0] == "unit 1: answered share over time"
+    assert labels[1].startswith("unit 1: 95 % of the responses take up to 4.")
+    assert labels[1].endswith(" ms, the time-out is 302.0 ms")
+
+
 def test_a_link_opens_its_example(opened: Browser) -> None:
     opened.run("document.querySelector('#diagnoses a').click()")
     opened.wait("document.querySelector(location.hash).open")

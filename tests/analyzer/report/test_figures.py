@@ -9,6 +9,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Sequence
+from datetime import datetime
 from typing import Any
 
 import pytest
@@ -70,6 +71,29 @@ def test_requests_and_response_times(name: str, modlens: Modlens) -> None:
             assert found[key] == pytest.approx(percentile(times, share), rel=0.02)
         longest = [one for one in over_time["response_time"]["max_us"] if one is not None]
         assert max(longest) == found["max_us"] == max(times)
+
+
+@pytest.mark.parametrize("name", LINES)
+def test_p95_of_each_unit_over_time(name: str, modlens: Modlens) -> None:
+    """Of the response times of the requests that begin in a bucket, within 2 %."""
+    requests = document_of(modlens, name)["overview"]["buses"][0]["requests"]
+    start, step = requests["steps"]["start"], requests["steps"]["step"]
+    buckets: dict[tuple[int, int], list[float]] = {}
+    for row in rows_of(modlens, name, "transactions"):
+        if row["response_time_us"]:
+            seconds, _, fraction = row["time"].removesuffix("Z").partition(".")
+            begun = datetime.fromisoformat(f"{seconds}+00:00").timestamp() * 1e6
+            at = int((begun - start + float(f"0.{fraction}") * 1e6) // step)
+            buckets.setdefault((int(row["unit"]), at), []).append(float(row["response_time_us"]))
+    told = {
+        (row["unit"], at): p95
+        for row in requests["units"]
+        for at, p95 in enumerate(row["p95_us"])
+        if p95 is not None
+    }
+    assert told.keys() == buckets.keys()
+    for key, times in buckets.items():
+        assert told[key] == pytest.approx(percentile(times, 0.95), rel=0.02)
 
 
 @pytest.mark.parametrize("name", LINES)

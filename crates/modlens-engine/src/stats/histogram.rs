@@ -97,7 +97,13 @@ impl TimeHistogram {
 
 /// The bucket of a time: its octave is the number of its highest bit, the bucket within it the next five bits, so that no
 /// logarithm is needed.
-fn bucket(ns: Ns) -> usize {
+///
+/// ```
+/// use modlens_engine::stats::histogram::{bucket, middle};
+/// assert!((middle(bucket(20_000_000)) - 20_000_000).abs() < 400_000);
+/// ```
+#[inline]
+pub fn bucket(ns: Ns) -> usize {
     let ns = ns.max(1) as u64;
     let octave = ns.ilog2();
     let step = ((ns << (63 - octave)) >> (63 - BUCKET_BITS)) as usize & (BUCKETS_PER_OCTAVE - 1);
@@ -113,8 +119,8 @@ fn lower(bucket: usize) -> f64 {
     (1u64 << octave) as f64 * (1.0 + step as f64 / BUCKETS_PER_OCTAVE as f64)
 }
 
-/// The time in the middle of a bucket.
-fn middle(bucket: usize) -> Ns {
+/// The time in the middle of a bucket, in ns.
+pub fn middle(bucket: usize) -> Ns {
     let (octave, step) = (bucket / BUCKETS_PER_OCTAVE, bucket % BUCKETS_PER_OCTAVE);
     ((1u64 << octave) as f64 * (1.0 + (step as f64 + 0.5) / BUCKETS_PER_OCTAVE as f64)) as Ns
 }

@@ -26,4 +26,4 @@ pub use reading_columns::{each_value, ReadingView};
 pub use schema::{version, Column, ColumnType, TableKind, COLUMNS, TABLES};
 pub use sink::CellSink;
 pub use table::{RowRef, Table};
-pub use transaction_view::{exception_name, read_data, read_range, write_data, write_range};
+pub use transaction_view::{blocks, exception_name, read_data, read_range, write_data, write_range, Blocks};

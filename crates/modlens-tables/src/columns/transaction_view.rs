@@ -50,6 +50,23 @@ pub fn write_data<'a>(batch: &'a Batch, t: &Transaction) -> Option<Items<'a>> {
     TransactionView::new(batch, t).write_data(batch)
 }
 
+/// What a transaction wrote and read of registers or bits.
+pub struct Blocks<'a> {
+    /// Which of the four tables it is about.
+    pub space: Space,
+    /// Address and values of the block that was written.
+    pub written: Option<(u16, Items<'a>)>,
+    /// Address and values of the block that was read.
+    pub read: Option<(u16, Items<'a>)>,
+}
+
+/// What a transaction wrote and read; `None` if its function is not about registers or bits.
+#[inline]
+pub fn blocks<'a>(batch: &'a Batch, t: &Transaction) -> Option<Blocks<'a>> {
+    let view = TransactionView::new(batch, t);
+    Some(Blocks { space: view.space()?, written: view.written(batch), read: view.read(batch) })
+}
+
 impl<'a> TransactionView<'a> {
     #[inline]
     pub(super) fn new(batch: &'a Batch, t: &'a Transaction) -> Self {

@@ -7,6 +7,7 @@ use modlens_protocol::Ns;
 use serde_json::{json, Value as Json};
 
 use super::series::Bucket;
+use super::times::TimeCounts;
 
 /// Everything on the bus.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -89,6 +90,7 @@ pub(super) struct RequestBucket {
     least: Ns,
     most: Ns,
     sum: Ns,
+    times: TimeCounts,
 }
 
 impl RequestBucket {
@@ -102,11 +104,17 @@ impl RequestBucket {
             _ => {}
         }
         if let Some(time) = row.response_time {
-            self.times(1, time, time, time);
+            self.timed(1, time, time, time);
+            self.times.add(time);
         }
     }
 
-    fn times(&mut self, count: u64, least: Ns, most: Ns, sum: Ns) {
+    /// The 95th percentile of the response times, within 2 %; null without any.
+    fn p95(&self) -> Json {
+        self.times.percentile(0.95).map_or(Json::Null, |ns| us(ns.clamp(self.least, self.most)))
+    }
+
+    fn timed(&mut self, count: u64, least: Ns, most: Ns, sum: Ns) {
         self.least = if self.timed == 0 { least } else { self.least.min(least) };
         self.most = self.most.max(most);
         self.timed += count;
@@ -122,7 +130,8 @@ impl Bucket for RequestBucket {
         self.silent += later.silent;
         self.damaged += later.damaged;
         if later.timed > 0 {
-            self.times(later.timed, later.least, later.most, later.sum);
+            self.timed(later.timed, later.least, later.most, later.sum);
+            self.times.merge(&later.times);
         }
     }
 }
@@ -137,13 +146,18 @@ pub(super) fn request_columns(buckets: &[RequestBucket]) -> Json {
     let response_time = has_times.then(|| {
         json!({
             "count": column(|one| one.timed), "min_us": times(|one| one.least), "max_us": times(|one| one.most),
-            "mean_us": times(|one| one.sum / one.timed as i64),
+            "mean_us": times(|one| one.sum / one.timed as i64), "p95_us": p95_column(buckets),
         })
     });
     json!({
         "transactions": column(|one| one.transactions), "ok": column(|one| one.ok), "exceptions": column(|one| one.exceptions),
         "silent": column(|one| one.silent), "damaged": column(|one| one.damaged), "response_time": response_time,
     })
+}
+
+/// The 95th percentiles of the response times, null where there is none.
+pub(super) fn p95_column(buckets: &[RequestBucket]) -> Json {
+    buckets.iter().map(RequestBucket::p95).collect()
 }
 
 /// Microseconds; whole ones where nothing is behind the point.

@@ -10,9 +10,10 @@ mod examples;
 mod line;
 mod registers;
 mod series;
+mod times;
 
-use std::collections::btree_map::Entry;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::hash_map::Entry;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use modlens_engine::records::{Batch, Bus, Connection, End, Frame, Transaction};
 use modlens_protocol::line::LineSettings;
@@ -22,9 +23,9 @@ use serde_json::{json, Value as Json};
 
 use crate::columns::each_value;
 use examples::{time_text, Examples};
-use line::{bus_columns, request_columns, us, BusBucket, RequestBucket};
+use line::{bus_columns, p95_column, request_columns, us, BusBucket, RequestBucket};
 use registers::{Place, Registers, MAX_VALUES};
-use series::{resolution, Range, Series};
+use series::{resolution, Bucket, Range, Series};
 
 /// Buses that have series.
 pub const MAX_BUSES: usize = 64;
@@ -99,7 +100,8 @@ struct BusOverview {
     /// Where the last frame and the last transaction were, for rows without a time.
     last: [i64; 2],
     line: Series<BusBucket>,
-    requests: BTreeMap<(u8, u8), Requests>,
+    /// By unit and function.
+    requests: HashMap<(u8, u8), Requests, foldhash::fast::FixedState>,
     registers: Registers,
 }
 
@@ -121,33 +123,47 @@ impl Overview {
                 self.more_connections += 1;
             }
         }
-        let most = self.bus_resolution();
-        let mut rest = &batch.frames[..];
-        while let Some(first) = rest.first() {
-            let run = rest.iter().position(|row| row.bus != first.bus).unwrap_or(rest.len());
-            let has_time =
-                if batch.buses[first.bus as usize].clock == Clock::Utc { first.start } else { first.elapsed }.is_some();
-            if let Some(bus) = self.bus(batch, first.bus, has_time) {
-                rest[..run].iter().for_each(|row| bus.frame(row, most));
-            }
-            rest = &rest[run..];
-        }
+        self.frames(batch);
         let mut rest = &batch.transactions[..];
-        while let Some(first) = rest.first() {
-            let run = rest.iter().position(|row| row.bus != first.bus).unwrap_or(rest.len());
-            self.transactions(batch, &rest[..run]);
-            rest = &rest[run..];
+        while !rest.is_empty() {
+            rest = self.transactions(batch, rest);
         }
         self.values(batch);
     }
 
-    /// Adds transactions of one bus.
-    fn transactions(&mut self, batch: &Batch, rows: &[Transaction]) {
+    fn frames(&mut self, batch: &Batch) {
+        let most = self.bus_resolution();
+        // The bus of the last row, and its index here.
+        let mut last = None;
+        for row in &batch.frames {
+            let at = match last {
+                Some((bus, at)) if bus == row.bus => at,
+                _ => {
+                    let clock = batch.buses[row.bus as usize].clock;
+                    let has_time = if clock == Clock::Utc { row.start } else { row.elapsed }.is_some();
+                    self.bus_at(batch, row.bus, has_time)
+                }
+            };
+            last = Some((row.bus, at));
+            if let Some(at) = at {
+                self.buses[at].frame(row, most);
+            }
+        }
+    }
+
+    /// Adds the transactions of the first row's bus, up to the first of another; gives the others.
+    fn transactions<'a>(&mut self, batch: &Batch, rows: &'a [Transaction]) -> &'a [Transaction] {
+        let number = rows[0].bus;
+        let others = || &rows[rows.iter().position(|row| row.bus != number).unwrap_or(rows.len())..];
         let (line, of_requests, of_values) = (self.bus_resolution(), self.request_resolution(), self.value_resolution());
         let (mut requests, mut values) = (self.requests(), self.registers());
-        let Some(at) = self.bus_at(batch, rows[0].bus, time_of(batch, &rows[0]).is_some()) else { return };
+        let Some(at) = self.bus_at(batch, number, time_of(batch, &rows[0]).is_some()) else { return others() };
         let bus = &mut self.buses[at];
-        for row in rows {
+        for (index, row) in rows.iter().enumerate() {
+            // Not looked for before: rows are large, and to pass over them twice would take as long as to count them.
+            if row.bus != number {
+                return &rows[index..];
+            }
             let position = bus.place(RowKind::Transaction, time_of(batch, row), Some(row.number));
             bus.line.at(position, line).transaction(row);
             let shift = bus.axis.shift();
@@ -172,6 +188,7 @@ impl Overview {
                 values += bus.registers.values - before;
             }
         }
+        &[]
     }
 
     /// Adds the values of units that have a profile.
@@ -227,7 +244,8 @@ impl Overview {
         own.settings = later.settings.or(own.settings);
         own.last = later.last;
         own.line.merge(&later.line, line);
-        for (key, counts) in &later.requests {
+        // In order: which ones there is room for must not depend on that of a hash map.
+        for (key, counts) in later.sorted_requests() {
             if let Some(own) = own.requests.get_mut(key) {
                 own.series.merge(&counts.series, of_requests);
                 own.examples.iter_mut().zip(counts.examples).for_each(|(own, more)| *own = (*own).min(more));
@@ -260,8 +278,8 @@ impl Overview {
         let of_requests = bus.common(bus.requests.values().filter_map(|one| one.series.range()), self.request_resolution());
         let of_values = bus.common(std::iter::empty(), self.value_resolution());
         let requests: Vec<Json> = bus
-            .requests
-            .iter()
+            .sorted_requests()
+            .into_iter()
             .map(|((unit, function), counts)| {
                 let mut row = json!({"unit": unit, "function": function});
                 let columns = request_columns(&counts.series.cut_to(of_requests));
@@ -279,14 +297,9 @@ impl Overview {
         json!({
             "bus": bus.name, "source": bus.source, "settings": bus.settings.map(|line| line.to_string()), "axis": bus.axis.text(),
             "line": columns,
-            "requests": {"steps": bus.axis.steps(of_requests), "rows": requests},
+            "requests": {"steps": bus.axis.steps(of_requests), "rows": requests, "units": bus.units_json(of_requests)},
             "registers": {"steps": bus.axis.steps(of_values), "rows": bus.registers.json(of_values)},
         })
-    }
-
-    fn bus(&mut self, batch: &Batch, index: u32, has_time: bool) -> Option<&mut BusOverview> {
-        let at = self.bus_at(batch, index, has_time)?;
-        Some(&mut self.buses[at])
     }
 
     /// The index here of the bus with this index in the batch; `None` if there is no room for it.
@@ -350,7 +363,7 @@ impl BusOverview {
             axis,
             last: [0; 2],
             line: Series::new(axis.shift()),
-            requests: BTreeMap::new(),
+            requests: HashMap::default(),
             registers: Registers::default(),
         }
     }
@@ -396,6 +409,24 @@ impl BusOverview {
             self.line.at(from, most).busy += until - from;
             from = until;
         }
+    }
+
+    /// The requests by unit and function, so that output does not depend on the order of a hash map.
+    fn sorted_requests(&self) -> BTreeMap<&(u8, u8), &Requests> {
+        self.requests.iter().collect()
+    }
+
+    /// The 95th percentile of each unit's response times, all functions taken together.
+    fn units_json(&self, range: Range) -> Json {
+        let mut units: BTreeMap<u8, Vec<RequestBucket>> = BTreeMap::new();
+        for ((unit, _), counts) in self.sorted_requests() {
+            let more = counts.series.cut_to(range);
+            match units.get_mut(unit) {
+                Some(own) => own.iter_mut().zip(&more).for_each(|(own, more)| own.merge(more)),
+                None => drop(units.insert(*unit, more)),
+            }
+        }
+        units.iter().map(|(unit, buckets)| json!({"unit": unit, "p95_us": p95_column(buckets)})).collect()
     }
 
     /// The range of the bus in buckets that are wide enough for all these series.

@@ -4,6 +4,7 @@
 //! maxima that the compiler makes into vector instructions. Where a unit has a profile, each value is a series of its own.
 
 use std::collections::{BTreeMap, HashMap};
+use std::hash::{Hash, Hasher};
 
 use modlens_engine::records::{Batch, Transaction};
 use modlens_protocol::register_type::Space;
@@ -11,7 +12,7 @@ use modlens_protocol::status::Status;
 use serde_json::{json, Value as Json};
 
 use super::series::{Bucket, Range, Series};
-use crate::columns::{read_data, read_range, row_of, write_data, write_range, Items, ReadingView};
+use crate::columns::{blocks, Items, ReadingView};
 
 /// Registers, bits and points of which there are series, all buses taken together.
 pub(super) const MAX_VALUES: usize = 4096;
@@ -19,8 +20,21 @@ pub(super) const MAX_VALUES: usize = 4096;
 /// Registers or bits of a block: 2,000 coils are the most that a function reads (application protocol, 6.1).
 const MAX_BLOCK: usize = 2048;
 
+/// Registers of a block: 125 are the most that a function reads (6.3); blocks of bits may be longer.
+const MAX_REGISTERS: usize = 128;
+
 /// Unit, table, first address and quantity.
-type BlockKey = (u8, Space, u16, u16);
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct BlockKey(u8, Space, u16, u16);
+
+/// Hashes the key as one number, which is faster than field by field.
+impl Hash for BlockKey {
+    #[inline]
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        let Self(unit, space, first, count) = *self;
+        state.write_u64(u64::from(unit) << 40 | (space as u64) << 32 | u64::from(first) << 16 | u64::from(count));
+    }
+}
 
 /// Unit, table, address, and index of the point in the plan (`u32::MAX` for a bare register or bit).
 type PointKey = (u8, Space, u16, u32);
@@ -56,9 +70,8 @@ struct Counts {
 #[derive(Clone, Debug, Default, PartialEq)]
 struct BlockBucket {
     count: u64,
-    least: Vec<u16>,
-    most: Vec<u16>,
-    last: Vec<u16>,
+    /// The least of each value, then the greatest, then the newest: in one allocation, because there are many buckets.
+    values: Vec<u16>,
 }
 
 /// A value with a name, or a bare one of a unit that has a profile.
@@ -97,15 +110,15 @@ impl Registers {
         if !matches!(row.status, Status::Ok | Status::Broadcast) {
             return 0;
         }
-        let Some(space) = row_of(batch, row).and_then(|row| row.space) else { return 0 };
-        let written = write_range(batch, row).zip(write_data(batch, row)).map(|block| (true, block));
-        let read = read_range(batch, row).zip(read_data(batch, row)).map(|block| (false, block));
+        let Some(found) = blocks(batch, row) else { return 0 };
+        let written = found.written.map(|block| (true, block));
+        let read = found.read.map(|block| (false, block));
         let mut left_out = 0;
-        for (is_write, ((first, _), items)) in written.into_iter().chain(read) {
+        for (is_write, (first, items)) in written.into_iter().chain(read) {
             if items.len() > MAX_BLOCK {
                 continue; // No function of the specification carries so many.
             }
-            let key = (row.unit, space, first, items.len() as u16);
+            let key = BlockKey(row.unit, found.space, first, items.len() as u16);
             let block = match self.blocks.get_mut(&key) {
                 Some(block) => block,
                 None if self.values + items.len() > room => {
@@ -181,7 +194,7 @@ impl Registers {
         // A register that several blocks contain is one.
         let mut all: BTreeMap<PointKey, Row> = BTreeMap::new();
         for key in keys {
-            let (unit, space, first, _) = *key;
+            let BlockKey(unit, space, first, _) = *key;
             let block = &self.blocks[key];
             let buckets = block.series.cut_to(range);
             for at in 0..block.last.len() {
@@ -208,21 +221,42 @@ impl Block {
     fn add(&mut self, items: &Items<'_>, is_write: bool, place: Place) {
         let is_first = self.counts.reads + self.counts.writes == 0;
         self.counts.add(is_write, place.position);
-        let mut buffer = [0u16; MAX_BLOCK];
-        let values = &mut buffer[..self.last.len()];
+        let (mut few, mut many) = ([0u16; MAX_REGISTERS], Vec::new());
+        let values = match self.last.len() {
+            count @ ..=MAX_REGISTERS => &mut few[..count],
+            count => {
+                many.resize(count, 0);
+                &mut many[..]
+            }
+        };
         decode(items, values);
         if !is_first {
-            let pairs = values.iter().zip(&self.last);
-            self.changes.iter_mut().zip(pairs).for_each(|(changes, (new, old))| *changes += u64::from(new != old));
+            self.count_changes(values);
         }
         self.last.copy_from_slice(values);
         let bucket = self.series.at(place.position, place.most);
         if bucket.count == 0 {
-            (bucket.least, bucket.most, bucket.last) = (values.to_vec(), values.to_vec(), values.to_vec());
+            bucket.values = [&*values, values, values].concat();
         } else {
             bucket.extend((values, values), values);
         }
         bucket.count += 1;
+    }
+
+    /// Counts which values differ from the last ones. Most do not, so they are compared eight at once.
+    fn count_changes(&mut self, values: &[u16]) {
+        let count = |changes: &mut [u64], new: &[u16], old: &[u16]| {
+            let differ = new.iter().zip(old).map(|(new, old)| u64::from(new != old));
+            changes.iter_mut().zip(differ).for_each(|(changes, differs)| *changes += differs);
+        };
+        let ((new, new_rest), (old, old_rest)) = (values.as_chunks::<8>(), self.last.as_chunks::<8>());
+        let (changes, changes_rest) = self.changes.as_chunks_mut::<8>();
+        for ((changes, new), old) in changes.iter_mut().zip(new).zip(old) {
+            if new != old {
+                count(changes, new, old);
+            }
+        }
+        count(changes_rest, new_rest, old_rest);
     }
 
     fn merge(&mut self, later: &Self, most: usize) {
@@ -240,18 +274,16 @@ impl Block {
     /// The values of its first bucket: those it begins with, as long as the bucket holds one value of each.
     fn first_values(&self) -> Vec<u16> {
         let range = self.series.range().expect("it was read");
-        self.series.cut_to(range).into_iter().find(|one| one.count > 0).map_or_else(Vec::new, |one| one.last)
+        self.series.cut_to(range).into_iter().find(|one| one.count > 0).map_or_else(Vec::new, |one| one.columns()[2].to_vec())
     }
 
     fn row(&self, at: usize, buckets: &[BlockBucket]) -> Row {
         let one = |bucket: &BlockBucket| match bucket.count {
             0 => PointBucket::default(),
-            count => PointBucket {
-                count,
-                least: f64::from(bucket.least[at]),
-                most: f64::from(bucket.most[at]),
-                last: f64::from(bucket.last[at]),
-            },
+            count => {
+                let [least, greatest, newest] = bucket.columns().map(|column| f64::from(column[at]));
+                PointBucket { count, least, most: greatest, last: newest }
+            }
         };
         Row {
             name: None,
@@ -277,11 +309,20 @@ fn decode(items: &Items<'_>, values: &mut [u16]) {
 }
 
 impl BlockBucket {
+    /// The least values, the greatest, and the newest.
+    fn columns(&self) -> [&[u16]; 3] {
+        let (least, rest) = self.values.split_at(self.values.len() / 3);
+        let (greatest, newest) = rest.split_at(least.len());
+        [least, greatest, newest]
+    }
+
     /// Takes in values between these least and greatest ones, the newest of which are given.
     fn extend(&mut self, (least, most): (&[u16], &[u16]), newest: &[u16]) {
-        self.least.iter_mut().zip(least).for_each(|(own, new)| *own = (*own).min(*new));
-        self.most.iter_mut().zip(most).for_each(|(own, new)| *own = (*own).max(*new));
-        self.last.copy_from_slice(newest);
+        let (own_least, rest) = self.values.split_at_mut(newest.len());
+        let (own_greatest, own_newest) = rest.split_at_mut(newest.len());
+        own_least.iter_mut().zip(least).for_each(|(own, new)| *own = (*own).min(*new));
+        own_greatest.iter_mut().zip(most).for_each(|(own, new)| *own = (*own).max(*new));
+        own_newest.copy_from_slice(newest);
     }
 }
 
@@ -295,7 +336,8 @@ impl Bucket for BlockBucket {
             return;
         }
         self.count += later.count;
-        self.extend((&later.least, &later.most), &later.last);
+        let [least, greatest, newest] = later.columns();
+        self.extend((least, greatest), newest);
     }
 }
 

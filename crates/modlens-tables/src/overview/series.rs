@@ -50,10 +50,11 @@ impl<B: Bucket> Series<B> {
     /// Adds the series of a later part of the recording.
     pub fn merge(&mut self, later: &Self, most: usize) {
         let Some(range) = later.range() else { return };
-        let wanted = self.range().map_or(range, |own| own.with(range)).within(most);
-        let (own, more) = (self.cut_to(wanted), later.cut_to(wanted));
-        (self.shift, self.first, self.buckets) = (wanted.shift, wanted.first, own);
-        self.buckets.iter_mut().zip(&more).for_each(|(own, more)| own.merge(more));
+        self.reshape(self.range().map_or(range, |own| own.with(range)).within(most));
+        for (at, bucket) in later.buckets.iter().enumerate() {
+            let number = (later.first + at as i64) >> (self.shift - later.shift);
+            self.buckets[(number - self.first) as usize].merge(bucket);
+        }
     }
 
     /// Its buckets in a range that covers it, those before and behind it empty.
@@ -70,14 +71,33 @@ impl<B: Bucket> Series<B> {
     fn make_room(&mut self, position: i64, most: usize) {
         let number = position >> self.shift;
         let alone = Range { shift: self.shift, first: number, last: number };
-        let wanted = self.range().map_or(alone, |own| own.with(alone)).within(most);
-        if self.range().is_some_and(|own| (own.shift, own.first) == (wanted.shift, wanted.first)) {
-            // One more behind the last one, as nearly always: the others stay where they are.
-            self.buckets.resize((wanted.last - wanted.first + 1) as usize, B::default());
-            return;
+        self.reshape(self.range().map_or(alone, |own| own.with(alone)).within(most));
+    }
+
+    /// Joins its buckets, and adds empty ones before and behind, until they are those of a range that covers it. A bucket is moved
+    /// and not copied, because a series grows by one bucket most of the time.
+    fn reshape(&mut self, range: Range) {
+        let by = range.shift - self.shift;
+        if by > 0 {
+            let mut newest = None;
+            let mut joined: Vec<B> = Vec::with_capacity((range.last - range.first + 1) as usize);
+            for (at, bucket) in std::mem::take(&mut self.buckets).into_iter().enumerate() {
+                let number = (self.first + at as i64) >> by;
+                match joined.last_mut() {
+                    Some(last) if newest == Some(number) => last.merge(&bucket),
+                    _ => joined.push(bucket),
+                }
+                newest = Some(number);
+            }
+            (self.buckets, self.first, self.shift) = (joined, self.first >> by, range.shift);
         }
-        self.buckets = self.cut_to(wanted);
-        (self.shift, self.first) = (wanted.shift, wanted.first);
+        if self.buckets.is_empty() {
+            self.first = range.first;
+        }
+        let before = (self.first - range.first) as usize;
+        self.buckets.splice(0..0, std::iter::repeat_n(B::default(), before));
+        self.first = range.first;
+        self.buckets.resize((range.last - range.first + 1) as usize, B::default());
     }
 }
 

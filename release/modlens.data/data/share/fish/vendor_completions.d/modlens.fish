@@ -238,7 +238,7 @@ complete -c modlens -n '__fish_seen_subcommand_from plot' -l from -x -d 'format 
 complete -c modlens -n '__fish_seen_subcommand_from plot' -l timezone -x -d 'time zone of timestamps that do not state one: local, Europe/Berlin or +01:00 (without it, such a recording has only times since its start)'
 complete -c modlens -n '__fish_seen_subcommand_from plot' -l date -x -d 'date of the first entry, if timestamps carry no date, such as 2026-11-21'
 complete -c modlens -n '__fish_seen_subcommand_from plot' -l dialects -r -d 'TOML file that defines additional formats of text logs (dialects); repeatable'
-complete -c modlens -n '__fish_seen_subcommand_from plot' -s o -r -d 'write a picture, such as plot.svg, instead'
+complete -c modlens -n '__fish_seen_subcommand_from plot' -s o -r -d 'write a picture instead: plot.svg, or plot.png (extra png)'
 complete -c modlens -n '__fish_seen_subcommand_from plot' -l mode -x -a 'auto rtu ascii tcp' -d 'framing (default: auto)'
 complete -c modlens -n '__fish_seen_subcommand_from plot' -l port -x -d 'captures of networks only: TCP and UDP ports that carry Modbus, such as 502,1502, or any for all ports (default: 502)'
 complete -c modlens -n '__fish_seen_subcommand_from plot' -l channels -x -d 'samples of a logic analyser only: channels to use, such as RX,TX; write !RX if the line is inverted (default: detected)'
