@@ -24,7 +24,8 @@ pub use noise::{NoiseCounts, NoiseKey, NoiseRuns};
 pub use request::{Lonely, Pair, RequestCounts};
 pub use unit::{LengthRatios, Overtaken, Pauses, Runs, UnitCounts, EXCEPTIONS};
 
-use crate::observation::{Clean, FrameObservation, Observation};
+use crate::clean::Clean;
+use crate::observation::{FrameObservation, Observation};
 use tally::{mix, mix_bytes};
 
 /// Buses, units and distinct requests that are counted, all buses taken together: those with the least hashes of their names.

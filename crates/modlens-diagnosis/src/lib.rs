@@ -18,11 +18,17 @@
 //! rows before (the transaction before, the time since a write) looks back over [`contrast::WINDOW`] rows at most: each part
 //! keeps its first rows and counts them when it is known what came before.
 //!
+//! **What went well is counted in bulk.** Nearly all exchanges of most recordings are plain, good and without a finding
+//! (`clean`); of such a one hardly more is noted than that it was. Where its values, or what came before it, may
+//! matter, and behind every failure, the pending ones are counted first, and the order is as if each had been counted by
+//! itself. Where nobody wants rows, the engine gives them in short (`Batch::exchanges`).
+//!
 //! **Silence where there is not enough.** A claim comes with the chance that its contrast is an accident, corrected for the
 //! number of contrasts that were looked at (`statistics`); above [`MAX_CHANCE`] nothing is said.
 
 pub mod bus_day;
 pub mod claim;
+mod clean;
 pub mod contrast;
 pub mod days;
 pub mod kinds;

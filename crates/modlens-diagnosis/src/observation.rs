@@ -1,6 +1,5 @@
 //! What the contrast needs to know of a transaction and of a frame: a few numbers each, without the bytes.
 
-mod clean;
 mod damage;
 
 use modlens_engine::records::{Batch, Exchange, Frame, InnerPauses, Transaction};
@@ -11,11 +10,10 @@ use modlens_protocol::functions::{Functions, Operation};
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
-pub(crate) use clean::Clean;
 pub(crate) use damage::response_part;
 pub use damage::{DamagedPart, DAMAGED_PARTS};
 
-use crate::contrast::tally::{mix, Place};
+use crate::contrast::tally::{fingerprint, mix, Place};
 
 /// The findings of a row, one bit each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -220,7 +218,7 @@ impl Observation {
             exception: row.exception,
             range,
             writes,
-            written: if writes && is_intact { clean::fingerprint(request) } else { 0 },
+            written: if writes && is_intact { fingerprint(request) } else { 0 },
             data,
             response_time: row.response_time,
             waited: row.waited,
@@ -285,8 +283,9 @@ fn answering_unit(mode: Mode, wire: &[u8]) -> Option<u8> {
 /// Answers to different requests are compared by so many bytes.
 const COMPARED_BYTES: usize = 4;
 
+/// What a block of data looks like; `bits` are no registers.
 #[inline]
-fn data(block: &[u8], bits: bool) -> Data {
+pub(crate) fn data(block: &[u8], bits: bool) -> Data {
     let register = |at: usize| block.get(at..at + 2).map_or(0, |pair| u16::from_be_bytes([pair[0], pair[1]]));
     let head = if bits { [0, 0] } else { [register(0), register(2)] };
     let last = register(block.len().saturating_sub(2));

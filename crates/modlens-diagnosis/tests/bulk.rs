@@ -12,7 +12,9 @@ use traffic::{batches, batches_without_clock, fate, Exchange, Fate};
 
 fn counted(batches: &[Batch]) -> Contrast {
     let mut contrast = Contrast::default();
-    batches.iter().for_each(|batch| contrast.observe(batch));
+    for batch in batches {
+        contrast.observe(batch);
+    }
     contrast
 }
 
@@ -30,7 +32,9 @@ proptest! {
     ) {
         let batches = batches(&exchanges);
         let mut days = Days::new(None);
-        batches.iter().for_each(|batch| days.observe(batch));
+        for batch in &batches {
+            days.observe(batch);
+        }
         let mut day = days.rows().remove(0);
         let row = day.as_object_mut().unwrap();
         for key in ["date", "bus", "seconds"] {

@@ -13,17 +13,15 @@ use super::before::Before;
 use super::network::Connections;
 use super::noise::NoiseRuns;
 use super::recall::Recall;
-use super::request::RequestCounts;
+use super::request::{RequestCounts, MAX_REQUESTS};
 use super::sample::Sample;
 use super::tally::{Place, Tally};
 use super::unit::UnitCounts;
-use crate::observation::{response_part, Clean, Data, FrameObservation, Observation, Outcome, RequestKey, Shift, DAMAGED_PARTS};
+use crate::clean::Clean;
+use crate::observation::{response_part, Data, FrameObservation, Observation, Outcome, RequestKey, Shift, DAMAGED_PARTS};
 
 /// What is counted of a row depends on at most so many rows before it.
 pub const WINDOW: usize = 64;
-
-/// Requests that are counted one by one.
-pub(super) const MAX_REQUESTS: usize = 1024;
 
 /// A write is remembered for so many transactions.
 const WRITE_MEMORY: usize = 4;

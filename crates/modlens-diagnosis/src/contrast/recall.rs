@@ -3,8 +3,7 @@
 //!
 //! All of it can be forgotten at any time: it is found anew, and counts nothing itself.
 
-use super::bus::MAX_REQUESTS;
-use super::request::RequestCounts;
+use super::request::{RequestCounts, MAX_REQUESTS};
 use super::sample::Sample;
 use crate::observation::RequestKey;
 

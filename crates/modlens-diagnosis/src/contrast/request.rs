@@ -6,8 +6,12 @@ use super::before::Before;
 use super::sample::Sample;
 use super::tally::{Place, Tally};
 use super::times::Durations;
-use crate::observation::{Clean, Data, Observation, Outcome};
+use crate::clean::Clean;
+use crate::observation::{Data, Observation, Outcome};
 use crate::statistics::Share;
+
+/// Requests that are counted one by one.
+pub(super) const MAX_REQUESTS: usize = 1024;
 
 /// Different requests before it that are counted.
 const MAX_BEFORE: usize = 16;

@@ -56,6 +56,17 @@ pub fn mix_bytes(bytes: &[u8]) -> u64 {
     mix(bytes.iter().fold(0xCBF2_9CE4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01B3)))
 }
 
+/// A number by which the same bytes are known again; never 0.
+pub fn fingerprint(bytes: &[u8]) -> u64 {
+    let mut hash = bytes.len() as u64;
+    for chunk in bytes.chunks(8) {
+        let mut word = [0; 8];
+        word[..chunk.len()].copy_from_slice(chunk);
+        hash = mix(hash ^ u64::from_le_bytes(word));
+    }
+    hash.max(1)
+}
+
 /// What failed in one way: how often, where first and last, how many others came before and after, and examples.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Tally {

@@ -10,7 +10,8 @@ use super::before::Before;
 use super::epochs::Epochs;
 use super::tally::{Place, Tally};
 use super::times::{ByDuration, Durations};
-use crate::observation::{Clean, DamagedPart, Observation, Outcome, DAMAGED_PARTS};
+use crate::clean::Clean;
+use crate::observation::{DamagedPart, Observation, Outcome, DAMAGED_PARTS};
 use crate::statistics::Share;
 
 /// Exception codes that are counted one by one; 0 stands for all others.

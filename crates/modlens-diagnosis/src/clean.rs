@@ -5,8 +5,8 @@ use modlens_protocol::functions::{FunctionRow, Functions, Operation};
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
-use super::{data, Data, FindingSet, Observation, Outcome, RequestKey};
-use crate::contrast::tally::{mix, Place};
+use crate::contrast::tally::{fingerprint, Place};
+use crate::observation::{data, Data, FindingSet, Observation, Outcome, RequestKey};
 
 /// A plain request and its good answer, no repetition, in time, and without a finding.
 ///
@@ -116,15 +116,4 @@ fn contents(shape: &FunctionRow, request: &[u8], response: &[u8]) -> (bool, u64,
         None => Data::default(),
     };
     (writes, written, data)
-}
-
-/// A number by which the same bytes are known again; never 0.
-pub(super) fn fingerprint(bytes: &[u8]) -> u64 {
-    let mut hash = bytes.len() as u64;
-    for chunk in bytes.chunks(8) {
-        let mut word = [0; 8];
-        word[..chunk.len()].copy_from_slice(chunk);
-        hash = mix(hash ^ u64::from_le_bytes(word));
-    }
-    hash.max(1)
 }
