@@ -9,9 +9,9 @@ import io
 from analyzer.archive.days import bus_days
 from analyzer.archive.recordings import find_recordings
 from analyzer.bus_days import COLUMNS
+from analyzer.cli.chosen_settings import settings
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import DAMAGED, SIGNALLED
-from analyzer.cli.parser import settings
 from analyzer.cli.segmentation import report_silence_limits
 from analyzer.cli.standard_streams import print_text
 from analyzer.cli.stop_signals import StopSignals

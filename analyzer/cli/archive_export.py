@@ -15,8 +15,8 @@ from analyzer.archive.manifest import Entry
 from analyzer.archive.recordings import ArchivedRecording, find_recordings
 from analyzer.archive.side_by_side import Position, side_by_side
 from analyzer.cli.between import combine_filters
+from analyzer.cli.chosen_settings import settings
 from analyzer.cli.messages import Messages
-from analyzer.cli.parser import settings
 from analyzer.cli.stop_signals import StopSignals
 from analyzer.columns import TABLES
 from analyzer.cores import cores

@@ -10,8 +10,9 @@ import argparse
 from collections.abc import Iterator
 
 import _modlens
+from analyzer.cli.chosen_settings import load_functions
 from analyzer.cli.messages import Messages
-from analyzer.cli.parser import add_functions, load_functions
+from analyzer.cli.parser import add_functions
 from analyzer.views.screen import stdout
 from dissectors.craft import craft, craft_pdu
 from dissectors.describe import describe

@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 from itertools import islice
 
+from analyzer.cli.chosen_settings import settings
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import TABLE, run_files
-from analyzer.cli.parser import add_decoding, add_input, add_line, add_rows, settings
+from analyzer.cli.parser import add_decoding, add_input, add_line, add_rows
 from analyzer.sources import BINARY
 from analyzer.sources.files import Recording
 from analyzer.sources.pipes import STDIN

@@ -8,10 +8,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from analyzer.cli.chosen_settings import settings
 from analyzer.cli.file_input import file_run
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import DAMAGED, SIGNALLED
-from analyzer.cli.parser import add_archive, add_decoding, add_input, add_line, settings
+from analyzer.cli.parser import add_archive, add_decoding, add_input, add_line
 from analyzer.cli.segmentation import report_silence_limits
 from analyzer.cli.standard_streams import print_text
 from analyzer.cli.stop_signals import StopSignals

@@ -9,7 +9,8 @@ import argparse
 import textwrap
 
 import _modlens
-from analyzer.cli.parser import add_functions, load_functions
+from analyzer.cli.chosen_settings import load_functions
+from analyzer.cli.parser import add_functions
 from analyzer.columns import TABLES, columns
 from analyzer.views.screen import stdout, visible
 from dissectors.errors import UsageError

@@ -6,7 +6,8 @@ import argparse
 import textwrap
 from collections.abc import Iterator
 
-from analyzer.cli.parser import add_dialects, load_dialects
+from analyzer.cli.chosen_settings import load_dialects
+from analyzer.cli.parser import add_dialects
 from analyzer.exports import ENDINGS
 from analyzer.exports import FORMATS as WRITTEN
 from analyzer.sources import SCHEMES, Format, all_formats

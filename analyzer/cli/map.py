@@ -8,10 +8,11 @@ from dataclasses import replace
 
 import _modlens
 from analyzer.addresses import BASES
+from analyzer.cli.chosen_settings import settings
 from analyzer.cli.file_input import file_run
 from analyzer.cli.known_devices import device_hints, usable_profiles
 from analyzer.cli.messages import Messages
-from analyzer.cli.parser import add_decoding, add_input, add_line, settings
+from analyzer.cli.parser import add_decoding, add_input, add_line
 from analyzer.cli.standard_streams import report
 from analyzer.cli.stop_signals import StopSignals
 from analyzer.views.registers import show_map

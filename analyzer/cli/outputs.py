@@ -15,9 +15,9 @@ from dataclasses import replace
 from os.path import isfile
 from typing import Literal, Protocol
 
+from analyzer.cli.chosen_settings import settings
 from analyzer.cli.file_input import file_run
 from analyzer.cli.messages import Messages
-from analyzer.cli.parser import settings
 from analyzer.cli.segmentation import report_silence_limits
 from analyzer.cli.standard_streams import STDOUT, discard_output
 from analyzer.cli.stop_signals import StopSignals

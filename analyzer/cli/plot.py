@@ -7,10 +7,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from analyzer.cli.chosen_settings import settings
 from analyzer.cli.file_input import file_run
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import SIGNALLED
-from analyzer.cli.parser import add_decoding, add_input, add_line, settings
+from analyzer.cli.parser import add_decoding, add_input, add_line
 from analyzer.cli.recording_document import write_page
 from analyzer.cli.stop_signals import StopSignals
 from analyzer.filters import Filter, parse

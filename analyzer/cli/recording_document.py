@@ -8,8 +8,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from analyzer.cli.chosen_settings import settings
 from analyzer.cli.messages import Messages
-from analyzer.cli.parser import settings
 from analyzer.cli.segmentation import report_silence_limits
 from analyzer.cli.standard_streams import print_text
 from analyzer.cli.stop_signals import StopSignals

@@ -8,9 +8,9 @@ from dataclasses import replace
 from typing import Any
 
 import _modlens
+from analyzer.cli.chosen_settings import settings
 from analyzer.cli.file_input import file_run
 from analyzer.cli.messages import Messages
-from analyzer.cli.parser import settings
 
 __all__ = ["survey"]
 

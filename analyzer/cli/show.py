@@ -11,9 +11,10 @@ import os
 import re
 
 import _modlens
+from analyzer.cli.chosen_settings import settings
 from analyzer.cli.file_input import file_run
 from analyzer.cli.messages import Messages
-from analyzer.cli.parser import add_decoding, add_line, settings
+from analyzer.cli.parser import add_decoding, add_line
 from analyzer.cli.show_frames import (
     MBAP_BYTES,
     DisplayedExchange,

@@ -11,9 +11,9 @@ from typing import Any
 
 import _modlens
 from analyzer.addresses import SHORT
+from analyzer.cli.chosen_settings import settings
 from analyzer.cli.file_input import file_run
 from analyzer.cli.messages import Messages
-from analyzer.cli.parser import settings
 from analyzer.counts import count_of
 from analyzer.filters import parse
 from analyzer.views.grid import ColumnLayout, GridColumn

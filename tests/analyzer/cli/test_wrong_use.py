@@ -29,7 +29,7 @@ WRONG: list[tuple[int, str, list[str | Path]]] = [
     (2, "two outputs in one file", ["decode", SEED, "-o", "x.csv", "-o", "frames:x.csv"]),
     (2, "no output given", ["export", SEED]),
     (2, "--from hexx: no such format", ["decode", SEED, "--from", "hexx"]),
-    (2, "line settings 'fast'; give", ["decode", SEED, "--line", "fast"]),
+    (2, "line settings \"fast\"; give", ["decode", SEED, "--line", "fast"]),
     (2, "--baud is missing", ["decode", SEED, "--parity", "E"]),
     (2, "--line gives all settings", ["decode", SEED, "--line", "9600-8N1", "--baud", "9600"]),
     (2, "9 data bits", ["decode", SEED, "--baud", "9600", "--bits", "9"]),

@@ -15,7 +15,6 @@ use crate::session::inner_pauses::InnerPauses;
 use crate::session::lateness::Lateness;
 use crate::session::line::{LineState, UnmergedFrames};
 use crate::session::profiles::Profiles;
-use crate::session::two_lines::unmerged::infer_line_order;
 use crate::session::unit_habits::UnitHabits;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Mode;
@@ -91,7 +90,7 @@ pub(crate) struct BusState {
     /// The step of the time stamps in a recording in text.
     pub(crate) stamps_resolution: Option<Ns>,
     /// The lines of the next frames, where their order is inferred from their content.
-    merged_order: VecDeque<usize>,
+    pub(super) merged_order: VecDeque<usize>,
 }
 
 impl BusOptions {
@@ -262,11 +261,12 @@ impl BusState {
     }
 
     /// The next frame and the index of its line; `adu` gets its unit and PDU. `None` if more bytes or time are needed: while
-    /// it is not known which line is next (`line_of_next_frame`), or as long as that line's framer decides nothing. The bytes of the
-    /// frame are left in the input.
+    /// it is not known which line is next (`line_of_next_frame`), or as long as that line's framer decides nothing. The bytes
+    /// of the frame are left in the input.
     ///
-    /// Where no clock tells the order of two lines, `next_frame_without_clock` says which frame is next. The framer looks ahead in
-    /// recordings only. What it has learned of the framing may change the silence that ends frames of this line (`break_ns`).
+    /// Where no clock tells the order of two lines, `next_frame_without_clock` says which frame is next. The framer looks ahead
+    /// in recordings only. What it has learned of the framing may change the silence that ends frames of this line
+    /// (`break_ns`).
     pub(crate) fn next_frame(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, FrameResult)> {
         if self.lines.first().is_some_and(|(_, line)| line.unmerged.is_some()) {
             return self.next_frame_without_clock(functions, live, adu);
@@ -305,54 +305,6 @@ impl BusState {
         match &self.lines[..] {
             [(_, only)] => (!only.input.bytes().is_empty()).then_some(0),
             _ => self.turn(functions),
-        }
-    }
-}
-
-/// Two lines without a clock: their frames wait, unmerged, until the order is inferred from their content.
-impl BusState {
-    /// The next frame of two lines without a clock, as `next_frame` gives it. Each time the frames ordered so far are used up,
-    /// both lines are framed as far as their bytes and the window go; frames that either side may send are assigned to the one
-    /// that speaks on their line, if that is known; then the order of the frames found is inferred. `None` while the order is
-    /// open because the window is not full and more bytes may come.
-    fn next_frame_without_clock(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, FrameResult)> {
-        if self.merged_order.is_empty() {
-            self.frame_lines_in_turn(functions, live);
-            for at in 0..self.lines.len() {
-                if let Some(speaker) = self.speaker(at) {
-                    self.lines[at].1.assign_ambiguous_to(functions, speaker);
-                }
-            }
-            self.merged_order = infer_line_order(functions, &mut self.lines).into();
-        }
-        let at = self.merged_order.pop_front()?;
-        Some((at, self.lines[at].1.pop_unmerged(adu)?))
-    }
-
-    /// Frames the bytes of all lines in turn, a frame each, until none yields a further one: so what one line shows of who
-    /// speaks on it (`speaker`) helps the other from its first frames on. No outstanding request and no silence is given as
-    /// evidence, as pairing has not seen these frames yet and there is no clock.
-    fn frame_lines_in_turn(&mut self, functions: &Functions, live: bool) {
-        let mut at = 0;
-        let mut lines_without_frame = 0;
-        while lines_without_frame < self.lines.len() {
-            let context = FramerContext {
-                functions,
-                outstanding_request: None,
-                may_look_ahead: !live,
-                is_multi_line: true,
-                line_direction: self.speaker(at),
-                connection_side: None,
-                known_units: &self.known_units,
-                paired_units: &self.paired_units,
-                timeout_log_odds: &|_| 0.0,
-                immediate_ns: None,
-                poll_log_odds: &|_| 0.0,
-                declared_direction: &|side| declared_direction(self.side_votes, side),
-            };
-            let has_frame = self.lines[at].1.queue_frame(&context);
-            lines_without_frame = if has_frame { 0 } else { lines_without_frame + 1 };
-            at = (at + 1) % self.lines.len();
         }
     }
 }
