@@ -84,7 +84,7 @@ impl Search {
         if self.scanned_to <= self.committed_offset() || !input.is_boundary(index) {
             return None;
         }
-        if context.may_look_ahead && !context.is_multi_line && self.awaits_direction(input, context, index) {
+        if context.may_look_ahead && !context.is_multi_line && self.awaits_direction(input, index) {
             self.end_damaged_frames();
             self.scanner.restart(self.scanned_to);
             return None;

@@ -3,9 +3,7 @@
 use std::ops::Range;
 
 use crate::framer::rtu::announced_length::announced_lengths;
-use crate::framer::rtu::context_score::mirrors_request;
 use crate::framer::rtu::crc_scan::MAX_CANDIDATE_SPAN;
-use crate::framer::rtu::frame_bytes::FrameBytes;
 use crate::framer::rtu::search::commit::state::{CommitState, Completion, Decision, Rival, RivalBar};
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::nested::Contents;
@@ -145,27 +143,23 @@ impl Search {
     }
 
     /// Whether the first frame of the best path, at a boundary of a recording before the byte at this index, is to wait for the
-    /// frames behind that: the path fills all bytes up to there, and the same bytes in the other direction lead one within the
-    /// margin (`OFFLINE_COMMIT_MARGIN_BITS`). After `OFFLINE_TIE_PATIENCE_BYTES`, or with too many hypotheses, none waits; nor does a write that its response
-    /// repeats where the boundary is a silence: what the silence says of it counts at its end only (`best_path_before_silence`).
-    pub(in crate::framer::rtu::search) fn awaits_direction(
-        &self,
-        input: &Input,
-        context: &FramerContext<'_>,
-        index: usize,
-    ) -> bool {
+    /// frames behind that: a record begins there, the path fills all bytes up to there, and the same bytes in the other
+    /// direction lead one within the margin (`OFFLINE_COMMIT_MARGIN_BITS`). After `OFFLINE_TIE_PATIENCE_BYTES`, or with too many
+    /// hypotheses, none waits; nor does one at a mere silence, which has told all it can at its end
+    /// (`best_path_before_silence`).
+    pub(in crate::framer::rtu::search) fn awaits_direction(&self, input: &Input, index: usize) -> bool {
+        if !input.read(index).is_some_and(|read| read.starts_record) {
+            return false;
+        }
         let (best, score) = self.best_path();
         let Hypothesis { first_on_path: first, end: path_end, .. } = self.lattice[best];
-        let Hypothesis { start, end, .. } = self.lattice[first];
+        let end = self.lattice[first].end;
         let is_impatient =
             self.scanned_to >= end + weights::OFFLINE_TIE_PATIENCE_BYTES || self.lattice.len() >= weights::MAX_HYPOTHESES;
         if first == ROOT || path_end < self.scanned_to || is_impatient {
             return false;
         }
-        let frame = FrameBytes(&input.bytes()[(start - input.offset()) as usize..(end - input.offset()) as usize]);
-        let starts_record = input.read(index).is_some_and(|read| read.starts_record);
-        (starts_record || !mirrors_request(context, frame.pdu()))
-            && self.has_path_in_opposite_direction(first, score - weights::OFFLINE_COMMIT_MARGIN_BITS)
+        self.has_path_in_opposite_direction(first, score - weights::OFFLINE_COMMIT_MARGIN_BITS)
     }
 
     /// What an unfinished frame has to exceed: the score of the best path (that ends with the frame `path_end`) less the margin
