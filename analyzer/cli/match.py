@@ -57,10 +57,7 @@ def run(options: argparse.Namespace) -> int:
         screen.line(f"unit {unit}", "head")
         unit_tables = [table for table in tables if table["unit"] == unit]
         scored = ranked(unit_tables, profiles)
-        is_chosen = bool(options.names or options.all)
-        # One with which nothing agrees is no candidate.
-        shown = [one for one in scored[:most] if is_chosen or one[0].points]
-        for found, profile in shown:
+        for found, profile in scored[:most]:
             style = "good" if found.fits else "dim"
             head = f"  {found.points:3d} %  {profile.name}: "
             screen.lines([[(head, style), (visible("; ".join(found.reasons)), "")]])
