@@ -130,7 +130,8 @@ def fixed(value: float, decimals: int, *, group: bool = True) -> str:
 
 
 def _percent(share: float) -> str:
-    return f"{fixed(share * 100, 1)} %"
+    """A share in per cent; 100 % is said of all only."""
+    return f"{fixed(min(share * 100, 99.9) if share < 1 else share * 100, 1)} %"
 
 
 def _counts_of(counts: Mapping[str, int]) -> str:

@@ -29,6 +29,9 @@ const Model = (() => {
     return BigInt(value).toString();
   }
 
+  // 100 % is said of all only.
+  const percent = (share) => fixed(share < 1 ? Math.min(share * 100, 99.9) : share * 100, 1) + " %";
+
   const isNested = (value) => typeof value === "object" && value !== null;
 
   function rowsAt(document, path) {
@@ -66,10 +69,10 @@ const Model = (() => {
       case "some": return value ? fixed(value, 0) : "";
       case "ms": return fixed(value / 1000, 3);
       case "seconds": return fixed(value / 1e6, 1);
-      case "percent": return fixed(value * 100, 1) + " %";
+      case "percent": return percent(value);
       case "share": {
         const whole = valueAt(row, column.of);
-        return whole ? fixed((value / whole) * 100, 1) + " %" : "";
+        return whole ? percent(value / whole) : "";
       }
       case "counts": return Object.entries(value).filter(([, count]) => count)
         .map(([key, count]) => `${visible(key)} ${fixed(count, 0)}`).join(", ");

@@ -174,11 +174,26 @@ pub fn duration(ns: i64) -> String {
     }
 }
 
-/// A share in per cent, with a decimal where it is small.
+/// A share in per cent, with a decimal where it is small or nearly all. `100 %` is said of all only.
 pub fn percent(rate: f64) -> String {
     if rate > 0.0 && rate < 0.0995 {
         format!("{:.1} %", rate * 100.0)
+    } else if (0.995..1.0).contains(&rate) {
+        format!("{:.1} %", (rate * 1000.0).floor() / 10.0)
     } else {
         format!("{:.0} %", rate * 100.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::percent;
+
+    #[test]
+    fn a_hundred_per_cent_is_said_of_all_only() {
+        assert_eq!(
+            [0.0, 0.004, 0.12, 0.994, 0.995, 7983.0 / 7987.0, 1.0].map(percent),
+            ["0 %", "0.4 %", "12 %", "99 %", "99.5 %", "99.9 %", "100 %"]
+        );
     }
 }
