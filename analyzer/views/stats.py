@@ -215,7 +215,7 @@ def _row_fields(rows: Sequence[Mapping[str, Any]], *, is_wide: bool) -> list[Gri
         GridColumn(ColumnLayout("failed", 6, align_right=True), _failed, lambda _: "bad"),
         GridColumn(ColumnLayout("retry", 5, align_right=True), lambda row: _some(row["retries"])),
     ]
-    if any(0 < _timed(row) < _answered(row) for row in rows):
+    if is_wide and any(0 < _timed(row) < _answered(row) for row in rows):
         chosen.append(
             GridColumn(
                 ColumnLayout("timed", 5, align_right=True),

@@ -76,17 +76,9 @@ impl Search {
 
     /// What is decided if no frame crosses the place behind the last byte scanned, which has this index in the input: if it is
     /// a boundary behind the root. If nothing is committed there, scanning begins anew, since no valid substring reaches across.
-    ///
-    /// In a recording of one line a frame whose direction is open waits there for those behind it, as it would without the
-    /// boundary.
     #[inline]
     fn decide_at_boundary(&mut self, input: &Input, context: &FramerContext<'_>, index: usize) -> Option<Decision> {
         if self.scanned_to <= self.committed_offset() || !input.is_boundary(index) {
-            return None;
-        }
-        if context.may_look_ahead && !context.is_multi_line && self.awaits_direction(input, index) {
-            self.end_damaged_frames();
-            self.scanner.restart(self.scanned_to);
             return None;
         }
         let decision = self.decide(input, context, true);
@@ -94,13 +86,6 @@ impl Search {
             self.scanner.restart(self.scanned_to);
         }
         decision
-    }
-
-    /// Lets no damaged frame reach across the place behind the last byte scanned.
-    fn end_damaged_frames(&mut self) {
-        for hypothesis in self.lattice.iter_mut().filter(|hypothesis| hypothesis.end < self.scanned_to) {
-            hypothesis.next_damaged_end_at = u64::MAX;
-        }
     }
 
     /// Begins to scan behind the root.

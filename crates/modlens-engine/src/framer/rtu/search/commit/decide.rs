@@ -142,26 +142,6 @@ impl Search {
             && self.has_opposite_rival(first, score - weights::OPPOSITE_DIRECTION_MARGIN_BITS)
     }
 
-    /// Whether the first frame of the best path, at a boundary of a recording before the byte at this index, is to wait for the
-    /// frames behind that: a record begins there, the path fills all bytes up to there, and the same bytes in the other
-    /// direction lead one within the margin (`OFFLINE_COMMIT_MARGIN_BITS`). After `OFFLINE_TIE_PATIENCE_BYTES`, or with too many
-    /// hypotheses, none waits; nor does one at a mere silence, which has told all it can at its end
-    /// (`best_path_before_silence`).
-    pub(in crate::framer::rtu::search) fn awaits_direction(&self, input: &Input, index: usize) -> bool {
-        if !input.read(index).is_some_and(|read| read.starts_record) {
-            return false;
-        }
-        let (best, score) = self.best_path();
-        let Hypothesis { first_on_path: first, end: path_end, .. } = self.lattice[best];
-        let end = self.lattice[first].end;
-        let is_impatient =
-            self.scanned_to >= end + weights::OFFLINE_TIE_PATIENCE_BYTES || self.lattice.len() >= weights::MAX_HYPOTHESES;
-        if first == ROOT || path_end < self.scanned_to || is_impatient {
-            return false;
-        }
-        self.has_path_in_opposite_direction(first, score - weights::OFFLINE_COMMIT_MARGIN_BITS)
-    }
-
     /// What an unfinished frame has to exceed: the score of the best path (that ends with the frame `path_end`) less the margin
     /// (`COMMIT_MARGIN_BITS`, in a recording `LOOKAHEAD_MARGIN_BITS`), `now` as that path scores, and `least` once it has paid
     /// all that bytes behind its last frame can cost.
@@ -313,12 +293,6 @@ impl Search {
     /// the bytes behind it, exceeds `bar` (bits).
     pub(super) fn has_opposite_rival(&self, first: usize, bar: f32) -> bool {
         self.lattice.iter().any(|other| self.is_opposite(first, other) && self.current_score(other) > bar)
-    }
-
-    /// Whether they are the first frame of any path whose score now exceeds `bar` (bits), whatever follows them there.
-    fn has_path_in_opposite_direction(&self, first: usize, bar: f32) -> bool {
-        let begins_with_it = |path: &Hypothesis| self.is_opposite(first, &self.lattice[path.first_on_path]);
-        self.lattice.iter().any(|path| self.current_score(path) > bar && begins_with_it(path))
     }
 
     /// Whether a hypothesis has the bytes of the frame `first` in the other direction.

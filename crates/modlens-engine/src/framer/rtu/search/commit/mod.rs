@@ -35,8 +35,7 @@
 //!
 //! In a recording nobody waits. Margins are wider there, and whether an unfinished frame will be complete is looked up
 //! (`lookahead`) instead of guessed from its header. The framer also holds unframed bytes back there until the frame behind them
-//! is known (`is_held_back`). At a boundary a frame is whole, but whose it is may show behind that only: it goes on waiting
-//! while the other direction leads a path within the margin (`awaits_direction`).
+//! is known (`is_held_back`).
 
 mod decide;
 mod emit;
