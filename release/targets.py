@@ -9,7 +9,8 @@ __all__ = ["GATEWAYS", "MACHINES", "TARGETS", "Gateway", "Machine", "Target"]
 
 _MAX_BYTES = 8_000_000
 _MAX_BYTES_OF_APPLE = 10_000_000
-"""For each processor that a wheel is for."""
+"""For each processor that a wheel is for. The first ones had 4.1 to 4.4 MB for Linux, 7.3
+for Windows and 9.1 for macOS."""
 
 
 @dataclass(frozen=True, slots=True)

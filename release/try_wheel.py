@@ -13,6 +13,7 @@ import argparse
 import os
 import platform
 import pty
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -83,9 +84,12 @@ def python_of(machine: str) -> list[str]:
     python = root / "usr/bin/python3.11"
     if not python.exists():
         ROOTS.mkdir(parents=True, exist_ok=True)
+        # What an interrupted try has left; mmdebstrap takes an empty folder only.
+        shutil.rmtree(root, ignore_errors=True)
         subprocess.run(
             ["mmdebstrap", "--quiet", "--variant=extract", f"--architectures={debian}",
-             f"--include={PACKAGES}", RELEASE, str(root), f"deb {DEBIAN} {RELEASE} main"],
+             '--aptopt=Acquire::Retries "5"', f"--include={PACKAGES}", RELEASE, str(root),
+             f"deb {DEBIAN} {RELEASE} main"],
             check=True,
         )  # fmt: skip
     return [MACHINES[machine].emulator, "-L", str(root), str(python)]
