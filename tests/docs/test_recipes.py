@@ -6,10 +6,11 @@ Takes minutes, so it runs by `make recipes` and under CI only.
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,7 @@ from tests.conftest import ROOT, environment
 from tests.docs.recipes import METER, Step, carry_out, copy_of_the_tree, steps
 
 TIMEOUT_S = 900
+TARGET = ROOT / "target" / "recipes"
 
 pytestmark = pytest.mark.skipif(
     "1" not in (os.environ.get("MODLENS_CI"), os.environ.get("MODLENS_RECIPES")),
@@ -27,8 +29,7 @@ pytestmark = pytest.mark.skipif(
 
 def run(words: Sequence[str], tree: Path) -> str:
     """What a command said in the copy; its failure is the test's."""
-    # The checkout's build folder has the dependencies already.
-    env = environment(CARGO_TARGET_DIR=str(ROOT / "target"))
+    env = environment(CARGO_TARGET_DIR=str(TARGET))
     done = subprocess.run(
         list(words),
         cwd=tree, env=env, capture_output=True, text=True, timeout=TIMEOUT_S, check=False,
@@ -38,12 +39,20 @@ def run(words: Sequence[str], tree: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The copy after all recipes."""
+def tree(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The copy after all recipes.
+
+    It is built in a copy of the checkout's build folder, which has the dependencies already. In
+    the folder itself cargo would take what the recipes added for the checkout's own: it tells the
+    crates of a workspace apart by their paths inside it.
+    """
     tree = copy_of_the_tree(tmp_path_factory.mktemp("recipes") / "copy")
     for step in steps():
         carry_out(Step(METER, "new", "", step.text) if step.file == "meter.toml" else step, tree)
-    return tree
+    shutil.rmtree(TARGET, ignore_errors=True)
+    shutil.copytree(ROOT / "target" / "release", TARGET / "release")
+    yield tree
+    shutil.rmtree(TARGET)
 
 
 @pytest.fixture(scope="module")
