@@ -14,7 +14,7 @@ mod unit;
 
 use std::collections::BTreeMap;
 
-use modlens_engine::records::{Batch, Connection};
+use modlens_engine::records::{Batch, Connection, Part};
 use modlens_protocol::functions::Functions;
 
 pub use bus::{BusContrast, BusFacts, WINDOW};
@@ -73,45 +73,45 @@ impl Contrast {
 
     /// Counts frames, with those of exchanges in short between them.
     fn observe_frames(&mut self, batch: &Batch) {
-        let (mut rest, mut runs) = (&batch.frames[..], batch.exchange_runs.iter().peekable());
-        while !rest.is_empty() || runs.peek().is_some() {
-            if let Some(run) = runs.next_if(|run| rest.first().is_none_or(|row| run.frame < row.number)) {
-                self.bus(batch, run.bus).frames_in_short(run, run.exchanges.of(&batch.exchanges));
-                continue;
-            }
-            let (bus, until) = (rest[0].bus, runs.peek().map_or(u64::MAX, |run| run.frame));
-            let count = rest.iter().position(|row| row.bus != bus || row.number > until).unwrap_or(rest.len());
-            let bus = self.bus(batch, bus);
-            for row in &rest[..count] {
-                if !bus.clean_frame(row) {
-                    bus.frame(FrameObservation::of(batch, row));
+        for part in batch.frame_parts() {
+            match part {
+                Part::Short(run) => self.bus(batch, run.bus).frames_in_short(run, run.exchanges.of(&batch.exchanges)),
+                Part::Rows(rows) => {
+                    for rows in rows.chunk_by(|row, next| row.bus == next.bus) {
+                        let bus = self.bus(batch, rows[0].bus);
+                        for row in rows {
+                            if !bus.clean_frame(row) {
+                                bus.frame(FrameObservation::of(batch, row));
+                            }
+                        }
+                    }
                 }
             }
-            rest = &rest[count..];
         }
     }
 
     /// Counts transactions, with exchanges in short between them.
     fn observe_transactions(&mut self, batch: &Batch, functions: &Functions) {
-        let (mut rest, mut runs) = (&batch.transactions[..], batch.exchange_runs.iter().peekable());
-        while !rest.is_empty() || runs.peek().is_some() {
-            if let Some(run) = runs.next_if(|run| rest.first().is_none_or(|row| run.number < row.number)) {
-                let bus = self.bus(batch, run.bus);
-                let numbered = run.exchanges.of(&batch.exchanges).iter().zip(run.number..);
-                let exchanges = numbered.filter_map(|(row, number)| Clean::in_short(batch, functions, number, row));
-                exchanges.for_each(|exchange| bus.clean(&exchange));
-                continue;
-            }
-            let (bus, until) = (rest[0].bus, runs.peek().map_or(u64::MAX, |run| run.number));
-            let count = rest.iter().position(|row| row.bus != bus || row.number > until).unwrap_or(rest.len());
-            let bus = self.bus(batch, bus);
-            for row in &rest[..count] {
-                match Clean::of(batch, functions, row) {
-                    Some(clean) => bus.clean(&clean),
-                    None => bus.transaction(Observation::of(batch, functions, row)),
+        for part in batch.transaction_parts() {
+            match part {
+                Part::Short(run) => {
+                    let bus = self.bus(batch, run.bus);
+                    let numbered = run.exchanges.of(&batch.exchanges).iter().zip(run.number..);
+                    let exchanges = numbered.filter_map(|(row, number)| Clean::in_short(batch, functions, number, row));
+                    exchanges.for_each(|exchange| bus.clean(&exchange));
+                }
+                Part::Rows(rows) => {
+                    for rows in rows.chunk_by(|row, next| row.bus == next.bus) {
+                        let bus = self.bus(batch, rows[0].bus);
+                        for row in rows {
+                            match Clean::of(batch, functions, row) {
+                                Some(clean) => bus.clean(&clean),
+                                None => bus.transaction(Observation::of(batch, functions, row)),
+                            }
+                        }
+                    }
                 }
             }
-            rest = &rest[count..];
         }
     }
 

@@ -48,7 +48,7 @@ impl Days {
         for row in &batch.frames {
             self.day(batch, row.bus, row.start, 0).bus(batch, row.bus).frame(FrameObservation::of(batch, row));
         }
-        for row in &batch.transactions {
+        for row in batch.all_transactions() {
             let contrast = self.day(batch, row.bus, row.start, 1);
             contrast.bus(batch, row.bus).transaction(Observation::of(batch, functions, row));
         }

@@ -299,6 +299,16 @@ impl Input {
         first.end == request_end && self.first_read_start == self.offset && second.is_some_and(is_timely)
     }
 
+    /// How many of the unframed bytes are in one read without time, side and marks, in which exchanges of this framing are decided
+    /// by their bytes alone, as `holds_exchange` says of each of them; 0 if the first read is none.
+    pub fn plain_untimed_bytes(&self, mode: Mode) -> usize {
+        let is_plain = |read: &&Read| {
+            let proves_no_other = read.proven_framing.is_none_or(|proven| proven == mode);
+            !self.has_marks && !self.has_times && read.side.is_none() && !read.lacks_checksum && proves_no_other
+        };
+        self.reads.front().filter(is_plain).map_or(0, |read| (read.end - self.offset) as usize)
+    }
+
     /// If the first `length` bytes are exactly one read with a time, on a line without any marks: its time, and that of the
     /// next read (`NO_TIME` if it has none), if there is one.
     pub fn whole_packet(&self, length: usize) -> Option<(Ns, Option<Ns>)> {

@@ -4,15 +4,16 @@
 
 mod buses;
 mod connection;
+mod exchange;
 
 pub use buses::{Bus, Buses, Network};
 pub use connection::{Connection, End};
+pub use exchange::{Exchange, ExchangeRun, Part};
 
 use std::mem::take;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 
 use modlens_profiles::points::PlanInstance;
-use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::{Finding, Severity};
 use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
@@ -161,48 +162,6 @@ pub struct Transaction {
     pub origin: u64,
 }
 
-/// An exchange of an RTU line without a clock, in short: a plain request and its good answer, without a finding. Its bytes are
-/// in the arena, the answer's right behind the request's.
-#[derive(Clone, Copy, Debug)]
-pub struct Exchange {
-    /// Where the request's bytes begin.
-    pub start: u32,
-    /// Bytes of the request and of the answer.
-    pub lengths: [u16; 2],
-    /// Address of the first register or bit.
-    pub address: u16,
-    /// Number of registers or bits.
-    pub quantity: u16,
-    /// Unit.
-    pub unit: u8,
-    /// Function code.
-    pub function: u8,
-}
-
-impl Exchange {
-    /// The PDUs of the request and of the answer.
-    #[inline]
-    pub fn pdus<'a>(&self, arena: &'a [u8]) -> [&'a [u8]; 2] {
-        let [request, answer] = self.lengths.map(usize::from);
-        let both = &arena[self.start as usize..][..request + answer];
-        let (request, answer) = both.split_at(request);
-        [request, answer].map(|frame| &frame[1..frame.len() - CRC_BYTES])
-    }
-}
-
-/// Exchanges in short that stand one behind the other.
-#[derive(Clone, Debug)]
-pub struct ExchangeRun {
-    /// Index of the bus.
-    pub bus: u32,
-    /// Number of the first transaction; the others have the next ones.
-    pub number: u64,
-    /// Number of the first frame; each exchange has two.
-    pub frame: u64,
-    /// Which of `Batch::exchanges`.
-    pub exchanges: Span,
-}
-
 /// A finding on a frame or transaction.
 #[derive(Clone, Debug)]
 pub struct FindingRow {
@@ -278,11 +237,11 @@ pub struct Batch {
     pub codes: Vec<Finding>,
     /// Frames.
     pub frames: Vec<Frame>,
-    /// Transactions.
+    /// Transactions, but for exchanges in short: `all_transactions` has both.
     pub transactions: Vec<Transaction>,
     /// Findings.
     pub findings: Vec<FindingRow>,
-    /// Exchanges in short, which are not among frames and transactions (`Session::emit_in_short`).
+    /// Exchanges in short, which are not among frames and transactions.
     pub exchanges: Vec<Exchange>,
     /// The same by bus, in the order of their numbers.
     pub exchange_runs: Vec<ExchangeRun>,
@@ -293,6 +252,8 @@ pub struct Batch {
     /// For frames that came in more than two packets: number of the frame, and of a packet that holds neither its first nor
     /// its last byte.
     pub inner_packets: Vec<(u64, u64)>,
+    /// All transactions, once somebody has asked for them.
+    expanded: OnceLock<Vec<Transaction>>,
     /// Where its vectors go when it is dropped.
     pub(crate) pool: MemoryPool,
 }
@@ -362,6 +323,31 @@ impl Batch {
     pub fn span_of(&self, bytes: &[u8]) -> Span {
         let start = (bytes.as_ptr() as usize).wrapping_sub(self.arena.as_ptr() as usize);
         Span { start: start as u32, length: bytes.len() as u32 }
+    }
+
+    /// The transactions in the order of their numbers, those in short as rows, too.
+    ///
+    /// These rows are made when this is first called. Where the rows are read once, one behind the other, it is cheaper to make
+    /// them one by one (`ExchangeRun::transaction`).
+    pub fn all_transactions(&self) -> &[Transaction] {
+        if self.exchange_runs.is_empty() {
+            return &self.transactions;
+        }
+        self.expanded.get_or_init(|| {
+            let mut all = Vec::with_capacity(self.transaction_count());
+            for part in self.transaction_parts() {
+                match part {
+                    Part::Rows(rows) => all.extend_from_slice(rows),
+                    Part::Short(run) => all.extend((0..run.exchanges.length as usize).map(|at| run.transaction(self, at))),
+                }
+            }
+            all
+        })
+    }
+
+    /// How many transactions there are, those in short included.
+    pub fn transaction_count(&self) -> usize {
+        self.transactions.len() + self.exchanges.len()
     }
 
     /// Copies findings into the batch.

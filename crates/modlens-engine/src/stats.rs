@@ -71,6 +71,14 @@ struct SilenceComparison {
     agrees_so_far: bool,
 }
 
+/// Where the counters of a request are: they stay there.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RequestPlace {
+    request: usize,
+    unit: usize,
+    function: usize,
+}
+
 /// Statistics of a session.
 #[derive(Clone, Debug, Default)]
 pub struct Stats {
@@ -166,6 +174,24 @@ impl Stats {
         if let Some(time) = response_time {
             function.response_times.add(time);
         }
+    }
+
+    /// Where the counters of a request are, on the bus of this index here; `None` if there is no room for the request.
+    pub(crate) fn place_of(&mut self, bus: usize, key: RequestKey) -> Option<RequestPlace> {
+        let counts = &mut self.buses[bus];
+        let request = counts.requests.find_or_add(key)?;
+        counts.function(key.unit(), key.function());
+        let unit = usize::from(counts.unit_indices[usize::from(key.unit())]) - 1;
+        let function = usize::from(counts.units[unit].indices[usize::from(key.function())]) - 1;
+        Some(RequestPlace { request, unit, function })
+    }
+
+    /// Counts what `record_exchange` counts of an exchange without times, whose counters are at this place.
+    #[inline]
+    pub(crate) fn record_exchange_at(&mut self, bus: usize, key: RequestKey, at: RequestPlace) {
+        let counts = &mut self.buses[bus];
+        counts.requests.record_exchange_at(at.request, key);
+        counts.units[at.unit].functions[at.function].statuses[Status::Ok as usize] += 1;
     }
 
     /// How many transactions with a unit were counted on the bus of this index here, and how many of them with a response.

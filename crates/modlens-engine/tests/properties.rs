@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use modlens_engine::records::{Batch, Frame, FrameRef, Span, Transaction};
-use modlens_engine::session::{BusOptions, Session};
+use modlens_engine::session::{BusOptions, Session, WantedTables};
 use modlens_protocol::checksum::{crc16, lrc};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::source::Clock;
@@ -184,6 +184,15 @@ fn all_rows(data: &[u8], mode: Mode, piece: usize) -> Vec<String> {
     rows_and_statistics(session)
 }
 
+/// The transactions of these bytes, the findings and the statistics, if nobody wants frames.
+fn rows_without_frames(data: &[u8], piece: usize) -> Vec<String> {
+    let wanted = WantedTables { frames: false, transactions: true, findings: true };
+    let mut session = Session::new(Arc::default(), wanted, false, None);
+    let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("bus") });
+    data.chunks(piece).for_each(|bytes| session.feed(bus, &Chunk { bytes, ..Chunk::default() }));
+    rows_and_statistics(session)
+}
+
 /// All rows of a log with one record a line, given `lines` lines at a time.
 fn all_rows_of_log(log: &[String], mode: Mode, lines: usize) -> Vec<String> {
     let mut session = Session::default();
@@ -205,14 +214,14 @@ fn rows_and_statistics(mut session: Session) -> Vec<String> {
     let frames = batch.frames.iter().map(|row| {
         format!("{:?} {:?} {:?}", bytes(row.wire), codes(row.findings), Frame { wire: place, findings: place, ..row.clone() })
     });
-    let transactions = batch.transactions.iter().map(|row| {
+    let transactions = batch.all_transactions().iter().map(|row| {
         let half = |half: FrameRef| format!("{:?} {:?}", bytes(half.wire), bytes(half.pdu));
         let bare = |half: FrameRef| FrameRef { wire: place, pdu: place, ..half };
         let (request, response) = (bare(row.request), bare(row.response));
         let plain = Transaction { request, response, findings: place, ..row.clone() };
         format!("{} {} {plain:?}", half(row.request), half(row.response))
     });
-    let findings = batch.transactions.iter().map(|row| format!("{:?}", codes(row.findings)));
+    let findings = batch.all_transactions().iter().map(|row| format!("{:?}", codes(row.findings)));
     let rows = batch.findings.iter().map(|row| format!("{row:?}"));
     frames.chain(transactions).chain(findings).chain(rows).chain([session.stats_json().to_string()]).collect()
 }
@@ -350,6 +359,16 @@ proptest! {
             let slow = all_rows(&data, mode, 1);
             prop_assert_eq!(&all_rows(&data, mode, usize::MAX), &slow);
             prop_assert_eq!(&all_rows(&data, mode, piece), &slow);
+        }
+    }
+
+    // Without frames, exchanges are emitted in short, and their rows are made when somebody reads them.
+    #[test]
+    fn exchanges_in_short_give_the_rows_of_those_in_full(bursts in cycle(), piece in 2usize..70) {
+        let data = bytes_of(&bursts);
+        let in_full: Vec<String> = all_rows(&data, Mode::Rtu, 1).into_iter().filter(|row| !row.contains(" Frame {")).collect();
+        for piece in [usize::MAX, piece, 1] {
+            prop_assert_eq!(&rows_without_frames(&data, piece), &in_full);
         }
     }
 

@@ -2,17 +2,24 @@
 
 use std::sync::OnceLock;
 
-/// Appends an integer.
+/// Appends an integer. Most are in the table.
 #[inline]
 pub fn push_int(value: i64, out: &mut Vec<u8>) {
+    match decimal_texts().get(value as usize) {
+        Some(entry) => push_entry(*entry, out),
+        None => push_long(value, out),
+    }
+}
+
+#[inline(never)]
+fn push_long(value: i64, out: &mut Vec<u8>) {
     if value < 0 {
         out.push(b'-');
     }
     push_unsigned(value.unsigned_abs(), out);
 }
 
-/// Appends a non-negative integer four digits at a time, from a table. Most numbers are in the table and need no
-/// division.
+/// Appends a non-negative integer four digits at a time, from a table.
 fn push_unsigned(value: u64, out: &mut Vec<u8>) {
     if let Some(entry) = decimal_texts().get(value as usize) {
         push_entry(*entry, out);
@@ -71,6 +78,7 @@ pub fn push_short(text: &[u8], out: &mut Vec<u8>) {
 }
 
 /// The decimal text of every 16-bit number: up to five digits, and their count in the last byte.
+#[inline]
 pub fn decimal_texts() -> &'static [[u8; 8]] {
     static TABLE: OnceLock<Vec<[u8; 8]>> = OnceLock::new();
     TABLE.get_or_init(|| {

@@ -80,7 +80,6 @@ impl Session {
     ) -> PyResult<Self> {
         let mut wanted = WantedTables { frames: tables.is_none(), transactions: tables.is_none(), findings: tables.is_none() };
         let mut contrast = None;
-        let only_diagnoses = !overview && tables.as_ref().is_some_and(|tables| tables.iter().all(|name| name == "diagnoses"));
         for name in tables.unwrap_or_default() {
             match TableKind::from_name(&name).ok_or_else(|| value_error(format!("no table {name:?}")))? {
                 TableKind::Frames => wanted.frames = true,
@@ -92,11 +91,12 @@ impl Session {
             }
         }
         let overview = overview.then(Overview::default);
+        let shows_frames = wanted.frames;
         if contrast.is_some() || overview.is_some() {
             (wanted.frames, wanted.transactions) = (true, true);
         }
         let mut core = Core::new(Arc::clone(&functions.core), wanted, live, timeout_ns);
-        if only_diagnoses {
+        if !shows_frames {
             core.emit_in_short();
         }
         if let Some(name) = bus_name {

@@ -29,10 +29,10 @@ pub fn push_items(items: &Items<'_>, separator: u8, out: &mut Vec<u8>) {
             out.truncate(at);
         }
         Items::Bits(bytes, _) => {
-            out.resize(start + 2 * count, separator);
-            for (i, digit) in out[start..].iter_mut().step_by(2).enumerate() {
-                *digit = b'0' + (bytes[i / 8] >> (i % 8) & 1);
+            for &byte in &bytes[..count.div_ceil(8)] {
+                out.extend_from_slice(&digits_of(byte, separator).to_le_bytes());
             }
+            out.truncate(start + 2 * count);
         }
         Items::One(value) => {
             push_int(i64::from(value), out);
@@ -48,6 +48,18 @@ pub fn push_items(items: &Items<'_>, separator: u8, out: &mut Vec<u8>) {
     if count > 0 {
         out.pop();
     }
+}
+
+/// The eight bits of a byte as digits, that of the lowest bit first, each with the separator behind it: one a byte of the
+/// result, in little-endian order.
+#[inline]
+fn digits_of(byte: u8, separator: u8) -> u128 {
+    // To every second byte of the product goes a copy of the eight bits, of which the mask leaves another one in each.
+    let copies = u128::from(byte) * 0x0001_0001_0001_0001_0001_0001_0001_0001;
+    let own = copies & 0x0080_0040_0020_0010_0008_0004_0002_0001;
+    // A bit that is set, whichever it is, comes to stand in the highest place of its 16 bits.
+    let is_set = (own + 0x7FFF_7FFF_7FFF_7FFF_7FFF_7FFF_7FFF_7FFF) >> 15 & 0x0001_0001_0001_0001_0001_0001_0001_0001;
+    is_set + 0x0030_0030_0030_0030_0030_0030_0030_0030 + (u128::from(separator) << 8) * 0x0001_0001_0001_0001_0001_0001_0001_0001
 }
 
 /// Appends a duration in microseconds with as many decimals as it has.
@@ -145,6 +157,18 @@ pub fn push_plain(cell: &Cell<'_>, out: &mut Vec<u8>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bits_are_digits_from_the_lowest_on() {
+        let mut out = Vec::new();
+        // Section 6.1 of the application protocol: CD 6B 05 are coils 20 to 38, 20 being the lowest bit of CD.
+        push_items(&Items::Bits(&[0xCD, 0x6B, 0x05], 19), b' ', &mut out);
+        assert_eq!(String::from_utf8(out).unwrap(), "1 0 1 1 0 0 1 1 1 1 0 1 0 1 1 0 1 0 1");
+        for byte in 0..=255u8 {
+            let digits: String = (0..8).map(|bit| format!("{};", byte >> bit & 1)).collect();
+            assert_eq!(digits_of(byte, b';').to_le_bytes(), digits.as_bytes());
+        }
+    }
 
     #[test]
     fn microseconds() {

@@ -37,7 +37,7 @@ struct Block {
 impl RegisterSurvey {
     /// Adds the transactions of a batch.
     pub fn add(&mut self, batch: &Batch) {
-        for t in &batch.transactions {
+        for t in batch.all_transactions() {
             let space = row_of(batch, t).and_then(|row| row.space);
             let Some(space) = space.filter(|_| matches!(t.status, Status::Ok | Status::Exception)) else { continue };
             let blocks = self.units.entry((t.unit, space)).or_default();

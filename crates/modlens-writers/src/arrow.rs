@@ -10,7 +10,7 @@ use arrow_buffer::{Buffer, OffsetBuffer};
 use arrow_schema::{DataType, Field, Schema, TimeUnit};
 
 use crate::values::ColumnBuilder;
-use modlens_tables::columns::{CellSink, ColumnType, RowRef, Table, TableKind};
+use modlens_tables::columns::{CellSink, ColumnReader, ColumnType, RowRef, Table, TableKind};
 
 /// The schema of a table.
 pub fn schema(kind: TableKind) -> Schema {
@@ -49,31 +49,63 @@ pub fn batch(table: &Table) -> RecordBatch {
 
 /// Some columns of some rows as one record batch.
 pub fn batch_of(table: &Table, rows: Range<usize>, columns: &[usize]) -> RecordBatch {
-    let rows: Vec<RowRef<'_>> = rows.map(|row| table.row(row)).collect();
-    let arrays = columns.iter().map(|&column| array(&rows, table.kind, column)).collect();
+    let mut making: Vec<Box<dyn ArrayInMaking>> = columns.iter().map(|&column| in_making(table.kind, column, rows.len())).collect();
+    table.each_chunk(rows, |rows| making.iter_mut().for_each(|array| array.take(rows)));
+    let arrays = making.into_iter().map(|array| array.finish()).collect();
     RecordBatch::try_new(Arc::new(schema_of(table.kind, columns)), arrays).expect("columns are built by the schema")
 }
 
-/// The array of one column.
-fn array(rows: &[RowRef<'_>], table: TableKind, column: usize) -> ArrayRef {
-    match table.columns()[column].kind {
-        kind @ (ColumnType::Int | ColumnType::Time) => integer_array(column_values(rows, table, column), kind),
-        ColumnType::Us | ColumnType::Float => float_array(column_values(rows, table, column)),
-        ColumnType::Bool => bool_array(column_values(rows, table, column)),
-        ColumnType::Text | ColumnType::Map => text_array(column_values(rows, table, column)),
-        ColumnType::Ints => int_list_array(column_values(rows, table, column)),
-        ColumnType::Texts => text_list_array(column_values(rows, table, column)),
-    }
+/// An array of a column that gets its values.
+trait ArrayInMaking {
+    /// Appends the values of further rows.
+    fn take(&mut self, rows: &[RowRef<'_>]);
+
+    /// The array.
+    fn finish(self: Box<Self>) -> ArrayRef;
 }
 
-/// The values of a column in all rows.
-fn column_values<T>(rows: &[RowRef<'_>], table: TableKind, column: usize) -> ColumnBuilder<T>
+struct Column<T, F>
 where
     ColumnBuilder<T>: CellSink + 'static,
 {
-    let mut values = ColumnBuilder::with_capacity(rows.len());
-    values.take(rows, &table.reader(column));
-    values
+    values: ColumnBuilder<T>,
+    reader: ColumnReader<ColumnBuilder<T>>,
+    finish: F,
+}
+
+impl<T, F: FnOnce(ColumnBuilder<T>) -> ArrayRef> ArrayInMaking for Column<T, F>
+where
+    ColumnBuilder<T>: CellSink + 'static,
+{
+    fn take(&mut self, rows: &[RowRef<'_>]) {
+        self.values.take(rows, &self.reader);
+    }
+
+    fn finish(self: Box<Self>) -> ArrayRef {
+        (self.finish)(self.values)
+    }
+}
+
+/// The array of a column of this table, which will get so many rows.
+fn in_making(table: TableKind, column: usize, rows: usize) -> Box<dyn ArrayInMaking> {
+    fn of<T: 'static>(
+        (table, column, rows): (TableKind, usize, usize),
+        finish: impl FnOnce(ColumnBuilder<T>) -> ArrayRef + 'static,
+    ) -> Box<dyn ArrayInMaking>
+    where
+        ColumnBuilder<T>: CellSink + 'static,
+    {
+        Box::new(Column { values: ColumnBuilder::with_capacity(rows), reader: table.reader(column), finish })
+    }
+    let place = (table, column, rows);
+    match table.columns()[column].kind {
+        kind @ (ColumnType::Int | ColumnType::Time) => of(place, move |values| integer_array(values, kind)),
+        ColumnType::Us | ColumnType::Float => of(place, float_array),
+        ColumnType::Bool => of(place, bool_array),
+        ColumnType::Text | ColumnType::Map => of(place, text_array),
+        ColumnType::Ints => of(place, int_list_array),
+        ColumnType::Texts => of(place, text_list_array),
+    }
 }
 
 fn integer_array(column: ColumnBuilder<i64>, kind: ColumnType) -> ArrayRef {

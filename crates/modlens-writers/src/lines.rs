@@ -88,11 +88,10 @@ impl<F: LineFormat> LineWriter<F> {
     /// Appends rows until `out` holds `enough` bytes. Returns the next row to be written.
     pub fn rows(&mut self, table: &Table, rows: Range<usize>, enough: usize, out: &mut Vec<u8>) -> usize {
         std::mem::swap(self.format.out(), out);
-        let mut next = rows.start;
-        while next < rows.end && self.format.out().len() < enough {
-            self.row(&table.row(next));
-            next += 1;
-        }
+        let next = table.each_row(rows, |row| {
+            self.row(row);
+            self.format.out().len() < enough
+        });
         std::mem::swap(self.format.out(), out);
         next
     }

@@ -108,6 +108,13 @@ impl CellSink for ColumnBuilder<i32> {
             Items::Words(bytes) => {
                 self.items.extend(bytes.chunks_exact(2).map(|word| i32::from(u16::from_be_bytes([word[0], word[1]]))));
             }
+            Items::Bits(bytes, _) => {
+                let (start, count) = (self.items.len(), items.len());
+                for byte in &bytes[..count.div_ceil(8)] {
+                    self.items.extend_from_slice(&BITS_OF[usize::from(*byte)]);
+                }
+                self.items.truncate(start + count);
+            }
             items => self.items.extend((0..items.len()).map(|i| items.get(i))),
         }
         self.end_row(true);
@@ -123,3 +130,14 @@ impl CellSink for ColumnBuilder<&'static str> {
         self.end_row(true);
     }
 }
+
+/// The bits of each byte, the lowest first.
+static BITS_OF: [[i32; 8]; 256] = {
+    let mut all = [[0; 8]; 256];
+    let mut at = 0;
+    while at < 8 * 256 {
+        all[at / 8][at % 8] = (at / 8 >> (at % 8) & 1) as i32;
+        at += 1;
+    }
+    all
+};

@@ -21,8 +21,6 @@ pub(super) struct Run {
     config: TimingConfig,
     /// Response times below this are left out of rows and statistics: the clock cannot measure them.
     min_measurable_ns: Ns,
-    /// Whether exchanges are emitted in short.
-    pub in_short: bool,
     /// What it has emitted.
     pub totals: BatchTotals,
 }
@@ -32,7 +30,7 @@ impl Run {
     pub(super) fn new(state: &mut BusState, line: usize) -> Self {
         let config = state.timing_config(line);
         let min_measurable_ns = 2 * state.coarsest_resolution();
-        Self { config, min_measurable_ns, in_short: false, totals: BatchTotals::default() }
+        Self { config, min_measurable_ns, totals: BatchTotals::default() }
     }
 
     /// The time in ns within which a response on a serial line has to come; endless without a clock.
@@ -91,11 +89,7 @@ impl Session {
             response_time,
             recording_start: self.origin,
         };
-        if run.in_short {
-            self.batch.exchanges.push(rows.in_short());
-        } else {
-            self.push_rows(&rows, places);
-        }
+        self.push_rows(&rows, places);
         run.totals.exchanges += 1;
         run.totals.bytes += matched.lengths[0] + matched.lengths[1];
         self.next_txn += 1;

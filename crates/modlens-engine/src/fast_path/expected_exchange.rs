@@ -50,7 +50,8 @@ pub struct ExpectedExchange {
     /// The response has the same bytes as the request.
     pub echoes_request: bool,
     /// The request has the length and the first bytes that the response to another request of its kind would have, so that
-    /// it may be the previous response once more. Example: reading coils from 0x0300 on begins like three bytes of coils.
+    /// it may be the previous response once more. Example: reading coils from 0x0300 on begins like three bytes of coils. Of
+    /// registers there is no such response, since they have two bytes each; only on an ASCII line is that not asked.
     pub resembles_response: bool,
     response: Response,
 }
@@ -60,9 +61,9 @@ impl ExpectedExchange {
     /// the request; no checksum is looked at, and the data of a write need not have come.
     ///
     /// `None` if the bytes are too few for a header, no plain read or write, or break a limit of the specification: the unit
-    /// of a serial line, the quantity or value, the byte count of a write. On a serial line, a read from an address 0x03xx on
-    /// has the length of a response with three bytes: `None` if it asks for three bytes, since it could be its own response,
-    /// else `resembles_response` is set and the caller decides.
+    /// of a serial line, the quantity or value, the byte count of a write. On a serial line, a read of bits from an address
+    /// 0x03xx on has the length of a response with three bytes: `None` if it asks for three bytes, since it could be its own
+    /// response, else `resembles_response` is set and the caller decides.
     #[inline(always)]
     #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
     pub fn from_request(functions: &Functions, mode: Mode, bytes: &[u8]) -> Option<Self> {
@@ -100,9 +101,10 @@ impl ExpectedExchange {
     #[inline(always)]
     #[allow(clippy::inline_always)] // As above.
     fn as_read(self, mode: Mode, count: usize, padding: u8) -> Option<Self> {
-        // The high byte of the address stands where a response has its byte count.
+        // The high byte of the address stands where a response has its byte count, which is 3 in a response of this length.
         let [in_place_of_count, _] = self.address.to_be_bytes();
-        let has_length_of_response = usize::from(in_place_of_count) + READ_HEADER_BYTES == SHORT_REQUEST_BYTES;
+        let may_be_odd = self.kind == StandardLayout::ReadBits || mode == Mode::Ascii;
+        let has_length_of_response = may_be_odd && usize::from(in_place_of_count) + READ_HEADER_BYTES == SHORT_REQUEST_BYTES;
         let resembles_response = mode != Mode::Tcp && has_length_of_response;
         let count = u8::try_from(count).ok().filter(|&count| !resembles_response || count != in_place_of_count)?;
         let response_bytes = READ_HEADER_BYTES + usize::from(count);

@@ -49,6 +49,7 @@ pub(crate) mod frame_check;
 mod pairing;
 mod rows;
 mod rtu_batch;
+pub(crate) mod rtu_in_short;
 pub(crate) mod rtu_exchange;
 pub(crate) mod rtu_frame;
 mod tcp_batch;

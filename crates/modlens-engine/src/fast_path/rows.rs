@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::confidence::{self, Likeness};
 use crate::fast_path::expected_exchange::ExpectedExchange;
-use crate::records::{Exchange, Frame, FrameRef, Span, Transaction};
+use crate::records::{Frame, FrameRef, Span, Transaction};
 use crate::session::frame_timing::FrameTiming;
 use crate::session::rows::elapsed;
 use crate::weights::{
@@ -59,20 +59,6 @@ pub(super) struct ExchangeRows<'a> {
 }
 
 impl ExchangeRows<'_> {
-    /// The exchange in short.
-    #[inline]
-    pub(super) fn in_short(&self) -> Exchange {
-        let expected = &self.matched.expected;
-        Exchange {
-            start: self.request_wire.start,
-            lengths: self.matched.lengths.map(|length| length as u16),
-            address: expected.address,
-            quantity: expected.quantity,
-            unit: expected.unit,
-            function: expected.code,
-        }
-    }
-
     /// The row of the transaction, which starts with its request and has status ok: what is neither plain nor complete takes
     /// the slow path, so there is no exception, retry or late response. `points`: the profile of its unit, if there is one.
     /// `pdus`: places of the PDUs of request and response in the arena. `findings`: an empty place in the batch. Times are
@@ -117,7 +103,7 @@ impl ExchangeRows<'_> {
     /// The confidence of the request, which is that of the mode's framer.
     fn request_confidence(&self) -> u8 {
         match self.matched.mode {
-            Mode::Rtu => confidence::of_unambiguous(Likeness::of_exchange(self.matched.expected.echoes_request)),
+            Mode::Rtu => rtu_request_confidence(self.matched.expected.echoes_request),
             Mode::Ascii => LRC_CONFIDENCE_BITS,
             Mode::Tcp => MBAP_CONFIDENCE_BITS,
         }
@@ -162,4 +148,14 @@ impl ExchangeRows<'_> {
             last_origin: timing.last_origin,
         }
     }
+}
+
+/// The confidence of the request of an exchange on an RTU line. `echoes_request`: its response has the same bytes.
+fn rtu_request_confidence(echoes_request: bool) -> u8 {
+    confidence::of_unambiguous(Likeness::of_exchange(echoes_request))
+}
+
+/// That of the transaction of such an exchange, whose response's direction has `response_bits`.
+pub(super) fn rtu_transaction_confidence(echoes_request: bool, response_bits: u8) -> u8 {
+    ANSWER_IN_TURN_BITS.min(rtu_request_confidence(echoes_request)).min(response_bits)
 }

@@ -5,7 +5,6 @@ use crate::fast_path::emit::{adjacent_spans, may_hold_no_map, BatchTotals, Excha
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rows::MatchedExchange;
 use crate::framer::PauseEvidence;
-use crate::records::{ExchangeRun, Span};
 use crate::session::bus::BusState;
 use crate::session::Session;
 use modlens_protocol::checksum::CRC_BYTES;
@@ -15,15 +14,15 @@ use modlens_protocol::Ns;
 
 /// The last exchange of a run.
 #[derive(Clone, Copy)]
-struct LastExchange {
-    expected: ExpectedExchange,
+pub(super) struct LastExchange {
+    pub expected: ExpectedExchange,
     /// Log2 of the odds of its response's direction.
-    odds: f32,
+    pub odds: f32,
 }
 
 impl LastExchange {
     /// Unit and function code of its request.
-    fn answered(self) -> (u8, u8) {
+    pub fn answered(self) -> (u8, u8) {
         (self.expected.unit, self.expected.code)
     }
 }
@@ -36,14 +35,15 @@ impl Session {
     /// take over the last exchange. If there was none, nothing has changed. Nothing is done where frames are checked against a
     /// rule of silence: the statistics of silences need each frame by itself.
     pub(super) fn emit_rtu_exchanges(&mut self, bus: usize) {
-        let in_short = self.emits_in_short(bus);
+        if self.emits_in_short(bus) {
+            self.emit_rtu_exchanges_in_short(bus);
+            return;
+        }
         let state = &mut self.buses[bus];
         if state.lines[0].1.input.has_times && state.options.rule().is_some() {
             return;
         }
         let mut run = Run::new(state, 0);
-        run.in_short = in_short;
-        let (number, frame, from) = (self.next_txn, self.next_frame, self.batch.exchanges.len() as u32);
         let answered_before = state.lines[0].1.framer.rtu_mut().and_then(|framer| framer.last_answered());
         let mut last: Option<LastExchange> = None;
         let arena_start = self.batch.arena.len();
@@ -58,16 +58,12 @@ impl Session {
             last = Some(LastExchange { expected: matched.expected, odds });
         }
         if let Some(last) = last {
-            if run.in_short {
-                let exchanges = Span { start: from, length: run.totals.exchanges as u32 };
-                self.batch.exchange_runs.push(ExchangeRun { bus: bus as u32, number, frame, exchanges });
-            }
             self.end_rtu_run(bus, &run.totals, last);
         }
     }
 
     /// Does what is done once for a whole run, the exchanges of which have just been consumed.
-    fn end_rtu_run(&mut self, bus: usize, totals: &BatchTotals, last: LastExchange) {
+    pub(super) fn end_rtu_run(&mut self, bus: usize, totals: &BatchTotals, last: LastExchange) {
         let state = &mut self.buses[bus];
         let line = &mut state.lines[0].1;
         self.batch.arena.extend_from_slice(line.input.consumed_bytes(totals.bytes));

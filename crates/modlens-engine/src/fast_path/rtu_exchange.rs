@@ -94,6 +94,6 @@ impl RtuFramer {
 
 /// Whether the second of two equal frames is the response to the first and not a retry of it, by the pause between them or,
 /// without times, because no third copy follows. `from_second` are the bytes from the second frame on.
-fn is_response(pause: TimeoutLogOdds, is_timed: bool, from_second: &[u8], length: usize) -> bool {
+pub(super) fn is_response(pause: TimeoutLogOdds, is_timed: bool, from_second: &[u8], length: usize) -> bool {
     pause <= RESPONSE_LOG_ODDS_BITS || (!is_timed && is_followed_by_copy(from_second, length) == Some(false))
 }

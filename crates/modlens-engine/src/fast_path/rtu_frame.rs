@@ -220,8 +220,15 @@ fn request_length(search: &Search, bytes: &[u8], context: &FramerContext<'_>) ->
         return None;
     }
     // If a response would have the same length, this may be the last response once more, or a late one.
-    let may_be_response = other == length.bytes() && may_answer_earlier_request(search, unit, code);
+    let may_be_response = other == length.bytes() && !has_odd_registers(row, body) && may_answer_earlier_request(search, unit, code);
     (!may_be_response).then(|| length.as_request())
+}
+
+/// Whether the body of a response with a block of registers gives that an odd number of bytes, which no response has: registers
+/// have two bytes each. So a request for registers from an address 0x03xx on is no response, though it has the length of one.
+fn has_odd_registers(row: &FunctionRow, body: &[u8]) -> bool {
+    let is_odd = |at: usize| at.checked_sub(1).and_then(|at| body.get(at)).is_some_and(|count| count % 2 == 1);
+    matches!(row.offsets.response_block, Some((at, false)) if is_odd(at))
 }
 
 /// Whether a frame of this unit and function may answer the request that was answered last, once more, or the superseded one,

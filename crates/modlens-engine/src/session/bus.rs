@@ -15,6 +15,7 @@ use crate::session::inner_pauses::InnerPauses;
 use crate::session::lateness::Lateness;
 use crate::session::line::{LineState, UnmergedFrames};
 use crate::session::profiles::Profiles;
+use crate::fast_path::rtu_in_short::KnownReads;
 use crate::session::unit_habits::UnitHabits;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Mode;
@@ -81,6 +82,8 @@ pub(crate) struct BusState {
     /// What the responses of units have in common.
     pub(crate) habits: UnitHabits,
     pub(crate) profiles: Profiles,
+    /// Reads of an RTU line that came before.
+    pub(crate) known_reads: KnownReads,
     /// What is counted of a connection.
     pub(crate) connection: ConnectionTally,
     /// The reader of a recording in text.
@@ -129,6 +132,7 @@ impl BusState {
             stamps_resolution: None,
             merged_order: VecDeque::new(),
             profiles,
+            known_reads: KnownReads::default(),
             connection: ConnectionTally::default(),
             options,
         }

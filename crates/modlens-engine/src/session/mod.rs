@@ -185,18 +185,22 @@ impl Session {
         }
     }
 
-    /// Emits exchanges of an RTU line without a clock in short (`Batch::exchanges`) where that changes no order: for who only
-    /// counts them, and can do without the rows of their frames and transactions.
+    /// Emits exchanges of an RTU line without a clock in short (`Batch::exchanges`) even where frames are wanted: for who can do
+    /// without the rows of their frames.
     pub fn emit_in_short(&mut self) {
         self.in_short = true;
     }
 
-    /// Whether exchanges of this bus are emitted in short from now on. With another bus open, a transaction may have to wait
-    /// for an older one while exchanges behind it are given out.
+    /// Whether exchanges of this bus are emitted in short from now on: in a recording of one RTU line without times, where a
+    /// frame is known by its offset. With another bus open, a transaction may have to wait for an older one while exchanges behind it
+    /// are given out.
     pub(crate) fn emits_in_short(&self, bus: usize) -> bool {
-        self.in_short
+        let state = &self.buses[bus];
+        (self.in_short || !self.wanted.frames)
             && !self.live
-            && !self.buses[bus].lines[0].1.input.has_times
+            && !state.lines[0].1.input.has_times
+            && state.options.bus.place == Place::Offset
+            && state.profiles.are_none()
             && self.open.len() == 1
             && self.open.contains(&bus)
     }

@@ -33,6 +33,12 @@ pub(crate) struct Profiles {
 }
 
 impl Profiles {
+    /// Whether no unit has a profile.
+    #[inline]
+    pub(crate) fn are_none(&self) -> bool {
+        self.by_unit.is_empty()
+    }
+
     /// The profiles that the user gave to the units of a bus; a later assignment wins.
     pub(super) fn of_bus(assignments: &[Assignment], bus: &str) -> Self {
         let mut profiles = Self::default();

@@ -168,11 +168,19 @@ impl RequestTable {
         }
     }
 
+    /// The same without times, for the request at this index of `counts`.
+    #[inline]
+    pub fn record_exchange_at(&mut self, at: usize, key: RequestKey) {
+        self.previous = Some((key.0, Status::Ok));
+        self.counts[at].add_poll(None);
+        self.latest = at;
+    }
+
     /// The index in `counts` of a request, which is added if it is new; `None` if there is no room for it. A master polls in a
     /// cycle, so the request that followed the last one before is tried first; this saves the hash map's look-up. The request
     /// found becomes the follower of the last one, and then the last one itself.
     #[inline]
-    fn find_or_add(&mut self, key: RequestKey) -> Option<usize> {
+    pub fn find_or_add(&mut self, key: RequestKey) -> Option<usize> {
         let likely = self.followers.get(self.latest).map_or(0, |follower| follower.1 as usize);
         let at = if self.followers.get(likely).is_some_and(|follower| follower.0 == key) {
             likely

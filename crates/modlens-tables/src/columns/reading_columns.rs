@@ -77,7 +77,7 @@ fn json(value: &Value<'_>) -> Json {
 
 /// The transaction of a row.
 fn txn<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> &'a Transaction {
-    &batch.transactions[at.block.txn as usize]
+    &batch.all_transactions()[at.block.txn as usize]
 }
 
 /// The frame that carried the value: the request for a write, the response for a read.
@@ -168,7 +168,7 @@ impl ReadingView<'_> {
 
 /// Calls `slice_of` for every value of a batch, by transaction, those written first.
 pub fn each_value(batch: &Batch, mut visit: impl FnMut(ReadingView<'_>)) {
-    for t in &batch.transactions {
+    for t in batch.all_transactions() {
         let Some(space) = row_of(batch, t).and_then(|row| row.space) else { continue };
         for is_write in [true, false] {
             each_part(batch, t, is_write, |items, item, entry| {

@@ -111,10 +111,10 @@ impl ReadingRows {
     /// apart.
     pub fn new(batch: &Batch) -> Self {
         let mut all = AllRows::default();
-        all.blocks.reserve(batch.transactions.len());
-        all.runs.reserve(2 * batch.transactions.len());
+        all.blocks.reserve(batch.transaction_count());
+        all.runs.reserve(2 * batch.transaction_count());
         all.directory.reserve(batch.arena.len() / 2 / STRIDE as usize);
-        for (txn, t) in batch.transactions.iter().enumerate() {
+        for (txn, t) in batch.all_transactions().iter().enumerate() {
             let exchange = TransactionView::new(batch, t);
             let space = exchange.space();
             let plan = t.points.as_deref().zip(space).map(|(instance, space)| (&*instance.plan, space));
@@ -194,7 +194,7 @@ impl ReadingRows {
         let (block, index_in_run) = (&all.blocks[run.block as usize], row - run.row);
         let entry = match run.entries {
             EntrySource::Bare(address) => LayoutEntry::bare(address.wrapping_add(index_in_run as u16)),
-            EntrySource::Plan(from) => match &batch.transactions[block.txn as usize].points {
+            EntrySource::Plan(from) => match &batch.all_transactions()[block.txn as usize].points {
                 Some(instance) => instance.plan.entries()[(from + index_in_run) as usize],
                 None => LayoutEntry::bare(block.first),
             },
@@ -240,7 +240,7 @@ impl AllRows {
     #[inline]
     fn run_numbers(&self, batch: &Batch, run: &Run, count: usize, buffer: &mut NumberBuffer, each: impl FnMut(&[f64])) {
         let block = &self.blocks[run.block as usize];
-        let instance = batch.transactions[block.txn as usize].points.as_deref();
+        let instance = batch.all_transactions()[block.txn as usize].points.as_deref();
         let entries = match run.entries {
             EntrySource::Bare(address) => {
                 return bare_numbers(&block.items(batch), address.wrapping_sub(block.first), count, buffer, each)

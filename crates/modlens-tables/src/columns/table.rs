@@ -1,8 +1,9 @@
 //! The rows of a table, and how their values are read.
 
+use std::ops::Range;
 use std::sync::Arc;
 
-use modlens_engine::records::{Batch, Connection, DiagnosisRow, FindingRow, Frame, Transaction};
+use modlens_engine::records::{Batch, Connection, DiagnosisRow, FindingRow, Frame, Part, Transaction};
 
 use crate::columns::cell::Cell;
 use crate::columns::reader::{ColumnReader, RowReader};
@@ -41,6 +42,12 @@ enum RowOf<'a> {
 }
 
 impl<'a> RowRef<'a> {
+    /// The row of a transaction of this batch.
+    #[inline]
+    pub fn of_transaction(batch: &'a Batch, row: &'a Transaction) -> Self {
+        Self { batch, of: RowOf::Transaction(TransactionView::new(batch, row)) }
+    }
+
     /// The value of a column.
     #[inline]
     pub fn cell(&self, column: usize) -> Cell<'a> {
@@ -94,20 +101,29 @@ impl CellSink for Probe {
     }
 }
 
-/// The rows of a view: all, those with these indices, or readings.
+/// The rows of a view: all, all with exchanges in short among them, those with these indices, or readings.
 #[derive(Clone, Debug)]
 enum Rows {
     All(usize),
+    AllAndShort(usize),
     Some(Arc<Vec<u32>>),
     Readings(ReadingRows),
 }
+
+fn refs<'a>(batch: &'a Batch, rows: &'a [Transaction]) -> Vec<RowRef<'a>> {
+    rows.iter().map(|row| RowRef::of_transaction(batch, row)).collect()
+}
+
+/// Rows of a chunk: some twenty kilobytes.
+const CHUNK_ROWS: usize = 64;
 
 impl Table {
     /// All rows of one table of a batch.
     pub fn new(batch: Arc<Batch>, kind: TableKind) -> Self {
         let rows = match kind {
             TableKind::Frames => Rows::All(batch.frames.len()),
-            TableKind::Transactions => Rows::All(batch.transactions.len()),
+            TableKind::Transactions if batch.exchange_runs.is_empty() => Rows::All(batch.transactions.len()),
+            TableKind::Transactions => Rows::AllAndShort(batch.transaction_count()),
             TableKind::Findings => Rows::All(batch.findings.len()),
             TableKind::Connections => Rows::All(batch.connections.len()),
             TableKind::Diagnoses => Rows::All(batch.diagnoses.len()),
@@ -172,7 +188,7 @@ impl Table {
     /// The number of rows.
     pub fn len(&self) -> usize {
         match &self.rows {
-            Rows::All(count) => *count,
+            Rows::All(count) | Rows::AllAndShort(count) => *count,
             Rows::Some(rows) => rows.len(),
             Rows::Readings(rows) => rows.len(),
         }
@@ -200,10 +216,91 @@ impl Table {
     /// Whether a column has a value in any row.
     pub fn has_value(&self, column: usize) -> bool {
         let (reader, mut probe) = (self.kind.reader(column), Probe(false));
-        (0..self.len()).any(|row| {
-            self.row(row).emit(&reader, &mut probe);
+        let mut finds = |row: &RowRef<'_>| {
+            row.emit(&reader, &mut probe);
             probe.0
+        };
+        if !matches!(self.rows, Rows::AllAndShort(_)) {
+            return (0..self.len()).any(|row| finds(&self.row(row)));
+        }
+        // Which columns of an exchange in short have a value follows from bus and function.
+        let batch = &*self.batch;
+        let finds_in = |row: &Transaction, finds: &mut dyn FnMut(&RowRef<'_>) -> bool| finds(&RowRef::of_transaction(batch, row));
+        batch.transactions.iter().any(|row| finds_in(row, &mut finds))
+            || batch.exchange_runs.iter().any(|run| {
+                let (mut seen, exchanges) = ([false; 256], run.exchanges.of(&batch.exchanges).iter().enumerate());
+                let mut new = exchanges.filter(|(_, exchange)| !std::mem::replace(&mut seen[usize::from(exchange.function)], true));
+                new.any(|(at, _)| finds_in(&run.transaction(batch, at), &mut finds))
+            })
+    }
+
+    /// Calls `each` for some rows, one behind the other, until it returns false; gives the index of the row behind the last one.
+    ///
+    /// Rows of exchanges in short are made for the call only, in memory that the processor has at hand.
+    pub fn each_row(&self, rows: Range<usize>, mut each: impl FnMut(&RowRef<'_>) -> bool) -> usize {
+        if !matches!(self.rows, Rows::AllAndShort(_)) {
+            let stops_at = rows.clone().find(|&row| !each(&self.row(row)));
+            return stops_at.map_or(rows.end, |row| row + 1);
+        }
+        let batch = &*self.batch;
+        for (own, part) in self.parts() {
+            for row in rows.start.max(own.start)..rows.end.min(own.end) {
+                let goes_on = match part {
+                    Part::Rows(transactions) => each(&RowRef::of_transaction(batch, &transactions[row - own.start])),
+                    Part::Short(run) => each(&RowRef::of_transaction(batch, &run.transaction(batch, row - own.start))),
+                };
+                if !goes_on {
+                    return row + 1;
+                }
+            }
+        }
+        rows.end
+    }
+
+    /// Calls `each` for some rows, as many at a time as the processor has room for at hand.
+    pub fn each_chunk(&self, rows: Range<usize>, mut each: impl FnMut(&[RowRef<'_>])) {
+        if !matches!(self.rows, Rows::AllAndShort(_)) {
+            let mut next = rows.start;
+            while next < rows.end {
+                let end = rows.end.min(next + CHUNK_ROWS);
+                each(&(next..end).map(|row| self.row(row)).collect::<Vec<_>>());
+                next = end;
+            }
+            return;
+        }
+        let batch = &*self.batch;
+        for (own, part) in self.parts() {
+            let mut next = rows.start.max(own.start) - own.start;
+            let end = rows.end.min(own.end).saturating_sub(own.start);
+            while next < end {
+                let chunk = next..end.min(next + CHUNK_ROWS);
+                next = chunk.end;
+                match part {
+                    Part::Rows(transactions) => each(&refs(batch, &transactions[chunk])),
+                    Part::Short(run) => {
+                        let made: Vec<Transaction> = chunk.map(|row| run.transaction(batch, row)).collect();
+                        each(&refs(batch, &made));
+                    }
+                }
+            }
+        }
+    }
+
+    /// The rows of a batch with exchanges in short, in parts, each with the indices of its rows.
+    fn parts(&self) -> impl Iterator<Item = (Range<usize>, Part<'_, Transaction>)> {
+        self.batch.transaction_parts().scan(0, |end, part| {
+            let first = *end;
+            *end += match part {
+                Part::Rows(rows) => rows.len(),
+                Part::Short(run) => run.exchanges.length as usize,
+            };
+            Some((first..*end, part))
         })
+    }
+
+    /// The transactions to which the indices of rows refer.
+    fn transactions(&self) -> &[Transaction] {
+        self.batch.all_transactions()
     }
 
     /// One row. Use this to read several of its values.
@@ -216,7 +313,7 @@ impl Table {
             (_, TableKind::Findings) => RowOf::Finding(&batch.findings[self.index(row)]),
             (_, TableKind::Connections) => RowOf::Connection(&batch.connections[self.index(row)]),
             (_, TableKind::Diagnoses) => RowOf::Diagnosis(&batch.diagnoses[self.index(row)]),
-            _ => RowOf::Transaction(TransactionView::new(batch, &batch.transactions[self.index(row)])),
+            _ => RowOf::Transaction(TransactionView::new(batch, &self.transactions()[self.index(row)])),
         };
         RowRef { batch, of }
     }
@@ -248,6 +345,6 @@ impl Table {
 
     /// The transaction of a row in the table of transactions.
     pub fn transaction(&self, row: usize) -> Option<&Transaction> {
-        (self.kind == TableKind::Transactions).then(|| &self.batch.transactions[self.index(row)])
+        (self.kind == TableKind::Transactions).then(|| &self.transactions()[self.index(row)])
     }
 }

@@ -33,6 +33,12 @@ impl BusBucket {
         self.silence = self.silence.max(row.gap.unwrap_or(0));
     }
 
+    /// Adds good frames of these lengths, without silences.
+    pub fn good_frames(&mut self, lengths: [u32; 2]) {
+        self.frames += 2;
+        self.bytes += u64::from(lengths[0]) + u64::from(lengths[1]);
+    }
+
     pub fn transaction(&mut self, row: &Transaction) {
         self.transactions += 1;
         self.failed += u64::from(is_failure(row.status));

@@ -12,10 +12,11 @@ mod registers;
 mod series;
 mod times;
 
+use std::borrow::Borrow;
 use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
-use modlens_engine::records::{Batch, Bus, Connection, End, Frame, Transaction};
+use modlens_engine::records::{Batch, Bus, Connection, End, ExchangeRun, Frame, Part, Transaction};
 use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
@@ -124,46 +125,49 @@ impl Overview {
             }
         }
         self.frames(batch);
-        let mut rest = &batch.transactions[..];
-        while !rest.is_empty() {
-            rest = self.transactions(batch, rest);
+        for part in batch.transaction_parts() {
+            match part {
+                Part::Short(run) => {
+                    self.transactions(batch, (0..run.exchanges.length as usize).map(|at| run.transaction(batch, at)));
+                }
+                Part::Rows(rows) => rows.chunk_by(|row, next| row.bus == next.bus).for_each(|rows| self.transactions(batch, rows)),
+            }
         }
         self.values(batch);
     }
 
     fn frames(&mut self, batch: &Batch) {
         let most = self.bus_resolution();
-        // The bus of the last row, and its index here.
-        let mut last = None;
-        for row in &batch.frames {
-            let at = match last {
-                Some((bus, at)) if bus == row.bus => at,
-                _ => {
-                    let clock = batch.buses[row.bus as usize].clock;
-                    let has_time = if clock == Clock::Utc { row.start } else { row.elapsed }.is_some();
-                    self.bus_at(batch, row.bus, has_time)
+        for part in batch.frame_parts() {
+            match part {
+                Part::Short(run) => {
+                    if let Some(at) = self.bus_at(batch, run.bus, false) {
+                        self.buses[at].frames_in_short(batch, run, most);
+                    }
                 }
-            };
-            last = Some((row.bus, at));
-            if let Some(at) = at {
-                self.buses[at].frame(row, most);
+                Part::Rows(rows) => {
+                    for rows in rows.chunk_by(|row, next| row.bus == next.bus) {
+                        let is_utc = batch.buses[rows[0].bus as usize].clock == Clock::Utc;
+                        let has_time = if is_utc { rows[0].start } else { rows[0].elapsed }.is_some();
+                        if let Some(at) = self.bus_at(batch, rows[0].bus, has_time) {
+                            rows.iter().for_each(|row| self.buses[at].frame(row, most));
+                        }
+                    }
+                }
             }
         }
     }
 
-    /// Adds the transactions of the first row's bus, up to the first of another; gives the others.
-    fn transactions<'a>(&mut self, batch: &Batch, rows: &'a [Transaction]) -> &'a [Transaction] {
-        let number = rows[0].bus;
-        let others = || &rows[rows.iter().position(|row| row.bus != number).unwrap_or(rows.len())..];
+    /// Adds transactions of one bus; at least one.
+    fn transactions(&mut self, batch: &Batch, rows: impl IntoIterator<Item: Borrow<Transaction>>) {
         let (line, of_requests, of_values) = (self.bus_resolution(), self.request_resolution(), self.value_resolution());
         let (mut requests, mut values) = (self.requests(), self.registers());
-        let Some(at) = self.bus_at(batch, number, time_of(batch, &rows[0]).is_some()) else { return others() };
+        let mut rows = rows.into_iter().peekable();
+        let Some(first) = rows.peek().map(Borrow::borrow) else { return };
+        let Some(at) = self.bus_at(batch, first.bus, time_of(batch, first).is_some()) else { return };
         let bus = &mut self.buses[at];
-        for (index, row) in rows.iter().enumerate() {
-            // Not looked for before: rows are large, and to pass over them twice would take as long as to count them.
-            if row.bus != number {
-                return &rows[index..];
-            }
+        for row in rows {
+            let row = row.borrow();
             let position = bus.place(RowKind::Transaction, time_of(batch, row), Some(row.number));
             bus.line.at(position, line).transaction(row);
             let shift = bus.axis.shift();
@@ -188,7 +192,6 @@ impl Overview {
                 values += bus.registers.values - before;
             }
         }
-        &[]
     }
 
     /// Adds the values of units that have a profile.
@@ -384,10 +387,25 @@ impl BusOverview {
     fn frame(&mut self, row: &Frame, most: usize) {
         let time = if self.axis == Axis::Utc { row.start } else { row.elapsed };
         let position = self.place(RowKind::Frame, time, row.txn);
-        let bucket = self.line.at(position, most);
-        bucket.frame(row);
+        self.line.at(position, most).frame(row);
+        self.busy(position, row.wire.length, most);
+    }
+
+    /// Adds the frames of exchanges in short.
+    fn frames_in_short(&mut self, batch: &Batch, run: &ExchangeRun, most: usize) {
+        for (exchange, number) in run.exchanges.of(&batch.exchanges).iter().zip(run.number..) {
+            let position = self.place(RowKind::Frame, None, Some(number));
+            let lengths = exchange.lengths.map(u32::from);
+            self.line.at(position, most).good_frames(lengths);
+            lengths.into_iter().for_each(|length| self.busy(position, length, most));
+        }
+    }
+
+    /// Adds the time that a frame of this length takes, where there is a clock.
+    #[inline]
+    fn busy(&mut self, position: i64, length: u32, most: usize) {
         if let Some(line) = self.settings.filter(|_| self.axis != Axis::Transactions) {
-            let busy = line.char_ns() * i64::from(row.wire.length);
+            let busy = line.char_ns() * i64::from(length);
             let width = self.line.width();
             if position & (width - 1) <= width - busy {
                 self.line.at(position, most).busy += busy;

@@ -115,7 +115,7 @@ impl Capture {
                 self.findings_by_frame.entry(frame).or_default().push((row.finding, row.detail.clone()));
             }
         }
-        for (at, row) in batch.transactions.iter().enumerate() {
+        for (at, row) in batch.all_transactions().iter().enumerate() {
             if !self.options.classic && self.options.style != Encapsulation::Tcp {
                 self.pending_annotations.insert(row.number, batch, at);
             }
@@ -207,7 +207,7 @@ impl Capture {
             let next = self.context_before.front().map_or(next, |(batch, at)| batch.frames[*at].number);
             let unannotated = &self.unannotated;
             self.pending_annotations.retain(|batch, at| {
-                let row = &batch.transactions[at];
+                let row = &batch.all_transactions()[at];
                 last_frame(row) >= next || unannotated.contains(&row.number)
             });
         }
@@ -282,7 +282,7 @@ impl Capture {
     /// Appends the annotations of all transactions that are complete with this frame.
     fn append_annotations(&mut self, frame: &Frame, out: &mut Vec<u8>) {
         if let Some(txn) = frame.txn {
-            match self.pending_annotations.get(txn).map(|(batch, at)| &batch.transactions[at]) {
+            match self.pending_annotations.get(txn).map(|(batch, at)| &batch.all_transactions()[at]) {
                 Some(row) if frame.number < last_frame(row) => {}
                 Some(_) => {
                     self.write_annotation(txn, out);
@@ -306,7 +306,7 @@ impl Capture {
     /// Appends the annotation of a transaction.
     fn write_annotation(&mut self, txn: u64, out: &mut Vec<u8>) {
         if let Some((batch, at)) = self.pending_annotations.get(txn) {
-            blocks::custom(out, |out| annotations::transaction(batch, &batch.transactions[at], out));
+            blocks::custom(out, |out| annotations::transaction(batch, &batch.all_transactions()[at], out));
         }
         self.pending_annotations.remove(txn);
     }
