@@ -1,7 +1,7 @@
 """Raw recording: every read of a tap with its time, in pcapng.
 
 The core writes it in a thread of its own (`modlens-recorder`), and documents the format
-(modlens-writers/src/recording.rs). A file can be read up to its last complete block, however the
+(modlens-pcapng/src/recording.rs). A file can be read up to its last complete block, however the
 tap ended. With rotation, or where the file exists, segments are named as by dumpcap,
 `bus_00001_20261121101500.pcapng`. Nothing is ever overwritten, and nothing is deleted but the
 oldest segments of the same name where `--keep` asks for it; never those of another tap that runs.

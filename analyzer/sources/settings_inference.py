@@ -54,7 +54,7 @@ class RecordedRead:
 def reads(recording: bytes) -> Iterator[RecordedRead]:
     """The reads of a raw recording (`tap --record`); other files are one read without a clock.
 
-    Its format: modlens-writers/src/recording.rs. A truncated block ends the recording.
+    Its format: modlens-pcapng/src/recording.rs. A truncated block ends the recording.
     """
     if not recording.startswith(_SECTION):
         yield RecordedRead(recording[:MAX_BYTES], None)

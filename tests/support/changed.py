@@ -24,6 +24,8 @@ TESTS_OF_CRATES = {
         "tests/analyzer/exports/test_sink.py",
         "tests/analyzer/exports/test_types.py",
     ),
+    "modlens-arrow": ("tests/analyzer/exports/test_types.py",),
+    "modlens-pcapng": ("tests/analyzer/exports/test_recorder.py",),
     "modlens-recorder": ("tests/analyzer/exports/test_recorder.py", "tests/faults"),
     "modlens-py": ("tests/border",),
     "modlens-tap": ("tests/packaging/test_gateway_tap.py",),

@@ -2,8 +2,8 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use modlens_arrow::files::RowFile as Core;
 use modlens_tables::columns::TableKind;
-use modlens_writers::files::RowFile as Core;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;

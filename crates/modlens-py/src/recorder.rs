@@ -3,9 +3,9 @@
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use modlens_pcapng::recording::PortRead;
 use modlens_protocol::line::LineSettings;
 use modlens_recorder::{Feed, RecordedPort, Recorder as Core, RecorderOptions, RecorderStatus, Retention, Rotation};
-use modlens_writers::recording::PortRead;
 use pyo3::prelude::*;
 
 use crate::arguments::value_error;

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use arrow_array::{RecordBatch, RecordBatchReader};
+use modlens_arrow::batch::{all_columns, batch_of, schema_of};
 use modlens_tables::columns::TableKind;
-use modlens_writers::arrow::{all_columns, batch_of, schema_of};
 use pyo3::prelude::*;
 use pyo3::types::PyCapsule;
 

@@ -8,7 +8,7 @@ use modlens_engine::records::Frame;
 use modlens_tables::cell_text::{cell_text, source_text};
 use modlens_tables::columns::{Cell, ColumnType, RowRef, Table as Core, TableKind};
 use modlens_tables::predicate::Predicate as CorePredicate;
-use modlens_writers::{arrow, influx, zeek};
+use modlens_writers::{influx, zeek};
 use pyo3::exceptions::{PyAttributeError, PyIndexError, PyRuntimeError};
 use pyo3::intern;
 use pyo3::prelude::*;
@@ -172,7 +172,7 @@ impl Table {
         requested_schema: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyCapsule>> {
         let _ = requested_schema;
-        let schema = Arc::new(arrow::schema(self.core.kind));
+        let schema = Arc::new(modlens_arrow::batch::schema(self.core.kind));
         stream_capsule(py, RecordBatchIterator::new([Ok(self.arrow(py))], schema))
     }
 }
@@ -195,12 +195,13 @@ impl Table {
     }
 
     fn arrow(&self, py: Python<'_>) -> RecordBatch {
-        py.detach(|| arrow::batch(&self.core))
+        py.detach(|| modlens_arrow::batch::batch(&self.core))
     }
 }
 
 fn schema_capsule(py: Python<'_>, kind: TableKind) -> PyResult<Bound<'_, PyCapsule>> {
-    let schema = FFI_ArrowSchema::try_from(&arrow::schema(kind)).map_err(|e| PyRuntimeError::new_err(e.to_string()))?;
+    let schema =
+        FFI_ArrowSchema::try_from(&modlens_arrow::batch::schema(kind)).map_err(|e| PyRuntimeError::new_err(e.to_string()))?;
     PyCapsule::new_with_value(py, schema, c"arrow_schema")
 }
 

@@ -5,7 +5,7 @@
 //! - [`Inbox`] has a thread per port that only waits for bytes, reads them, takes the time and queues them. The caller
 //!   takes the reads when it has time for them; what does not fit into the queue meanwhile is counted, and the next read
 //!   says so.
-//! - [`Recorder`] has a thread that writes the same reads to a raw recording (pcapng, `modlens_writers::recording`), with
+//! - [`Recorder`] has a thread that writes the same reads to a raw recording (pcapng, `modlens_pcapng::recording`), with
 //!   rotation and retention. The inbox hands it every read before the caller can see it. While the disk is full or the
 //!   folder is gone, reads wait in its memory; what does not fit is counted, and the place is marked in the recording.
 //!

@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use modlens_pcapng::recording::PortRead;
 use modlens_protocol::Ns;
-use modlens_writers::recording::PortRead;
 
 use crate::clock::{Clock, ClockChange, Moment};
 use crate::recorder::Feed;

@@ -7,8 +7,8 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use modlens_pcapng::recording::{self, PortRead};
 use modlens_protocol::Ns;
-use modlens_writers::recording::{self, PortRead};
 
 use crate::segments::{Names, RecordedPort, Retention, Rotation};
 use crate::writer::{Block, Item, Place, Writer};

@@ -6,8 +6,8 @@ use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use modlens_pcapng::recording;
 use modlens_protocol::Ns;
-use modlens_writers::recording;
 
 use crate::segments::{Names, RecordedPort, Retention, Rotation};
 

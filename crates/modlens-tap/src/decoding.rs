@@ -6,6 +6,7 @@ use std::sync::Arc;
 use modlens_engine::line_search::SearchRead;
 use modlens_engine::records::{Batch, Bus};
 use modlens_engine::session::{BusOptions, Session, WantedTables};
+use modlens_pcapng::recording::PortRead;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::line::LineSettings;
@@ -13,7 +14,6 @@ use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Times};
 use modlens_recorder::{Feed, RecordedPort, Recorder, RecorderOptions, RecorderStatus};
-use modlens_writers::recording::PortRead;
 use std::time::Duration;
 
 use crate::options::Options;

@@ -99,9 +99,8 @@ fn zeek() -> Writer {
     })
 }
 
-#[cfg(feature = "files")]
 fn file(parquet: bool, columns: Vec<usize>) -> Writer {
-    use modlens_writers::files::RowFile;
+    use modlens_arrow::files::RowFile;
     let kind = TableKind::Transactions;
     let made = if parquet { RowFile::parquet(kind, columns, "") } else { RowFile::arrow(kind, columns, "") };
     let (mut file, mut out) = (made.expect("columns that Arrow takes"), Vec::new());
@@ -124,11 +123,8 @@ const WRITERS: &[(&str, New)] = &[
     ("frames as jsonl", || lines::<Jsonl>(TableKind::Frames, all(TableKind::Frames))),
     ("pcapng", pcapng),
     ("zeek", zeek),
-    #[cfg(feature = "files")]
     ("arrow", || file(false, all(TableKind::Transactions))),
-    #[cfg(feature = "files")]
     ("parquet, ten columns", || file(true, some(&TEN))),
-    #[cfg(feature = "files")]
     ("parquet", || file(true, all(TableKind::Transactions))),
 ];
 

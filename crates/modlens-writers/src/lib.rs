@@ -1,32 +1,23 @@
-//! Writes rows: as text, Arrow, Parquet and captures for programs, and as lines for people.
+//! Writes rows: as text and captures for programs, and as lines for people.
 //!
 //! - `lines` writes text formats with one row per line; `csv` and `jsonl` are its formats. `influx` and `zeek` write rows
 //!   for other programs in their own formats.
-//! - `arrow` and `files` build tables column by column.
-//! - `capture` writes frames as pcapng or pcap for Wireshark, `recording` the raw reads of a tap.
+//! - `capture` writes frames as pcapng or pcap for Wireshark.
 //! - `mqtt` reads addresses of brokers and makes topics.
 //! - `view` lays rows out in columns for a terminal.
 //!
-//! `csv`, `jsonl` and the builders of arrays receive values through `CellSink`: the reader of a column is compiled
-//! together with each of these writers.
+//! `csv` and `jsonl` receive values through `CellSink`: the reader of a column is compiled together with each of them.
 //!
 //! Captures are Modbus/UDP inside exported PDUs, because Wireshark's RTU dissector guesses who speaks and leaves most
 //! functions undecoded; `capture::payload` says how. What most frames have is not said in a capture
 //! (`modlens_readers::pcap::metadata::DEFAULTS`). Files go out in pieces of 64 KiB, made in the same memory again.
 
-pub mod arrow;
 pub mod capture;
 pub mod csv;
-#[cfg(feature = "files")]
-pub mod files;
 pub mod influx;
 pub mod jsonl;
 pub mod lines;
 pub mod mqtt;
-#[cfg(feature = "files")]
-mod parquet;
-pub mod recording;
-mod values;
 pub mod view;
 pub mod zeek;
 

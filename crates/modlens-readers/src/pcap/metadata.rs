@@ -1,7 +1,8 @@
 //! Reads the metadata that modlens itself has written into a pcapng file, in custom options with our enterprise number.
 //!
 //! Raw recordings state which ports are the lines of one bus, and exports state for each packet which row it is. Both are
-//! text: a first word, then `key=value` pairs separated by spaces. The writers are in the crate modlens-writers.
+//! text: a first word, then `key=value` pairs separated by spaces. What writes recordings is
+//! `modlens_pcapng::recording`, what writes exports `modlens_writers::capture`.
 
 use std::borrow::Cow;
 

@@ -9,7 +9,6 @@ use modlens_protocol::finding::{Finding, Severity};
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::EXCEPTION_BIT;
 use modlens_protocol::hex::hex;
-use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 use modlens_readers::pcap::metadata::DEFAULTS;
@@ -233,7 +232,7 @@ pub fn interface(bus: &Bus, line: u8, origin: Option<Ns>, encapsulation: &str) -
         _ => "B",
     };
     let name = if line == 0 { bus.name.clone() } else { format!("{} [{letter}]", bus.name) };
-    let settings = bus.line.map(|line| settings(&line));
+    let settings = bus.line.map(|line| line.to_string());
     let described = settings.as_ref().map_or(String::new(), |settings| format!(", {settings}"));
     let description = format!("Modbus{described}; {encapsulation}");
     let clock = match bus.clock {
@@ -254,15 +253,4 @@ pub fn interface(bus: &Bus, line: u8, origin: Option<Ns>, encapsulation: &str) -
     // The name comes last because it may contain spaces.
     let _ = write!(custom, " name={}", bus.name);
     (name, description, custom)
-}
-
-/// Line settings in the notation of the command line: `19200-8E1`.
-pub fn settings(line: &LineSettings) -> String {
-    let stop = match line.half_stop_bits {
-        3 => "1.5",
-        4 => "2",
-        _ => "1",
-    };
-    let parity = format!("{:?}", line.parity);
-    format!("{}-{}{}{stop}", line.baud, line.data_bits, &parity[..1])
 }

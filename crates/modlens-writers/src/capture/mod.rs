@@ -5,7 +5,6 @@
 //! transaction become comments, and so that a filter on transactions keeps all of their frames.
 
 mod annotations;
-pub mod blocks;
 mod options;
 mod packet;
 mod payload;
@@ -17,20 +16,19 @@ use std::collections::{BTreeMap, BTreeSet, HashSet, VecDeque};
 use std::sync::Arc;
 
 use annotations::FindingNote;
-use blocks::{Interface, LINK_ETHERNET, LINK_UPPER_PDU};
 use payload::Route;
 use pending_annotations::PendingAnnotations;
 use ports::Ports;
 use tcp::{Connections, Ends, Segment};
 
 use modlens_engine::records::{Batch, Frame, Transaction};
+use modlens_pcapng::blocks::{self, Interface, LINK_ETHERNET, LINK_UPPER_PDU};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::Ns;
 use modlens_readers::pcap::adu::unwrap;
 use modlens_tables::columns::{Table, TableKind};
 
-pub use annotations::settings;
 pub use options::{CaptureOptions, Encapsulation};
 
 /// Writes a capture file, batch by batch.

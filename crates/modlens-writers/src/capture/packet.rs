@@ -1,9 +1,10 @@
 //! Makes one packet of a frame: the data that a Wireshark dissector takes, and the options of the packet.
 
 use super::annotations::{self, FindingNote};
+use super::options::Encapsulation;
 use super::payload::{self, Route};
-use super::{blocks, Encapsulation};
 use modlens_engine::records::{Batch, Frame};
+use modlens_pcapng::blocks;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::Ns;

@@ -187,7 +187,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::arrow::batch_of;
+    use crate::batch::batch_of;
     use modlens_engine::records::{Batch, Bus, FindingRow, Frame, Network, Span};
     use modlens_engine::session::{BusOptions, Session, WantedTables};
     use modlens_protocol::finding::Finding;

@@ -21,7 +21,7 @@
 
 use std::fmt::Write as _;
 
-use super::capture::blocks::{self, Interface};
+use crate::blocks::{self, Interface};
 use modlens_protocol::line::LineSettings;
 use modlens_protocol::Ns;
 
@@ -56,7 +56,7 @@ pub fn head(application: &str, session: &str, segment: u64, out: &mut Vec<u8>) {
 /// Appends the interface block of a port. `bus` is the number and name of its bus, `line` the letter of its line on a
 /// two-line tap.
 pub fn port(name: &str, bus: (usize, &str), line: Option<&str>, settings: Option<&LineSettings>, out: &mut Vec<u8>) {
-    let spelled = settings.map(super::capture::settings);
+    let spelled = settings.map(LineSettings::to_string);
     let mut metadata = format!("recording bus={}", bus.0);
     for (key, value) in [("line", line), ("settings", spelled.as_deref())] {
         if let Some(value) = value {

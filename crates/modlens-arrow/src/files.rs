@@ -7,7 +7,7 @@ use std::error::Error;
 
 use arrow_ipc::writer::FileWriter;
 
-use super::arrow::{batch_of, schema_of};
+use super::batch::{batch_of, schema_of};
 use super::parquet::Parquet;
 use modlens_tables::columns::{Table, TableKind};
 

@@ -1,0 +1,16 @@
+//! Rows as columns: Arrow record batches, Arrow files and Parquet files.
+//!
+//! - `batch` makes record batches; Python gets them by the C data interface.
+//! - `files` writes both kinds of files piece by piece, `parquet` feeds the column writers of the library.
+//! - `values` collects the values of a column. It receives them through `CellSink`: the reader of a column is compiled
+//!   together with it.
+//!
+//! It is a crate of its own because of that: a change in a writer of text does not compile these readers, nor the generic
+//! code of the libraries, anew.
+
+pub mod batch;
+#[cfg(feature = "files")]
+pub mod files;
+#[cfg(feature = "files")]
+mod parquet;
+mod values;
