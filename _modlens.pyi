@@ -5,7 +5,7 @@ are bytes.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, final
+from typing import Any, Literal, final
 
 __version__: str
 
@@ -580,14 +580,15 @@ class Session:
         timeout_ns: int | None = None,
         tables: Sequence[str] | None = None,
         bus_name: str | None = None,
-        overview: bool = False,
+        overview: Literal["none", "courses", "all"] = "none",
     ) -> Session:
         """A session of no bus yet.
 
         - `live`: rows in order of completion, no hold-back
         - `tables`: those worth building (readings need transactions); all but diagnoses by default
         - `bus_name`: of buses that a capture, samples or a text would name after its source
-        - `overview`: collect what reports draw, for `document`
+        - `overview`: collect for `document` what reports draw, or without values of registers and
+          examples the `courses` that `modlens stats` draws
         """
     def bind(self, profile: Profile, units: Sequence[int], *, bus: str | None = None) -> None:
         """A profile for these units of one bus (by name) or of all; the last one wins.

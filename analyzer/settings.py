@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import _modlens
 from dissectors.errors import UsageError
@@ -40,7 +40,8 @@ class Settings:
     - `date`: the day of the first time without a date, as 2026-11-21
     - `bus_name`: of buses that would be named after their recording, which is one of several; None
       names them so
-    - `overview`: whether to collect what reports draw
+    - `overview`: what to collect of what reports draw; the `courses` have neither values of registers
+      nor examples
     """
 
     line: Line | None = None
@@ -56,7 +57,7 @@ class Settings:
     zone: Sequence[tuple[int, int]] = ()
     date: str | None = None
     bus_name: str | None = None
-    overview: bool = False
+    overview: Literal["none", "courses", "all"] = "none"
 
     def __post_init__(self) -> None:
         if self.mode not in MODES:

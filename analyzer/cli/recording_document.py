@@ -6,7 +6,7 @@ import argparse
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from analyzer.cli.chosen_settings import settings
 from analyzer.cli.messages import Messages
@@ -23,14 +23,20 @@ __all__ = ["RecordingDocument", "write_page"]
 class RecordingDocument:
     """The document of the recordings that the options name; it is made when they have been read.
 
-    A signal ends the reading; the document then holds what was read until it came.
+    A signal ends the reading; the document then holds what was read until it came. Its `overview`
+    is whole, or has the courses alone that `modlens stats` draws.
     """
 
     def __init__(
-        self, options: argparse.Namespace, messages: Messages, stop_signals: StopSignals
+        self,
+        options: argparse.Namespace,
+        messages: Messages,
+        stop_signals: StopSignals,
+        *,
+        overview: Literal["courses", "all"] = "all",
     ) -> None:
         self._statuses: list[RecordingStatus] = []
-        self._settings = replace(settings(options), tables=("diagnoses",), overview=True)
+        self._settings = replace(settings(options), tables=("diagnoses",), overview=overview)
         self._messages = messages
         report_silence_limits(self._settings, messages)
         self._files = FileRun(

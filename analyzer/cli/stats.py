@@ -41,7 +41,8 @@ def run(options: argparse.Namespace) -> int:
     """Decode the recordings, then print the statistics; gives the exit status."""
     messages = Messages(quiet=options.to is not None)
     with StopSignals() as stop_signals:
-        recording = RecordingDocument(options, messages, stop_signals)
+        drawn = "courses" if options.to is None else "all"
+        recording = RecordingDocument(options, messages, stop_signals, overview=drawn)
         document = recording.document
         stats, found = document["statistics"], document["doctor"]
         if options.to is None:

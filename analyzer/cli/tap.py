@@ -296,7 +296,11 @@ def _settings(options: argparse.Namespace, bound: tuple[Binding, ...]) -> Settin
     if options.doctor and (options.view is not None or options.to is not None):
         raise UsageError("tap: --doctor writes to standard output; leave --view and --to out")
     wanted = {*settings.tables, "transactions", "diagnoses"}
-    return replace(settings, tables=tuple(sorted(wanted)), overview=options.report is not None)
+    return replace(
+        settings,
+        tables=tuple(sorted(wanted)),
+        overview="all" if options.report is not None else "none",
+    )
 
 
 def _seconds(text: str | None) -> float | None:

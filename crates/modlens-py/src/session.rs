@@ -69,14 +69,14 @@ pub struct Session {
 #[pymethods]
 impl Session {
     #[new]
-    #[pyo3(signature = (functions, *, live=false, timeout_ns=None, tables=None, bus_name=None, overview=false))]
+    #[pyo3(signature = (functions, *, live=false, timeout_ns=None, tables=None, bus_name=None, overview="none"))]
     fn new(
         functions: &Functions,
         live: bool,
         timeout_ns: Option<i64>,
         tables: Option<Vec<String>>,
         bus_name: Option<String>,
-        overview: bool,
+        overview: &str,
     ) -> PyResult<Self> {
         let mut wanted = WantedTables { frames: tables.is_none(), transactions: tables.is_none(), findings: tables.is_none() };
         let mut contrast = None;
@@ -90,7 +90,12 @@ impl Session {
                 TableKind::Diagnoses => contrast = Some(Contrast::default()),
             }
         }
-        let overview = overview.then(Overview::default);
+        let overview = match overview {
+            "none" => None,
+            "courses" => Some(Overview::of_courses()),
+            "all" => Some(Overview::default()),
+            other => return Err(value_error(format!("overview {other:?} is not one of none, courses, all"))),
+        };
         let shows_frames = wanted.frames;
         if contrast.is_some() || overview.is_some() {
             (wanted.frames, wanted.transactions) = (true, true);

@@ -49,9 +49,9 @@ pub(crate) mod frame_check;
 mod pairing;
 mod rows;
 mod rtu_batch;
-pub(crate) mod rtu_in_short;
 pub(crate) mod rtu_exchange;
 pub(crate) mod rtu_frame;
+pub(crate) mod rtu_in_short;
 mod tcp_batch;
 
 use crate::framer::Framer;

@@ -220,7 +220,8 @@ fn request_length(search: &Search, bytes: &[u8], context: &FramerContext<'_>) ->
         return None;
     }
     // If a response would have the same length, this may be the last response once more, or a late one.
-    let may_be_response = other == length.bytes() && !has_odd_registers(row, body) && may_answer_earlier_request(search, unit, code);
+    let may_be_response =
+        other == length.bytes() && !has_odd_registers(row, body) && may_answer_earlier_request(search, unit, code);
     (!may_be_response).then(|| length.as_request())
 }
 

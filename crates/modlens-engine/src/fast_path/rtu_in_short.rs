@@ -91,7 +91,8 @@ impl Session {
             if !is_answered || (expected.echoes_request && !is_response(pause(), false, answer, lengths[0])) {
                 break;
             }
-            let evidence = || PauseEvidence { timeout: pause(), poll: state.pairing.timing.poll_log_odds(None), ..PauseEvidence::default() };
+            let evidence =
+                || PauseEvidence { timeout: pause(), poll: state.pairing.timing.poll_log_odds(None), ..PauseEvidence::default() };
             let odds = framer.response_odds(&expected, false, evidence);
             framer.record_exchange(request, &answer[..lengths[1]], expected.echoes_request);
             state.pairing.record_exchange(expected.unit, None, expected.echoes_request, None, None);
@@ -127,7 +128,13 @@ impl Session {
         line.input.consume(end);
         let exchanges = self.batch.exchanges.len() - first;
         let run = Span { start: first as u32, length: exchanges as u32 };
-        self.batch.exchange_runs.push(ExchangeRun { bus: bus as u32, number: self.next_txn, frame: self.next_frame, offset, exchanges: run });
+        self.batch.exchange_runs.push(ExchangeRun {
+            bus: bus as u32,
+            number: self.next_txn,
+            frame: self.next_frame,
+            offset,
+            exchanges: run,
+        });
         self.next_txn += exchanges as u64;
         self.next_frame += 2 * exchanges as u64;
         self.end_rtu_run(bus, &BatchTotals { exchanges: exchanges as u64, bytes: end }, last);

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use crate::fast_path::rtu_in_short::KnownReads;
 use crate::framer::auto::AutoFramer;
 use crate::framer::line_framer::LineFramer;
 use crate::framer::silence::SilenceRule;
@@ -15,7 +16,6 @@ use crate::session::inner_pauses::InnerPauses;
 use crate::session::lateness::Lateness;
 use crate::session::line::{LineState, UnmergedFrames};
 use crate::session::profiles::Profiles;
-use crate::fast_path::rtu_in_short::KnownReads;
 use crate::session::unit_habits::UnitHabits;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Mode;

@@ -229,7 +229,8 @@ impl Table {
         batch.transactions.iter().any(|row| finds_in(row, &mut finds))
             || batch.exchange_runs.iter().any(|run| {
                 let (mut seen, exchanges) = ([false; 256], run.exchanges.of(&batch.exchanges).iter().enumerate());
-                let mut new = exchanges.filter(|(_, exchange)| !std::mem::replace(&mut seen[usize::from(exchange.function)], true));
+                let mut new =
+                    exchanges.filter(|(_, exchange)| !std::mem::replace(&mut seen[usize::from(exchange.function)], true));
                 new.any(|(at, _)| finds_in(&run.transaction(batch, at), &mut finds))
             })
     }

@@ -39,6 +39,11 @@ impl BusBucket {
         self.bytes += u64::from(lengths[0]) + u64::from(lengths[1]);
     }
 
+    /// Adds a transaction that went well.
+    pub fn exchange(&mut self) {
+        self.transactions += 1;
+    }
+
     pub fn transaction(&mut self, row: &Transaction) {
         self.transactions += 1;
         self.failed += u64::from(is_failure(row.status));
@@ -100,6 +105,12 @@ pub(super) struct RequestBucket {
 }
 
 impl RequestBucket {
+    /// Adds a transaction that went well, without a response time.
+    pub fn exchange(&mut self) {
+        self.transactions += 1;
+        self.ok += 1;
+    }
+
     pub fn transaction(&mut self, row: &Transaction) {
         self.transactions += 1;
         match row.status {

@@ -62,6 +62,8 @@ pub struct Overview {
     connections: Vec<Json>,
     more_connections: u64,
     left_out: LeftOut,
+    /// Neither the values of registers nor examples are collected.
+    is_of_courses: bool,
 }
 
 /// What there was no room for.
@@ -115,6 +117,11 @@ struct Requests {
 }
 
 impl Overview {
+    /// One that collects the courses of lines and requests alone: without values of registers and without examples.
+    pub fn of_courses() -> Self {
+        Self { is_of_courses: true, ..Self::default() }
+    }
+
     /// Adds the rows of a batch. It has to have frames and transactions.
     pub fn observe(&mut self, batch: &Batch) {
         for connection in &batch.connections {
@@ -127,13 +134,18 @@ impl Overview {
         self.frames(batch);
         for part in batch.transaction_parts() {
             match part {
+                Part::Short(run) if self.is_of_courses => self.exchanges(batch, run),
                 Part::Short(run) => {
                     self.transactions(batch, (0..run.exchanges.length as usize).map(|at| run.transaction(batch, at)));
                 }
-                Part::Rows(rows) => rows.chunk_by(|row, next| row.bus == next.bus).for_each(|rows| self.transactions(batch, rows)),
+                Part::Rows(rows) => {
+                    rows.chunk_by(|row, next| row.bus == next.bus).for_each(|rows| self.transactions(batch, rows))
+                }
             }
         }
-        self.values(batch);
+        if !self.is_of_courses {
+            self.values(batch);
+        }
     }
 
     fn frames(&mut self, batch: &Batch) {
@@ -171,25 +183,35 @@ impl Overview {
             let position = bus.place(RowKind::Transaction, time_of(batch, row), Some(row.number));
             bus.line.at(position, line).transaction(row);
             let shift = bus.axis.shift();
-            let key = (row.unit, row.function);
-            let of_function = match bus.requests.entry(key) {
-                Entry::Occupied(found) => found.into_mut(),
-                Entry::Vacant(_) if requests == MAX_REQUESTS => {
-                    self.left_out.transactions += 1;
-                    continue;
-                }
-                Entry::Vacant(place) => {
-                    requests += 1;
-                    place.insert(Requests { series: Series::new(shift), examples: [u64::MAX; 8] })
-                }
+            let Some(of_function) = bus.requests_of((row.unit, row.function), &mut requests) else {
+                self.left_out.transactions += 1;
+                continue;
             };
             of_function.series.at(position, of_requests).transaction(row);
+            if self.is_of_courses {
+                continue;
+            }
             self.examples.add(batch, row, &mut of_function.examples[row.status as usize]);
             if row.points.is_none() {
                 let (before, place) = (bus.registers.values, Place { position, shift, most: of_values });
                 let room = MAX_VALUES - (values - before);
                 self.left_out.values += bus.registers.transaction(batch, row, place, room) as u64;
                 values += bus.registers.values - before;
+            }
+        }
+    }
+
+    /// Adds exchanges in short to the courses.
+    fn exchanges(&mut self, batch: &Batch, run: &ExchangeRun) {
+        let (line, of_requests, mut requests) = (self.bus_resolution(), self.request_resolution(), self.requests());
+        let Some(at) = self.bus_at(batch, run.bus, false) else { return };
+        let bus = &mut self.buses[at];
+        for (exchange, number) in run.exchanges.of(&batch.exchanges).iter().zip(run.number..) {
+            let position = bus.place(RowKind::Transaction, None, Some(number));
+            bus.line.at(position, line).exchange();
+            match bus.requests_of((exchange.unit, exchange.function), &mut requests) {
+                Some(of_function) => of_function.series.at(position, of_requests).exchange(),
+                None => self.left_out.transactions += 1,
             }
         }
     }
@@ -381,6 +403,19 @@ impl BusOverview {
         let last = &mut self.last[rows as usize];
         *last = position.unwrap_or(*last);
         *last
+    }
+
+    /// The requests of one function to one unit; `None` if there is no room for them. `count` is how many there are of all buses.
+    #[inline]
+    fn requests_of(&mut self, key: (u8, u8), count: &mut usize) -> Option<&mut Requests> {
+        match self.requests.entry(key) {
+            Entry::Occupied(found) => Some(found.into_mut()),
+            Entry::Vacant(_) if *count == MAX_REQUESTS => None,
+            Entry::Vacant(place) => {
+                *count += 1;
+                Some(place.insert(Requests { series: Series::new(self.axis.shift()), examples: [u64::MAX; 8] }))
+            }
+        }
     }
 
     #[inline]
