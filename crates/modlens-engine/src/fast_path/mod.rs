@@ -46,12 +46,13 @@ mod ascii_batch;
 mod emit;
 pub mod expected_exchange;
 pub(crate) mod frame_check;
+pub(crate) mod known_reads;
 mod pairing;
 mod rows;
 mod rtu_batch;
 pub(crate) mod rtu_exchange;
 pub(crate) mod rtu_frame;
-pub(crate) mod rtu_in_short;
+mod rtu_in_short;
 mod tcp_batch;
 
 use crate::framer::Framer;

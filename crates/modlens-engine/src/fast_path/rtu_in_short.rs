@@ -6,52 +6,20 @@
 use crate::confidence;
 use crate::fast_path::emit::{may_hold_no_map, BatchTotals};
 use crate::fast_path::expected_exchange::ExpectedExchange;
+use crate::fast_path::known_reads::KnownReads;
 use crate::fast_path::rows::rtu_transaction_confidence;
 use crate::fast_path::rtu_batch::LastExchange;
 use crate::fast_path::rtu_exchange::is_response;
 use crate::framer::rtu::side::REQUEST;
+use crate::framer::rtu::RtuFramer;
 use crate::framer::PauseEvidence;
 use crate::records::{Exchange, ExchangeRun, Span};
 use crate::session::Session;
 use crate::stats::{RequestKey, RequestPlace};
 use modlens_protocol::checksum::{crc_valid_at, CRC_BYTES};
+use modlens_protocol::direction::TimeoutLogOdds;
 use modlens_protocol::framing::Mode;
-
-/// Bytes of a plain read on the wire.
-const READ_BYTES: usize = 8;
-
-/// Places for requests, a power of two; a request that finds another one at its place takes it.
-const PLACES: usize = 1024;
-
-/// Reads that were found valid and unlike any response, with what follows from their bytes.
-#[derive(Default)]
-pub(crate) struct KnownReads(Vec<Option<KnownRead>>);
-
-#[derive(Clone, Copy)]
-struct KnownRead {
-    bytes: [u8; READ_BYTES],
-    expected: ExpectedExchange,
-    counters: RequestPlace,
-}
-
-impl KnownReads {
-    /// The place of a request: the highest bits of its product with an odd number without pattern.
-    fn place(bytes: [u8; READ_BYTES]) -> usize {
-        (u64::from_le_bytes(bytes).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> (u64::BITS - PLACES.ilog2())) as usize
-    }
-
-    #[inline]
-    fn get(&self, bytes: &[u8]) -> Option<&KnownRead> {
-        let head = bytes.first_chunk()?;
-        self.0.get(Self::place(*head))?.as_ref().filter(|known| known.bytes == *head)
-    }
-
-    #[cold]
-    fn add(&mut self, bytes: [u8; READ_BYTES], expected: ExpectedExchange, counters: RequestPlace) {
-        self.0.resize(PLACES, None);
-        self.0[Self::place(bytes)] = Some(KnownRead { bytes, expected, counters });
-    }
-}
+use modlens_protocol::functions::Functions;
 
 impl Session {
     /// Emits the RTU exchanges at the head of the only line of the bus with this index in short, until one does not qualify. The
@@ -59,55 +27,35 @@ impl Session {
     pub(super) fn emit_rtu_exchanges_in_short(&mut self, bus: usize) {
         let state = &mut self.buses[bus];
         let line = &mut state.lines[0].1;
-        let plain_bytes = line.input.plain_untimed_bytes(Mode::Rtu);
-        let Some(framer) = line.framer.rtu_mut().filter(|_| plain_bytes > 0) else { return };
-        let bytes = line.input.bytes();
+        let plain = line.input.plain_untimed_bytes(Mode::Rtu);
+        let Some(framer) = line.framer.rtu_mut().filter(|_| plain > 0) else { return };
+        let (bytes, timing) = (line.input.bytes(), &state.pairing.timing);
+        let evidence = PauseEvidence {
+            timeout: timing.timeout_log_odds(None),
+            poll: timing.poll_log_odds(None),
+            ..PauseEvidence::default()
+        };
         let (first, arena_start) = (self.batch.exchanges.len(), self.batch.arena.len());
         let mut answered = framer.last_answered();
         let mut last = None;
         let mut end = 0;
-        loop {
-            let rest = &bytes[end..];
-            let known = state.known_reads.get(rest);
-            let Some(expected) = known.map(|known| known.expected).or_else(|| {
-                ExpectedExchange::from_request(&self.functions, Mode::Rtu, rest).filter(may_hold_no_map).filter(|expected| {
-                    let is_like_response = expected.resembles_response || expected.echoes_request;
-                    !(is_like_response && answered == Some((expected.unit, expected.code)))
-                })
-            }) else {
-                break;
-            };
+        while let Some((expected, counters)) =
+            next_exchange(&self.functions, framer, &state.known_reads, &bytes[end..], plain - end, answered, evidence.timeout)
+        {
             let lengths = [expected.request_bytes, expected.response_bytes].map(|length| length + CRC_BYTES);
-            let both = lengths[0] + lengths[1];
-            if end + both > plain_bytes {
-                break;
-            }
-            let (request, answer) = rest.split_at(lengths[0]);
-            let is_answered = framer.search.model.is_familiar(expected.unit, expected.code, REQUEST)
-                && expected.is_answered_by(request, answer)
-                && crc_valid_at(answer, lengths[1])
-                && (known.is_some() || crc_valid_at(request, lengths[0]));
-            let pause = || state.pairing.timing.timeout_log_odds(None);
-            if !is_answered || (expected.echoes_request && !is_response(pause(), false, answer, lengths[0])) {
-                break;
-            }
-            let evidence =
-                || PauseEvidence { timeout: pause(), poll: state.pairing.timing.poll_log_odds(None), ..PauseEvidence::default() };
-            let odds = framer.response_odds(&expected, false, evidence);
-            framer.record_exchange(request, &answer[..lengths[1]], expected.echoes_request);
+            let (request, answer) = bytes[end..end + lengths[0] + lengths[1]].split_at(lengths[0]);
+            let odds = framer.response_odds(&expected, false, || evidence);
+            framer.record_exchange(request, answer, expected.echoes_request);
             state.pairing.record_exchange(expected.unit, None, expected.echoes_request, None, None);
             let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
-            match known.map(|known| known.counters) {
-                Some(counters) => self.stats.record_exchange_at(state.counts, key, counters),
-                None => {
-                    self.stats.record_exchange(state.counts, key, [None; 2], None);
-                    let unit = usize::from(expected.unit);
-                    (state.known_units[unit], state.paired_units[unit]) = (true, true);
-                    if let Some(bytes) = as_known_read(&expected, request) {
-                        if let Some(counters) = self.stats.place_of(state.counts, key) {
-                            state.known_reads.add(bytes, expected, counters);
-                        }
-                    }
+            if let Some(counters) = counters {
+                self.stats.record_exchange_at(state.counts, key, counters);
+            } else {
+                self.stats.record_exchange(state.counts, key, [None; 2], None);
+                let unit = usize::from(expected.unit);
+                (state.known_units[unit], state.paired_units[unit]) = (true, true);
+                if KnownReads::takes(request, &expected) {
+                    state.known_reads.add(request, expected, self.stats.place_of(state.counts, key));
                 }
             }
             self.batch.exchanges.push(Exchange {
@@ -121,28 +69,61 @@ impl Session {
             });
             answered = Some((expected.unit, expected.code));
             last = Some(LastExchange { expected, odds });
-            end += both;
+            end += lengths[0] + lengths[1];
         }
-        let Some(last) = last else { return };
-        let offset = line.input.offset();
-        line.input.consume(end);
-        let exchanges = self.batch.exchanges.len() - first;
-        let run = Span { start: first as u32, length: exchanges as u32 };
-        self.batch.exchange_runs.push(ExchangeRun {
-            bus: bus as u32,
-            number: self.next_txn,
-            frame: self.next_frame,
-            offset,
-            exchanges: run,
-        });
-        self.next_txn += exchanges as u64;
-        self.next_frame += 2 * exchanges as u64;
-        self.end_rtu_run(bus, &BatchTotals { exchanges: exchanges as u64, bytes: end }, last);
+        if let Some(last) = last {
+            self.end_run_in_short(bus, first, end, last);
+        }
+    }
+
+    /// Consumes the bytes of a run, of which `last` is the last exchange, and does what is done once for all of it. `first` is the
+    /// index of its first exchange in the batch.
+    fn end_run_in_short(&mut self, bus: usize, first: usize, bytes: usize, last: LastExchange) {
+        let input = &mut self.buses[bus].lines[0].1.input;
+        let offset = input.offset();
+        input.consume(bytes);
+        let count = self.batch.exchanges.len() - first;
+        let exchanges = Span { start: first as u32, length: count as u32 };
+        let (number, frame) = (self.next_txn, self.next_frame);
+        self.batch.exchange_runs.push(ExchangeRun { bus: bus as u32, number, frame, offset, exchanges });
+        self.next_txn += count as u64;
+        self.next_frame += 2 * count as u64;
+        self.end_rtu_run(bus, &BatchTotals { exchanges: count as u64, bytes }, last);
     }
 }
 
-/// The bytes of a request that is a read and cannot be taken for a response.
-fn as_known_read(expected: &ExpectedExchange, request: &[u8]) -> Option<[u8; READ_BYTES]> {
-    let bytes = <[u8; READ_BYTES]>::try_from(request).ok()?;
-    (!expected.echoes_request && !expected.resembles_response).then_some(bytes)
+/// The exchange at the head of these bytes, of which the first `plain` are in one read without times and marks, if
+/// `RtuFramer::next_exchange` would take it, too; with the place of its request's counters, if the request is known. `answered`:
+/// unit and function of the exchange before; `pause`: what an unknown silence says for a timeout.
+#[inline(always)]
+#[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
+fn next_exchange(
+    functions: &Functions,
+    framer: &RtuFramer,
+    known_reads: &KnownReads,
+    bytes: &[u8],
+    plain: usize,
+    answered: Option<(u8, u8)>,
+    pause: TimeoutLogOdds,
+) -> Option<(ExpectedExchange, Option<RequestPlace>)> {
+    let known = known_reads.get(bytes);
+    let expected = match known {
+        Some(known) => known.expected,
+        None => ExpectedExchange::from_request(functions, Mode::Rtu, bytes).filter(may_hold_no_map)?,
+    };
+    let is_like_response = expected.resembles_response || expected.echoes_request;
+    if is_like_response && answered == Some((expected.unit, expected.code)) {
+        return None;
+    }
+    let [request_bytes, answer_bytes] = [expected.request_bytes, expected.response_bytes].map(|length| length + CRC_BYTES);
+    if request_bytes + answer_bytes > plain {
+        return None;
+    }
+    let (request, answer) = bytes.split_at(request_bytes);
+    let is_answered = framer.search.model.is_familiar(expected.unit, expected.code, REQUEST)
+        && expected.is_answered_by(request, answer)
+        && crc_valid_at(answer, answer_bytes)
+        && (known.is_some() || crc_valid_at(request, request_bytes));
+    let is_certain = is_answered && (!expected.echoes_request || is_response(pause, false, answer, request_bytes));
+    is_certain.then(|| (expected, known.and_then(|known| known.counters)))
 }

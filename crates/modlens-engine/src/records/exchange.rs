@@ -1,6 +1,6 @@
 //! Exchanges in short: what the rows of an exchange without a doubt follow from, in a twentieth of the room.
 
-use crate::records::{Batch, Frame, FrameRef, Span, Transaction};
+use crate::records::rows::{FrameRef, Span, Transaction};
 use crate::weights::UNCONFIRMED_TRANSACTION_BITS;
 use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::framing::Mode;
@@ -37,45 +37,6 @@ impl Exchange {
     }
 }
 
-/// Rows of a batch that stand behind each other: as rows, or exchanges in short.
-#[derive(Clone, Copy, Debug)]
-pub enum Part<'a, Row> {
-    /// As rows; at least one.
-    Rows(&'a [Row]),
-    /// In short.
-    Short(&'a ExchangeRun),
-}
-
-impl Batch {
-    /// The transactions in the order of their numbers, in parts.
-    pub fn transaction_parts(&self) -> impl Iterator<Item = Part<'_, Transaction>> {
-        parts(&self.transactions, |row| row.number, &self.exchange_runs, |run| run.number)
-    }
-
-    /// The frames in the order of their numbers, in parts; an exchange in short stands for its two.
-    pub fn frame_parts(&self) -> impl Iterator<Item = Part<'_, Frame>> {
-        parts(&self.frames, |row| row.number, &self.exchange_runs, |run| run.frame)
-    }
-}
-
-fn parts<'a, Row>(
-    mut rows: &'a [Row],
-    of_row: fn(&Row) -> u64,
-    runs: &'a [ExchangeRun],
-    of_run: fn(&ExchangeRun) -> u64,
-) -> impl Iterator<Item = Part<'a, Row>> {
-    let mut runs = runs.iter().peekable();
-    std::iter::from_fn(move || {
-        if let Some(run) = runs.next_if(|run| rows.first().is_none_or(|row| of_run(run) < of_row(row))) {
-            return Some(Part::Short(run));
-        }
-        let until = runs.peek().map_or(u64::MAX, |run| of_run(run));
-        let (part, others) = rows.split_at(rows.iter().position(|row| of_row(row) > until).unwrap_or(rows.len()));
-        rows = others;
-        (!part.is_empty()).then_some(Part::Rows(part))
-    })
-}
-
 /// Exchanges in short that stand one behind the other, on the line and in the arena.
 #[derive(Clone, Debug)]
 pub struct ExchangeRun {
@@ -92,11 +53,11 @@ pub struct ExchangeRun {
 }
 
 impl ExchangeRun {
-    /// The row of the transaction at this place of the run, in the batch that both are of: the one that the session would have
-    /// made.
+    /// The row of the transaction at this place of the run: the one that the session would have made. `exchanges` are all of the
+    /// batch.
     #[inline]
-    pub fn transaction(&self, batch: &Batch, at: usize) -> Transaction {
-        let exchanges = self.exchanges.of(&batch.exchanges);
+    pub fn transaction(&self, exchanges: &[Exchange], at: usize) -> Transaction {
+        let exchanges = self.exchanges.of(exchanges);
         let Exchange { start, lengths, unit, function, confidence, .. } = exchanges[at];
         let [request, answer] = lengths.map(u32::from);
         let frame = self.frame + 2 * at as u64;

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::fast_path::rtu_in_short::KnownReads;
+use crate::fast_path::known_reads::KnownReads;
 use crate::framer::auto::AutoFramer;
 use crate::framer::line_framer::LineFramer;
 use crate::framer::silence::SilenceRule;

@@ -231,7 +231,7 @@ impl Table {
                 let (mut seen, exchanges) = ([false; 256], run.exchanges.of(&batch.exchanges).iter().enumerate());
                 let mut new =
                     exchanges.filter(|(_, exchange)| !std::mem::replace(&mut seen[usize::from(exchange.function)], true));
-                new.any(|(at, _)| finds_in(&run.transaction(batch, at), &mut finds))
+                new.any(|(at, _)| finds_in(&run.transaction(&batch.exchanges, at), &mut finds))
             })
     }
 
@@ -248,7 +248,7 @@ impl Table {
             for row in rows.start.max(own.start)..rows.end.min(own.end) {
                 let goes_on = match part {
                     Part::Rows(transactions) => each(&RowRef::of_transaction(batch, &transactions[row - own.start])),
-                    Part::Short(run) => each(&RowRef::of_transaction(batch, &run.transaction(batch, row - own.start))),
+                    Part::Short(run) => each(&RowRef::of_transaction(batch, &run.transaction(&batch.exchanges, row - own.start))),
                 };
                 if !goes_on {
                     return row + 1;
@@ -279,7 +279,7 @@ impl Table {
                 match part {
                     Part::Rows(transactions) => each(&refs(batch, &transactions[chunk])),
                     Part::Short(run) => {
-                        let made: Vec<Transaction> = chunk.map(|row| run.transaction(batch, row)).collect();
+                        let made: Vec<Transaction> = chunk.map(|row| run.transaction(&batch.exchanges, row)).collect();
                         each(&refs(batch, &made));
                     }
                 }

@@ -136,10 +136,12 @@ impl Overview {
             match part {
                 Part::Short(run) if self.is_of_courses => self.exchanges(batch, run),
                 Part::Short(run) => {
-                    self.transactions(batch, (0..run.exchanges.length as usize).map(|at| run.transaction(batch, at)));
+                    self.transactions(batch, (0..run.exchanges.length as usize).map(|at| run.transaction(&batch.exchanges, at)));
                 }
                 Part::Rows(rows) => {
-                    rows.chunk_by(|row, next| row.bus == next.bus).for_each(|rows| self.transactions(batch, rows))
+                    for rows in rows.chunk_by(|row, next| row.bus == next.bus) {
+                        self.transactions(batch, rows);
+                    }
                 }
             }
         }
@@ -162,7 +164,9 @@ impl Overview {
                         let is_utc = batch.buses[rows[0].bus as usize].clock == Clock::Utc;
                         let has_time = if is_utc { rows[0].start } else { rows[0].elapsed }.is_some();
                         if let Some(at) = self.bus_at(batch, rows[0].bus, has_time) {
-                            rows.iter().for_each(|row| self.buses[at].frame(row, most));
+                            for row in rows {
+                                self.buses[at].frame(row, most);
+                            }
                         }
                     }
                 }
@@ -432,7 +436,9 @@ impl BusOverview {
             let position = self.place(RowKind::Frame, None, Some(number));
             let lengths = exchange.lengths.map(u32::from);
             self.line.at(position, most).good_frames(lengths);
-            lengths.into_iter().for_each(|length| self.busy(position, length, most));
+            for length in lengths {
+                self.busy(position, length, most);
+            }
         }
     }
 

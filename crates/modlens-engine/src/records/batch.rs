@@ -1,0 +1,186 @@
+//! What a session has emitted, as a whole.
+
+use std::mem::take;
+use std::sync::{Arc, Mutex, OnceLock};
+
+use crate::records::buses::Buses;
+use crate::records::connection::Connection;
+use crate::records::exchange::{Exchange, ExchangeRun};
+use crate::records::rows::{DiagnosisRow, FindingRow, Frame, Span, Transaction};
+use modlens_protocol::finding::Finding;
+use modlens_protocol::functions::Functions;
+
+/// Emitted rows, with the bytes and findings that they refer to.
+///
+/// A batch returns its vectors to the session when it is dropped: to allocate them anew would cost more than most rows.
+#[derive(Debug, Default)]
+pub struct Batch {
+    /// For each bus, what its rows share.
+    pub buses: Arc<Buses>,
+    /// The table of functions that decodes the PDUs.
+    pub functions: Option<Arc<Functions>>,
+    /// The bytes of all rows.
+    pub arena: Vec<u8>,
+    /// The findings of all frames and transactions.
+    pub codes: Vec<Finding>,
+    /// Frames.
+    pub frames: Vec<Frame>,
+    /// Transactions, but for exchanges in short: `all_transactions` has both.
+    pub transactions: Vec<Transaction>,
+    /// Findings.
+    pub findings: Vec<FindingRow>,
+    /// Exchanges in short, which are not among frames and transactions.
+    pub exchanges: Vec<Exchange>,
+    /// The same by bus, in the order of their numbers.
+    pub exchange_runs: Vec<ExchangeRun>,
+    /// TCP connections that are over, in the order in which they began.
+    pub connections: Vec<Connection>,
+    /// Diagnoses, at the end of a recording.
+    pub diagnoses: Vec<DiagnosisRow>,
+    /// For frames that came in more than two packets: number of the frame, and of a packet that holds neither its first nor
+    /// its last byte.
+    pub inner_packets: Vec<(u64, u64)>,
+    /// All transactions, once somebody has asked for them.
+    expanded: OnceLock<Vec<Transaction>>,
+    /// Where its vectors go when it is dropped.
+    pub(crate) pool: MemoryPool,
+}
+
+/// The vectors of dropped batches, which are filled again.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct MemoryPool(Arc<Mutex<Vec<Memory>>>);
+
+type Memory = (Vec<u8>, Vec<Finding>, Vec<Frame>, Vec<Transaction>, Vec<FindingRow>, Vec<Exchange>);
+
+/// Batches whose memory is kept: one is filled while others are written or wait for it.
+const MAX_POOLED_BATCHES: usize = 4;
+
+/// A batch with a larger arena is an exception, whose memory is given back to the system.
+const MAX_POOLED_BYTES: usize = 1 << 23;
+
+impl MemoryPool {
+    /// A batch without rows, with the vectors of a dropped batch if there are any.
+    pub(crate) fn batch(&self) -> Batch {
+        let mut batch = Batch::default();
+        batch.pool = self.clone();
+        if let Some(memory) = self.0.lock().ok().and_then(|mut memories| memories.pop()) {
+            (batch.arena, batch.codes, batch.frames, batch.transactions, batch.findings, batch.exchanges) = memory;
+        }
+        batch
+    }
+}
+
+impl Drop for Batch {
+    /// Gives the vectors of the batch, emptied, back to its session, unless that is gone, has enough of them, or the arena is
+    /// too large to be kept. `exchange_runs`, `connections` and `inner_packets`,
+    /// mostly short, are not among them.
+    fn drop(&mut self) {
+        // With one reference, the session is gone, or the batch was not made by one.
+        if Arc::strong_count(&self.pool.0) == 1 || self.arena.capacity() > MAX_POOLED_BYTES {
+            return;
+        }
+        let Ok(mut memories) = self.pool.0.lock() else { return };
+        if memories.len() < MAX_POOLED_BATCHES {
+            self.arena.clear();
+            self.codes.clear();
+            self.frames.clear();
+            self.transactions.clear();
+            self.findings.clear();
+            self.exchanges.clear();
+            memories.push((
+                take(&mut self.arena),
+                take(&mut self.codes),
+                take(&mut self.frames),
+                take(&mut self.transactions),
+                take(&mut self.findings),
+                take(&mut self.exchanges),
+            ));
+        }
+    }
+}
+
+impl Batch {
+    /// Copies bytes into the arena.
+    pub fn store(&mut self, bytes: &[u8]) -> Span {
+        let start = self.arena.len() as u32;
+        self.arena.extend_from_slice(bytes);
+        Span { start, length: bytes.len() as u32 }
+    }
+
+    /// The range of bytes that are a slice of the arena of this batch; of any other slice the range means nothing.
+    pub fn span_of(&self, bytes: &[u8]) -> Span {
+        let start = (bytes.as_ptr() as usize).wrapping_sub(self.arena.as_ptr() as usize);
+        Span { start: start as u32, length: bytes.len() as u32 }
+    }
+
+    /// The transactions in the order of their numbers, those in short as rows, too.
+    ///
+    /// These rows are made when this is first called. Where the rows are read once, one behind the other, it is cheaper to make
+    /// them one by one (`ExchangeRun::transaction`).
+    pub fn all_transactions(&self) -> &[Transaction] {
+        if self.exchange_runs.is_empty() {
+            return &self.transactions;
+        }
+        self.expanded.get_or_init(|| {
+            let mut all = Vec::with_capacity(self.transaction_count());
+            for part in self.transaction_parts() {
+                match part {
+                    Part::Rows(rows) => all.extend_from_slice(rows),
+                    Part::Short(run) => {
+                        all.extend((0..run.exchanges.length as usize).map(|at| run.transaction(&self.exchanges, at)));
+                    }
+                }
+            }
+            all
+        })
+    }
+
+    /// How many transactions there are, those in short included.
+    pub fn transaction_count(&self) -> usize {
+        self.transactions.len() + self.exchanges.len()
+    }
+
+    /// The transactions in the order of their numbers, in parts.
+    pub fn transaction_parts(&self) -> impl Iterator<Item = Part<'_, Transaction>> {
+        parts(&self.transactions, |row| row.number, &self.exchange_runs, |run| run.number)
+    }
+
+    /// The frames in the order of their numbers, in parts; an exchange in short stands for its two.
+    pub fn frame_parts(&self) -> impl Iterator<Item = Part<'_, Frame>> {
+        parts(&self.frames, |row| row.number, &self.exchange_runs, |run| run.frame)
+    }
+
+    /// Copies findings into the batch.
+    pub fn store_findings(&mut self, codes: &[Finding]) -> Span {
+        let start = self.codes.len() as u32;
+        self.codes.extend_from_slice(codes);
+        Span { start, length: codes.len() as u32 }
+    }
+}
+
+/// Rows of a batch that stand behind each other: as rows, or exchanges in short.
+#[derive(Clone, Copy, Debug)]
+pub enum Part<'a, Row> {
+    /// As rows; at least one.
+    Rows(&'a [Row]),
+    /// In short.
+    Short(&'a ExchangeRun),
+}
+
+fn parts<'a, Row>(
+    mut rows: &'a [Row],
+    of_row: fn(&Row) -> u64,
+    runs: &'a [ExchangeRun],
+    of_run: fn(&ExchangeRun) -> u64,
+) -> impl Iterator<Item = Part<'a, Row>> {
+    let mut runs = runs.iter().peekable();
+    std::iter::from_fn(move || {
+        if let Some(run) = runs.next_if(|run| rows.first().is_none_or(|row| of_run(run) < of_row(row))) {
+            return Some(Part::Short(run));
+        }
+        let until = runs.peek().map_or(u64::MAX, |run| of_run(run));
+        let (part, others) = rows.split_at(rows.iter().position(|row| of_row(row) > until).unwrap_or(rows.len()));
+        rows = others;
+        (!part.is_empty()).then_some(Part::Rows(part))
+    })
+}
