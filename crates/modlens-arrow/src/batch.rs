@@ -52,7 +52,7 @@ pub fn batch_of(table: &Table, rows: Range<usize>, columns: &[usize]) -> RecordB
     let mut making: Vec<Box<dyn ArrayInMaking>> =
         columns.iter().map(|&column| in_making(table.kind, column, rows.len())).collect();
     table.each_chunk(rows, |rows| making.iter_mut().for_each(|array| array.take(rows)));
-    let arrays = making.into_iter().map(|array| array.finish()).collect();
+    let arrays = making.into_iter().map(ArrayInMaking::finish).collect();
     RecordBatch::try_new(Arc::new(schema_of(table.kind, columns)), arrays).expect("columns are built by the schema")
 }
 

@@ -136,7 +136,7 @@ static BITS_OF: [[i32; 8]; 256] = {
     let mut all = [[0; 8]; 256];
     let mut at = 0;
     while at < 8 * 256 {
-        all[at / 8][at % 8] = (at / 8 >> (at % 8) & 1) as i32;
+        all[at / 8][at % 8] = ((at / 8) >> (at % 8)) as i32 & 1;
         at += 1;
     }
     all
