@@ -338,6 +338,19 @@ fn mode() -> impl Strategy<Value = Option<Mode>> {
     prop_oneof![Just(None), Just(Some(Mode::Rtu)), Just(Some(Mode::Ascii)), Just(Some(Mode::Tcp))]
 }
 
+// A silence that closes the input is none behind the frames in front of others.
+#[test]
+fn what_ends_a_frame_does_not_depend_on_how_much_comes_with_it() {
+    let exchange = [1, 3, 0, 0, 0, 1, 0x84, 0x0A, 1, 3, 2, 0, 1, 0x79, 0x84];
+    let text = b":0100FF\r\n";
+    let first = [&text[..], &[1, 0x15, 0xC1, 0xEF], &exchange, &exchange].concat();
+    let reads = [(first, 0), (text.to_vec(), 90_000)];
+    let whole = timed(&reads, None, usize::MAX);
+    for piece in [1, 7, 64] {
+        assert_eq!(shown(&timed(&reads, None, piece)), shown(&whole));
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases.max(400), ..ProptestConfig::default() })]
 

@@ -155,13 +155,13 @@ impl RtuFramer {
     }
 
     /// What ends a frame with a valid CRC that has `length` bytes: its length if its header announces exactly that in either
-    /// direction; else silence if a pause follows or the input is closed; else its CRC.
+    /// direction; else silence if a pause follows, or the input is closed and has no bytes behind it; else its CRC.
     fn delimited_by(&self, input: &Input, context: &FramerContext<'_>, length: usize) -> DelimitedBy {
         let announced = announced_lengths(context, &input.bytes()[..length]);
         let follows_pause = || input.pause_before(length).is_some_and(|pause| pause >= self.frame_gap_ns(input));
         match announced.iter().flatten().any(|(_, extent)| *extent == Extent::Exactly(length)) {
             true => DelimitedBy::Length,
-            false if input.is_closed || follows_pause() => DelimitedBy::Silence,
+            false if follows_pause() || (input.is_closed && length == input.bytes().len()) => DelimitedBy::Silence,
             false => DelimitedBy::Checksum,
         }
     }
