@@ -694,7 +694,7 @@ class Session:
         mode: str = "auto",
         line: tuple[int, int, str, float] | None = None,
     ) -> int:
-        """Samples of a logic analyser; gives their number, from 0. Two lines that talk are one bus.
+        """Samples of a logic analyzer; gives their number, from 0. Two lines that talk are one bus.
 
         - `rate`: samples a second; `unit`: bytes of a sample, lowest first, a bit a channel;
           0 for rows of text: a time in seconds and a level a channel, with a rate of 1e9
@@ -725,7 +725,7 @@ class Session:
     def close_capture(self, capture: int) -> None:
         """The same for a capture and all its buses; `capture` does not know it any more."""
     def close_logic(self, logic: int) -> None:
-        """The same for samples of a logic analyser."""
+        """The same for samples of a logic analyzer."""
     def pending_rows(self) -> int:
         """Rows that `take` would return now (frames, transactions and findings together)."""
     def take(self) -> Batch: ...

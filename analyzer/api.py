@@ -172,7 +172,7 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
     - `timezone`, `date`: of times in text that come without (see
       `analyzer.times.utc_offset_changes`)
     - `ports`: TCP and UDP ports of Modbus in captures, 502 by default; `any` looks everywhere
-    - `channels`: those of a logic analyser, as `["RX", "TX"]`, found by default; `!RX` idles low
+    - `channels`: those of a logic analyzer, as `["RX", "TX"]`, found by default; `!RX` idles low
 
     `UsageError` for settings that cannot be. Nothing is read yet: `SourceError` comes when somebody
     looks.

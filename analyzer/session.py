@@ -269,7 +269,7 @@ class FileRun:
         yield core.take()
 
     def _read_samples(self, recording: Recording) -> Iterator[_modlens.Batch]:
-        """Decode samples of a logic analyser block by block.
+        """Decode samples of a logic analyzer block by block.
 
         The core finds the serial lines among the channels. `SourceError` where there is none.
         """
@@ -357,6 +357,6 @@ def _samples_of(recording: Recording) -> Samples | Levels:
 
 
 def _describe_channel(names: dict[int, str], line: dict[str, Any]) -> str:
-    """A serial line that was found in samples of a logic analyser, in words."""
+    """A serial line that was found in samples of a logic analyzer, in words."""
     idle = ", idle low" if line["inverted"] else ""
     return f"channel {names[line['channel']]}: {line['line']}{idle}"

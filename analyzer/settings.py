@@ -33,7 +33,7 @@ class Settings:
     - `tables`: the tables worth building
     - `silence_ns`: t3.5 and t1.5, if frames end at silences only; None goes by all evidence
     - `profiles`: which units have which device profile
-    - `channels`: those of a logic analyser; `!` before a name says that it idles low
+    - `channels`: those of a logic analyzer; `!` before a name says that it idles low
     - `ports`: where a capture is searched for Modbus; None is 502, nothing in it is everywhere
     - `dialects`: the table of text formats, users' rows included; None for the embedded one
     - `zone`: of times without one: from which ns since 1970 on which offset in ns holds
@@ -102,7 +102,7 @@ class Settings:
         )
 
     def add_logic(self, core: _modlens.Session, samples: Samples | Levels) -> int:
-        """Add the samples of a logic analyser to the core; gives their number."""
+        """Add the samples of a logic analyzer to the core; gives their number."""
         names = [name.removeprefix("!") for name in self.channels or ()]
         low = any(name.startswith("!") for name in self.channels or ())
         return core.add_logic(

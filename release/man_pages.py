@@ -14,7 +14,7 @@ def overview(commands: list[Command], version: str) -> str:
     lines = [
         *_head("modlens", version),
         ".SH NAME",
-        r"modlens \- a passive Modbus sniffer and protocol analyser; it never transmits",
+        r"modlens \- a passive Modbus sniffer and protocol analyzer; it never transmits",
         ".SH SYNOPSIS",
         ".B modlens",
         r".I COMMAND\fR ...",

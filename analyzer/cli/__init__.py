@@ -164,7 +164,7 @@ def _run_help(words: list[str]) -> int:
     if words and words[0] in COMMANDS:
         return main([words[0], "--help"])
     out = sys.stdout
-    out.write("modlens: a passive Modbus sniffer and protocol analyser; it never transmits\n\n")
+    out.write("modlens: a passive Modbus sniffer and protocol analyzer; it never transmits\n\n")
     out.write("usage: modlens COMMAND ...       modlens COMMAND --help for details\n\n")
     for name, summary in COMMANDS.items():
         out.write(f"  {name:<16} {summary}\n")

@@ -114,7 +114,8 @@ def _interruption(partial: Sequence[str]) -> str:
 class OutputSink(Sink, Protocol):
     """A sink that counts its rows and can be closed.
 
-    `table` names the table whose rows it writes, and is empty for a sink that writes none.
+    `table` names the table whose rows it writes, and is empty for a sink that writes none. One
+    that hands rows on to others says by `outcome()`, once it is closed, what became of them.
     """
 
     table: str
@@ -125,6 +126,14 @@ class OutputSink(Sink, Protocol):
 
     def rollback(self) -> None:
         """Discard the output because the input failed: no incomplete file is left."""
+
+
+def _outcome(sink: OutputSink) -> str:
+    """What became of the rows of a sink that is closed."""
+    outcome = getattr(sink, "outcome", None)
+    if outcome is not None:
+        return str(outcome())
+    return f"{count_of(sink.row_count, sink.table.removesuffix('s'))} written"
 
 
 class Outputs:
@@ -246,9 +255,7 @@ class Outputs:
             if sink.name != name:
                 self.partial.append(sink.name)
             if sink.table and (sink is not self._on_screen or self._filtered):
-                self._messages.info(
-                    f"{sink.name}: {count_of(sink.row_count, sink.table.removesuffix('s'))} written"
-                )
+                self._messages.info(f"{sink.name}: {_outcome(sink)}")
             if self._has_times and sink.table and not sink.row_count:
                 self._messages.info(
                     "--between: no row has such a time; times without a zone are those of the table"

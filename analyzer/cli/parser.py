@@ -104,7 +104,7 @@ def add_decoding(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--channels",
         metavar="A,B",
-        help="samples of a logic analyser only: channels to use, such as RX,TX; write !RX if the"
+        help="samples of a logic analyzer only: channels to use, such as RX,TX; write !RX if the"
         " line is inverted (default: detected)",
     )
     group.add_argument(

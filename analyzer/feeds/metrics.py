@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 import _modlens
+from analyzer.counts import count_of
 from analyzer.feeds.metrics_server import BoundedServer
 from analyzer.installing import how_to_install
 from dissectors.errors import SourceError, UsageError
@@ -146,6 +147,10 @@ class Metrics:
         if time.monotonic() >= self._next_update_s:
             self._next_update_s = time.monotonic() + _UPDATE_S
             self._update_gauges()
+
+    def outcome(self) -> str:
+        """What became of the rows, for the end of a run."""
+        return f"{count_of(self.row_count, 'transaction')} counted"
 
     def close(self) -> None:
         """Stop the server."""

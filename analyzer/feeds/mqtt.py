@@ -26,6 +26,7 @@ from typing import Any
 import _modlens
 from analyzer.addresses import SHORT
 from analyzer.columns import pick
+from analyzer.counts import count_of
 from analyzer.feeds.broker import Broker, tls_context
 from analyzer.feeds.spool import Message, Spool
 from analyzer.installing import how_to_install
@@ -118,7 +119,6 @@ class Mqtt:
         self._client.disconnect()
         self._client.loop_stop()
         self._acknowledge()
-        self._report_end()
         self._spool.close()
 
     def rollback(self) -> None:
@@ -200,14 +200,19 @@ class Mqtt:
             again = "" if state == "connected" else "; trying again"
             self._notify(f"{self.name}: {state}{again}")
 
-    def _report_end(self) -> None:
-        """Say at the end what has not arrived, and where it is kept."""
-        left = len(self._spool)
-        if left:
-            kept = "lost" if self._spool_path is None else f"kept in {self._spool_path}"
-            self._notify(f"{self.name}: {self.delivered} messages delivered, {left} not: {kept}")
+    def outcome(self) -> str:
+        """What became of the messages, for the end of a run; those of an earlier one count too.
+
+        Messages are more than transactions: values, the row of the day, announcements of sensors.
+        """
+        total = self.delivered + len(self._spool) + self._spool.dropped
+        parts = [f"{self.delivered:,} of {count_of(total, 'message')} delivered"]
         if self._spool.dropped:
-            self._notify(f"{self.name}: {self._spool.dropped} messages dropped: the queue was full")
+            parts.append(f"{self._spool.dropped:,} dropped because the queue was full")
+        if len(self._spool):
+            kept = "lost" if self._spool_path is None else f"kept in {self._spool_path}"
+            parts.append(f"{len(self._spool):,} {kept}")
+        return f"{count_of(self.row_count, 'transaction')}; {', '.join(parts)}"
 
     def _on_publish(self, client: Any, data: object, number: int, *_: object) -> None:
         self._confirmed.append(number)

@@ -19,7 +19,7 @@ class Format:
     """A file format of recordings.
 
     `binary` formats hold raw bytes as sent on the line, or a capture of `packets` or of a logic
-    analyser's `samples`; the others are text, which the core parses. `clock` says what kind of
+    analyzer's `samples`; the others are text, which the core parses. `clock` says what kind of
     times the format has. `sample` is what its first lines look like, as shown by `modlens formats`.
     """
 
@@ -87,7 +87,7 @@ BINARY = {
         Format(
             "sigrok",
             binary=True,
-            title="logic analyser sessions of sigrok and PulseView (.sr)",
+            title="logic analyzer sessions of sigrok and PulseView (.sr)",
             clock="relative",
             sample=("(binary; lines, baud rate, parity and polarity are detected)",),
             samples=True,

@@ -25,7 +25,7 @@ EXCHANGE = [bytes.fromhex(REQUEST), bytes.fromhex(RESPONSE)]
 
 
 def samples() -> bytes:
-    """The exchange on one channel of a logic analyser."""
+    """The exchange on one channel of a logic analyzer."""
     spaced = [sigrok.spaced(data, 0.01 + 0.04 * i, LINE) for i, data in enumerate(EXCHANGE)]
     return sigrok.session(sigrok.samples(LINE, [[byte for one in spaced for byte in one]]), ["BUS"])
 

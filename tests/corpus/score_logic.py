@@ -1,4 +1,4 @@
-"""Logic-analyser sessions: the frames of the expected file, on their lines, at their times."""
+"""Logic-analyzer sessions: the frames of the expected file, on their lines, at their times."""
 
 from __future__ import annotations
 

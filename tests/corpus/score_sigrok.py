@@ -1,4 +1,4 @@
-"""Captures of logic analysers: exactly the frames that are on the line, however they are tapped."""
+"""Captures of logic analyzers: exactly the frames that are on the line, however they are tapped."""
 
 from __future__ import annotations
 

@@ -6,6 +6,8 @@ They are the first to fail; what else a change may break is for `make test`.
 
 from __future__ import annotations
 
+import os
+import platform
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator
@@ -120,12 +122,27 @@ CARGO_TEST = ("cargo", "test", "--release", "--locked", "--quiet", "--tests")
 CLIPPY = ("cargo", "clippy", "--release", "--locked", "--quiet")
 
 
+def cargo_environment() -> dict[str, str]:
+    """The environment with what maturin tells pyo3.
+
+    Without it Cargo sees another pyo3 than maturin did, and each of the two builds pyo3 and the
+    border anew after the other.
+    """
+    version = f"{sys.version_info.major}.{sys.version_info.minor}"
+    name = f"pyo3-config-{platform.machine()}-*-{version}-abi3.txt"
+    configs = sorted((ROOT / "target" / "maturin").glob(name))
+    if len(configs) != 1:
+        return dict(os.environ)
+    return {**os.environ, "PYO3_BUILD_EXTENSION_MODULE": "1", "PYO3_CONFIG_FILE": str(configs[0])}
+
+
 def main() -> None:
     """Runs the commands until one fails."""
     for command in commands(changed_files()):
         sys.stdout.write(f"== {' '.join(command)}\n")
         sys.stdout.flush()
-        if status := subprocess.run(command, cwd=ROOT, check=False).returncode:
+        environment = cargo_environment() if command[0] == "cargo" else None
+        if status := subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode:
             raise SystemExit(status)
 
 

@@ -128,7 +128,7 @@ impl Input {
     }
 
     /// Appends the reads of a chunk whose bytes have been appended: one, or one for each byte that has a time of its own, with
-    /// a last one for the bytes that lack theirs. The first of them starts a record if the chunk does or if bytes were lost
+    /// a last one for the bytes that lack theirs. The first byte's read starts a record if the chunk does or if bytes were lost
     /// before it; the others start none.
     fn push_reads(&mut self, chunk: &Chunk<'_>) {
         let end = self.end();
@@ -148,7 +148,7 @@ impl Input {
                     self.push_read(read_of(chunk, first + i as u64 + 1, time, i == 0 && starts_record));
                 }
                 if times.len() < chunk.bytes.len() {
-                    self.push_read(read_of(chunk, end, NO_TIME, false));
+                    self.push_read(read_of(chunk, end, NO_TIME, times.is_empty() && starts_record));
                 }
             }
         }
@@ -412,6 +412,14 @@ mod tests {
         assert_eq!((input.has_line_error(0, 2), input.has_loss(0, 1)), (false, true));
         input.consume(1);
         assert!(!input.has_loss(0, 1));
+    }
+
+    #[test]
+    fn a_record_starts_with_its_first_byte_also_where_its_times_are_missing() {
+        let mut input = Input::default();
+        input.push(&Chunk { bytes: &[1, 2], times: Times::Bytes(&[1_000, 2_000]), ..Chunk::default() });
+        input.push(&Chunk { bytes: &[3, 4], times: Times::Bytes(&[]), follows_loss: true, ..Chunk::default() });
+        assert_eq!(input.read(2).map(|read| read.starts_record), Some(true));
     }
 
     #[test]

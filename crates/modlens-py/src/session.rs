@@ -268,7 +268,7 @@ impl Session {
     #[pyo3(signature = (logic, data, *, r#final=false))]
     fn feed_logic(&mut self, py: Python<'_>, logic: usize, data: &[u8], r#final: bool) -> PyResult<()> {
         if self.core.logic(logic).is_none() {
-            return Err(PyIndexError::new_err(format!("logic analyser {logic} was not added")));
+            return Err(PyIndexError::new_err(format!("logic analyzer {logic} was not added")));
         }
         py.detach(|| self.core.feed_logic(logic, data, r#final));
         Ok(())
@@ -276,7 +276,7 @@ impl Session {
 
     fn logic(&self, logic: usize) -> PyResult<String> {
         let found = self.core.logic(logic);
-        let found = found.ok_or_else(|| PyIndexError::new_err(format!("logic analyser {logic} was not added")))?;
+        let found = found.ok_or_else(|| PyIndexError::new_err(format!("logic analyzer {logic} was not added")))?;
         let lines: Vec<serde_json::Value> = found
             .lines()
             .unwrap_or(&[])

@@ -22,8 +22,8 @@ use modlens_protocol::Ns;
 pub struct DamageRecovery {
     /// Damaged frames that were found and not yet emitted, with the stream offsets of their first bytes.
     found: VecDeque<(u64, DamagedFrame)>,
-    /// Stream offset up to which the bytes have been analysed.
-    analysed_to: u64,
+    /// Stream offset up to which the bytes have been analyzed.
+    analyzed_to: u64,
     /// Attributes responses without an end.
     pub truncation: TruncationLearner,
 }
@@ -54,11 +54,11 @@ impl DamageRecovery {
     /// The first row of the unframed bytes from the first byte of the input to stream offset `to`, exclusive. `adu` is cleared;
     /// it gets unit and PDU of a damaged frame.
     ///
-    /// The first call for a `to` analyses all bytes up to there at once (`analyse`). Every call gives one row, and the caller
+    /// The first call for a `to` analyses all bytes up to there at once (`analyze`). Every call gives one row, and the caller
     /// consumes its bytes: the damaged frame that begins with the first byte, else a row without it (`row_without_frame`).
     pub fn next_frame(&mut self, model: &mut TrafficModel, at: &Surroundings<'_, '_>, to: u64, adu: &mut Vec<u8>) -> FrameResult {
-        if self.analysed_to < to {
-            self.analyse(model, at, to);
+        if self.analyzed_to < to {
+            self.analyze(model, at, to);
         }
         let offset = at.input.offset();
         let region_bytes = (to - offset) as usize;
@@ -85,9 +85,9 @@ impl DamageRecovery {
     ///
     /// Live, if no frame behind these bytes is known, the last frame found may be a response without its end; `truncation`
     /// attributes it by what the master did after earlier ones.
-    fn analyse(&mut self, model: &mut TrafficModel, at: &Surroundings<'_, '_>, to: u64) {
+    fn analyze(&mut self, model: &mut TrafficModel, at: &Surroundings<'_, '_>, to: u64) {
         let offset = at.input.offset();
-        self.analysed_to = to;
+        self.analyzed_to = to;
         model.learn_flow_control(&at.input.bytes()[..(to - offset) as usize]);
         let frames = at.region(model, (to - offset) as usize, false).damaged_frames();
         self.found = frames.into_iter().map(|frame| (offset + frame.start as u64, frame)).collect();

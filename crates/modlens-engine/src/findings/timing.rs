@@ -15,9 +15,10 @@ const MIN_STEPS_PER_T15: Ns = 4;
 /// user gave. It stands at the head of the input; `resolution` is the step of the clock in ns.
 ///
 /// A silence before it that is shorter than t3.5, and the longest one inside it if that is longer than t1.5, are findings.
-/// Nothing is compared without a `rule`, which means that the line settings are unknown, or where the clock is too coarse: if
-/// t1.5 is less than four of its steps, or if a read had several bytes. Then only a silence inside of which `proven` is the
-/// sender's is a finding.
+/// Nothing is compared without a `rule`, which means that the line settings are unknown, nor where the clock is too coarse: where
+/// t1.5 is less than four of its steps. If any read of the line had several bytes, whose own times are not known, neither
+/// silence is measured; a finding then is only `proven` (ns), a silence inside the frame that cannot have come about on the
+/// way to the tap, if it is longer than t1.5.
 pub(crate) fn silences(
     input: &Input,
     rule: Option<SilenceRule>,

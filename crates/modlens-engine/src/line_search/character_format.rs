@@ -92,8 +92,12 @@ impl FormatSearch {
         search
     }
 
-    /// Evaluates a trial; true if `line` is known now or `candidate` has changed. `fits` says whether frames with valid
-    /// checksums were received in the trial.
+    /// Evaluates a trial of `candidate`; true if `line` is known now or `candidate` has changed, false if the trial has to go
+    /// on. `fits` says whether frames with valid checksums were received in it.
+    ///
+    /// Where the port marks line errors, their share in the trial decides alone, `fits` does not; the last candidate is taken
+    /// whatever its share. Where it marks none, there is a single candidate: it is taken if frames were received, and after
+    /// `MAX_BYTES_WITHOUT_FRAME` without one the format that the search began with (`fallback`).
     pub fn evaluate(&mut self, trial: &Trial, fits: bool) -> bool {
         if !self.marks_errors {
             if !fits && trial.bytes.len() < MAX_BYTES_WITHOUT_FRAME {

@@ -254,7 +254,10 @@ impl LineSearch {
         self.found = Some(FoundLine { line, mode: formats.mode, evidence, reads: std::mem::take(&mut self.reads) });
     }
 
-    /// Begins a trial at a rate that is more likely, or after enough bytes without a frame.
+    /// Ends the trial of the present rate and format, or lets it go on. It ends if a rate with a format that is not tried yet is
+    /// more likely than the present one by more than `MIN_ODDS`, or else if as many bytes as a trial may take have come
+    /// (`limit`, times `TEXT_FACTOR` where they look like text). Only in the second case rate and format count as tried, and
+    /// swapped wires are looked for. Which trial is next is decided by `begin_next`, which gets the reason for the user.
     fn change_rate(&mut self) {
         let rate = self.trial.line.baud;
         self.pulses.insert(rate, rates::pulse_lengths(&self.trial.bytes));

@@ -13,7 +13,7 @@ impl Pairing {
     /// Index of the open request that a response on a connection answers.
     ///
     /// It is the oldest with the same identifier whose content fits, fully if any does, if need be but for the unit: gateways
-    /// answer as 255. If its content contradicts it, or if no request has the identifier, the response may belong to the last
+    /// answer as 255. A request that was given up is none of these; one that has no identifier (from a log) counts if the unit fits. If its content contradicts it, or if no request has the identifier, the response may belong to the last
     /// request, provided that it fits that fully and that the server has a habit (`IdHabit`). Without one, it is paired with
     /// none; that the last request had no response is then not certain.
     pub(super) fn find_by_id(&mut self, functions: &Functions, frame: &ObservedFrame<'_>) -> Option<usize> {

@@ -35,7 +35,7 @@ impl Session {
         }
     }
 
-    /// Gives back what a recording of a logic analyser took, of which everything has been read and decided.
+    /// Gives back what a recording of a logic analyzer took, of which everything has been read and decided.
     pub fn close_logic(&mut self, logic: usize) {
         if let Some(bus) = self.logics[logic].take().and_then(|state| state.bus) {
             self.close_bus(bus);

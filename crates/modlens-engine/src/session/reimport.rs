@@ -299,8 +299,8 @@ impl Session {
     }
 
     /// Keeps a frame until its transaction is read, with the findings that are not on the frame itself. Those on a frame
-    /// without transaction are emitted at once. If too many wait, the one with the smallest number is dropped; its
-    /// transaction will lack this half.
+    /// without transaction are emitted at once, and it is not kept. If too many wait, the one with the smallest number is
+    /// dropped; its transaction will lack this half. Transactions of the session are numbered on behind those read.
     fn wait_for_transaction(
         &mut self,
         reimport: &mut ReimportState,

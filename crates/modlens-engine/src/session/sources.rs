@@ -1,4 +1,4 @@
-//! The state of sources that the session itself reads: packet captures and recordings of logic analysers.
+//! The state of sources that the session itself reads: packet captures and recordings of logic analyzers.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
-use modlens_readers::logic::Analyser;
+use modlens_readers::logic::Analyzer;
 use modlens_readers::pcap::{Capture, Ports};
 
 /// What the source of a capture knows about it in advance.
@@ -114,11 +114,11 @@ impl ReimportState {
     }
 }
 
-/// One recording of a logic analyser.
+/// One recording of a logic analyzer.
 pub(super) struct LogicState {
     pub(super) source: String,
     pub(super) mode: Option<Mode>,
-    pub(super) analyser: Analyser,
+    pub(super) analyzer: Analyzer,
     pub(super) bus: Option<usize>,
 }
 

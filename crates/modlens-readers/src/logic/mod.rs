@@ -1,4 +1,4 @@
-//! Decodes the samples of logic analysers to the characters of serial lines.
+//! Decodes the samples of logic analyzers to the characters of serial lines.
 //!
 //! `edges` finds the level changes in binary samples and `level_table` those in exported text; `autobaud` finds the settings
 //! of one channel, `decide` here takes the one or two channels with most bytes in valid frames; `uart` decodes level
@@ -56,7 +56,7 @@ pub struct DetectedLine {
 /// A decoded character and its line, 0 or 1.
 pub type LineCharacter = (usize, Character);
 
-/// A channel of the analyser.
+/// A channel of the analyzer.
 #[derive(Debug, Default)]
 struct Channel {
     /// Edges that the receiver has not seen yet.
@@ -65,9 +65,9 @@ struct Channel {
     uart: Option<(usize, UartReceiver)>,
 }
 
-/// Decodes the samples of a logic analyser, which arrive in blocks.
+/// Decodes the samples of a logic analyzer, which arrive in blocks.
 #[derive(Debug)]
-pub struct Analyser {
+pub struct Analyzer {
     wiring: Wiring,
     edges: EdgeDetector,
     /// The parser of exported text, which takes the place of `edges` for such files.
@@ -99,7 +99,7 @@ fn is_part_of(part: &[Character], whole: &[Character]) -> bool {
     !part.is_empty() && shared * 100 >= part.len() * MIN_PERCENT_OF_PART
 }
 
-impl Analyser {
+impl Analyzer {
     /// A decoder for channels that are wired like this.
     pub fn new(wiring: Wiring) -> Self {
         let channels = (0..CHANNELS).map(|_| Channel::default()).collect();

@@ -45,7 +45,7 @@ pub(super) enum Notation {
     Byte,
     /// One byte in decimal.
     Number,
-    /// One byte in a cell of a logic analyser's table: a character, a number in quotes, `0x41`.
+    /// One byte in a cell of a logic analyzer's table: a character, a number in quotes, `0x41`.
     Cell,
     /// A frame of Modbus ASCII, colon and hex digits, which yields the characters that were on the line.
     Ascii,

@@ -155,8 +155,9 @@ impl Search {
         next_length.map_or(u64::MAX, |length| start + length)
     }
 
-    /// Adds a frame with an invalid CRC from the end of the hypothesis `parent` to the last byte scanned, if it is expected there
-    /// (`damaged_frame_score`). As a response it answers the outstanding request: no other is expected.
+    /// Adds a hypothesis: `frame`, which has an invalid CRC and goes from the end of the hypothesis `parent` (its index) to the
+    /// last byte scanned. None is added if no such frame is expected there (`damaged_frame_score`). A response always answers
+    /// the outstanding request, as no other response is expected.
     fn add_damaged_hypothesis(&mut self, context: &FramerContext<'_>, parent: usize, frame: &[u8], direction: usize) {
         let before = &self.lattice[parent];
         let outstanding = before.answerable.outstanding.map(|id| self.requests.get(id));
