@@ -80,6 +80,15 @@ pub struct Reader {
     unread_lines: UnreadLines,
 }
 
+/// What a reader learns from a text before it reads it, whatever its rows are.
+#[derive(Debug)]
+pub(super) struct Marks {
+    /// What it took for possible before: nine decimals may be microseconds.
+    short_fractions: bool,
+    is_quoted_mail: bool,
+    timestamps: TimestampParser,
+}
+
 impl Reader {
     /// A reader with these rows, of which the first that fits a line reads it. Where none fits, the rows of `others` are
     /// tried, and a row that fits is used from there on.
@@ -115,13 +124,17 @@ impl Reader {
         }
     }
 
+    /// A reader with these rows alone, of whose unread lines only the number is asked for.
+    pub(super) fn to_count(dialects: Vec<Arc<Dialect>>) -> Self {
+        Self { unread_lines: UnreadLines::only_counted(), ..Self::new(dialects, None, Arc::default()) }
+    }
+
     /// Learns from the first bytes of the text what no single line says: the order of dates, whether it is quoted.
     ///
     /// Gives, for what the log calls sent and received, requests less responses among the frames that can be one only.
     pub fn look_ahead(&mut self, sample: &[u8]) -> [i32; 2] {
-        self.is_quoted_mail = is_quoted(sample);
-        self.timestamps.look_ahead(sample);
-        let mut ahead = Self::new(self.dialects.clone(), None, Arc::default());
+        self.look_at_marks(sample);
+        let mut ahead = Self::to_count(self.dialects.clone());
         ahead.is_quoted_mail = self.is_quoted_mail;
         (ahead.proved, ahead.proved_row) = (self.proved.clone(), self.proved_row.clone());
         ahead.push(sample);
@@ -135,6 +148,26 @@ impl Reader {
             proved.learn_from(learned);
         }
         sides
+    }
+
+    /// Learns the same, for who does not ask about sent and received. Without that, the text need not be read twice, unless it
+    /// is by what checksums prove. `known` keeps what does not depend on the rows, for further readers of the same text.
+    pub(super) fn prepare(&mut self, sample: &[u8], known: &mut Vec<Marks>) {
+        let short_fractions = self.timestamps.state.short_fractions;
+        if self.proved.is_some() {
+            self.look_ahead(sample);
+        } else if let Some(marks) = known.iter().find(|marks| marks.short_fractions == short_fractions) {
+            (self.is_quoted_mail, self.timestamps) = (marks.is_quoted_mail, marks.timestamps.clone());
+        } else {
+            self.look_at_marks(sample);
+            known.push(Marks { short_fractions, is_quoted_mail: self.is_quoted_mail, timestamps: self.timestamps.clone() });
+        }
+    }
+
+    /// Learns the order of dates, and whether the text is quoted.
+    fn look_at_marks(&mut self, sample: &[u8]) {
+        self.is_quoted_mail = is_quoted(sample);
+        self.timestamps.look_ahead(sample);
     }
 
     /// Appends text.
