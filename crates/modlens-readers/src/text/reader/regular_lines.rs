@@ -14,7 +14,6 @@ use crate::text::frame_evidence::check_first;
 use crate::text::notation::spaced_pairs;
 use crate::text::prefix::parse_prefix;
 use crate::text::reader::{proved_lines, NextLine, Reader};
-use crate::text::LogEntry;
 
 /// A longer line is no regular one: no frame has so many bytes.
 const MAX_LINE_CHARS: usize = 1024;
