@@ -43,7 +43,7 @@ impl Session {
             return self.held.len();
         }
         let oldest = self.oldest_open().unwrap_or(u64::MAX);
-        sort(&mut self.held);
+        sort(&mut self.held, self.kept);
         self.held.partition_point(|row| row.number < oldest)
     }
 
@@ -68,9 +68,11 @@ impl Session {
 
 /// Sorts rows by number, which they are but for a few: a request without a response is known as such when the next ones are. To
 /// put these few where they belong costs far less than a sort, which moves all rows several times.
-fn sort(rows: &mut [Transaction]) {
+///
+/// The first `sorted` rows are in order.
+fn sort(rows: &mut [Transaction], sorted: usize) {
     let mut moved = 0;
-    for at in 1..rows.len() {
+    for at in sorted.max(1)..rows.len() {
         let number = rows[at].number;
         if rows[at - 1].number <= number {
             continue;
