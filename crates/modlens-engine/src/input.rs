@@ -277,6 +277,13 @@ impl Input {
         self.reads.front()
     }
 
+    /// The first read, if it is exactly the first `length` unframed bytes.
+    #[inline]
+    pub fn whole_read(&self, length: usize) -> Option<&Read> {
+        let is_whole = |read: &&Read| self.first_read_start == self.offset && read.end == self.offset + length as u64;
+        self.reads.front().filter(is_whole)
+    }
+
     /// Whether a request of `request_bytes` and a response of `response_bytes` stand at the head in reads that cannot change
     /// how they are decided: both in one read without times and side (other bytes may follow in it), or exactly in a read
     /// each, the second one less than `within` ns after the first, or both without times. Neither read may lack checksums or

@@ -33,7 +33,10 @@ impl Pairing {
             open.mbap_id.is_some_and(|other| other != id) && open.request.end.is_some_and(|end| answered_at - end < timeout)
         };
         let is_passed = last.waited.is_some() && last.waited != interval(last.request.end, Some(requested_at));
-        is_passed && self.open.len() <= MAX_OPEN_BESIDE && self.open.iter().all(|open| stays(open))
+        // Both parts of the queue by themselves: this is asked for every exchange behind a request without a response.
+        let (older, newer) = self.open.as_slices();
+        let all_stay = |part: &[Box<PendingTransaction>]| part.iter().all(|open| stays(open));
+        is_passed && self.open.len() <= MAX_OPEN_BESIDE && all_stay(older) && all_stay(newer)
     }
 
     /// Records that a unit has answered a request after `response_time`; `pause` is the silence before the request.

@@ -174,12 +174,14 @@ impl BusState {
     /// content. Those of a further line wait, too, even if its reads have times, because nothing orders them among frames
     /// without. Pairing is told that the order is inferred.
     pub(crate) fn line_for(&mut self, chunk: &Chunk<'_>) -> &mut LineState {
-        let is_new = self.lines.iter().all(|(line, _)| *line != chunk.line);
+        if let Some(known) = self.lines.iter().position(|(line, _)| *line == chunk.line) {
+            return &mut self.lines[known].1;
+        }
         let is_two_line_tap = chunk.line != 0 && self.options.bus.network.is_none();
         let is_untimed = matches!(chunk.times, Times::None) && !chunk.starts_record;
         let waits = self.lines.first().map_or(is_two_line_tap && is_untimed, |(_, first)| first.unmerged.is_some());
         let line = self.line(chunk.line);
-        if is_new && waits {
+        if waits {
             line.unmerged = Some(Box::new(UnmergedFrames::new(Input::new(line.input.char_ns))));
             self.pairing.order_is_inferred = true;
         }

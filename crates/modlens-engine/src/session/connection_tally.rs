@@ -37,15 +37,14 @@ impl ConnectionTally {
 
     /// Counts an exchange of the fast path: a request with its number, identifier and time, and the time of its answer.
     #[inline]
-    pub(crate) fn note_exchange(&mut self, txn: u64, id: Option<u16>, [asked, answered]: [Ns; 2], pairing: &Pairing) {
+    pub(crate) fn note_exchange(&mut self, txn: u64, id: Option<u16>, times: [Ns; 2], pairing: &Pairing) {
         self.requests += 1;
         self.answered += 1;
         self.has_response = true;
         if self.first.is_none() {
             self.note_outcome(txn, Status::Ok);
         }
-        self.in_flight.request(id, Some(asked), |waited| !pairing.is_before_timeout(waited));
-        self.in_flight.answer(id, Some(answered));
+        self.in_flight.exchange(id, times, |waited| !pairing.is_before_timeout(waited));
     }
 
     /// Notes a good frame of the slow path as a request or an answer in flight.

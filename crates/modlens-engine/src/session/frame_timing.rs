@@ -1,6 +1,6 @@
 //! The times of a frame, and its place in the recording.
 
-use crate::input::Input;
+use crate::input::{Input, Read, NO_TIME};
 use crate::records::InnerPauses;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::source::Place;
@@ -77,6 +77,9 @@ impl FrameTiming {
     #[inline(always)]
     #[allow(clippy::inline_always)] // The result is large and mostly empty; inlined, the empty parts are never built.
     pub(crate) fn of(input: &Input, length: usize, setting: &TimingConfig) -> Self {
+        if let Some(read) = input.whole_read(length) {
+            return Self::of_read(input, read, length, setting);
+        }
         let has_clock = setting.has_clock && input.has_times;
         let time_of = |index: usize| if has_clock { input.byte_time(index) } else { None };
         // The start is counted back from the time of the read. It cannot lie before the end of the frame before.
@@ -99,6 +102,29 @@ impl FrameTiming {
             offset,
             origin: if has_offsets { offset } else { read_origin },
             last_origin: if has_offsets { offset } else { input.read(length - 1).map_or(0, |read| read.origin) },
+        }
+    }
+
+    /// The same for a frame that is exactly the first read, as nearly all are that come in packets or in lines of a log.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
+    fn of_read(input: &Input, read: &Read, length: usize, setting: &TimingConfig) -> Self {
+        let has_clock = setting.has_clock && input.has_times;
+        let end = Some(read.time).filter(|&time| has_clock && time != NO_TIME);
+        let counted_back = end.map(|end| end - length as Ns * input.char_ns.unwrap_or(0));
+        let earliest = if setting.clock_jumped { None } else { setting.last_end };
+        let gap = if has_clock { input.pause_before(0) } else { None };
+        let origin = if setting.place == Place::Offset { input.offset() } else { read.origin };
+        Self {
+            start: counted_back.map(|ns| earliest.map_or(ns, |last| ns.max(last))),
+            end,
+            gap: gap.filter(|&gap| gap >= 2 * setting.resolution && gap > 0),
+            pauses: InnerPauses::default(),
+            clean_start: true,
+            side: read.side,
+            offset: input.offset(),
+            origin,
+            last_origin: origin,
         }
     }
 }

@@ -14,8 +14,9 @@ const MAX_COPIED_EACH_TIME: usize = 512;
 /// So many new rows are enough to copy those that are kept, however many these are.
 const ENOUGH_NEW_ROWS: usize = 8192;
 
-/// A row that has come so much too late is put into its place alone.
-const MAX_SHIFTED_ROWS: usize = 64;
+/// Rows that have come too late are put into their places one by one, as long as this moves each of all rows so often on
+/// average.
+const MAX_SHIFTS: usize = 4;
 
 impl Session {
     /// Whether so many rows were kept by the last `take` that to copy them again is not worth the few that are new. Nothing
@@ -42,7 +43,7 @@ impl Session {
             return self.held.len();
         }
         let oldest = self.oldest_open().unwrap_or(u64::MAX);
-        sort(&mut self.held);
+        sort(&mut self.held, self.kept);
         self.held.partition_point(|row| row.number < oldest)
     }
 
@@ -66,15 +67,19 @@ impl Session {
 }
 
 /// Sorts rows by number, which they are but for a few: a request without a response is known as such when the next ones are. To
-/// put these few where they belong costs far less than a sort, which moves all rows between them.
-fn sort(rows: &mut [Transaction]) {
-    for at in 1..rows.len() {
+/// put these few where they belong costs far less than a sort, which moves all rows several times.
+///
+/// The first `sorted` rows are in order.
+fn sort(rows: &mut [Transaction], sorted: usize) {
+    let mut moved = 0;
+    for at in sorted.max(1)..rows.len() {
         let number = rows[at].number;
         if rows[at - 1].number <= number {
             continue;
         }
         let place = rows[..at].partition_point(|row| row.number <= number);
-        if at - place > MAX_SHIFTED_ROWS {
+        moved += at - place;
+        if moved > MAX_SHIFTS * rows.len() {
             rows.sort_by_key(|row| row.number);
             return;
         }

@@ -45,6 +45,19 @@ pub(crate) struct InFlight {
 }
 
 impl InFlight {
+    /// Notes a request with its answer, one behind the other.
+    #[inline]
+    pub(crate) fn exchange(&mut self, id: Option<u16>, [asked, answered]: [Ns; 2], may_give_up: impl Fn(Ns) -> bool) {
+        if self.waiting.is_empty() && self.stale_answer.is_none() {
+            // The request waits alone, and its answer is the next one.
+            self.most = self.most.max(1);
+            self.longest = self.longest.max(answered - asked);
+            return;
+        }
+        self.request(id, Some(asked), may_give_up);
+        self.answer(id, Some(answered));
+    }
+
     /// Notes a request with its time. `may_give_up` says whether a client that has waited so long can have given up.
     pub(crate) fn request(&mut self, id: Option<u16>, time: Option<Ns>, may_give_up: impl Fn(Ns) -> bool) {
         let waited = self.waiting.back().and_then(|newest| Some(time? - newest.time?));

@@ -117,8 +117,6 @@ pub struct Session {
     adu: Vec<u8>,
     /// Scratch of the fast path: unit and PDU of a request and of its response.
     pub(crate) adus: [Vec<u8>; 2],
-    /// Scratch: the bytes of a record of text.
-    text: Vec<u8>,
     /// Scratch: transactions that are closed and not emitted yet.
     done: Vec<Box<PendingTransaction>>,
     /// Scratch: findings on the frame or transaction at hand.
@@ -170,7 +168,6 @@ impl Session {
             assignments: Vec::new(),
             adu: Vec::new(),
             adus: <[Vec<u8>; 2]>::default(),
-            text: Vec::new(),
             done: Vec::new(),
             found: Vec::new(),
             codes: Vec::new(),

@@ -22,20 +22,15 @@ impl Session {
     pub fn feed_text(&mut self, bus: usize, data: &[u8], last: bool) {
         let Some(mut reader) = self.buses[bus].reader.take() else { return };
         reader.push(data);
-        while let Some((entry, bytes)) = reader.next(last) {
-            // The bytes borrow the reader, which is needed for the names of devices, so they are copied.
-            let mut copied = std::mem::take(&mut self.text);
-            copied.clear();
-            copied.extend_from_slice(bytes);
+        let is_stated = self.buses[bus].options.resolution.is_some();
+        while let Some(entry) = reader.advance(last) {
             let to = self.device_bus(bus, &entry, &reader);
-            let is_stated = self.buses[bus].options.resolution.is_some();
             let stamps = if is_stated { self.buses[to].stamps_resolution } else { reader.resolution() };
             if self.buses[to].stamps_resolution != stamps || !self.has_clock_of(to, &entry) {
                 self.decide_waiting();
             }
             self.buses[to].stamps_resolution = stamps;
-            self.feed_entry(to, &entry, &copied);
-            self.text = copied;
+            self.feed_entry(to, &entry, reader.entry_bytes());
         }
         self.decide_waiting();
         self.buses[bus].reader = Some(reader);

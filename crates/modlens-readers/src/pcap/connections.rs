@@ -6,8 +6,10 @@ use foldhash::fast::RandomState;
 
 use crate::pcap::conversation::{CaptureContext, ConnectionKey, Conversation, ConversationState};
 use crate::pcap::event::{Event, SkipCounts};
+use crate::pcap::known_connections::KnownConnections;
 use crate::pcap::lifecycle::Closing;
 use crate::pcap::net::{Endpoint, Segment};
+use crate::pcap::plain::PlainSegment;
 use crate::pcap::stream::{ArrivedSegment, SegmentOutcome, Stream, StreamChunk, MAX_DUPLICATE_DELAY_NS};
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
@@ -71,6 +73,8 @@ pub struct ConnectionTable {
     servers: HashSet<Endpoint, RandomState>,
     /// The connection of the last packet, which is mostly that of the next one, too.
     latest: Option<(ConnectionKey, usize)>,
+    /// The connections of the last packets, which are mostly those of the next ones, too.
+    known: KnownConnections,
 }
 
 /// How many datagrams of a connection are remembered to recognise duplicates.
@@ -102,6 +106,9 @@ impl ConnectionTable {
         let ends = if side == 0 { [it.from, it.to] } else { [it.to, it.from] };
         let key = ConnectionKey { low: ends[0], high: ends[1], is_udp: it.tcp.is_none() };
         let at = self.connection(key, side, listed, context);
+        if it.tcp.is_some() {
+            self.known.keep(it.from, it.to, (at, side));
+        }
         let connection = self.slots[at].as_mut().expect("indexed");
         if let Some(tcp) = it.tcp.filter(|tcp| tcp.syn && tcp.acknowledged.is_none()) {
             connection.opening(side, tcp.sequence, listed, context);
@@ -121,6 +128,31 @@ impl ConnectionTable {
             None if it.length > 0 => connection.datagram(it, side, (packet, time), context),
             None => {}
         }
+    }
+
+    /// Takes a plain segment, if it is the next one of a connection of Modbus that is known by now and at which nothing waits.
+    /// `false`, with nothing changed, if it is not: then `take` has to take it, which would have done the same.
+    pub fn take_plain(
+        &mut self,
+        functions: &Functions,
+        it: &PlainSegment<'_>,
+        (packet, time): (u64, Option<Ns>),
+        skipped: &mut SkipCounts,
+        each: &mut dyn FnMut(Event<'_>),
+    ) -> bool {
+        let Some((at, side)) = self.known.find(it.addresses, it.ports) else { return false };
+        let Some(connection) = self.slots[at].as_mut().filter(|it| it.conversation.is_settled()) else { return false };
+        let Some(has_data) = connection.stream.take_next(side, it, time) else { return false };
+        connection.last_packet = packet;
+        connection.packets += 1;
+        let conversation = &mut connection.conversation;
+        conversation.side_recorded[side] = true;
+        if has_data {
+            let chunk = StreamChunk { side, bytes: it.payload, packet, time, missing: 0, cut: false };
+            conversation.take_bytes(chunk, &mut CaptureContext { functions, skipped, each });
+        }
+        conversation.note_plain_segment(side, has_data, time);
+        true
     }
 
     /// Ends all connections, because the capture has ended.
@@ -190,6 +222,7 @@ impl ConnectionTable {
             self.index.remove(&connection.conversation.key);
             self.free.push(at);
             self.latest = None;
+            self.known.clear();
         }
     }
 }

@@ -109,6 +109,21 @@ impl Conversation {
         }
     }
 
+    /// Whether nothing but bytes is to be reported of it, as long as its packets are plain: it carries Modbus, as was expected,
+    /// and has begun.
+    #[inline]
+    pub(super) fn is_settled(&self) -> bool {
+        matches!(self.state, ConversationState::Modbus) && self.is_expected && self.history.is_some()
+    }
+
+    /// Notes a plain segment of a settled conversation (`ConnectionHistory::note_plain_segment`).
+    #[inline]
+    pub(super) fn note_plain_segment(&mut self, side: usize, has_data: bool, time: Option<Ns>) {
+        if let Some(history) = &mut self.history {
+            history.note_plain_segment(side == self.client, has_data, time);
+        }
+    }
+
     /// Notes the sides that have finished by now, as far as `stream` has delivered everything before their FIN; where the
     /// connection is over, also those of which bytes are missing.
     pub(super) fn note_finished(&mut self, stream: &Stream, is_over: bool, context: &mut CaptureContext<'_, '_>) {

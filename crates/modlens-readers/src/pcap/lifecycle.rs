@@ -111,6 +111,15 @@ impl ConnectionHistory {
         }
     }
 
+    /// Notes a segment as `note_segment` would that has neither SYN nor FIN nor RST, and only new bytes if any.
+    #[inline]
+    pub fn note_plain_segment(&mut self, is_from_client: bool, has_data: bool, time: Option<Ns>) {
+        if has_data {
+            self.last_data = time;
+        }
+        self.is_accepted |= !is_from_client;
+    }
+
     /// Notes a SYN without ACK: the first one opens the connection, one more was captured twice or transmitted again.
     fn note_syn(&mut self, ident: Option<u16>, time: Option<Ns>) {
         let (old_ident, old_time) = std::mem::replace(&mut self.syn, (ident, time));

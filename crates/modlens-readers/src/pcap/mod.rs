@@ -1,6 +1,7 @@
 //! Reads captures (pcap and pcapng) of networks and of serial lines, and turns them into byte streams of Modbus.
 //!
-//! In the order in which data passes through: `file` cuts the file into packets, `net` finds the TCP or UDP segment in a
+//! Nearly all packets of a connection are like the one before, and go straight to its stream (`plain`, `known_connections`). For
+//! the others, in the order in which data passes through: `file` cuts the file into packets, `net` finds the TCP or UDP segment in a
 //! packet through all tunnels (`fragments` reassembles IP packets), `connections` finds its connection, `stream` puts the bytes of
 //! TCP in order, `conversation` reports them and the events of the connection, `classify` decides whether it carries Modbus and
 //! in which framing, and `lifecycle` keeps what its packets tell beside their bytes: opened, refused, ended, by whom. `serial`
@@ -15,11 +16,15 @@ mod event;
 mod file;
 mod fragments;
 mod frame_parts;
+mod known_connections;
 mod lifecycle;
 pub mod metadata;
 mod net;
+mod plain;
 mod serial;
 mod stream;
+#[cfg(test)]
+mod tests;
 
 pub use connections::Ports;
 pub use event::{EndedConnection, Event, Repetition, SkipCounts};
@@ -50,6 +55,10 @@ pub struct Capture {
     parts: FrameParts,
     /// The last link type that could not be parsed.
     unknown_link_type: Option<u16>,
+    /// How many packets have taken the short way.
+    plain: u64,
+    /// All packets take the general way; only tests ask for that.
+    is_general: bool,
 }
 
 impl Capture {
@@ -60,12 +69,17 @@ impl Capture {
 
     /// Takes the next block of the file, cut anywhere; `each` is called with everything that it shows.
     pub fn push(&mut self, functions: &Functions, block: &[u8], each: &mut dyn FnMut(Event<'_>)) {
-        let Self { file, fragments, table, skipped, parts, unknown_link_type } = self;
+        let Self { file, fragments, table, skipped, parts, unknown_link_type, plain, is_general } = self;
         file.push(block, &mut |packet| {
             if let Some(time) = packet.time {
                 each(Event::Time(time, packet.by));
             }
             let at = (packet.number, packet.time);
+            let segment = plain::segment(packet.by.link, packet.data).filter(|_| !*is_general);
+            if segment.is_some_and(|segment| table.take_plain(functions, &segment, at, skipped, each)) {
+                *plain += 1;
+                return;
+            }
             if net::is_known_link(packet.by.link) {
                 let mut has_segment = false;
                 net::segments(packet.by.link, packet.data, fragments, &mut |segment| {

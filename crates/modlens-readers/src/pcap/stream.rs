@@ -5,6 +5,7 @@
 //! packets. Bytes that do not arrive within limits are given up and counted as missing.
 
 use crate::pcap::net::Tcp;
+use crate::pcap::plain::PlainSegment;
 use modlens_protocol::Ns;
 
 /// The most segments that wait for a missing one.
@@ -174,6 +175,32 @@ impl Stream {
             self.deliver_or_give_up(it.time, each);
         }
         outcome
+    }
+
+    /// Takes a segment with all of its payload that `take` would deliver as it is and at once: it is the next one of its side
+    /// and new, nothing waits or is missing, and no side has finished. `None`, with nothing changed, if it is not, else
+    /// whether it has a payload, which the caller delivers.
+    #[inline]
+    pub fn take_next(&mut self, side: usize, it: &PlainSegment<'_>, time: Option<Ns>) -> Option<bool> {
+        let is_plain = self.waiting.is_empty() && self.sides.iter().all(|side| side.end.is_none());
+        let direction = &self.sides[side];
+        let is_next = direction.next == Some(it.sequence) && direction.missing == 0;
+        if !is_plain || !is_next || self.is_blocked(side, Some(it.acknowledged)) {
+            return None;
+        }
+        let length = it.payload.len() as u32;
+        if length == 0 {
+            return Some(false);
+        }
+        let direction = &mut self.sides[side];
+        if direction.recent.iter().any(|old| old.start == it.sequence) {
+            return None;
+        }
+        direction.next = Some(it.sequence.wrapping_add(length));
+        direction.losses_without_data = 0;
+        let ident = Some(it.ident).filter(|&ident| ident != 0);
+        direction.remember(SegmentFingerprint { start: it.sequence, length, ident, time });
+        Some(true)
     }
 
     /// Delivers what waits, because no further segment comes.

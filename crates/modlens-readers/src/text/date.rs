@@ -4,7 +4,8 @@ use modlens_protocol::timestamp::day_number;
 use modlens_protocol::Ns;
 
 const SECOND: Ns = 1_000_000_000;
-const POWERS_OF_TEN: [i64; 10] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000, 1_000_000_000];
+pub(super) const POWERS_OF_TEN: [i64; 10] =
+    [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000, 1_000_000_000];
 const MONTHS: [&[u8]; 12] = [b"jan", b"feb", b"mar", b"apr", b"may", b"jun", b"jul", b"aug", b"sep", b"oct", b"nov", b"dec"];
 
 /// Whether the day or the month comes first in dates like `01/02/2019`.

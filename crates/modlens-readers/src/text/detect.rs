@@ -1,13 +1,14 @@
 //! Detects the format of a file from its first bytes, by syntax and by checksums together. A file that fits no text format
 //! counts as raw bytes.
 
+use std::cell::RefCell;
 use std::cmp::Reverse;
 use std::sync::Arc;
 
-use crate::text::clock::ClockSettings;
 use crate::text::dialect::{Dialect, Dialects};
 use crate::text::notation::{Notation, NotationFlags};
 use crate::text::proved::hex_bytes;
+use crate::text::reader::Marks;
 use crate::text::{foreign_protocols, frame_evidence, Reader};
 
 /// A format that a file may have: its name, the confidence from 0 to 1, and the reason.
@@ -107,16 +108,17 @@ fn is_sigrok(sample: &[u8]) -> bool {
 fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<FormatGuess> {
     // The sample may end inside a line.
     let text = sample.iter().rposition(|&b| b == b'\n').map_or(sample, |end| &sample[..=end]);
+    let marks = &RefCell::default();
     let mut scored: Vec<(Arc<Dialect>, RowScore)> = dialects
         .rows()
         .filter(|row| !row.is_proved && row.may_match(text))
-        .map(|row| (Arc::clone(row), score(std::slice::from_ref(row), text)))
+        .map(|row| (Arc::clone(row), score(std::slice::from_ref(row), text, marks)))
         .filter(|(_, score)| score.records > 0)
         .collect();
     // What checksums prove anywhere in the text takes longer than all else, and is not asked for where a dialect reads it all.
     let proved = || {
         let row = dialects.proved_row()?;
-        let found = score(std::slice::from_ref(row), text);
+        let found = score(std::slice::from_ref(row), text, marks);
         is_enough(found, text).then(|| (Arc::clone(row), found))
     };
     let best = scored.iter().map(|(_, score)| score.worth()).fold(0.0, f64::max);
@@ -153,7 +155,7 @@ fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<FormatGuess> {
         if own_score.proven_bytes == 0 || total.unparsed == 0 {
             continue;
         }
-        let extended = score(&[&rows[..], &[Arc::clone(&row)]].concat(), text);
+        let extended = score(&[&rows[..], &[Arc::clone(&row)]].concat(), text, marks);
         if extended.proven_bytes > total.proven_bytes && extended.purity() >= 0.5 * total.purity() {
             rows.push(row);
             total = extended;
@@ -161,7 +163,7 @@ fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<FormatGuess> {
     }
     // What no row reads is read where checksums prove it. Rows that lack most of this were the wrong ones.
     if let Some((row, alone)) = (total.unparsed > 0).then(proved).flatten() {
-        let extended = score(&[&rows[..], &[Arc::clone(&row)]].concat(), text);
+        let extended = score(&[&rows[..], &[Arc::clone(&row)]].concat(), text, marks);
         if extended.proven_bytes as f64 <= MAX_SHARE_OF_PROVED * alone.proven_bytes as f64 {
             (rows, total) = (vec![row], alone);
         } else if extended.proven_bytes > total.proven_bytes {
@@ -227,9 +229,9 @@ fn bursts(text: &[u8]) -> Vec<Vec<u8>> {
 /// Reads the text with these rows and counts how many of the bytes are proven to be frames. Rows with header lines of which
 /// the text has none score zero, and so do rows of dumps where most offsets do not go on from the line before: what stands
 /// there is something else, such as a time in seconds.
-fn score(rows: &[Arc<Dialect>], text: &[u8]) -> RowScore {
-    let mut reader = Reader::new(rows.to_vec(), None, Arc::<ClockSettings>::default());
-    reader.look_ahead(text);
+fn score(rows: &[Arc<Dialect>], text: &[u8], marks: &RefCell<Vec<Marks>>) -> RowScore {
+    let mut reader = Reader::to_count(rows.to_vec());
+    reader.prepare(text, &mut marks.borrow_mut());
     reader.push(text);
     let mut score = RowScore::default();
     let mut burst: Vec<u8> = Vec::new();

@@ -97,6 +97,8 @@ pub struct Dialect {
     pub(super) has_deltas: bool,
     /// It has header lines, which announce the bytes of the lines behind them.
     pub(super) has_headers: bool,
+    /// A time, a word for the sender and pairs of hex digits are all that its lines may have.
+    pub(super) is_plain_hex: bool,
     /// It has no syntax: it stands for all bytes that a checksum proves.
     pub is_proved: bool,
 }
@@ -258,6 +260,9 @@ fn parse_row(row: &Json) -> Result<Dialect, String> {
         Some("network") => Some(Encapsulation::Network),
         Some(other) => return Err(format!("wrap {other:?}; write solarman or network")),
     };
+    let (is_dump, has_deltas) = (flag(row, "stream")?, flag(row, "deltas")?);
+    let is_plain = matches!(&rules[..], [(LineRole::Bytes(None), template)] if template.is_plain_hex());
+    let is_joined = flag(row, "joined")? || has_deltas || no_checksum || encapsulation == Some(Encapsulation::Network);
     Ok(Dialect {
         title: need("title")?,
         clock: text(row, "clock")?.unwrap_or("none").to_owned(),
@@ -265,13 +270,14 @@ fn parse_row(row: &Json) -> Result<Dialect, String> {
         bytes: claimed_bytes(row)?,
         name,
         generic: flag(row, "generic")?,
-        is_dump: flag(row, "stream")?,
+        is_plain_hex: is_plain && flag(row, "generic")? && !is_dump && !is_joined && encapsulation.is_none(),
+        is_dump,
         has_unique_syntax: flag(row, "certain")?,
-        is_joined: flag(row, "joined")? || flag(row, "deltas")? || no_checksum || encapsulation == Some(Encapsulation::Network),
+        is_joined,
         no_checksum,
         encapsulation,
         may_have_short_fractions: flag(row, "short_fractions")?,
-        has_deltas: flag(row, "deltas")?,
+        has_deltas,
         anchors: AnchorIndex::of(&rules),
         is_proved: rules.iter().any(|(_, template)| template.is_proved()),
         has_headers: rules.iter().any(|(role, _)| matches!(role, LineRole::Header(_))),

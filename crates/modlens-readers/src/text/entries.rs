@@ -122,6 +122,8 @@ struct EntryBytes<'a> {
 pub(super) struct EntryAssembler {
     ready: VecDeque<(LogEntry, usize, usize)>,
     ready_bytes: Vec<u8>,
+    /// Place of the entry that was fetched last in `ready_bytes`.
+    popped: (usize, usize),
     streams: Vec<DeviceStream>,
     /// The last header line, as long as lines of its bytes may follow.
     header: Option<Header>,
@@ -150,9 +152,15 @@ impl EntryAssembler {
         self.ready.is_empty()
     }
 
-    pub fn pop(&mut self) -> Option<(LogEntry, &[u8])> {
+    pub fn pop(&mut self) -> Option<LogEntry> {
         let (record, start, end) = self.ready.pop_front()?;
-        Some((record, &self.ready_bytes[start..end]))
+        self.popped = (start, end);
+        Some(record)
+    }
+
+    /// The bytes of the entry that was fetched last.
+    pub fn popped(&self) -> &[u8] {
+        &self.ready_bytes[self.popped.0..self.popped.1]
     }
 
     /// Whether a header line has announced bytes that may still follow.
@@ -232,14 +240,14 @@ impl EntryAssembler {
     fn is_inner_copy(&self, entry_bytes: &EntryBytes<'_>, framing: Option<Mode>) -> bool {
         let Some(stream) = self.streams.get(entry_bytes.key).filter(|_| framing == Some(Mode::Rtu)) else { return false };
         let inner = &entry_bytes.bytes[..entry_bytes.bytes.len() - CRC_BYTES];
+        if stream.group.get(PREFIX_BYTES..) != Some(inner) {
+            return false;
+        }
         // Where the log does not say who sent them, a response that echoes its request is no copy.
         let may_be_echo = entry_bytes.side.is_none() && is_echoed(entry_bytes.bytes);
         let is_same_side = entry_bytes.side == stream.side && !may_be_echo;
         let is_near = entry_bytes.number <= stream.number + MAX_LINES_TO_COPY;
-        is_same_side
-            && is_near
-            && stream.group.get(PREFIX_BYTES..) == Some(inner)
-            && check_frame(&stream.group).1 == Some(Mode::Tcp)
+        is_same_side && is_near && check_frame(&stream.group).1 == Some(Mode::Tcp)
     }
 
     /// Counts a frame that was delivered already.
@@ -311,12 +319,40 @@ impl EntryAssembler {
         if entry_bytes.bytes.is_empty() {
             return;
         }
+        if let Some(record) = self.place(entry_bytes, check_frame(entry_bytes.bytes)) {
+            self.push(record, entry_bytes.bytes, timestamps);
+        }
+    }
+
+    /// Makes an entry of a line of plain hex that is a whole frame, as `take` would, but gives it back at once: no entry
+    /// waits to be fetched. `None` if the bytes are skipped.
+    pub fn take_frame(
+        &mut self,
+        bytes: &[u8],
+        framing: Option<Mode>,
+        (time, side): (Option<Ns>, Option<Side>),
+        timestamps: &TimestampParser,
+    ) -> Option<LogEntry> {
+        let entry_bytes = EntryBytes { bytes, side, time, key: 0, line: 0, number: self.number, no_checksum: false };
+        let record = self.place(&entry_bytes, (true, framing))?;
+        self.records += 1;
+        Some(LogEntry { clock: timestamps.clock(), ..record })
+    }
+
+    /// Whether no line before says anything about the next one but in the streams of devices.
+    pub fn expects_nothing(&self) -> bool {
+        self.header.is_none() && self.multi_line_frame.is_none() && self.pending_dump_line.is_none() && self.is_generic
+    }
+
+    /// The entry of these bytes, which are not empty, with its place in the stream of its device; `None` if they are skipped.
+    /// The arguments are those of `log_entry`, and what `check_frame` says of the bytes.
+    fn place(&mut self, entry_bytes: &EntryBytes<'_>, (is_whole_frame, framing): (bool, Option<Mode>)) -> Option<LogEntry> {
         while self.streams.len() <= entry_bytes.key {
             self.streams.push(DeviceStream::default());
         }
-        let (is_whole_frame, framing) = check_frame(entry_bytes.bytes);
         if self.is_inner_copy(entry_bytes, framing) {
-            return self.skip(entry_bytes.number, entry_bytes.bytes, DUPLICATE);
+            self.skip(entry_bytes.number, entry_bytes.bytes, DUPLICATE);
+            return None;
         }
         let stream = &mut self.streams[entry_bytes.key];
         let no_checksum = entry_bytes.no_checksum && !is_whole_frame;
@@ -331,7 +367,7 @@ impl EntryAssembler {
         stream.group.extend_from_slice(entry_bytes.bytes);
         stream.is_mid_frame = !(is_whole_frame || no_checksum || (!starts_record && crc_valid(&stream.group)));
         stream.side = entry_bytes.side;
-        let record = LogEntry {
+        Some(LogEntry {
             time: entry_bytes.time,
             side: entry_bytes.side,
             line: entry_bytes.line,
@@ -341,8 +377,7 @@ impl EntryAssembler {
             key: entry_bytes.key,
             number: entry_bytes.number,
             ..LogEntry::default()
-        };
-        self.push(record, entry_bytes.bytes, timestamps);
+        })
     }
 
     /// Makes an entry of a line of a dump. A dump prints an endless stream, so line ends mean nothing: only offset 0 starts
@@ -451,6 +486,7 @@ impl EntryAssembler {
     fn push(&mut self, record: LogEntry, bytes: &[u8], timestamps: &TimestampParser) {
         if self.ready.is_empty() {
             self.ready_bytes.clear();
+            self.popped = (0, 0);
         }
         let start = self.ready_bytes.len();
         self.ready_bytes.extend_from_slice(bytes);

@@ -1,6 +1,6 @@
 //! Evidence that a run of bytes is Modbus: valid checksums, MBAP headers with the right length, PDUs with a known layout.
 
-use modlens_protocol::checksum::crc_valid;
+use modlens_protocol::checksum::crc_valid_at;
 use modlens_protocol::direction::possible_directions;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Extent, Functions, EXCEPTION_BIT};
@@ -28,7 +28,13 @@ pub(super) fn proven_framing(bytes: &[u8]) -> Option<Mode> {
 /// Whether the bytes are a whole frame, and the framing that this proves (`None` if RTU and TCP both fit). One function
 /// answers both, so that the CRC is computed once.
 pub(super) fn check_frame(bytes: &[u8]) -> (bool, Option<Mode>) {
-    let is_rtu = bytes.len() >= MIN_RTU_BYTES && crc_valid(bytes);
+    check_first(bytes, bytes.len())
+}
+
+/// The same for the first `length` bytes, which is faster if some more follow in the slice.
+pub(super) fn check_first(bytes: &[u8], length: usize) -> (bool, Option<Mode>) {
+    let is_rtu = length >= MIN_RTU_BYTES && crc_valid_at(bytes, length);
+    let bytes = &bytes[..length];
     let is_tcp = announced_length(bytes) == Some(bytes.len()) && bytes.len() > 8;
     match (is_rtu, is_tcp) {
         (true, false) => (true, Some(Mode::Rtu)),

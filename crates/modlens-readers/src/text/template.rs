@@ -164,6 +164,13 @@ impl Template {
         matches!(self.elements[..], [Element::Proved])
     }
 
+    /// Whether it is an optional time and sender, and hex behind them.
+    pub fn is_plain_hex(&self) -> bool {
+        let has_edges = self.is_at_line_start || self.is_at_line_end;
+        let elements = &self.elements[..];
+        !has_edges && matches!(elements, [Element::Prefix, Element::Bytes(one, None)] if one[..] == [Notation::Hex])
+    }
+
     /// Whether a match may begin at `start`: its fixed text stands there, and not inside a word.
     pub fn may_begin(&self, line: &[u8], start: usize) -> bool {
         let stands_here = |anchor: &Finder<'static>| line[start..].starts_with(anchor.needle());

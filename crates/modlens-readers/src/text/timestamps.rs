@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::text::clock::{ClockKind, ClockSettings};
-use crate::text::date::{date, date_in_words, fraction, number, time_of_day, zone, DateOrder};
+use crate::text::date::{date, date_in_words, fraction, number, time_of_day, zone, DateOrder, POWERS_OF_TEN};
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 
@@ -13,6 +13,10 @@ const DAY_NS: Ns = 86_400 * SECOND_NS;
 /// A number of seconds from this on (March 1973) counts since 1970, a smaller one since the start of the recording, as
 /// the chunk log defines it.
 const LEAST_EPOCH_NS: Ns = 100_000_000 * SECOND_NS;
+
+/// The most digits of a number of seconds, and behind its point.
+const MAX_WHOLE_DIGITS: usize = 10;
+const MAX_DECIMALS: usize = 9;
 
 /// A timestamp is searched for in so many characters in front of the bytes.
 const MAX_PREFIX_CHARS: usize = 200;
@@ -156,6 +160,22 @@ impl TimestampParser {
         }
     }
 
+    /// Parses a number of seconds with a fraction at the start of the line, if one blank and a hex digit follow; returns the
+    /// time and the position of that digit. It is what `take_leading` would return, which first looks for a date and a time of
+    /// day: these have separators at places where a number has digits. `None` also for numbers that `take_leading` takes.
+    pub fn leading_seconds(&mut self, line: &[u8]) -> Option<(Ns, usize)> {
+        let (whole, point) = digits(line, MAX_WHOLE_DIGITS);
+        let (fraction, decimals) = digits(line.get(point + 1..).filter(|_| line[point] == b'.')?, MAX_DECIMALS);
+        let end = point + 1 + decimals;
+        let is_number = point > 0 && decimals > 0 && line.get(end) == Some(&b' ');
+        if !is_number || !line.get(end + 1).is_some_and(u8::is_ascii_hexdigit) {
+            return None;
+        }
+        let ns = whole.checked_mul(SECOND_NS)?.checked_add(fraction * POWERS_OF_TEN[MAX_DECIMALS - decimals])?;
+        self.note_clock(if ns >= LEAST_EPOCH_NS { ClockKind::Utc } else { ClockKind::Relative }, decimals as u32);
+        Some((ns, end + 1))
+    }
+
     /// Parses a negative number of seconds at the start of the line, such as `-0.00125`, which a recorder writes for what
     /// came before its trigger; returns the time and the rest of the line.
     pub fn before_start<'a>(&mut self, line: &'a [u8]) -> (Option<Ns>, &'a [u8]) {
@@ -297,6 +317,21 @@ pub(super) fn delta(line: &[u8]) -> Option<Ns> {
         _ => return None,
     };
     number(&text[..decimals])?.checked_mul(unit)
+}
+
+/// The decimal digits that the text begins with, at most `most` of them, as a number, and how many there are.
+#[inline]
+fn digits(text: &[u8], most: usize) -> (i64, usize) {
+    let (mut value, mut length) = (0, 0);
+    for &b in text.iter().take(most) {
+        let digit = b.wrapping_sub(b'0');
+        if digit > 9 {
+            break;
+        }
+        value = value * 10 + i64::from(digit);
+        length += 1;
+    }
+    (value, length)
 }
 
 /// Converts decimal seconds to ns exactly; returns also the number of decimals, at most 9.

@@ -75,6 +75,42 @@ fn read_regular_pairs(text: &[u8], out: &mut Vec<u8>) -> usize {
     3 * count
 }
 
+/// Reads a text of pairs of digits with one blank between them and nothing else into the beginning of `out`, with the bytes
+/// that `hex` would read. Returns their number; `None` for any other text, and for one that leaves less than a few bytes of
+/// room in `out`.
+pub(in crate::text) fn spaced_pairs(text: &[u8], out: &mut [u8]) -> Option<usize> {
+    let length = text.len().div_ceil(3);
+    if text.len() % 3 != 2 || length + ROOM_BEHIND > out.len() {
+        return None;
+    }
+    let (threes, last) = text.as_chunks::<3>();
+    let (blocks, rest) = threes.as_chunks::<PAIRS_PER_STEP>();
+    let (mut invalid, mut other) = (0, 0);
+    let (starts, _) = out.as_chunks_mut::<PAIRS_PER_STEP>();
+    for (block, bytes) in blocks.iter().zip(starts) {
+        for (three, byte) in block.iter().zip(bytes) {
+            let value = HIGH_DIGIT_VALUES[three[0] as usize] | LOW_DIGIT_VALUES[three[1] as usize];
+            invalid |= value;
+            other |= three[2] ^ b' ';
+            *byte = value as u8;
+        }
+    }
+    for (three, byte) in rest.iter().zip(&mut out[PAIRS_PER_STEP * blocks.len()..]) {
+        let value = HIGH_DIGIT_VALUES[three[0] as usize] | LOW_DIGIT_VALUES[three[1] as usize];
+        invalid |= value;
+        other |= three[2] ^ b' ';
+        *byte = value as u8;
+    }
+    out[length - 1] = byte_at(last, 0)?;
+    (invalid & INVALID == 0 && other == 0).then_some(length)
+}
+
+/// So many pairs are decoded at once.
+const PAIRS_PER_STEP: usize = 4;
+
+/// So many bytes are left behind those of a line, because CRCs are computed in steps of several bytes.
+const ROOM_BEHIND: usize = 16;
+
 /// Reads one byte that is followed by spaces or by the end of the text. Returns the length of the byte, without and with
 /// the spaces. `allow_single_digits` also accepts a byte of one digit.
 fn read_spaced_byte(text: &[u8], allow_single_digits: bool, out: &mut Vec<u8>) -> Option<(usize, usize)> {

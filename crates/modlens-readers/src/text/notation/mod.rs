@@ -8,6 +8,7 @@ mod tokens;
 use hex::{bracketed, byte, groups, hex, pairs, prefixed};
 use other::{ascii, base64, cell, decimal, decimal_one, escaped, named, words};
 
+pub(super) use hex::spaced_pairs;
 pub(super) use tokens::NotationFlags;
 
 /// A way of printing bytes. `PLACEHOLDERS` has the placeholder that names it in templates.

@@ -88,7 +88,7 @@ impl Reader {
 
 /// Whether the row reads bytes in these lines and checksums prove all of them.
 fn proves_all_bytes(row: &Arc<Dialect>, text: &[u8]) -> bool {
-    let mut reader = Reader::new(vec![Arc::clone(row)], None, Arc::default());
+    let mut reader = Reader::to_count(vec![Arc::clone(row)]);
     reader.push(text);
     let (mut bytes, mut burst, mut good) = (0, Vec::new(), 0);
     while let Some((record, piece)) = reader.next(true) {

@@ -1,7 +1,9 @@
 //! Reads a text line by line with the dialects that it needs.
 
 mod fallback;
+mod look_ahead;
 mod proved_lines;
+mod regular_lines;
 mod unread_lines;
 
 use std::collections::VecDeque;
@@ -9,8 +11,7 @@ use std::sync::Arc;
 
 use memchr::{memchr, memrchr3};
 
-use crate::chunk::Side;
-use crate::text::clean::{clean, is_quoted};
+use crate::text::clean::clean;
 use crate::text::clock::{ClockKind, ClockSettings};
 use crate::text::dialect::{Dialect, Dialects};
 use crate::text::entries::{EntryAssembler, SkippedBytes};
@@ -21,6 +22,7 @@ use crate::text::role::LineRole;
 use crate::text::template::{LineMatch, MatchContext, Template};
 use crate::text::timestamps::{delta, TimestampParser};
 use crate::text::LogEntry;
+pub(super) use look_ahead::Marks;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 pub use unread_lines::UnreadLines;
@@ -34,6 +36,19 @@ const PIECE_END_BYTES: usize = 4096;
 
 /// The most matches that are taken from one line.
 const MAX_MATCHES_PER_LINE: usize = 64;
+
+/// Room for the bytes of a line, and some more, which the check of their CRC may read.
+const FRAME_ROOM: usize = 368;
+
+/// What the short way (`regular_lines`) makes of the next line.
+enum NextLine {
+    /// It has read the line.
+    Entry(LogEntry),
+    /// It has read the line, whose frame the log had printed before.
+    Printed,
+    /// Nothing: the line is not regular, or not there as a whole. The general way has to read it.
+    Irregular,
+}
 
 /// Reads the text of one recording, which may arrive in blocks of any size.
 #[derive(Debug)]
@@ -78,6 +93,14 @@ pub struct Reader {
     /// In front of bytes that a dialect has read, so many characters held no frame.
     plain_front: usize,
     unread_lines: UnreadLines,
+    /// The next line may be a regular one.
+    expects_regular_lines: bool,
+    /// All lines are read in the general way; only tests ask for that.
+    is_general: bool,
+    /// The bytes of a regular line, and some of lines before.
+    frame: Box<[u8; FRAME_ROOM]>,
+    /// How many bytes the last regular line has, if its entry is the last one that was given out; else 0.
+    frame_length: usize,
 }
 
 impl Reader {
@@ -112,29 +135,16 @@ impl Reader {
             last_voice: None,
             plain_front: 0,
             unread_lines: UnreadLines::default(),
+            expects_regular_lines: false,
+            is_general: false,
+            frame: Box::new([0; FRAME_ROOM]),
+            frame_length: 0,
         }
     }
 
-    /// Learns from the first bytes of the text what no single line says: the order of dates, whether it is quoted.
-    ///
-    /// Gives, for what the log calls sent and received, requests less responses among the frames that can be one only.
-    pub fn look_ahead(&mut self, sample: &[u8]) -> [i32; 2] {
-        self.is_quoted_mail = is_quoted(sample);
-        self.timestamps.look_ahead(sample);
-        let mut ahead = Self::new(self.dialects.clone(), None, Arc::default());
-        ahead.is_quoted_mail = self.is_quoted_mail;
-        (ahead.proved, ahead.proved_row) = (self.proved.clone(), self.proved_row.clone());
-        ahead.push(sample);
-        let mut sides = [0i32; 2];
-        while let Some((record, bytes)) = ahead.next(false) {
-            let Some(side) = record.side else { continue };
-            let slot = &mut sides[usize::from(side == Side::Received)];
-            *slot = (*slot + frame_evidence::direction_evidence(bytes, record.proven_framing)).clamp(-100, 100);
-        }
-        if let (Some(proved), Some(learned)) = (&mut self.proved, &ahead.proved) {
-            proved.learn_from(learned);
-        }
-        sides
+    /// A reader with these rows alone, of whose unread lines only the number is asked for.
+    pub(super) fn to_count(dialects: Vec<Arc<Dialect>>) -> Self {
+        Self { unread_lines: UnreadLines::only_counted(), ..Self::new(dialects, None, Arc::default()) }
     }
 
     /// Appends text.
@@ -149,7 +159,20 @@ impl Reader {
     /// The next entry and its bytes; `None` if more text is needed. `is_last` says that the text has ended, so that a last
     /// line without line end is read and nothing waits for a further line.
     pub fn next(&mut self, is_last: bool) -> Option<(LogEntry, &[u8])> {
+        let entry = self.advance(is_last)?;
+        Some((entry, self.entry_bytes()))
+    }
+
+    /// The next entry, as `next` gives it; `entry_bytes` has its bytes.
+    pub fn advance(&mut self, is_last: bool) -> Option<LogEntry> {
         while self.assembler.is_empty() {
+            if self.expects_regular_lines {
+                match self.read_regular_line() {
+                    NextLine::Entry(entry) => return Some(entry),
+                    NextLine::Printed => continue,
+                    NextLine::Irregular => {}
+                }
+            }
             if !self.read_next_line(is_last) {
                 if is_last {
                     self.assembler.finish(&self.timestamps);
@@ -157,7 +180,16 @@ impl Reader {
                 break;
             }
         }
+        self.frame_length = 0;
         self.assembler.pop()
+    }
+
+    /// The bytes of the entry that `advance` gave last.
+    pub fn entry_bytes(&self) -> &[u8] {
+        match self.frame_length {
+            0 => self.assembler.popped(),
+            length => &self.frame[..length],
+        }
     }
 
     /// Reads the next line of the buffer, or a piece of a long one; returns false if there is no whole line.
@@ -190,6 +222,7 @@ impl Reader {
     /// the lines before. A line that nothing reads is counted, unless it is a comment.
     fn read_line(&mut self, line: &[u8]) {
         self.assembler.number = self.number;
+        self.expects_regular_lines = false;
         let text = line.trim_ascii();
         if text.is_empty() {
             self.assembler.blank_line(&self.timestamps);
@@ -206,13 +239,14 @@ impl Reader {
             // Plain bytes right behind an unread line may be what that line announced in a dialect not in use yet.
             let may_be_announced = row.generic && self.unread.back().is_some_and(|(number, _)| number + 2 >= self.number);
             let is_read_with_others = may_be_announced && self.read_with_unread_lines(line);
-            if !(is_read_with_others || row.generic && self.prefer_proved(line)) {
+            if !(is_read_with_others || row.generic && self.prefer_proved(line, &row)) {
                 self.let_words_decide(line);
                 self.read_proved_front(line);
                 self.deliver_matches(&row);
                 self.read_proved_tail(line, self.tail);
             }
             self.unread.clear();
+            self.expects_regular_lines = !self.is_general && self.may_expect_regular_lines(&row);
         } else if !self.read_with_another_dialect(line)
             && !is_comment(text)
             && !self.read_with_unread_lines(line)

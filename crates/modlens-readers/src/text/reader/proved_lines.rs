@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::chunk::Side;
+use crate::text::dialect::Dialect;
 use crate::text::frame_evidence;
 use crate::text::proved::{read_frames, Found, Worth};
 use crate::text::reader::Reader;
@@ -69,8 +70,8 @@ impl Reader {
 
     /// Reads the frames of a line instead of the bytes that a dialect of any program has found in it, if these are no frame
     /// and lack one of the frames. Returns whether it did.
-    pub(super) fn prefer_proved(&mut self, line: &[u8]) -> bool {
-        if self.proved.is_none() || !self.may_lack_something(line) {
+    pub(super) fn prefer_proved(&mut self, line: &[u8], row: &Dialect) -> bool {
+        if self.proved.is_none() || self.is_time_and_frame(row) || !self.may_lack_something(line) {
             return false;
         }
         let all = read_frames(line, 0);
@@ -85,11 +86,17 @@ impl Reader {
         is_better
     }
 
+    /// Whether the line is a time and one frame, and nothing else, so that there is nothing to be found in it.
+    fn is_time_and_frame(&self, row: &Dialect) -> bool {
+        let has_time = matches!(&self.matches[..], [(_, found, _)] if found.time.is_some());
+        row.is_plain_hex && has_time && frame_evidence::is_whole_frame(&self.found)
+    }
+
     /// Whether the matches in the line may lack frames of it, or the word in front that says who sent them.
     fn may_lack_something(&self, line: &[u8]) -> bool {
         let first = self.matches.first().map_or(0, |(_, found, _)| found.start);
         let has_words = !self.has_side() && line[..first].iter().any(u8::is_ascii_alphabetic);
-        let is_long = |times: usize| line.len() > times * self.found.len() + MIN_TAIL_CHARS;
+        let is_long = |times: usize| is_long(line, times, self.found.len());
         let is_frame = || frame_evidence::is_whole_frame(&self.found);
         self.matches.len() > 1 || has_words || (!self.has_side() && is_long(4)) || (is_long(3) && !is_frame())
     }
@@ -153,6 +160,11 @@ impl Reader {
             self.last_voice = voice;
         }
     }
+}
+
+/// Whether a line has more than so many characters for each of `length` bytes, and some more.
+pub(super) fn is_long(line: &[u8], times: usize, length: usize) -> bool {
+    line.len() > times * length + MIN_TAIL_CHARS
 }
 
 /// Whether `bytes` stand anywhere in `all`.

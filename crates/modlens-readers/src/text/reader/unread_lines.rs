@@ -11,6 +11,8 @@ const MAX_EXAMPLE_CHARS: usize = 120;
 /// What could not be read of a text.
 #[derive(Clone, Debug, Default)]
 pub struct UnreadLines {
+    /// Only their number is asked for: what hex they hold takes far longer to find than that no dialect reads them.
+    is_only_counted: bool,
     /// How many lines could not be read.
     pub count: u64,
     /// How many of these lines hold hex, but for dates and times.
@@ -22,10 +24,18 @@ pub struct UnreadLines {
 }
 
 impl UnreadLines {
+    /// Counts lines, and looks for nothing in them.
+    pub(super) fn only_counted() -> Self {
+        Self { is_only_counted: true, ..Self::default() }
+    }
+
     /// Counts a line.
     pub(super) fn add(&mut self, number: u64, line: &[u8]) {
-        let bytes = hex_bytes(line);
         self.count += 1;
+        if self.is_only_counted {
+            return;
+        }
+        let bytes = hex_bytes(line);
         self.with_hex += u64::from(bytes > 0);
         self.hex_bytes += bytes as u64;
         let place = self.examples.iter().position(|(_, _, other)| bytes > *other).unwrap_or(self.examples.len());
@@ -38,8 +48,11 @@ impl UnreadLines {
 
     /// Takes back a line that was read after all, with lines behind it.
     pub(super) fn remove(&mut self, number: u64, line: &[u8]) {
-        let bytes = hex_bytes(line);
         self.count = self.count.saturating_sub(1);
+        if self.is_only_counted {
+            return;
+        }
+        let bytes = hex_bytes(line);
         self.with_hex = self.with_hex.saturating_sub(u64::from(bytes > 0));
         self.hex_bytes = self.hex_bytes.saturating_sub(bytes as u64);
         self.examples.retain(|(other, _, _)| *other != number);
