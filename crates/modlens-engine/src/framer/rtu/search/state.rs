@@ -23,6 +23,8 @@ pub struct Search {
     pub(super) scanner: CrcScanner,
     /// Starts of the valid substrings that end at the last byte scanned.
     pub(super) valid_starts: Vec<u64>,
+    /// By index of a hypothesis, its new one: only used while some are dropped, and kept so that nothing is allocated.
+    pub(super) new_indices: Vec<usize>,
     /// Stream offset behind the last byte scanned.
     pub(super) scanned_to: u64,
     /// The scanner stands at `scanned_to`, so the search goes on there; else it begins anew behind the root.
@@ -56,6 +58,7 @@ impl Default for Search {
             lattice: vec![Hypothesis::root()],
             scanner: CrcScanner::default(),
             valid_starts: Vec::new(),
+            new_indices: Vec::new(),
             scanned_to: 0,
             is_scanning: false,
             skip: SkipAhead::default(),

@@ -6,12 +6,13 @@
 use std::ops::Range;
 
 use crate::fast_path::frame_check::{FrameCheck, FrameLength};
-use crate::framer::rtu::announced_length::announced_lengths;
+use crate::framer::rtu::announced_length::{announced_lengths, EXCEPTION_RESPONSE_BYTES};
 use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
 use crate::framer::rtu::search::commit::rival::HeaderFilter;
 use crate::framer::rtu::search::commit::state::{Completion, Rival, RivalAt, RivalBar};
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::state::Search;
+use crate::framer::rtu::side::REQUEST;
 use crate::framer::rtu::{header_score, score, side};
 use crate::framer::FramerContext;
 use crate::input::Input;
@@ -159,12 +160,15 @@ impl Search {
         let unless_closed = if input.is_closed { Completion::Never } else { Completion::Unknown };
         let ahead = self.frame_ahead(input, start);
         let &[unit, code, ..] = ahead.bytes else { return unless_closed };
+        if self.is_over(context, &ahead) {
+            return Completion::Never;
+        }
         let mut completion = Completion::Never;
         for (direction, extent) in announced_lengths(context, ahead.bytes).into_iter().flatten() {
             let result = match extent {
                 Extent::Open(_) if !self.model.is_familiar(unit, code, side::index_of(direction)) => Completion::Never,
                 Extent::Open(_) => ahead.look_up_open(),
-                _ => ahead.look_up(extent),
+                Extent::Exactly(_) | Extent::AtLeast(_) => ahead.look_up(extent),
             };
             match result {
                 Completion::Completes => return Completion::Completes,
@@ -173,6 +177,17 @@ impl Search {
             }
         }
         completion
+    }
+
+    /// Whether the function code alone shows that no frame reaches behind the bytes scanned: it is an exception response, which
+    /// would have ended, or has no layout, and is not familiar. So it is with most bytes.
+    #[inline]
+    fn is_over(&self, context: &FramerContext<'_>, ahead: &FrameAhead<'_>) -> bool {
+        let (unit, code) = (ahead.bytes[0], ahead.bytes[1]);
+        if code & EXCEPTION_BIT != 0 {
+            return ahead.scanned_length >= EXCEPTION_RESPONSE_BYTES;
+        }
+        context.functions.row(code, &ahead.bytes[2..]).is_none() && !self.model.is_familiar(unit, code, REQUEST)
     }
 
     /// The bytes from stream offset `start` on, which a frame may have.
@@ -341,12 +356,21 @@ fn max_frame_length(input: &Input, at: usize) -> usize {
 /// admitted length cannot be judged yet.
 fn complete_frame_at(input: &Input, context: &FramerContext<'_>, at: usize, to: usize) -> FrameCheck {
     let bytes = &input.bytes()[at..];
-    let max_length = max_frame_length(input, at);
     let is_known = context.known_units[usize::from(bytes[0])];
     for (_, extent) in announced_lengths(context, bytes).into_iter().flatten() {
+        // Nearly always no such frame is there, and where the boundaries are does not matter.
+        let is_out_of_question = match extent {
+            Extent::Open(_) => !is_known,
+            Extent::Exactly(length) if length > MAX_CANDIDATE_BYTES => true,
+            Extent::Exactly(length) => length <= bytes.len() && !crc_valid_at(bytes, length),
+            Extent::AtLeast(_) => false,
+        };
+        if is_out_of_question {
+            continue;
+        }
+        let max_length = max_frame_length(input, at);
         let (found, needed) = match extent {
             Extent::Exactly(length) | Extent::AtLeast(length) | Extent::Open(length) if length > max_length => continue,
-            Extent::Open(_) if !is_known => continue,
             Extent::Open(_) => (first_valid_length(&bytes[..max_length.min(bytes.len())], to - at), max_length),
             Extent::Exactly(length) => (crc_valid_at(bytes, length).then_some(length), length),
             // As in `look_up`: the bytes that tell the length have not come.
