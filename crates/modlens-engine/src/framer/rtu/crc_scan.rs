@@ -37,12 +37,14 @@ const BUCKETS: usize = 4096;
 /// is a place, too.
 const SEQUENCE_ENTRIES: usize = 1 << 16;
 
-/// What T^-k makes of bytes and of the start value FFFF, for each k.
+/// What T^-k makes of bytes and of the start value FFFF, for each k. A scan has its own copy of it: so the compiler sees that no
+/// table entry that is written changes it.
+#[derive(Clone, Copy)]
 struct InversePowers {
     /// The states that single bit steps backwards run through from 0001 on, and those from 0003 on.
-    states: Box<[u16; 2 * SEQUENCE_ENTRIES]>,
+    states: &'static [u16; 2 * SEQUENCE_ENTRIES],
     /// By byte value, its place in `states`; that of 0 means nothing.
-    logarithms: [u32; 256],
+    logarithms: &'static [u32; 256],
     /// The place of FFFF.
     start_value: u32,
 }
@@ -57,11 +59,11 @@ pub fn step_back_bit(state: u16) -> u16 {
     }
 }
 
-fn inverse_powers() -> &'static InversePowers {
+fn inverse_powers() -> InversePowers {
     static POWERS: OnceLock<InversePowers> = OnceLock::new();
-    POWERS.get_or_init(|| {
+    *POWERS.get_or_init(|| {
         let mut states = vec![0; 2 * SEQUENCE_ENTRIES].into_boxed_slice();
-        let (mut logarithms, mut start_value) = ([0; 256], 0);
+        let (mut logarithms, mut start_value) = (Box::new([0; 256]), 0);
         for (part, first) in states.chunks_exact_mut(SEQUENCE_ENTRIES).zip([1, 3]) {
             let sequence = std::iter::successors(Some(first), |&state| Some(step_back_bit(state)));
             part.iter_mut().zip(sequence).for_each(|(place, state)| *place = state);
@@ -72,7 +74,8 @@ fn inverse_powers() -> &'static InversePowers {
                 state => logarithms.get_mut(usize::from(state)).into_iter().for_each(|known| *known = place as u32),
             }
         }
-        InversePowers { states: states.try_into().expect("as many as were made"), logarithms, start_value }
+        let states: Box<[u16; 2 * SEQUENCE_ENTRIES]> = states.try_into().expect("as many as were made");
+        InversePowers { states: Box::leak(states), logarithms: Box::leak(logarithms), start_value }
     })
 }
 
@@ -80,7 +83,7 @@ impl InversePowers {
     /// What the state at this place becomes in so many single steps backwards, which are fewer than the order.
     #[inline(always)]
     #[allow(clippy::inline_always)] // Of the loop over all bytes.
-    fn after(&self, place: u32, steps: usize) -> u16 {
+    fn after(self, place: u32, steps: usize) -> u16 {
         self.states[(place as usize + steps) % (2 * SEQUENCE_ENTRIES)]
     }
 }
@@ -98,16 +101,17 @@ impl Prefix {
     /// The key that the position before the next byte has as a start.
     #[inline(always)]
     #[allow(clippy::inline_always)] // As above.
-    fn start_key(self, powers: &InversePowers) -> u16 {
+    fn start_key(self, powers: InversePowers) -> u16 {
         self.value ^ powers.after(powers.start_value, self.steps)
     }
 
     /// Takes one byte more: then `value` is the key that the position behind it has as an end.
     #[inline(always)]
     #[allow(clippy::inline_always)] // As above.
-    fn add(&mut self, byte: u8, powers: &InversePowers) {
+    fn add(&mut self, byte: u8, powers: InversePowers) {
         let effect = powers.after(powers.logarithms[usize::from(byte)], self.steps);
-        self.value ^= if byte == 0 { 0 } else { effect };
+        // Without a branch: no processor could predict the zeros of noise.
+        self.value ^= effect & u16::from(byte != 0).wrapping_neg();
         let next = self.steps + 8;
         self.steps = if next >= CRC_PERIOD_BITS { next - CRC_PERIOD_BITS } else { next };
     }
@@ -177,7 +181,7 @@ impl StartTable {
 
 /// The state of the scan over one stretch of bytes.
 pub struct CrcScanner {
-    powers: &'static InversePowers,
+    powers: InversePowers,
     starts: StartTable,
     /// Stream offset at which the stretch began.
     first: u64,
@@ -208,12 +212,12 @@ impl CrcScanner {
     #[inline(never)] // So that its loop has the registers to itself.
     pub fn scan(&mut self, position: u64, bytes: &[u8], found: &mut Vec<u64>) -> usize {
         found.clear();
-        let mut prefix = self.prefix;
+        let (mut prefix, powers) = (self.prefix, self.powers);
         let mut scanned = bytes.len();
         for (start, &byte) in (position..).zip(bytes) {
             let end = start + 1;
-            self.starts.insert(start, prefix.start_key(self.powers));
-            prefix.add(byte, self.powers);
+            self.starts.insert(start, prefix.start_key(powers));
+            prefix.add(byte, powers);
             if let Some(latest) = self.starts.latest(prefix.value, end) {
                 self.starts.collect(latest, prefix.value, end, self.first, found);
                 if !found.is_empty() {

@@ -10,6 +10,7 @@ mod hypothesis;
 mod lattice;
 mod nested;
 mod placement;
+mod rejected;
 mod run_odds;
 mod scan;
 mod state;
