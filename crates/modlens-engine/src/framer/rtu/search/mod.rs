@@ -11,6 +11,8 @@ mod lattice;
 mod nested;
 mod placement;
 mod rejected;
+#[cfg(test)]
+mod remembered;
 mod run_odds;
 mod scan;
 mod state;
