@@ -33,9 +33,10 @@ fn rows(bytes: &[u8], may_look_ahead: bool, forgets: bool) -> Vec<String> {
     };
     let (mut rows, mut adu) = (Vec::new(), Vec::new());
     for at in 0..=bytes.len() {
-        match bytes.get(at..=at) {
-            Some(bytes) => input.push(&Chunk { bytes, ..Chunk::default() }),
-            None => (input.is_closed, input.is_ended) = (true, true),
+        if let Some(bytes) = bytes.get(at..=at) {
+            input.push(&Chunk { bytes, ..Chunk::default() });
+        } else {
+            (input.is_closed, input.is_ended) = (true, true);
         }
         loop {
             if forgets {
