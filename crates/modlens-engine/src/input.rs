@@ -284,6 +284,12 @@ impl Input {
         self.reads.front().filter(is_whole)
     }
 
+    /// Whether all unframed bytes stand in one read, whose beginning is framed already, and none on this line had a time.
+    #[inline]
+    pub fn is_one_untimed_read(&self) -> bool {
+        !self.has_times && self.reads.len() == 1 && self.first_read_start < self.offset
+    }
+
     /// Whether a request of `request_bytes` and a response of `response_bytes` stand at the head in reads that cannot change
     /// how they are decided: both in one read without times and side (other bytes may follow in it), or exactly in a read
     /// each, the second one less than `within` ns after the first, or both without times. Neither read may lack checksums or

@@ -117,32 +117,58 @@ pub fn lrc(data: &[u8]) -> u8 {
     data.iter().fold(0u8, |sum, &byte| sum.wrapping_add(byte)).wrapping_neg()
 }
 
+/// `BACKWARDS[k][b]` is the value on which byte `b` and `k` zero bytes more have the effect that `b` itself would have had on the
+/// register: the step on a zero byte, taken back `k` times.
+static BACKWARDS: [[u16; 256]; 8] = backwards();
+
+/// Builds `BACKWARDS`.
+const fn backwards() -> [[u16; 256]; 8] {
+    let mut all = [[0u16; 256]; 8];
+    let mut byte = 0;
+    while byte < 256 {
+        let mut state = byte as u16;
+        let mut k = 0;
+        while k < 8 {
+            all[k][byte] = state;
+            let mut bit = 0;
+            while bit < 8 {
+                // The step sets the highest bit if and only if it shifted a one out.
+                state = if state & 0x8000 == 0 { state << 1 } else { (state ^ POLYNOMIAL) << 1 | 1 };
+                bit += 1;
+            }
+            k += 1;
+        }
+        byte += 1;
+    }
+    all
+}
+
 /// The first length from `least` on at which the bytes end with their CRC.
 ///
-/// It processes four bytes per step, so that each step waits for one table look-up instead of four.
+/// Let T be the step of the register on a zero byte. From state s on, the register is 0 behind byte `j` if and only if s is the
+/// sum of T^-i of bytes i up to j. So eight bytes are eight look-ups that need not wait for each other.
 pub fn first_valid_length(bytes: &[u8], least: usize) -> Option<usize> {
     let mut state = update(CRC_INIT, bytes.get(..least)?);
     if state == 0 {
         return Some(least);
     }
     let mut length = least;
-    let mut words = bytes[least..].chunks_exact(4);
-    for w in words.by_ref() {
-        let [low, high] = (state ^ u16::from_le_bytes([w[0], w[1]])).to_le_bytes().map(usize::from);
-        let [third, fourth] = [w[2], w[3]].map(usize::from);
-        let states = [
-            TABLES[0][low] ^ (state >> 8),
-            TABLES[1][low] ^ TABLES[0][high],
-            TABLES[2][low] ^ TABLES[1][high] ^ TABLES[0][third],
-            TABLES[3][low] ^ TABLES[2][high] ^ TABLES[1][third] ^ TABLES[0][fourth],
-        ];
-        if states.contains(&0) {
-            return states.iter().position(|&state| state == 0).map(|at| length + at + 1);
+    let mut words = bytes[least..].chunks_exact(8);
+    for word in words.by_ref() {
+        let mut sum = 0;
+        let mut is_zero = false;
+        for (effects, &byte) in BACKWARDS.iter().zip(word) {
+            sum ^= effects[usize::from(byte)];
+            is_zero |= sum == state;
         }
-        state = states[3];
-        length += 4;
+        if is_zero {
+            break;
+        }
+        let [low, high] = (state ^ sum).to_le_bytes();
+        state = TABLES[7][usize::from(low)] ^ TABLES[6][usize::from(high)];
+        length += 8;
     }
-    words.remainder().iter().find_map(|&byte| {
+    bytes[length..].iter().find_map(|&byte| {
         state = update_byte(state, byte);
         length += 1;
         (state == 0).then_some(length)

@@ -50,13 +50,17 @@ pub fn align(model: &TrafficModel, expected: &ExpectedFrame<'_>, bytes: &[u8], n
     // If all known bytes are missing, only the CRC is left to recognise the frame by, and that takes a known length.
     let known = expected.bytes.len() - usize::from(expected.length.is_none());
     let max_missing = MAX_LOST_BYTES.min(known);
-    let alignments = (0..=max_missing).filter_map(|missing| align_without_head(model, expected, bytes, missing, need));
+    // Nearly always the first byte already shows that this many are not missing.
+    let may_lack =
+        |missing: &usize| *missing == 0 || expected.bytes.get(*missing).is_none_or(|known| bytes.first() == Some(known));
+    let counts = (0..=max_missing).filter(may_lack);
+    let alignments = counts.filter_map(|missing| align_without_head(model, expected, bytes, missing, need));
     alignments.max_by(|a, b| a.score.total_cmp(&b.score))
 }
 
 /// The best alignment of `bytes` with the expected frame without its first `missing` bytes; `None` if none is worth more than
 /// 0 and at least `need` bits. `bytes` begin where the rest of the frame would and may reach beyond its end. If two
-/// alignments are worth the same, the one that is tried later is taken (see `Comparison::explanations` for the order).
+/// alignments are worth the same, the one that is tried later is taken (see `Comparison::explain` for the order).
 ///
 /// Where the bytes stand in their region is not judged here.
 fn align_without_head(
@@ -76,8 +80,20 @@ fn align_without_head(
     }
     // A collision is the break that costs least.
     let can_afford_break = max_score - COLLISION_BITS >= need;
-    let alignments = comparison.explanations(can_afford_break).map(|explanation| comparison.alignment(&explanation));
-    alignments.filter(|alignment| alignment.score > 0.0 && alignment.score >= need).max_by(|a, b| a.score.total_cmp(&b.score))
+    let mut best: Option<Alignment> = None;
+    comparison.explain(can_afford_break, |explanation| {
+        // Most explanations are worth too little, whatever the CRC adds: it is not computed for these.
+        let max_score = explanation.score - expected.selection_cost + expected.max_crc_bits();
+        if max_score < need || max_score <= 0.0 {
+            return;
+        }
+        let alignment = comparison.alignment(&explanation);
+        let is_enough = alignment.score > 0.0 && alignment.score >= need;
+        if is_enough && best.as_ref().is_none_or(|best| alignment.score >= best.score) {
+            best = Some(alignment);
+        }
+    });
+    best
 }
 
 /// The rest of an expected frame beside the bytes that it is compared with: the first of `bytes` is compared with the first
@@ -122,20 +138,22 @@ impl<'a> Comparison<'a> {
         self.model.bits_of(&self.bytes[..compared]) - self.expected.selection_cost + self.expected.max_crc_bits()
     }
 
-    /// The ways in which the bytes can be explained, with their scores, in this order: flipped bits alone; then one break right
-    /// behind the bytes that agree: one, two or three bytes missing, the last one doubled, a collision.
+    /// Gives out the ways in which the bytes can be explained, with their scores, in this order: flipped bits alone; then one
+    /// break right behind the bytes that agree: one, two or three bytes missing, the last one doubled, a collision.
     ///
     /// A break is tried only if `can_afford_break`, no bytes are missing in front, some known bytes agree, and some do not.
-    fn explanations(&self, can_afford_break: bool) -> impl Iterator<Item = Explanation> + '_ {
-        let (known, agreeing) = (self.known, self.agreeing);
-        let tries_breaks = can_afford_break && agreeing > 0 && agreeing < known.len() && self.missing == 0;
-        let score = if tries_breaks { score_with_flips(self.model, &known[..agreeing], self.bytes, 0).0 } else { 0.0 };
-        let prefix = Prefix { length: agreeing, score };
-        let losses = (1..=MAX_LOST_BYTES).filter(move |_| tries_breaks);
-        let losses = losses.filter_map(move |count| missing_inside(self.model, known, self.bytes, prefix, count));
-        let breaks = [doubled_byte, collision].into_iter().filter(move |_| tries_breaks);
-        let breaks = breaks.filter_map(move |explain| explain(self.model, known, self.bytes, prefix));
-        std::iter::once(without_break(self.model, known, self.bytes, self.missing)).chain(losses).chain(breaks)
+    fn explain(&self, can_afford_break: bool, mut give: impl FnMut(Explanation)) {
+        let (model, known, bytes, agreeing) = (self.model, self.known, self.bytes, self.agreeing);
+        give(without_break(model, known, bytes, self.missing));
+        if !can_afford_break || agreeing == 0 || agreeing == known.len() || self.missing > 0 {
+            return;
+        }
+        let prefix = Prefix { length: agreeing, score: score_with_flips(model, &known[..agreeing], bytes, 0).0 };
+        for count in 1..=MAX_LOST_BYTES {
+            missing_inside(model, known, bytes, prefix, count).into_iter().for_each(&mut give);
+        }
+        doubled_byte(model, known, bytes, prefix).into_iter().for_each(&mut give);
+        collision(model, known, bytes, prefix).into_iter().for_each(&mut give);
     }
 
     /// The alignment of one explanation. Its score is that of the explanation, less what it costs to select this frame, plus

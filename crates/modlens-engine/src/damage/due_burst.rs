@@ -86,7 +86,8 @@ impl UnframedRegion<'_, '_> {
 
     /// The frame that must stand in a gap, if some bytes there are worth enough: the best ones, of equal ones the first.
     fn due_burst(&self, gap: &Gap<'_>) -> Option<DamagedFrame> {
-        if gap.range.is_empty() || self.may_be_collision(gap) {
+        // Most gaps hold nothing but what a line driver has left.
+        if gap.range.is_empty() || self.bursts(gap).next().is_none() || self.may_be_collision(gap) {
             return None;
         }
         let mut best: Option<(f32, DamagedFrame)> = None;

@@ -10,7 +10,17 @@ impl Input {
     ///
     /// The time that the read's own bytes took on the line is subtracted, where the line settings are known. It is negative
     /// where the clock went back or the reads came closer together than that.
+    #[inline]
     pub fn pause_before(&self, index: usize) -> Option<Ns> {
+        if self.has_times {
+            self.timed_pause_before(index)
+        } else {
+            None
+        }
+    }
+
+    /// `pause_before`, on a line that has times.
+    fn timed_pause_before(&self, index: usize) -> Option<Ns> {
         let i = self.read_index(index)?;
         let start = self.read_start(i);
         let previous = if i == 0 { self.time_before_reads? } else { Some(self.reads[i - 1].time).filter(|&t| t != NO_TIME)? };

@@ -15,6 +15,7 @@ pub const EXCEPTION_RESPONSE_BYTES: usize = 5;
 ///
 /// `frame` begins with unit and function code, and may have any number of bytes behind them. An exception response has one
 /// length, a function without row one of open length and unknown direction, and function code 0 none.
+#[inline]
 pub fn announced_lengths(context: &FramerContext<'_>, frame: &[u8]) -> [Option<(Direction, Extent)>; 2] {
     let (code, body) = (frame[1], &frame[2..]);
     let row = match context.functions.row(code, body) {
@@ -33,6 +34,7 @@ pub fn announced_lengths(context: &FramerContext<'_>, frame: &[u8]) -> [Option<(
 
 /// What a header announces whose function code has the exception bit, or no row in the table: `None` for function code 0, which
 /// the specification does not have, so that a run of zeros is no frame.
+#[inline]
 fn length_without_row(code: u8) -> Option<(Direction, Extent)> {
     if code & !EXCEPTION_BIT == 0 {
         None
@@ -44,6 +46,7 @@ fn length_without_row(code: u8) -> Option<(Direction, Extent)> {
 }
 
 /// The length of a whole frame, given that of its body.
+#[inline]
 fn with_envelope(body: Extent) -> Extent {
     match body {
         Extent::Exactly(length) => Extent::Exactly(length + ENVELOPE_BYTES),

@@ -5,10 +5,10 @@
 //! a key as a start and a key as an end. Starts are kept in a hash table until an end with the same key comes: a hash join of
 //! starts and ends. The running value T^-k P[k] grows by T^-k(byte).
 //!
-//! The step is linear, and one bit of it, backwards, turns 0001 into 0002, then 0004 and so on. The effects T^-k of the
-//! eight bits of a byte are therefore neighbours in the sequence that these single steps run through, which repeats after
-//! 32,767 of them (the order of x modulo the polynomial). The sequence stands in a table; for each byte its eight
-//! neighbours are masked and summed.
+//! The step is linear, and one bit of it, backwards, turns 0001 into 0002, then 0004 and so on. From there it runs through all
+//! states with an odd number of ones but one, and from 0003 on through all with an even number but 0; both sequences repeat
+//! after 32,767 single steps (the order of x modulo the polynomial). So a byte is so many steps from 0001 or 0003, its logarithm,
+//! and T^-k(byte) stands in its sequence 8 k places behind it.
 
 use std::sync::OnceLock;
 
@@ -33,14 +33,20 @@ const MIN_FRAME_SPAN: u64 = 4;
 /// Buckets of the hash table. Few enough for the nearest cache, many enough to be nearly always empty.
 const BUCKETS: usize = 4096;
 
-/// Effects T^-k of single bits and of the start value FFFF.
+/// The states of each sequence, and the entries of its part of the table: the sequence twice, so that the sum of two places in it
+/// is a place, too.
+const SEQUENCE_ENTRIES: usize = 1 << 16;
+
+/// What T^-k makes of bytes and of the start value FFFF, for each k. A scan has its own copy of it: so the compiler sees that no
+/// table entry that is written changes it.
+#[derive(Clone, Copy)]
 struct InversePowers {
-    /// The states that single bit steps backwards run through from 0001 on; the first eight come again at the end.
-    bits: Vec<u16>,
-    /// T^-k(FFFF) for each k.
-    start_values: Vec<u16>,
-    /// For each byte value, FFFF for each bit that is one and 0 for the others, the lowest bit first.
-    masks: Box<[[u16; 8]; 256]>,
+    /// The states that single bit steps backwards run through from 0001 on, and those from 0003 on.
+    states: &'static [u16; 2 * SEQUENCE_ENTRIES],
+    /// By byte value, its place in `states`; that of 0 means nothing.
+    logarithms: &'static [u32; 256],
+    /// The place of FFFF.
+    start_value: u32,
 }
 
 /// Takes back one bit of the register's step.
@@ -53,17 +59,33 @@ pub fn step_back_bit(state: u16) -> u16 {
     }
 }
 
-fn inverse_powers() -> &'static InversePowers {
+fn inverse_powers() -> InversePowers {
     static POWERS: OnceLock<InversePowers> = OnceLock::new();
-    POWERS.get_or_init(|| {
-        let steps = |from: u16| std::iter::successors(Some(from), |&state| Some(step_back_bit(state)));
-        let mask = |byte: usize| std::array::from_fn(|i| 0u16.wrapping_sub((byte >> i & 1) as u16));
-        InversePowers {
-            bits: steps(1).take(CRC_PERIOD_BITS + 8).collect(),
-            start_values: steps(0xFFFF).step_by(8).take(CRC_PERIOD_BITS).collect(),
-            masks: Box::new(std::array::from_fn(mask)),
+    *POWERS.get_or_init(|| {
+        let mut states = vec![0; 2 * SEQUENCE_ENTRIES].into_boxed_slice();
+        let (mut logarithms, mut start_value) = (Box::new([0; 256]), 0);
+        for (part, first) in states.chunks_exact_mut(SEQUENCE_ENTRIES).zip([1, 3]) {
+            let sequence = std::iter::successors(Some(first), |&state| Some(step_back_bit(state)));
+            part.iter_mut().zip(sequence).for_each(|(place, state)| *place = state);
         }
+        for place in (0..CRC_PERIOD_BITS).chain(SEQUENCE_ENTRIES..SEQUENCE_ENTRIES + CRC_PERIOD_BITS) {
+            match states[place] {
+                u16::MAX => start_value = place as u32,
+                state => logarithms.get_mut(usize::from(state)).into_iter().for_each(|known| *known = place as u32),
+            }
+        }
+        let states: Box<[u16; 2 * SEQUENCE_ENTRIES]> = states.try_into().expect("as many as were made");
+        InversePowers { states: Box::leak(states), logarithms: Box::leak(logarithms), start_value }
     })
+}
+
+impl InversePowers {
+    /// What the state at this place becomes in so many single steps backwards, which are fewer than the order.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // Of the loop over all bytes.
+    fn after(self, place: u32, steps: usize) -> u16 {
+        self.states[(place as usize + steps) % (2 * SEQUENCE_ENTRIES)]
+    }
 }
 
 /// T^-k P[k], as it grows byte by byte.
@@ -71,30 +93,27 @@ fn inverse_powers() -> &'static InversePowers {
 struct Prefix {
     /// T^-k P[k].
     value: u16,
-    /// Index in `InversePowers::start_values` for the next byte: k modulo the order.
-    power: usize,
-    /// Index in `InversePowers::bits` for the next byte: 8 k modulo the order.
-    effect: usize,
+    /// 8 k modulo the order.
+    steps: usize,
 }
 
 impl Prefix {
     /// The key that the position before the next byte has as a start.
     #[inline(always)]
-    #[allow(clippy::inline_always)] // Of the loop over all bytes.
-    fn start_key(self, powers: &InversePowers) -> u16 {
-        self.value ^ powers.start_values[self.power]
+    #[allow(clippy::inline_always)] // As above.
+    fn start_key(self, powers: InversePowers) -> u16 {
+        self.value ^ powers.after(powers.start_value, self.steps)
     }
 
     /// Takes one byte more: then `value` is the key that the position behind it has as an end.
     #[inline(always)]
     #[allow(clippy::inline_always)] // As above.
-    fn add(&mut self, byte: u8, powers: &InversePowers) {
-        let effects: &[u16; 8] = powers.bits[self.effect..self.effect + 8].try_into().expect("eight of them");
-        let mask = &powers.masks[usize::from(byte)];
-        self.value ^= (0..8).fold(0, |sum, bit| sum ^ (effects[bit] & mask[bit]));
-        self.power = if self.power + 1 == CRC_PERIOD_BITS { 0 } else { self.power + 1 };
-        let next = self.effect + 8;
-        self.effect = if next >= CRC_PERIOD_BITS { next - CRC_PERIOD_BITS } else { next };
+    fn add(&mut self, byte: u8, powers: InversePowers) {
+        let effect = powers.after(powers.logarithms[usize::from(byte)], self.steps);
+        // Without a branch: no processor could predict the zeros of noise.
+        self.value ^= effect & u16::from(byte != 0).wrapping_neg();
+        let next = self.steps + 8;
+        self.steps = if next >= CRC_PERIOD_BITS { next - CRC_PERIOD_BITS } else { next };
     }
 }
 
@@ -136,6 +155,7 @@ impl StartTable {
     /// Goes through a bucket from this entry on, back in time: the positions with this key that stand from `first` (included) to
     /// four bytes before `end` (included) are added to `found`; all are stream offsets. It ends at a position before `first`,
     /// one more than `MAX_CANDIDATE_BYTES` before `end`, an entry out of date, or after `MAX_EQUAL_KEYS` equal keys.
+    #[inline(never)]
     fn collect(&self, mut entry: u32, key: u16, end: u64, first: u64, found: &mut Vec<u64>) {
         let mut last_behind = 0;
         let mut equal_keys = 0;
@@ -161,7 +181,7 @@ impl StartTable {
 
 /// The state of the scan over one stretch of bytes.
 pub struct CrcScanner {
-    powers: &'static InversePowers,
+    powers: InversePowers,
     starts: StartTable,
     /// Stream offset at which the stretch began.
     first: u64,
@@ -189,14 +209,15 @@ impl CrcScanner {
     /// `found` is cleared and gets the stream offsets at which these substrings start, the latest first. They have from 4 to
     /// `MAX_CANDIDATE_BYTES` bytes, and begin where the stretch began or behind. `found` stays empty if all bytes were scanned
     /// and no valid substring ends with any of them.
+    #[inline(never)] // So that its loop has the registers to itself.
     pub fn scan(&mut self, position: u64, bytes: &[u8], found: &mut Vec<u64>) -> usize {
         found.clear();
-        let mut prefix = self.prefix;
+        let (mut prefix, powers) = (self.prefix, self.powers);
         let mut scanned = bytes.len();
         for (start, &byte) in (position..).zip(bytes) {
             let end = start + 1;
-            self.starts.insert(start, prefix.start_key(self.powers));
-            prefix.add(byte, self.powers);
+            self.starts.insert(start, prefix.start_key(powers));
+            prefix.add(byte, powers);
             if let Some(latest) = self.starts.latest(prefix.value, end) {
                 self.starts.collect(latest, prefix.value, end, self.first, found);
                 if !found.is_empty() {
@@ -224,12 +245,23 @@ mod tests {
     }
 
     #[test]
-    fn the_tables_repeat_after_the_order() {
+    fn the_sequences_repeat_after_the_order() {
         let powers = inverse_powers();
-        assert_eq!(powers.bits[CRC_PERIOD_BITS..], powers.bits[..8]);
-        assert_eq!(powers.start_values.len(), CRC_PERIOD_BITS);
-        // T^-1 of the last of them is the first one again.
-        assert_eq!((0..8).fold(powers.start_values[CRC_PERIOD_BITS - 1], |state, _| step_back_bit(state)), 0xFFFF);
+        for sequence in powers.states.chunks_exact(SEQUENCE_ENTRIES) {
+            assert_eq!(sequence[CRC_PERIOD_BITS..], sequence[..SEQUENCE_ENTRIES - CRC_PERIOD_BITS]);
+        }
+    }
+
+    #[test]
+    fn each_byte_and_the_start_value_stand_at_their_places() {
+        let powers = inverse_powers();
+        for byte in 1..=255u8 {
+            let place = powers.logarithms[usize::from(byte)];
+            assert_eq!(powers.after(place, 0), u16::from(byte));
+            // T(T^-1(byte)), by the step on a zero byte.
+            assert_eq!(update_byte(powers.after(place, 8), 0), u16::from(byte));
+        }
+        assert_eq!(powers.after(powers.start_value, 0), 0xFFFF);
     }
 
     fn naive(data: &[u8]) -> Vec<(u64, u64)> {

@@ -16,7 +16,10 @@ const MIN_JUDGED_BYTES: usize = 5;
 /// Sums count fractions of a bit: this many make a bit. It decides how sharp the filter is, never what `align` finds.
 const STEPS_PER_BIT: f32 = 1.5;
 
-/// Binary digits of a sum: nine bytes of at most fourteen steps each.
+/// Binary digits of the steps of one byte, of which there are at most fourteen.
+const STEP_PLANES: usize = 4;
+
+/// Binary digits of a sum of nine bytes.
 const SUM_PLANES: usize = 7;
 
 /// Bytes with less information content are common, and agree with many requests: they are counted last.
@@ -98,9 +101,12 @@ impl RequestPrefilter {
     pub fn likely(&self, among: FrameSet, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &DamageCosts) -> FrameSet {
         let (short, long) = (among & self.short, among & self.long);
         let usual = among & !short & !long;
-        let bytes = &bytes[..bytes.len().min(JUDGED_BYTES + 1)];
-        let long = self.filter(long, bytes, &bits, need.min(LONG_REQUEST_PREFIX_BITS), costs);
-        short | self.filter(usual, bytes, &bits, need, costs) | long
+        if usual | long == 0 {
+            return short;
+        }
+        let observed = ObservedBytes::of(&bytes[..bytes.len().min(JUDGED_BYTES + 1)], bits);
+        let long = self.filter(long, &observed, need.min(LONG_REQUEST_PREFIX_BITS), costs);
+        short | self.filter(usual, &observed, need, costs) | long
     }
 
     /// Those of `among` that may reach `need` bits in one of the ways in which `damage::alignment` (`align`) looks for a damaged
@@ -110,12 +116,9 @@ impl RequestPrefilter {
     /// For each way there are the requests that may be damaged so, and those that may agree with a byte at a place. `align`
     /// accepts damage inside a frame only if its first byte agrees, flipped bits only if one of the first two does, and missing
     /// leading bytes only if the two bytes behind them agree.
-    fn filter(&self, among: FrameSet, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &DamageCosts) -> FrameSet {
-        let Some(&first) = bytes.first().filter(|_| among != 0) else { return 0 };
-        let observed = ObservedBytes::of(bytes, bits);
-        if observed.total() < need {
-            return 0;
-        }
+    fn filter(&self, among: FrameSet, observed: &ObservedBytes<'_>, need: f32, costs: &DamageCosts) -> FrameSet {
+        let bytes = observed.bytes;
+        let Some(&first) = bytes.first().filter(|_| among != 0 && observed.total() >= need) else { return 0 };
         let begins = among & self.equal_at(0, first);
         let headed = begins | bytes.get(1).map_or(0, |&second| among & self.equal_at(1, second));
         let headless = bytes.get(1).map_or(0, |&second| among & self.with_pair_inside(first, second));
@@ -200,8 +203,11 @@ impl<'a> ObservedBytes<'a> {
         }
         let mut sums = ParallelSums::default();
         for (at, &byte) in self.bytes.iter().enumerate() {
-            // Rounded up, so that the sum stays an upper bound.
-            sums.add(agreeing(at, byte), (STEPS_PER_BIT * self.bits[at]) as u32 + 1);
+            let agree = among & enough & agreeing(at, byte);
+            if agree != 0 {
+                // Rounded up, so that the sum stays an upper bound.
+                sums.add(agree, (STEPS_PER_BIT * self.bits[at]) as u32 + 1);
+            }
         }
         among & enough & sums.at_least(need)
     }
@@ -231,14 +237,20 @@ impl<'a> ObservedBytes<'a> {
 struct ParallelSums([FrameSet; SUM_PLANES]);
 
 impl ParallelSums {
-    /// Adds the same number of steps to the sums of these requests: a ripple-carry adder on whole words.
+    /// Adds the same number of steps, fewer than `1 << STEP_PLANES`, to the sums of these requests: a ripple-carry adder on
+    /// whole words.
+    #[inline]
     fn add(&mut self, to: FrameSet, steps: u32) {
+        let (low, high) = self.0.split_at_mut(STEP_PLANES);
         let mut carry = 0;
-        for (digit, plane) in self.0.iter_mut().enumerate() {
-            let one = if steps >> digit & 1 == 1 { to } else { 0 };
+        for (digit, plane) in low.iter_mut().enumerate() {
+            let one = to & 0u64.wrapping_sub(u64::from(steps >> digit & 1));
             let sum = *plane ^ one ^ carry;
             carry = *plane & one | carry & (*plane | one);
             *plane = sum;
+        }
+        for plane in high {
+            (*plane, carry) = (*plane ^ carry, *plane & carry);
         }
     }
 

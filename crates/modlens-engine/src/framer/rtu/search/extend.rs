@@ -26,7 +26,22 @@ impl Search {
     /// substring begins before the root's end, or if no frame looks like this. `floor` is the path score in bits at or below
     /// which nothing is added.
     pub(super) fn add_valid_hypotheses(&mut self, input: &Input, context: &FramerContext<'_>, start: u64, floor: f32) {
-        let Some(substring) = self.valid_substring(input, context, start) else { return };
+        if start < self.committed_offset() {
+            return;
+        }
+        let (start_index, end_index) = ((start - input.offset()) as usize, (self.scanned_to - input.offset()) as usize);
+        let frame = &input.bytes()[start_index..end_index];
+        if score::is_impossible(frame) {
+            return;
+        }
+        let root_end = self.committed_offset();
+        let may_be_known = self.is_in_plain_noise(input, context, frame[0]);
+        let unframed_cost = if may_be_known { self.model.unframed_cost(start - root_end) } else { 0.0 };
+        if may_be_known && self.rejected.contains(frame, root_end, unframed_cost, floor) {
+            return;
+        }
+        let hypotheses_before = self.lattice.len();
+        let substring = self.valid_substring(input, context, start, FrameBytes(frame));
         for direction in [REQUEST, RESPONSE] {
             let Some(score) = score::frame_score(&self.model, context, substring.frame.0, direction) else { continue };
             let contradiction = contradiction_cost(context, substring.declared, direction);
@@ -36,30 +51,40 @@ impl Search {
                 self.add_valid_hypothesis(&substring, direction, placement);
             }
         }
+        if may_be_known && self.lattice.len() == hypotheses_before {
+            self.rejected.insert(frame, root_end, unframed_cost, floor);
+        }
     }
 
-    /// The substring from stream offset `start` (included) to `scanned_to` (excluded), whose CRC is valid, with what is known of
-    /// it; `None` if it begins before the root's end, or if no frame looks like this.
-    fn valid_substring<'a>(&self, input: &'a Input, context: &FramerContext<'_>, start: u64) -> Option<ValidSubstring<'a>> {
-        if start < self.committed_offset() {
-            return None;
-        }
-        let (start_index, end_index) = ((start - input.offset()) as usize, (self.scanned_to - input.offset()) as usize);
-        let frame = &input.bytes()[start_index..end_index];
-        if score::is_impossible(frame) {
-            return None;
-        }
-        let contents = self.contents(context, frame);
-        Some(ValidSubstring {
+    /// Whether there is no hypothesis but the root, and neither times, reads nor the line, nor a unit that is known, add anything
+    /// to the score of a substring of this unit: then `RejectedSubstrings` may know it.
+    fn is_in_plain_noise(&self, input: &Input, context: &FramerContext<'_>, unit: u8) -> bool {
+        let is_plain_line = context.line_direction.is_none() && context.connection_side.is_none();
+        self.lattice.len() == 1 && is_plain_line && input.is_one_untimed_read() && !self.model.has_unit(unit)
+    }
+
+    /// The substring from stream offset `start` (included) to `scanned_to` (excluded), whose CRC is valid and whose bytes are
+    /// `frame`, with what is known of it.
+    fn valid_substring<'a>(
+        &self,
+        input: &'a Input,
+        context: &FramerContext<'_>,
+        start: u64,
+        frame: FrameBytes<'a>,
+    ) -> ValidSubstring<'a> {
+        let start_index = (start - input.offset()) as usize;
+        let end_index = start_index + frame.0.len();
+        let contents = self.contents(context, frame.0);
+        ValidSubstring {
             start,
             start_index,
-            frame: FrameBytes(frame),
+            frame,
             pause: context.pause_evidence_at(input, start_index),
             timing_score: timing_score(input, start_index..end_index, self.frame_gap_ns),
             declared: context.declared_direction_at(input, start_index),
             contents,
             nested_scores: if contents.is_some() { self.nested_scores(start) } else { Vec::new() },
-        })
+        }
     }
 
     /// Adds this substring as a frame of this direction in this place.

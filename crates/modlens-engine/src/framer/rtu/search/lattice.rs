@@ -97,29 +97,33 @@ impl Search {
     /// scores count from it on, and what was known in advance is void. `scanned_to` stays.
     pub(super) fn set_root(&mut self, new_root: usize) {
         let score = self.lattice[new_root].path_score;
-        self.lattice[new_root].parent = new_root;
-        if new_root + 1 == self.lattice.len() {
-            // The usual case: it is the last one, so none can have it as its parent.
-            self.lattice.swap(ROOT, new_root);
-            self.lattice.truncate(1);
-            self.lattice[ROOT].parent = ROOT;
-        } else {
-            self.retain(&self.is_behind(new_root));
-        }
+        self.retain_behind(new_root);
         for hypothesis in &mut self.lattice {
             hypothesis.path_score -= score;
         }
         self.update_after_new_root();
     }
 
-    /// For each hypothesis, whether this one is on its path, itself included. Parents stand before their children.
-    fn is_behind(&self, first: usize) -> Vec<bool> {
-        let mut is_behind = vec![false; self.lattice.len()];
-        is_behind[first] = true;
+    /// Keeps this hypothesis, which becomes the root, and those on whose path it is. Parents stand before their children.
+    fn retain_behind(&mut self, first: usize) {
+        const DROPPED: usize = usize::MAX;
+        let mut new_indices = std::mem::take(&mut self.new_indices);
+        new_indices.clear();
+        new_indices.resize(self.lattice.len(), DROPPED);
+        new_indices[first] = ROOT;
+        self.lattice.swap(ROOT, first);
+        self.lattice[ROOT].parent = ROOT;
+        let mut kept = ROOT + 1;
         for i in first + 1..self.lattice.len() {
-            is_behind[i] = is_behind[self.lattice[i].parent];
+            let parent = new_indices[self.lattice[i].parent];
+            if parent != DROPPED {
+                (new_indices[i], self.lattice[i].parent) = (kept, parent);
+                self.lattice.swap(kept, i);
+                kept += 1;
+            }
         }
-        is_behind
+        self.lattice.truncate(kept);
+        self.new_indices = new_indices;
     }
 
     /// Computes anew what depends on the root.

@@ -10,6 +10,9 @@ mod hypothesis;
 mod lattice;
 mod nested;
 mod placement;
+mod rejected;
+#[cfg(test)]
+mod remembered;
 mod run_odds;
 mod scan;
 mod state;

@@ -102,9 +102,15 @@ fn place_kind(answers_outstanding: bool, follows_echo: bool) -> usize {
     usize::from(answers_outstanding) + 2 * usize::from(follows_echo)
 }
 
-/// What a context score depends on where no stray bytes stand before the frame: the requests that may be answered, whether the
-/// unframed bytes before it may hide a frame, and whether its header stands among them.
-type ContextKey = (Answerable, bool, bool);
+/// What a context score depends on beside the pause before the frame: the requests that may be answered, how many unframed bytes
+/// stand before it, as a class, and whether its header stands among them.
+type ContextKey = (Answerable, usize, bool);
+
+/// The number of the class of unframed bytes before a frame that its context score depends on: none, a few, or so many that they
+/// may hide a frame.
+fn unframed_class(bytes: u64) -> usize {
+    usize::from(bytes > 0) + usize::from(bytes >= MAY_HIDE_FRAME_BYTES)
+}
 
 /// Context scores of one frame in one direction, behind one hypothesis after the other.
 struct ContextScores<'a> {
@@ -140,11 +146,13 @@ impl<'a> ContextScores<'a> {
         let unframed_bytes = self.substring.start - before.end;
         let has_same_header = self.same_header_at.is_some_and(|at| at >= before.end);
         let preceding = Preceding { unframed_bytes, has_same_header };
-        if (1..MAY_HIDE_FRAME_BYTES).contains(&unframed_bytes) {
+        let follows_strays = (1..MAY_HIDE_FRAME_BYTES).contains(&unframed_bytes);
+        // Without times, silences say nothing, however long the strays are.
+        if follows_strays && self.input.has_times {
             self.last = None;
             return self.compute(before.answerable, preceding, self.pause_behind_strays(before.end));
         }
-        let key = (before.answerable, unframed_bytes >= MAY_HIDE_FRAME_BYTES, has_same_header);
+        let key = (before.answerable, unframed_class(unframed_bytes), has_same_header);
         match self.last {
             Some((last_key, score)) if last_key == key => score,
             _ => {

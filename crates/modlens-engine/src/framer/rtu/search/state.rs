@@ -9,6 +9,7 @@ use crate::framer::rtu::frame_bytes::FrameBytes;
 use crate::framer::rtu::lone_frames::LoneFrames;
 use crate::framer::rtu::search::commit::SkipAhead;
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
+use crate::framer::rtu::search::rejected::RejectedSubstrings;
 use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
 use crate::framer::rtu::traffic_model::{FramePosition, RequestCopy, TrafficModel};
 use crate::framer::FramerContext;
@@ -23,6 +24,10 @@ pub struct Search {
     pub(super) scanner: CrcScanner,
     /// Starts of the valid substrings that end at the last byte scanned.
     pub(super) valid_starts: Vec<u64>,
+    /// By index of a hypothesis, its new one: only used while some are dropped, and kept so that nothing is allocated.
+    pub(super) new_indices: Vec<usize>,
+    /// What was found to be worth nothing.
+    pub(super) rejected: RejectedSubstrings,
     /// Stream offset behind the last byte scanned.
     pub(super) scanned_to: u64,
     /// The scanner stands at `scanned_to`, so the search goes on there; else it begins anew behind the root.
@@ -56,6 +61,8 @@ impl Default for Search {
             lattice: vec![Hypothesis::root()],
             scanner: CrcScanner::default(),
             valid_starts: Vec::new(),
+            new_indices: Vec::new(),
+            rejected: RejectedSubstrings::default(),
             scanned_to: 0,
             is_scanning: false,
             skip: SkipAhead::default(),

@@ -6,11 +6,13 @@
 use std::ops::Range;
 
 use crate::fast_path::frame_check::{FrameCheck, FrameLength};
-use crate::framer::rtu::announced_length::announced_lengths;
+use crate::framer::rtu::announced_length::{announced_lengths, EXCEPTION_RESPONSE_BYTES};
 use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
+use crate::framer::rtu::search::commit::rival::HeaderFilter;
 use crate::framer::rtu::search::commit::state::{Completion, Rival, RivalAt, RivalBar};
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::state::Search;
+use crate::framer::rtu::side::REQUEST;
 use crate::framer::rtu::{header_score, score, side};
 use crate::framer::FramerContext;
 use crate::input::Input;
@@ -25,7 +27,8 @@ impl Search {
     /// must also come to an end, with a valid CRC, or damaged right behind a hypothesis. Where bytes are missing to tell, it
     /// counts, and `skip.needs_more_bytes` is set.
     ///
-    /// Moves `skip.no_rival_before` past the leading starts at which no frame can ever be a rival, whichever path it follows.
+    /// Nearly no start can ever be a rival, whichever path it follows, and it is never looked at again: `skip.no_rival_before`
+    /// moves on with each start that is no rival now, and those that may become one later are kept in `skip.open_starts`.
     pub(super) fn find_rival_by_lookahead(
         &mut self,
         input: &Input,
@@ -35,33 +38,58 @@ impl Search {
         bar: RivalBar,
     ) -> Option<Rival> {
         let filter = self.header_filter(bar);
-        let mut all_excluded_so_far = true;
-        for start in starts.start.max(self.skip.no_rival_before)..starts.end {
-            let bytes = &input.bytes()[(start - input.offset()) as usize..];
-            if self.may_exceed(context, bytes, start, &filter) {
-                match self.rival_at(input, context, start, bar) {
-                    RivalAt::Found(rival) => return Some(rival),
-                    RivalAt::NotNow => all_excluded_so_far = false,
-                    RivalAt::Never => {}
+        let mut open_starts = std::mem::take(&mut self.skip.open_starts);
+        let mut found = None;
+        open_starts.retain(|&start| {
+            if found.is_some() || start >= starts.end {
+                return true;
+            }
+            let result = if start < starts.start { RivalAt::Never } else { self.rival_at(input, context, start, bar, &filter) };
+            found = if let RivalAt::Found(rival) = result { Some(rival) } else { None };
+            !matches!(result, RivalAt::Never)
+        });
+        let unseen = if found.is_some() { 0..0 } else { starts.start.max(self.skip.no_rival_before)..starts.end };
+        for start in unseen {
+            match self.rival_at(input, context, start, bar, &filter) {
+                RivalAt::Found(rival) => {
+                    found = Some(rival);
+                    break;
                 }
+                RivalAt::NotNow => open_starts.push(start),
+                RivalAt::Never => {}
             }
-            if all_excluded_so_far {
-                self.skip.no_rival_before = start + 1;
-            }
+            self.skip.no_rival_before = start + 1;
         }
-        self.rival_behind_other_path(input, context, first, bar)
+        self.skip.open_starts = open_starts;
+        found.or_else(|| self.rival_behind_other_path(input, context, first, bar))
     }
 
     /// Whether an unfinished frame at stream offset `start` is a rival, behind any hypothesis. If it never completes, only
     /// hypotheses that end right there are tried, because only behind these a damaged frame is possible.
-    fn rival_at(&mut self, input: &Input, context: &FramerContext<'_>, start: u64, bar: RivalBar) -> RivalAt {
-        let never_completes = self.completion(input, context, start) == Completion::Never;
+    fn rival_at(
+        &mut self,
+        input: &Input,
+        context: &FramerContext<'_>,
+        start: u64,
+        bar: RivalBar,
+        filter: &HeaderFilter,
+    ) -> RivalAt {
+        // Nearly no start has a frame that completes: this is asked before what its header is worth.
+        let completion = self.completion(input, context, start);
+        let never_completes = completion == Completion::Never;
+        if never_completes && !(filter.may_be_due_at(start) && self.is_due_at(start)) {
+            return RivalAt::Never;
+        }
+        let bytes = &input.bytes()[(start - input.offset()) as usize..];
+        if !self.may_exceed(context, bytes, start, filter) {
+            return RivalAt::Never;
+        }
         let mut result = RivalAt::Never;
         for parent in 0..self.lattice.len() {
             if never_completes && self.lattice[parent].end != start {
                 continue;
             }
-            if let Some(until) = self.rival_until_by_lookahead(input, context, parent, start, bar.now) {
+            if let Some(until) = self.rival_until(input, context, (parent, start), bar.now, Some(completion)) {
                 return RivalAt::Found(Rival { parent, start, until });
             }
             result = RivalAt::NotNow;
@@ -98,12 +126,25 @@ impl Search {
         start: u64,
         bar: f32,
     ) -> Option<u64> {
-        let behind = &self.lattice[parent];
-        let until = self.rival_until_by_header(input, context, behind, start, bar)?;
+        self.rival_until(input, context, (parent, start), bar, None)
+    }
+
+    /// `rival_until_by_lookahead`, where it may be known already whether the frame comes to an end with a valid CRC.
+    fn rival_until(
+        &mut self,
+        input: &Input,
+        context: &FramerContext<'_>,
+        (parent, start): (usize, u64),
+        bar: f32,
+        completion: Option<Completion>,
+    ) -> Option<u64> {
+        let until = self.rival_until_by_header(input, context, &self.lattice[parent], start, bar)?;
         // What comes with an invalid CRC has to be within the smaller margin for complete rivals, not that for look-ahead.
         let damaged_bar = bar + weights::LOOKAHEAD_MARGIN_BITS - weights::OFFLINE_COMMIT_MARGIN_BITS;
-        let completion = match self.completion(input, context, start) {
-            Completion::Never if start == behind.end => self.damaged_completion(input, context, behind, damaged_bar),
+        let completion = match completion.unwrap_or_else(|| self.completion(input, context, start)) {
+            Completion::Never if start == self.lattice[parent].end => {
+                self.damaged_completion(input, context, &self.lattice[parent], damaged_bar)
+            }
             completion => completion,
         };
         self.skip.needs_more_bytes |= completion == Completion::Unknown;
@@ -119,10 +160,17 @@ impl Search {
         let unless_closed = if input.is_closed { Completion::Never } else { Completion::Unknown };
         let ahead = self.frame_ahead(input, start);
         let &[unit, code, ..] = ahead.bytes else { return unless_closed };
+        if self.is_over(context, &ahead) {
+            return Completion::Never;
+        }
         let mut completion = Completion::Never;
         for (direction, extent) in announced_lengths(context, ahead.bytes).into_iter().flatten() {
-            let is_familiar = || self.model.is_familiar(unit, code, side::index_of(direction));
-            match ahead.look_up(extent, is_familiar) {
+            let result = match extent {
+                Extent::Open(_) if !self.model.is_familiar(unit, code, side::index_of(direction)) => Completion::Never,
+                Extent::Open(_) => ahead.look_up_open(),
+                Extent::Exactly(_) | Extent::AtLeast(_) => ahead.look_up(extent),
+            };
+            match result {
                 Completion::Completes => return Completion::Completes,
                 Completion::Unknown => completion = unless_closed,
                 Completion::Never => {}
@@ -131,14 +179,22 @@ impl Search {
         completion
     }
 
+    /// Whether the function code alone shows that no frame reaches behind the bytes scanned: it is an exception response, which
+    /// would have ended, or has no layout, and is not familiar. So it is with most bytes.
+    #[inline]
+    fn is_over(&self, context: &FramerContext<'_>, ahead: &FrameAhead<'_>) -> bool {
+        let (unit, code) = (ahead.bytes[0], ahead.bytes[1]);
+        if code & EXCEPTION_BIT != 0 {
+            return ahead.scanned_length >= EXCEPTION_RESPONSE_BYTES;
+        }
+        context.functions.row(code, &ahead.bytes[2..]).is_none() && !self.model.is_familiar(unit, code, REQUEST)
+    }
+
     /// The bytes from stream offset `start` on, which a frame may have.
+    #[inline]
     fn frame_ahead<'a>(&self, input: &'a Input, start: u64) -> FrameAhead<'a> {
         let at = (start - input.offset()) as usize;
-        FrameAhead {
-            bytes: &input.bytes()[at..],
-            scanned_length: (self.scanned_to - start) as usize,
-            max_length: max_frame_length(input, at),
-        }
+        FrameAhead { bytes: &input.bytes()[at..], scanned_length: (self.scanned_to - start) as usize, input, at }
     }
 
     /// Whether a frame with an invalid CRC right behind this hypothesis ends behind the last byte scanned, exactly as long as it
@@ -168,8 +224,9 @@ impl Search {
         }
         let ahead = self.frame_ahead(input, root_end);
         let min_length = (end - root_end) as usize + 1;
-        let completes = has_valid_length(ahead.bytes, min_length, ahead.max_length);
-        if !completes && ahead.max_length > ahead.bytes.len() && !input.is_closed {
+        let max_length = ahead.max_length();
+        let completes = has_valid_length(ahead.bytes, min_length, max_length);
+        if !completes && max_length > ahead.bytes.len() && !input.is_closed {
             return Completion::Unknown;
         }
         self.skip.open_length_completion = Some((root_end, completes));
@@ -223,26 +280,47 @@ struct FrameAhead<'a> {
     bytes: &'a [u8],
     /// How many of them are scanned: a frame that is no longer has been found already.
     scanned_length: usize,
-    /// The most bytes that the frame can have, because none crosses a break or a record's start. More than `bytes` has where no
-    /// such boundary has come yet.
-    max_length: usize,
+    /// The input that they stand in, and the index of the first of them.
+    input: &'a Input,
+    at: usize,
 }
 
 impl<'a> FrameAhead<'a> {
-    /// Whether the frame ends behind the bytes scanned with a valid CRC, if its header announces this length. An open length
-    /// counts only if unit and function are familiar; a least length is not looked up. `Unknown` where bytes are missing.
-    fn look_up(&self, extent: Extent, is_familiar: impl Fn() -> bool) -> Completion {
-        let (completes, needed) = match extent {
-            Extent::Exactly(length) if length > self.max_length || length <= self.scanned_length => return Completion::Never,
-            Extent::Exactly(length) => (crc_valid_at(self.bytes, length), length),
-            Extent::AtLeast(length) if length > self.max_length => return Completion::Never,
+    /// The most bytes that the frame can have, because none crosses a break or a record's start. More than `bytes` has where no
+    /// such boundary has come yet.
+    fn max_length(&self) -> usize {
+        max_frame_length(self.input, self.at)
+    }
+
+    /// Whether the frame ends behind the bytes scanned with a valid CRC, if its header announces this length, which is not open.
+    /// A least length is not looked up. `Unknown` where bytes are missing.
+    #[inline]
+    fn look_up(&self, extent: Extent) -> Completion {
+        let (length, is_exact) = match extent {
+            Extent::Exactly(length) => (length, true),
             // The bytes that tell the length have not come: a least length is always more than there is.
-            Extent::AtLeast(length) => (false, length),
-            Extent::Open(_) if !is_familiar() => return Completion::Never,
-            Extent::Open(_) => (has_valid_length(self.bytes, self.scanned_length + 1, self.max_length), self.max_length),
+            Extent::AtLeast(length) | Extent::Open(length) => (length, false),
         };
-        match completes {
-            false if needed > self.bytes.len() => Completion::Unknown,
+        if length > MAX_CANDIDATE_BYTES {
+            return Completion::Never;
+        }
+        let is_there = length <= self.bytes.len();
+        // Nearly always this is true, and where the boundaries are does not matter.
+        if is_there && !(is_exact && length > self.scanned_length && crc_valid_at(self.bytes, length)) {
+            return Completion::Never;
+        }
+        match length > self.max_length() {
+            true => Completion::Never,
+            false if is_there => Completion::Completes,
+            false => Completion::Unknown,
+        }
+    }
+
+    /// The same where the length is open and unit and function are familiar.
+    fn look_up_open(&self) -> Completion {
+        let max_length = self.max_length();
+        match has_valid_length(self.bytes, self.scanned_length + 1, max_length) {
+            false if max_length > self.bytes.len() => Completion::Unknown,
             completes => Completion::if_found(completes),
         }
     }
@@ -251,7 +329,7 @@ impl<'a> FrameAhead<'a> {
     /// already.
     fn of_exact_length(&self, extent: Extent) -> Option<&'a [u8]> {
         match extent {
-            Extent::Exactly(length) if length > self.scanned_length && length <= self.max_length => self.bytes.get(..length),
+            Extent::Exactly(length) if length > self.scanned_length && length <= self.max_length() => self.bytes.get(..length),
             _ => None,
         }
     }
@@ -278,12 +356,21 @@ fn max_frame_length(input: &Input, at: usize) -> usize {
 /// admitted length cannot be judged yet.
 fn complete_frame_at(input: &Input, context: &FramerContext<'_>, at: usize, to: usize) -> FrameCheck {
     let bytes = &input.bytes()[at..];
-    let max_length = max_frame_length(input, at);
     let is_known = context.known_units[usize::from(bytes[0])];
     for (_, extent) in announced_lengths(context, bytes).into_iter().flatten() {
+        // Nearly always no such frame is there, and where the boundaries are does not matter.
+        let is_out_of_question = match extent {
+            Extent::Open(_) => !is_known,
+            Extent::Exactly(length) if length > MAX_CANDIDATE_BYTES => true,
+            Extent::Exactly(length) => length <= bytes.len() && !crc_valid_at(bytes, length),
+            Extent::AtLeast(_) => false,
+        };
+        if is_out_of_question {
+            continue;
+        }
+        let max_length = max_frame_length(input, at);
         let (found, needed) = match extent {
             Extent::Exactly(length) | Extent::AtLeast(length) | Extent::Open(length) if length > max_length => continue,
-            Extent::Open(_) if !is_known => continue,
             Extent::Open(_) => (first_valid_length(&bytes[..max_length.min(bytes.len())], to - at), max_length),
             Extent::Exactly(length) => (crc_valid_at(bytes, length).then_some(length), length),
             // As in `look_up`: the bytes that tell the length have not come.

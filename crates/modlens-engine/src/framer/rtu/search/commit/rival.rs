@@ -31,6 +31,15 @@ pub(super) struct HeaderFilter {
     least_bits: f32,
     /// The units that are addressed by an outstanding request on any path.
     outstanding_units: UnitSet,
+    /// Stream offsets at which paths end, modulo 64, one bit each.
+    ends: u64,
+}
+
+impl HeaderFilter {
+    /// Whether some path may end exactly at this stream offset. Nearly always `false` where none does.
+    pub(super) fn may_be_due_at(&self, start: u64) -> bool {
+        self.ends >> (start % 64) & 1 == 1
+    }
 }
 
 impl Search {
@@ -145,7 +154,7 @@ impl Search {
     }
 
     /// Whether some path ends exactly at this stream offset.
-    fn is_due_at(&self, start: u64) -> bool {
+    pub(super) fn is_due_at(&self, start: u64) -> bool {
         self.lattice.iter().any(|before| before.end == start)
     }
 
@@ -162,6 +171,7 @@ impl Search {
         let outstanding = self.lattice.iter().filter_map(|before| before.answerable.outstanding);
         outstanding.for_each(|id| outstanding_units.insert(self.requests.get(id).unit));
         let best_path = self.lattice.iter().map(|before| before.path_score).fold(f32::MIN, f32::max);
-        HeaderFilter { least_bits: bar.least - (best_path + weights::ROUNDING_BITS), outstanding_units }
+        let ends = self.lattice.iter().fold(0, |ends, before| ends | 1 << (before.end % 64));
+        HeaderFilter { least_bits: bar.least - (best_path + weights::ROUNDING_BITS), outstanding_units, ends }
     }
 }

@@ -79,7 +79,7 @@ impl CommitState {
 /// Invariants, as long as the root stays and no hypothesis is added:
 /// - `decide` commits nothing while `scanned_to < next_decision_at`. A new hypothesis sets it to 0.
 /// - No damaged frame ends before `next_damaged_end_at`: it is the least of the values of all hypotheses.
-/// - No frame that begins before `no_rival_before` can outscore the first frame of the best path.
+/// - No frame that begins before `no_rival_before` can outscore the first frame of the best path, except at `open_starts`.
 /// - `last_rival` is a guess only. It is checked again before it counts.
 ///
 /// A new root voids them all (`forget_decisions`).
@@ -89,8 +89,11 @@ pub struct SkipAhead {
     pub next_decision_at: u64,
     /// No damaged frame can end before this stream offset.
     pub next_damaged_end_at: u64,
-    /// No frame that begins before this stream offset can become a rival.
+    /// No frame that begins before this stream offset can become a rival, except at `open_starts`.
     pub no_rival_before: u64,
+    /// The starts before it, in ascending order, at which a frame is no rival by the scores of now, but may be by those of later.
+    /// Live, there are none.
+    pub open_starts: Vec<u64>,
     /// The unfinished frame that was last found to be a possible rival.
     pub last_rival: Option<Rival>,
     /// A look-ahead needs bytes that are not there yet. Until they are, nothing is scanned either.
@@ -104,6 +107,7 @@ impl SkipAhead {
     /// Voids what was known, because the root is another one.
     pub fn forget_decisions(&mut self) {
         (self.next_decision_at, self.no_rival_before, self.last_rival) = (0, 0, None);
+        self.open_starts.clear();
     }
 }
 
