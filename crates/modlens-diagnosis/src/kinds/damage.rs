@@ -79,6 +79,9 @@ fn sides(counts: [u64; 2]) -> String {
     }
 }
 
+/// Fewer frames damaged in the middle do not tell where damage falls.
+const LEAST_INSIDE: u64 = 3;
+
 /// Damage in the middle of frames, of more than one unit or in both directions.
 ///
 /// Where hardly a frame is good, bits are not flipped now and then: it is the settings or the wires.
@@ -87,7 +90,10 @@ pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
     let damaged = frames.frames[Verdict::BadChecksum as usize] + frames.frames[Verdict::Incomplete as usize];
     let good = frames.frames[Verdict::Ok as usize];
     let share = Share { failed: damaged, total: damaged + good };
-    let (Some(chance), true) = (view.beyond_accident(share), good * 4 > damaged) else { return Vec::new() };
+    let (Some(chance), true) = (view.beyond_accident(share), good > damaged || (good * 4 > damaged && hits_both_sides(view)))
+    else {
+        return Vec::new();
+    };
     // Noise does not repeat itself: another protocol on the wires hits as many frames as it has runs.
     if super::wires::foreign_protocol(view).iter().any(|foreign| foreign.share.failed >= damaged) {
         return Vec::new();
@@ -107,7 +113,7 @@ pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
     let requests: u64 = view.units().map(|(_, counts)| counts.bad_requests.failed).sum();
     // Of one unit alone, single bits are noise near it; what else it may be has kinds of its own.
     let is_of_one = units.len() < 2 && requests == 0 && view.units().count() > 1;
-    if inside * 3 < known || (is_of_one && parts(view, DamagedPart::Bit) * 3 < known) {
+    if inside < LEAST_INSIDE || inside * 3 < known || (is_of_one && parts(view, DamagedPart::Bit) * 3 < known) {
         return Vec::new();
     }
     let tally = view.units().fold(Tally::default(), |mut sum, (_, counts)| {
@@ -127,6 +133,12 @@ pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
         claim = claim.fact("event", event).fact("event_advice", "; what the write switches (a contactor, a pump, an inverter)");
     }
     vec![claim]
+}
+
+/// Whether requests and answers are damaged, more than once each. Where answers only are, it is their sender, or the recorder.
+fn hits_both_sides(view: &View<'_>) -> bool {
+    let sum = |value: fn(&UnitCounts) -> u64| view.units().map(|(_, counts)| value(counts)).sum::<u64>();
+    sum(|counts| counts.garbled.failed) > 1 && sum(|counts| counts.bad_requests.failed) > 1
 }
 
 /// Whether damage may all be that of late answers. One meets the next request or its answer, so damage is theirs where it comes
