@@ -12,7 +12,8 @@ The judgement is the core's (crates/modlens-diagnosis); this file only draws it.
  "reserves": [{"bus": text, "unit": int, "requests": int, "answered": int, "damaged": int,
                "late": int, "timed": int,     answers with a usable response time
                "response_time_p99_us": float | null,
-               "timeout_us": float | null}],  the master's time-out, where it was seen
+               "timeout_us": float | null,    the master's time-out, where it was seen
+               "clock": "utc" | "relative" | "none"}],
  "not_judged": [{"bus": text, "what": text, "needs": text}]}
 ```
 """

@@ -17,6 +17,16 @@ from analyzer.views.screen import visible
 
 __all__ = ["markdown"]
 
+_HEAD = (
+    *("bus", "unit", "requests", "answered", "timed", "p99 ms", "timeout ms", "late", "damaged"),
+    "clock",
+)
+_CLOCKS = {"utc": "UTC", "relative": "since the start", "none": "none"}
+_WHAT_IS_TIMED = (
+    "Timed answers: from the end of the request to the start of the response, by the clock of the"
+    " recording."
+)
+
 
 def markdown(doctor: Mapping[str, Any]) -> Iterator[str]:
     """The document in pieces."""
@@ -28,12 +38,14 @@ def markdown(doctor: Mapping[str, Any]) -> Iterator[str]:
         yield f"   - Check: {_escaped(row['advice'])}\n"
         yield f"   - Proof: {_escaped(row['proof'])}\n"
     if doctor["reserves"]:
-        yield "\n| bus | unit | requests | answered | p99 ms | timeout ms | late | damaged |\n"
-        yield "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n"
+        yield f"\n{_WHAT_IS_TIMED}\n\n"
+        yield f"| {' | '.join(_HEAD)} |\n"
+        yield f"| --- |{' ---: |' * (len(_HEAD) - 1)}\n"
     for row in doctor["reserves"]:
         times = [cells.milliseconds(row[key]) for key in ("response_time_p99_us", "timeout_us")]
-        counts = [row[key] for key in ("unit", "requests", "answered")]
-        all_cells = [_escaped(row["bus"]), *counts, *times, row["late"], row["damaged"]]
+        counts = [row[key] for key in ("unit", "requests", "answered", "timed")]
+        rest = [row["late"], row["damaged"], _CLOCKS[row["clock"]]]
+        all_cells = [_escaped(row["bus"]), *counts, *times, *rest]
         yield f"| {' | '.join(map(str, all_cells))} |\n"
     if doctor["not_judged"]:
         yield "\nNot judged:\n\n"

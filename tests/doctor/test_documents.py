@@ -57,6 +57,27 @@ def test_the_advice_of_findings_does_not_contradict_the_cause(capture: Capture) 
             assert advice == general[code]
 
 
+@pytest.mark.parametrize("name", ["pymodbus_slow_unit", "pymodbus_idle_close"])
+def test_markdown_has_all_that_json_has(name: str, tmp_path: Path) -> None:
+    """Each diagnosis with its sentence, and each unit with how many answers are timed, by which clock."""
+    capture = next(one for one in ALL if one.name == name)
+    document = json.loads(ran("doctor", *command(capture), "--to", "json", cwd=tmp_path))
+    written = ran("doctor", *command(capture), "--to", "md", cwd=tmp_path)
+    lines = [line.strip("| ").split(" | ") for line in written.splitlines() if line[:1] == "|"]
+    head, _, *cells = lines
+    assert "Timed answers: from the end of the request to the start of the response" in written
+    units = [dict(zip(head, row, strict=True)) for row in cells]
+    assert len(units) == len(document["reserves"]) > 0
+    for unit, row in zip(units, document["reserves"], strict=True):
+        counts = ("unit", "requests", "answered", "timed", "late", "damaged")
+        assert {key: int(unit[key]) for key in counts} == {key: row[key] for key in counts}
+        assert (unit["clock"], row["clock"]) == ("UTC", "utc")
+    plain = written.replace("\\", "")
+    for row in document["diagnoses"]:
+        assert row["sentence"] in plain
+        assert row["advice"] in plain
+
+
 def _explained(code: str) -> tuple[str, ...]:
     known = diagnosis(code)
     assert known is not None

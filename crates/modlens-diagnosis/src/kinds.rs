@@ -7,6 +7,7 @@ mod answers;
 mod damage;
 mod exceptions;
 mod masters;
+mod meetings;
 mod network;
 mod pace;
 mod values;
@@ -27,7 +28,7 @@ pub const KINDS: &[Kind] = &[
     ("address_off_by_one", exceptions::address_off_by_one),
     ("word_order", values::word_order),
     ("connection_limit", network::connection_limit),
-    ("two_masters", masters::two_masters),
+    ("two_masters", meetings::two_masters),
     ("line_noise", damage::line_noise),
     ("framing_mismatch", network::framing_mismatch),
     ("driver_enable", damage::driver_enable),

@@ -52,8 +52,8 @@ const LEAST_ANSWER_BYTES: u32 = 3;
 pub struct BusFacts {
     /// It is a connection over a network.
     pub is_network: bool,
-    /// Times are times of day.
-    pub is_utc: bool,
+    /// The clock of its times.
+    pub clock: Clock,
     /// Time of one character, where the line settings are known.
     pub char_ns: Option<Ns>,
     /// The framing.
@@ -63,7 +63,7 @@ pub struct BusFacts {
 impl BusFacts {
     pub(super) fn learn(&mut self, row: &Bus) {
         self.is_network = row.network.is_some();
-        self.is_utc = row.clock == Clock::Utc;
+        self.clock = row.clock;
         self.char_ns = row.line.map(|line| line.char_ns());
     }
 }
@@ -303,7 +303,7 @@ impl BusContrast {
 
     /// Takes a connection that is over.
     pub(crate) fn connection(&mut self, row: &Connection) {
-        (self.facts.is_network, self.facts.is_utc) = (true, row.clock == Clock::Utc);
+        (self.facts.is_network, self.facts.clock) = (true, row.clock);
         self.connections.count(row);
     }
 

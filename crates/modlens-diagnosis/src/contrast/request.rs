@@ -78,6 +78,10 @@ pub struct RequestCounts {
     pub near_zeros: u64,
     /// By the request before.
     pub after: Sample<u64, Pair, MAX_BEFORE>,
+    /// The longest time without it: the start of the last request before, and that of the first one after.
+    pub longest_pause: Option<(Ns, Ns)>,
+    /// How often the clock stood lower than at the one before.
+    pub steps_back: u64,
     first_start: Option<Ns>,
     last_start: Option<Ns>,
     first_written: u64,
@@ -237,11 +241,25 @@ impl RequestCounts {
 
     fn count_period(&mut self, start: Option<Ns>) {
         let Some(start) = start else { return };
-        if let Some(last) = self.last_start.filter(|last| *last < start) {
-            self.period.add(start - last);
-        }
+        self.count_pause(self.last_start, start);
         self.first_start.get_or_insert(start);
         self.last_start = Some(start);
+    }
+
+    /// Counts the time from one to the next.
+    #[inline]
+    fn count_pause(&mut self, last: Option<Ns>, start: Ns) {
+        match last {
+            Some(last) if last < start => {
+                // The longest one so far makes the greatest period: most are not compared twice.
+                if start - last > self.period.most {
+                    self.longest_pause = Some((last, start));
+                }
+                self.period.add(start - last);
+            }
+            Some(last) => self.steps_back += u64::from(last > start),
+            None => {}
+        }
     }
 
     fn count_written(&mut self, written: u64, place: Place) {
@@ -271,10 +289,14 @@ impl RequestCounts {
         self.written.merge(&later.written);
         let is_change = self.last_written != 0 && later.first_written != 0 && self.last_written != later.first_written;
         self.changes += later.changes + u64::from(is_change);
-        self.period.merge(&later.period);
-        if let Some((last, first)) = self.last_start.zip(later.first_start).filter(|(last, first)| last < first) {
-            self.period.add(first - last);
+        self.steps_back += later.steps_back;
+        if let Some(first) = later.first_start {
+            self.count_pause(self.last_start, first);
         }
+        if later.period.most > self.period.most {
+            self.longest_pause = later.longest_pause;
+        }
+        self.period.merge(&later.period);
         self.first_start = self.first_start.or(later.first_start);
         self.last_start = later.last_start.or(self.last_start);
         if self.first_written == 0 {

@@ -79,31 +79,41 @@ fn sides(counts: [u64; 2]) -> String {
     }
 }
 
+/// Fewer frames damaged in the middle do not tell where damage falls.
+const LEAST_INSIDE: u64 = 3;
+
 /// Damage in the middle of frames, of more than one unit or in both directions.
+///
+/// Where hardly a frame is good, bits are not flipped now and then: it is the settings or the wires.
 pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
     let frames = &view.bus.frames;
     let damaged = frames.frames[Verdict::BadChecksum as usize] + frames.frames[Verdict::Incomplete as usize];
     let good = frames.frames[Verdict::Ok as usize];
     let share = Share { failed: damaged, total: damaged + good };
-    let (Some(chance), true) = (view.beyond_accident(share), good > damaged) else { return Vec::new() };
+    let (Some(chance), true) = (view.beyond_accident(share), good > damaged || (good * 4 > damaged && hits_both_sides(view)))
+    else {
+        return Vec::new();
+    };
     // Noise does not repeat itself: another protocol on the wires hits as many frames as it has runs.
     if super::wires::foreign_protocol(view).iter().any(|foreign| foreign.share.failed >= damaged) {
         return Vec::new();
     }
     let inside = parts(view, DamagedPart::Bit) + parts(view, DamagedPart::Inside);
     let known = inside + parts(view, DamagedPart::Start) + parts(view, DamagedPart::End) + parts(view, DamagedPart::Whole);
-    // A late answer meets the next request: damage that comes only behind other failures is theirs (slow_answers).
-    let behind =
-        |index: usize| view.units().fold(Share::default(), |sum, (_, counts)| sum.with(counts.damage_after_failure[index]));
-    let late: u64 = view.units().map(|(_, counts)| counts.late.failed).sum();
-    if late > 0 && view.beyond_accident(behind(0)).is_none() {
+    // Noise spoils requests and answers. Damaged frames of no exchange are something else (foreign_protocol).
+    let spoilt: u64 = view.units().map(|(_, counts)| damage(counts).failed).sum();
+    let requests_seen = view.bus.requests_seen.total;
+    if requests_seen > 0 && view.beyond_accident(Share { failed: spoilt.min(requests_seen), total: requests_seen }).is_none() {
+        return Vec::new();
+    }
+    if is_of_late_answers(view) {
         return Vec::new();
     }
     let units: Vec<u8> = view.units().filter(|(_, counts)| damage(counts).failed > 0).map(|(unit, _)| unit).collect();
     let requests: u64 = view.units().map(|(_, counts)| counts.bad_requests.failed).sum();
     // Of one unit alone, single bits are noise near it; what else it may be has kinds of its own.
     let is_of_one = units.len() < 2 && requests == 0 && view.units().count() > 1;
-    if inside * 3 < known || (is_of_one && parts(view, DamagedPart::Bit) * 3 < known) {
+    if inside < LEAST_INSIDE || inside * 3 < known || (is_of_one && parts(view, DamagedPart::Bit) * 3 < known) {
         return Vec::new();
     }
     let tally = view.units().fold(Tally::default(), |mut sum, (_, counts)| {
@@ -123,6 +133,22 @@ pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
         claim = claim.fact("event", event).fact("event_advice", "; what the write switches (a contactor, a pump, an inverter)");
     }
     vec![claim]
+}
+
+/// Whether requests and answers are damaged, more than once each. Where answers only are, it is their sender, or the recorder.
+fn hits_both_sides(view: &View<'_>) -> bool {
+    let sum = |value: fn(&UnitCounts) -> u64| view.units().map(|(_, counts)| value(counts)).sum::<u64>();
+    sum(|counts| counts.garbled.failed) > 1 && sum(|counts| counts.bad_requests.failed) > 1
+}
+
+/// Whether damage may all be that of late answers. One meets the next request or its answer, so damage is theirs where it comes
+/// behind a failure, or is that of a unit that answers late (`slow_answers`).
+fn is_of_late_answers(view: &View<'_>) -> bool {
+    let slow: Vec<Option<u8>> = super::answers::slow_answers(view).iter().map(|claim| claim.unit).collect();
+    let late: u64 = view.units().map(|(_, counts)| counts.late.failed).sum();
+    let others = view.units().filter(|(unit, _)| !slow.contains(&Some(*unit)));
+    let rest = others.fold(Share::default(), |sum, (_, counts)| sum.with(counts.damage_after_failure[0]));
+    (late > 0 || !slow.is_empty()) && view.beyond_accident(rest).is_none()
 }
 
 /// First and last failure of all units, and whether the trouble has begun or ended in between: that of all requests.

@@ -74,7 +74,8 @@ fn reason(all: &[Request<'_>], request: Request<'_>) -> Reason {
     let is_limit = longest.zip(shortest_bad).is_some_and(|(longest, shortest)| longest < shortest);
     let covered = covered(key, &good);
     // Where each register is answered in some other block, none is missing; where one is, all that are refused have it.
-    let no_hole = covered == u32::from(key.quantity) || has_no_hole(all, key);
+    let is_near = longest.zip(shortest_bad).is_some_and(|(longest, shortest)| shortest > longest && is_sharp(longest, shortest));
+    let no_hole = covered == u32::from(key.quantity) || has_no_hole(all, key) || (is_near && several_refused(all, key));
     if let (true, Some(longest)) = (is_limit && (no_hole || request.1.refused[2] > request.1.refused[1]), longest) {
         return Reason::TooLong { good: longest };
     }
@@ -98,19 +99,24 @@ fn covered(key: &RequestKey, others: &[&RequestKey]) -> u32 {
     sum
 }
 
-/// Whether one register that is missing cannot explain all refusals of blocks that overlap this one: all of those have in
-/// common only registers that are answered elsewhere.
+/// Whether one register that is missing cannot explain all refusals of the function: all of those blocks have in common none,
+/// or only registers that are answered elsewhere.
 fn has_no_hole(all: &[Request<'_>], key: &RequestKey) -> bool {
-    let overlaps = |other: &&RequestKey| u32::from(other.address) < end(key) && u32::from(key.address) < end(other);
     let is_like = |other: &&RequestKey| other.unit == key.unit && other.function == key.function;
     let refused = refused(all);
-    let blocks: Vec<&RequestKey> = refused.iter().map(|(other, _)| *other).filter(is_like).filter(overlaps).collect();
+    let blocks: Vec<&RequestKey> = refused.iter().map(|(other, _)| *other).filter(is_like).collect();
     let (Some(first), Some(last)) = (blocks.iter().map(|one| one.address).max(), blocks.iter().map(|one| end(one)).min()) else {
         return false;
     };
     let common = u16::try_from(last.saturating_sub(u32::from(first))).unwrap_or(0);
     let common = RequestKey { address: first, quantity: common, ..*key };
     blocks.len() > 1 && covered(&common, &answered(all, key)) == u32::from(common.quantity)
+}
+
+/// Whether several blocks of the function are refused. That one hole is in all of them and in none of the others, and those are all
+/// shorter, is much less likely than a limit.
+fn several_refused(all: &[Request<'_>], key: &RequestKey) -> bool {
+    refused(all).iter().filter(|(other, _)| other.unit == key.unit && other.function == key.function).count() > 1
 }
 
 /// An address that is refused while its neighbour is answered.

@@ -3,6 +3,7 @@
 use serde_json::{json, Value as Json};
 
 use crate::contrast::BusContrast;
+use modlens_protocol::source::Clock;
 
 /// The reserves of the units of a bus.
 pub(super) fn of_bus(name: &str, bus: &BusContrast) -> Vec<Json> {
@@ -19,7 +20,17 @@ pub(super) fn of_bus(name: &str, bus: &BusContrast) -> Vec<Json> {
                 "bus": name, "unit": unit, "requests": requests, "answered": requests - failed,
                 "damaged": counts.garbled.failed + counts.bad_requests.failed, "late": counts.late.failed,
                 "timed": counts.response_times.count, "response_time_p99_us": p99.map(us), "timeout_us": own.map(us),
+                "clock": clock(bus),
             })
         })
         .collect()
+}
+
+/// The clock that response times are of.
+fn clock(bus: &BusContrast) -> &'static str {
+    match bus.facts.clock {
+        Clock::Utc => "utc",
+        Clock::Relative => "relative",
+        Clock::None => "none",
+    }
 }

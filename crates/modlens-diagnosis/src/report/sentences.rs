@@ -3,6 +3,7 @@
 use modlens_engine::records::DiagnosisRow;
 use modlens_protocol::decimal::thousands;
 use modlens_protocol::finding::Severity;
+use modlens_protocol::source::Clock;
 
 use crate::claim::{duration, Claim};
 use crate::contrast::tally::Place;
@@ -12,7 +13,7 @@ use crate::table::diagnosis;
 /// The row of a claim.
 pub(super) fn row(bus: &str, contrast: &BusContrast, claim: &Claim) -> DiagnosisRow {
     let known = diagnosis(claim.code).expect("each kind has a row in the table, which a test walks");
-    let time = |place: Option<Place>| place.and_then(|place| place.time).filter(|_| contrast.facts.is_utc);
+    let time = |place: Option<Place>| place.and_then(|place| place.time).filter(|_| contrast.facts.clock == Clock::Utc);
     DiagnosisRow {
         code: &known.code,
         severity: least(known.severity, claim.at_most),
@@ -92,7 +93,7 @@ fn when(contrast: &BusContrast, claim: &Claim) -> String {
 }
 
 fn moment(contrast: &BusContrast, place: Place) -> Option<String> {
-    if let Some(time) = place.time.filter(|_| contrast.facts.is_utc) {
+    if let Some(time) = place.time.filter(|_| contrast.facts.clock == Clock::Utc) {
         let mut text = Vec::new();
         modlens_protocol::timestamp::push_time(time, &mut text);
         // To the second: 2026-11-21 10:00:00 UTC.

@@ -1,9 +1,13 @@
 //! What the recording cannot tell, and which one could.
 
 use modlens_protocol::framing::{Mode, Verdict};
+use modlens_protocol::source::Clock;
+use modlens_protocol::Ns;
 use serde_json::{json, Value as Json};
 
-use crate::contrast::BusContrast;
+use super::time_text;
+use crate::claim::duration;
+use crate::contrast::{BusContrast, RequestCounts};
 
 /// Requests below which shares say little.
 const FEW: u64 = 10;
@@ -35,5 +39,50 @@ pub(super) fn of_bus(name: &str, bus: &BusContrast) -> Vec<Json> {
     if bus.facts.mode == Some(Mode::Rtu) && !bus.facts.is_network && bus.facts.char_ns.is_none() && requests > 0 {
         say("how full the line is: its settings are not known", "the line settings: --line 19200-8E1, for instance");
     }
+    if let Some((from, to, usual)) = hole(bus) {
+        let between = if bus.facts.clock == Clock::Utc {
+            format!(" from {} to {}", time_text(whole_ms(from)), time_text(whole_ms(to)))
+        } else {
+            String::new()
+        };
+        let what = format!(
+            "the {}{between}, in which nothing was asked, though otherwise the requests come again within {}: the recording has a \
+             hole, its clock was set forward, or the master rested",
+            duration(to - from),
+            duration(usual)
+        );
+        say(&what, "a recording without a gap, with a clock that nobody sets");
+    }
+    let steps: u64 = bus.requests.sorted().iter().map(|(_, counts)| counts.steps_back).max().unwrap_or(0);
+    if steps > 0 {
+        let times = if steps == 1 { String::from("once") } else { format!("{steps} times") };
+        let what = format!("pace and times across the steps of the clock, which went backwards {times}");
+        say(&what, "a recording with a clock that nobody sets, such as one of modlens tap");
+    }
     found
+}
+
+/// Without what is finer than a millisecond: a sentence is for people.
+fn whole_ms(time: Ns) -> Ns {
+    time - time.rem_euclid(1_000_000)
+}
+
+/// Requests that were sent more rarely have no rhythm that a hole could break.
+const RHYTHM: u64 = 8;
+
+/// So many times as long as usual is no jitter, and no retry.
+const OUT_OF_RHYTHM: Ns = 20;
+
+/// The time without any request that breaks the rhythm of all, from the last start before to the first one after, and the
+/// longest usual time from one request to the next of its kind.
+///
+/// A unit that does not answer is still asked, so a hole is no unit's fault.
+fn hole(bus: &BusContrast) -> Option<(Ns, Ns, Ns)> {
+    let requests = bus.requests.sorted();
+    let rhythmic: Vec<&RequestCounts> =
+        requests.iter().map(|(_, counts)| *counts).filter(|counts| counts.period.count >= RHYTHM).collect();
+    let pauses = || rhythmic.iter().filter_map(|counts| counts.longest_pause);
+    let (from, to) = (pauses().map(|(from, _)| from).max()?, pauses().map(|(_, to)| to).min()?);
+    let usual = rhythmic.iter().filter_map(|counts| counts.period.percentile(0.75)).max()?;
+    (to > from && (to - from) / OUT_OF_RHYTHM >= usual).then_some((from, to, usual))
 }

@@ -13,6 +13,7 @@
 mod character_format;
 mod check;
 mod evidence;
+mod offline;
 mod rates;
 mod read;
 mod trial;
@@ -31,6 +32,7 @@ use trial::Trial;
 
 pub use check::LineCheck;
 pub use evidence::proof_in;
+pub use offline::{readings, Parity, Reading};
 pub use rates::{likely_rates, RATES};
 pub use read::SearchRead;
 

@@ -1,0 +1,236 @@
+//! Readings of recorded bytes that no valid frame is in: what can be tried without the line.
+//!
+//! Bytes that were received at a wrong rate are lost. Some other wrong settings leave enough to tell which they were, and only
+//! frames with valid checksums, or bytes that accident would not bring forth, count.
+
+use modlens_protocol::checksum::{crc16, crc_valid};
+
+/// The parity of a character.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Parity {
+    /// No parity bit.
+    None,
+    /// With it, the number of ones is even.
+    Even,
+    /// With it, the number of ones is odd.
+    Odd,
+}
+
+/// A reading that fits.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Reading {
+    /// What is wrong with the recording, in words.
+    pub what: &'static str,
+    /// What it rests on.
+    pub evidence: String,
+}
+
+/// Fewer bytes say nothing.
+const LEAST_BYTES: usize = 24;
+/// So many bursts have to become valid frames, and at least half of those tried.
+const LEAST_FRAMES: usize = 3;
+/// Bursts that are tried.
+const MOST_BURSTS: usize = 64;
+/// Steps for one burst: a frame of usual length needs some hundreds.
+const MOST_STEPS: u32 = 20_000;
+/// The shortest RTU frame.
+const SHORTEST: usize = 4;
+
+/// The readings that fit bursts of bytes, each received between two silences with this parity.
+///
+/// ```
+/// use modlens_engine::line_search::{readings, Parity};
+/// // 01 03 00 00 00 01 84 0A, each bit inverted by software.
+/// let burst = vec![0xFE, 0xFC, 0xFF, 0xFF, 0xFF, 0xFE, 0x7B, 0xF5];
+/// assert_eq!(readings(&[burst.clone(), burst.clone(), burst], Parity::None)[0].evidence, "3 of 3 bursts become valid frames");
+/// ```
+pub fn readings(bursts: &[Vec<u8>], parity: Parity) -> Vec<Reading> {
+    let bytes: Vec<u8> = bursts.iter().flatten().copied().collect();
+    if bytes.len() < LEAST_BYTES {
+        return Vec::new();
+    }
+    let tried: Vec<&[u8]> = bursts.iter().filter(|burst| burst.len() >= SHORTEST).take(MOST_BURSTS).map(Vec::as_slice).collect();
+    let frames = |what, fits: &dyn Fn(&[u8]) -> bool| {
+        let count = tried.iter().filter(|burst| fits(burst)).count();
+        let evidence = format!("{count} of {} bursts become valid frames", tried.len());
+        (count >= LEAST_FRAMES && count * 2 >= tried.len()).then_some(Reading { what, evidence })
+    };
+    let found = [
+        frames("A and B are swapped: the line's levels are inverted", &|burst| uninverted(burst, parity).is_some()),
+        frames("all bits are inverted", &|burst| crc_valid(&burst.iter().map(|byte| !byte).collect::<Vec<u8>>())),
+        frames("the receiver was set to 7 data bits: the highest bit of each byte is lost", &fits_in_seven_bits),
+        dropped(&bytes),
+    ];
+    found.into_iter().flatten().collect()
+}
+
+/// Whether a burst is a frame whose bytes have all lost their highest bit, which only those of the checksum had.
+fn fits_in_seven_bits(burst: &[u8]) -> bool {
+    let (body, checksum) = burst.split_at(burst.len() - 2);
+    let of_seven = |byte: &u8| *byte < 0x80;
+    burst.iter().all(of_seven) && crc16(body).to_le_bytes().map(|byte| byte & 0x7F) == checksum
+}
+
+/// A receiver without parity takes the parity bit for the stop bit. A driver that drops characters without a stop bit keeps those
+/// whose parity bit is 1: with even parity, those of an odd number of ones.
+fn dropped(bytes: &[u8]) -> Option<Reading> {
+    let odd = bytes.iter().filter(|byte| byte.count_ones() % 2 == 1).count();
+    let what = match odd {
+        0 => "the line has odd parity, the receiver none, and characters were dropped as errors",
+        all if all == bytes.len() => "the line has even parity, the receiver none, and characters were dropped as errors",
+        _ => return None,
+    };
+    let number = if odd == 0 { "even" } else { "odd" };
+    Some(Reading { what, evidence: format!("each of {} bytes has an {number} number of ones", bytes.len()) })
+}
+
+/// The frame that was sent, if a receiver on swapped wires made this of it.
+///
+/// To that receiver the idle line is low. It sees a start bit where the level falls, that is: where a bit of the frame is 1, and
+/// waits while bits are 0. How many those were is not in its bytes. Start, parity and stop bits of the frame, which have to be
+/// where they belong, leave few possibilities, and the checksum one.
+fn uninverted(burst: &[u8], parity: Parity) -> Option<Vec<u8>> {
+    let mut search = Search { burst, parity, steps: MOST_STEPS };
+    search.zeros_then_character(0, Sent::default(), 1)
+}
+
+/// The frame so far, bit by bit.
+#[derive(Clone, Debug, Default)]
+struct Sent {
+    bytes: Vec<u8>,
+    /// Bits of the character that has begun, its start bit among them.
+    bits: u32,
+    byte: u8,
+    is_over: bool,
+}
+
+impl Sent {
+    /// Adds a bit; whether a frame can go on like this.
+    fn push(&mut self, bit: bool, parity: Parity) -> bool {
+        let stop = if parity == Parity::None { 9 } else { 10 };
+        match self.bits {
+            _ if self.is_over => return bit,
+            0 if bit => {
+                self.is_over = true;
+                return !self.bytes.is_empty();
+            }
+            0 => {}
+            1..=8 => self.byte |= u8::from(bit) << (self.bits - 1),
+            at if at == stop => {
+                self.bytes.push(self.byte);
+                (self.bits, self.byte) = (0, 0);
+                return bit;
+            }
+            _ => {
+                let is_odd = self.byte.count_ones() % 2 == 1;
+                if bit != (is_odd == (parity == Parity::Even)) {
+                    return false;
+                }
+            }
+        }
+        self.bits += 1;
+        true
+    }
+}
+
+struct Search<'a> {
+    burst: &'a [u8],
+    parity: Parity,
+    steps: u32,
+}
+
+impl Search<'_> {
+    /// `least` or more bits of 0, then the received character at `index`.
+    fn zeros_then_character(&mut self, index: usize, mut sent: Sent, least: u32) -> Option<Vec<u8>> {
+        let mut zeros = 0;
+        loop {
+            if zeros >= least {
+                if let Some(found) = self.character(index, sent.clone()) {
+                    return Some(found);
+                }
+            }
+            zeros += 1;
+            if self.steps == 0 || !sent.push(false, self.parity) {
+                return None;
+            }
+        }
+    }
+
+    /// The received character at `index`: its start bit was a 1, its data bits are inverted, its parity bit is not known.
+    fn character(&mut self, index: usize, mut sent: Sent) -> Option<Vec<u8>> {
+        self.steps = self.steps.checked_sub(1)?;
+        let Some(byte) = self.burst.get(index) else { return None };
+        let bits = (0..8).map(|place| byte >> place & 1 == 0);
+        if !sent.push(true, self.parity) || !bits.into_iter().all(|bit| sent.push(bit, self.parity)) {
+            return None;
+        }
+        if self.parity == Parity::None {
+            return self.stop_bit(index, sent);
+        }
+        [false, true].into_iter().find_map(|bit| {
+            let mut sent = sent.clone();
+            sent.push(bit, self.parity).then(|| self.stop_bit(index, sent)).flatten()
+        })
+    }
+
+    /// The stop bit: high, a 0 of the frame; or low, and then the start bit of the next character or the idle line.
+    fn stop_bit(&mut self, index: usize, sent: Sent) -> Option<Vec<u8>> {
+        if index + 1 == self.burst.len() {
+            let mut sent = sent;
+            let is_over = sent.push(true, self.parity) && (sent.is_over || sent.push(true, self.parity) && sent.is_over);
+            return (is_over && sent.bytes.len() >= SHORTEST && crc_valid(&sent.bytes)).then_some(sent.bytes);
+        }
+        self.character(index + 1, sent.clone()).or_else(|| self.zeros_then_character(index + 1, sent, 1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_is_read_back_from_what_a_receiver_on_swapped_wires_made_of_it() {
+        // Made by hand from 01 03 02 00 07 F9 86 at 8N1, a character a line, first bit first:
+        // 0 10000000 1 | 0 11000000 1 | 0 01000000 1 | 0 00000000 1 | 0 11100000 1 | 0 10011111 1 | 0 01100001 1, then 1 for ever.
+        let frame = [1, 3, 2, 0, 7, 0xF9, 0x86];
+        assert!(crc_valid(&frame));
+        let burst = by_hand("0100000001011000000100100000010000000001011100000101001111110011000011");
+        assert_eq!(uninverted(&burst, Parity::None).as_deref(), Some(&frame[..]));
+    }
+
+    /// A receiver on swapped wires, straight from the definition: it starts at each 1 behind a 0 or behind a missing stop bit, and
+    /// takes the eight bits behind it, inverted.
+    fn by_hand(bits: &str) -> Vec<u8> {
+        let bit = |at: usize| bits.as_bytes().get(at).is_none_or(|bit| *bit == b'1');
+        let (mut received, mut at) = (Vec::new(), 0);
+        while at < bits.len() {
+            if !bit(at) {
+                at += 1;
+                continue;
+            }
+            let byte = (0..8).fold(0, |byte, place| byte | u8::from(!bit(at + 1 + place)) << place);
+            received.push(byte);
+            at += 9;
+            if byte == 0 && bit(at) {
+                break;
+            }
+        }
+        received
+    }
+
+    #[test]
+    fn bytes_of_one_parity_tell_what_was_dropped() {
+        // 8E1 read at 8N1: the parity bit of 01, 02, 04 and 07 is 1, which passes for a stop bit; 03 and 05 are dropped.
+        let odd = vec![vec![1, 2, 4, 7, 8, 0x10]; 4];
+        let found = readings(&odd, Parity::None);
+        assert!(found.len() == 1 && found[0].what.starts_with("the line has even parity"), "{found:?}");
+        assert!(readings(&[(0..64).collect()], Parity::None).is_empty());
+    }
+
+    #[test]
+    fn seven_bits_are_enough_to_know_a_checksum() {
+        // 01 03 00 00 00 01 84 0A without the highest bits.
+        let found = readings(&vec![vec![1, 3, 0, 0, 0, 1, 0x04, 0x0A]; 3], Parity::None);
+        assert!(found.len() == 1 && found[0].what.contains("7 data bits"), "{found:?}");
+    }
+}
