@@ -51,7 +51,16 @@ pub fn batch(table: &Table) -> RecordBatch {
 pub fn batch_of(table: &Table, rows: Range<usize>, columns: &[usize]) -> RecordBatch {
     let mut making: Vec<Box<dyn ArrayInMaking>> =
         columns.iter().map(|&column| in_making(table.kind, column, rows.len())).collect();
-    table.each_chunk(rows, |rows| making.iter_mut().for_each(|array| array.take(rows)));
+    let has_value_in_short: Vec<bool> = columns.iter().map(|&column| table.has_value_in_short(column)).collect();
+    table.each_chunk(rows, |rows, is_short| {
+        for (array, has_value) in making.iter_mut().zip(&has_value_in_short) {
+            if is_short && !has_value {
+                array.take_nothing(rows.len());
+            } else {
+                array.take(rows);
+            }
+        }
+    });
     let arrays = making.into_iter().map(ArrayInMaking::finish).collect();
     RecordBatch::try_new(Arc::new(schema_of(table.kind, columns)), arrays).expect("columns are built by the schema")
 }
@@ -60,6 +69,9 @@ pub fn batch_of(table: &Table, rows: Range<usize>, columns: &[usize]) -> RecordB
 trait ArrayInMaking {
     /// Appends the values of further rows.
     fn take(&mut self, rows: &[RowRef<'_>]);
+
+    /// Appends so many rows without a value.
+    fn take_nothing(&mut self, rows: usize);
 
     /// The array.
     fn finish(self: Box<Self>) -> ArrayRef;
@@ -80,6 +92,10 @@ where
 {
     fn take(&mut self, rows: &[RowRef<'_>]) {
         self.values.take(rows, &self.reader);
+    }
+
+    fn take_nothing(&mut self, rows: usize) {
+        self.values.take_nothing(rows);
     }
 
     fn finish(self: Box<Self>) -> ArrayRef {

@@ -39,6 +39,18 @@ impl<T> ColumnBuilder<T> {
     }
 }
 
+impl<T> ColumnBuilder<T>
+where
+    Self: CellSink,
+{
+    /// Appends so many rows without a value.
+    pub(super) fn take_nothing(&mut self, rows: usize) {
+        for _ in 0..rows {
+            self.put_cell(Cell::Null);
+        }
+    }
+}
+
 impl<T: Clone + Default> ColumnBuilder<T> {
     /// Appends a value of fixed size, or null.
     #[inline(always)]

@@ -101,6 +101,13 @@ impl CellSink for Probe {
     }
 }
 
+/// Whether a column has a value in this row.
+fn is_value(row: &RowRef<'_>, reader: &ColumnReader<Probe>) -> bool {
+    let mut probe = Probe(false);
+    row.emit(reader, &mut probe);
+    probe.0
+}
+
 /// The rows of a view: all, all with exchanges in short among them, those with these indices, or readings.
 #[derive(Clone, Debug)]
 enum Rows {
@@ -215,24 +222,23 @@ impl Table {
 
     /// Whether a column has a value in any row.
     pub fn has_value(&self, column: usize) -> bool {
-        let (reader, mut probe) = (self.kind.reader(column), Probe(false));
-        let mut finds = |row: &RowRef<'_>| {
-            row.emit(&reader, &mut probe);
-            probe.0
-        };
+        let reader = self.kind.reader(column);
         if !matches!(self.rows, Rows::AllAndShort(_)) {
-            return (0..self.len()).any(|row| finds(&self.row(row)));
+            return (0..self.len()).any(|row| is_value(&self.row(row), &reader));
         }
-        // Which columns of an exchange in short have a value follows from bus and function.
         let batch = &*self.batch;
-        let finds_in = |row: &Transaction, finds: &mut dyn FnMut(&RowRef<'_>) -> bool| finds(&RowRef::of_transaction(batch, row));
-        batch.transactions.iter().any(|row| finds_in(row, &mut finds))
-            || batch.exchange_runs.iter().any(|run| {
-                let (mut seen, exchanges) = ([false; 256], run.exchanges.of(&batch.exchanges).iter().enumerate());
-                let mut new =
-                    exchanges.filter(|(_, exchange)| !std::mem::replace(&mut seen[usize::from(exchange.function)], true));
-                new.any(|(at, _)| finds_in(&run.transaction(&batch.exchanges, at), &mut finds))
-            })
+        batch.transactions.iter().any(|row| is_value(&RowRef::of_transaction(batch, row), &reader))
+            || self.has_value_in_short(column)
+    }
+
+    /// Whether a column has a value in the row of any exchange in short. That follows from the bus and the function.
+    pub fn has_value_in_short(&self, column: usize) -> bool {
+        let (batch, reader) = (&*self.batch, self.kind.reader(column));
+        batch.exchange_runs.iter().any(|run| {
+            let (mut seen, exchanges) = ([false; 256], run.exchanges.of(&batch.exchanges).iter().enumerate());
+            let mut new = exchanges.filter(|(_, exchange)| !std::mem::replace(&mut seen[usize::from(exchange.function)], true));
+            new.any(|(at, _)| is_value(&RowRef::of_transaction(batch, &run.transaction(&batch.exchanges, at)), &reader))
+        })
     }
 
     /// Calls `each` for some rows, one behind the other, until it returns false; gives the index of the row behind the last one.
@@ -258,13 +264,14 @@ impl Table {
         rows.end
     }
 
-    /// Calls `each` for some rows, as many at a time as the processor has room for at hand.
-    pub fn each_chunk(&self, rows: Range<usize>, mut each: impl FnMut(&[RowRef<'_>])) {
+    /// Calls `each` for some rows, as many at a time as the processor has room for at hand, and says whether these are exchanges in
+    /// short.
+    pub fn each_chunk(&self, rows: Range<usize>, mut each: impl FnMut(&[RowRef<'_>], bool)) {
         if !matches!(self.rows, Rows::AllAndShort(_)) {
             let mut next = rows.start;
             while next < rows.end {
                 let end = rows.end.min(next + CHUNK_ROWS);
-                each(&(next..end).map(|row| self.row(row)).collect::<Vec<_>>());
+                each(&(next..end).map(|row| self.row(row)).collect::<Vec<_>>(), false);
                 next = end;
             }
             return;
@@ -277,10 +284,10 @@ impl Table {
                 let chunk = next..end.min(next + CHUNK_ROWS);
                 next = chunk.end;
                 match part {
-                    Part::Rows(transactions) => each(&refs(batch, &transactions[chunk])),
+                    Part::Rows(transactions) => each(&refs(batch, &transactions[chunk]), false),
                     Part::Short(run) => {
                         let made: Vec<Transaction> = chunk.map(|row| run.transaction(&batch.exchanges, row)).collect();
-                        each(&refs(batch, &made));
+                        each(&refs(batch, &made), true);
                     }
                 }
             }
