@@ -35,7 +35,17 @@ TESTS_OF_CRATES = {
 }
 """Tests in Python that show what a crate does; its own are run as well."""
 
+CRATES_OF_TABLES = {
+    "analyzer/columns.toml": "modlens-tables",
+    "analyzer/sources/dialects.toml": "modlens-readers",
+    "dissectors/diagnoses.toml": "modlens-diagnosis",
+    "dissectors/functions.toml": "modlens-protocol",
+    "dissectors/vocabulary.toml": "modlens-protocol",
+}
+"""Tables that are compiled into a crate, whose tests a change of them needs."""
+
 TESTS_OF_FILES = {
+    "dissectors/diagnoses.toml": "tests/conformance/test_diagnoses.py",
     "Cargo.lock": "tests/packaging/test_third_party.py",
     "THIRD_PARTY.md": "tests/packaging/test_third_party.py",
     "_modlens.pyi": "tests/border/test_stub.py",
@@ -59,8 +69,10 @@ def git(*words: str) -> list[str]:
 
 
 def crates(files: Iterable[str]) -> list[str]:
-    """The crates of the files."""
-    return sorted({Path(file).parts[1] for file in files if file.startswith("crates/")})
+    """The crates of the files, and those that embed them."""
+    files = list(files)
+    own = {Path(file).parts[1] for file in files if file.startswith("crates/")}
+    return sorted(own | {CRATES_OF_TABLES[file] for file in files if file in CRATES_OF_TABLES})
 
 
 def python_tests(files: Iterable[str]) -> list[str]:
@@ -100,7 +112,10 @@ def nearest_tests(path: Path) -> list[str]:
 
 def commands(files: list[str]) -> Iterator[list[str]]:
     """The commands in their order: the quick ones come first."""
-    rust = any(file.endswith((".rs", ".toml")) and file.startswith("crates/") for file in files)
+    rust = any(
+        file in CRATES_OF_TABLES or (file.endswith((".rs", ".toml")) and file.startswith("crates/"))
+        for file in files
+    )
     yield [sys.executable, "-m", "ruff", "check"]
     yield [sys.executable, "-m", "ruff", "format", "--check"]
     if rust:

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from tests.support.changed import ROOT, TESTS_OF_CRATES, TESTS_OF_FILES, commands, python_tests
+from tests.support.changed import (
+    CRATES_OF_TABLES,
+    ROOT,
+    TESTS_OF_CRATES,
+    TESTS_OF_FILES,
+    commands,
+    python_tests,
+)
 
 SOURCES = [
     path.relative_to(ROOT).as_posix()
@@ -50,6 +57,17 @@ def test_a_change_in_rust_is_tested_in_both_languages() -> None:
     assert any(line.startswith("cargo test") and "modlens-writers" in line for line in words)
     assert "tests/analyzer/exports/test_sink.py" in words[-1]
     assert not any("mypy" in line for line in words)
+
+
+def test_a_table_is_tested_by_the_crate_that_embeds_it() -> None:
+    """Each table is there and is included by the crate that is named."""
+    for table, crate in CRATES_OF_TABLES.items():
+        sources = (ROOT / "crates" / crate / "src").rglob("*.rs")
+        assert any(f'{table}")' in source.read_text() for source in sources), table
+    words = [" ".join(command) for command in commands(["dissectors/diagnoses.toml"])]
+    assert any(line.startswith("cargo test") and "modlens-diagnosis" in line for line in words)
+    assert "tests/doctor" in words[-1]
+    assert "tests/dissectors" not in words[-1]
 
 
 def test_without_a_change_the_quick_linters_are_left() -> None:
