@@ -39,6 +39,7 @@
 
 mod decide;
 mod emit;
+mod frame_ahead;
 mod lookahead;
 mod rival;
 mod state;
