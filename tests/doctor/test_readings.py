@@ -71,7 +71,7 @@ def test_seven_bits_are_wrong_settings_and_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("parity", "word"), [("E", "even"), ("O", "odd")])
 def test_dropped_characters_tell_the_parity(parity: str, word: str, tmp_path: Path) -> None:
-    """Read without parity by a receiver that waits for the idle level behind an error, and drops it."""
+    """By a receiver without parity, which waits for the idle level behind an error."""
     wire = Wire(Line(9600, 8, parity, 1))
     for at, frame in sent():
         wire.send(frame, at)

@@ -154,7 +154,7 @@ impl Search<'_> {
     /// The received character at `index`: its start bit was a 1, its data bits are inverted, its parity bit is not known.
     fn character(&mut self, index: usize, mut sent: Sent) -> Option<Vec<u8>> {
         self.steps = self.steps.checked_sub(1)?;
-        let Some(byte) = self.burst.get(index) else { return None };
+        let byte = self.burst.get(index)?;
         let bits = (0..8).map(|place| byte >> place & 1 == 0);
         if !sent.push(true, self.parity) || !bits.into_iter().all(|bit| sent.push(bit, self.parity)) {
             return None;
@@ -172,7 +172,8 @@ impl Search<'_> {
     fn stop_bit(&mut self, index: usize, sent: Sent) -> Option<Vec<u8>> {
         if index + 1 == self.burst.len() {
             let mut sent = sent;
-            let is_over = sent.push(true, self.parity) && (sent.is_over || sent.push(true, self.parity) && sent.is_over);
+            // The line stays idle: the stop bit of the last character may be this bit, and then the next one is idle.
+            let is_over = (0..2).all(|_| sent.push(true, self.parity)) && sent.is_over;
             return (is_over && sent.bytes.len() >= SHORTEST && crc_valid(&sent.bytes)).then_some(sent.bytes);
         }
         self.character(index + 1, sent.clone()).or_else(|| self.zeros_then_character(index + 1, sent, 1))
