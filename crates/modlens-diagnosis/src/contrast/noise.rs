@@ -188,7 +188,9 @@ mod tests {
 
     fn bursts(rows: &[(&[u8], bool)]) -> Bursts {
         let mut all = Bursts::default();
-        rows.iter().for_each(|(bytes, goes_on)| all.count(bytes, *goes_on));
+        for (bytes, goes_on) in rows {
+            all.count(bytes, *goes_on);
+        }
         all
     }
 
