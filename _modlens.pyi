@@ -70,9 +70,6 @@ def proof_in(
     `ValueError` for settings that mean nothing.
     """
 
-def readings_in(bursts: Sequence[bytes], parity: str) -> list[tuple[str, str]]:
-    """What is wrong with bursts that hold no valid frame, and the evidence; `parity` N, E or O."""
-
 @final
 class LineSearch:
     """Finds the settings of a line by listening (see modlens-engine/src/line_search).

@@ -59,7 +59,7 @@ def test_the_advice_of_findings_does_not_contradict_the_cause(capture: Capture) 
 
 @pytest.mark.parametrize("name", ["pymodbus_slow_unit", "pymodbus_idle_close"])
 def test_markdown_has_all_that_json_has(name: str, tmp_path: Path) -> None:
-    """Each diagnosis with its sentence, and each unit with how many answers are timed, by which clock."""
+    """Each diagnosis with its sentence, each unit with its timed answers and their clock."""
     capture = next(one for one in ALL if one.name == name)
     document = json.loads(ran("doctor", *command(capture), "--to", "json", cwd=tmp_path))
     written = ran("doctor", *command(capture), "--to", "md", cwd=tmp_path)

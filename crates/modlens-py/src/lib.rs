@@ -141,7 +141,6 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(line_search::usual_rates, module)?)?;
     module.add_function(wrap_pyfunction!(line_search::likely_rates, module)?)?;
     module.add_function(wrap_pyfunction!(line_search::proof_in, module)?)?;
-    module.add_function(wrap_pyfunction!(line_search::readings_in, module)?)?;
     module.add_function(wrap_pyfunction!(words::parse_duration, module)?)?;
     module.add_function(wrap_pyfunction!(words::parse_rotation, module)?)?;
     module.add_function(wrap_pyfunction!(words::parse_retention, module)?)?;

@@ -119,15 +119,3 @@ pub fn proof_in(py: Python<'_>, reads: Vec<(Vec<u8>, Option<i64>)>, line: Settin
     let found = py.detach(|| line_search::proof_in(&reads, line));
     Ok(found.map(|(mode, proof)| (mode.text().to_owned(), proof)))
 }
-
-/// The readings that bursts of recorded bytes fit which hold no valid frame: what is wrong, and the evidence.
-#[pyfunction]
-pub fn readings_in(py: Python<'_>, bursts: Vec<Vec<u8>>, parity: &str) -> Vec<(&'static str, String)> {
-    let parity = match parity {
-        "E" => line_search::Parity::Even,
-        "O" => line_search::Parity::Odd,
-        _ => line_search::Parity::None,
-    };
-    let found = py.detach(|| line_search::readings(&bursts, parity));
-    found.into_iter().map(|reading| (reading.what, reading.evidence)).collect()
-}

@@ -6,6 +6,7 @@ use modlens_engine::records::{Bus, Connection, Exchange, ExchangeRun, Frame};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
+use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 
@@ -54,6 +55,8 @@ pub struct BusFacts {
     pub is_network: bool,
     /// The clock of its times.
     pub clock: Clock,
+    /// The settings of the receiver, where they are known.
+    pub line: Option<LineSettings>,
     /// Time of one character, where the line settings are known.
     pub char_ns: Option<Ns>,
     /// The framing.
@@ -64,6 +67,7 @@ impl BusFacts {
     pub(super) fn learn(&mut self, row: &Bus) {
         self.is_network = row.network.is_some();
         self.clock = row.clock;
+        self.line = row.line;
         self.char_ns = row.line.map(|line| line.char_ns());
     }
 }

@@ -48,6 +48,64 @@ pub struct NoiseRuns {
     pub compared: u64,
     /// These by how they begin.
     pub runs: Sample<NoiseKey, NoiseCounts, MAX_RUNS>,
+    /// The first bursts between two silences.
+    pub bursts: Bursts,
+}
+
+/// Bursts that are kept, and the bytes of each.
+const MAX_BURSTS: usize = 64;
+const MAX_BURST_BYTES: usize = 256;
+
+/// The first bursts of a bus: rows without a silence between them are one.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Bursts {
+    /// Their bytes.
+    pub kept: Vec<Vec<u8>>,
+    begun: usize,
+    /// The first row goes on with what was in front of it.
+    goes_on: bool,
+}
+
+impl Bursts {
+    fn count(&mut self, bytes: &[u8], goes_on: bool) {
+        if self.begun == 0 {
+            self.goes_on = goes_on;
+        }
+        if goes_on && self.begun > 0 {
+            self.extend(bytes);
+        } else {
+            self.begin(bytes);
+        }
+    }
+
+    fn begin(&mut self, bytes: &[u8]) {
+        self.begun += 1;
+        if self.begun <= MAX_BURSTS {
+            self.kept.push(bytes.to_vec());
+        }
+    }
+
+    fn extend(&mut self, bytes: &[u8]) {
+        if let (1..=MAX_BURSTS, Some(last)) = (self.begun, self.kept.last_mut()) {
+            last.extend_from_slice(bytes);
+            last.truncate(MAX_BURST_BYTES);
+        }
+    }
+
+    fn merge(&mut self, later: &Self) {
+        if self.begun == 0 {
+            self.clone_from(later);
+            return;
+        }
+        let joined = usize::from(later.begun > 0 && later.goes_on);
+        if joined == 1 {
+            self.extend(&later.kept[0]);
+        }
+        for burst in &later.kept[joined..] {
+            self.begin(burst);
+        }
+        self.begun += later.begun - later.kept.len();
+    }
 }
 
 impl NoiseRuns {
@@ -61,6 +119,7 @@ impl NoiseRuns {
         } else if seen.verdict == Verdict::Noise {
             self.strays.count(seen.bytes.iter().all(|byte| kind(*byte) < 3), seen.place);
         }
+        self.bursts.count(&seen.bytes, seen.gap.is_none() && seen.place.time.is_some());
         for byte in &seen.bytes {
             self.kinds[kind(*byte)] += 1;
         }
@@ -79,6 +138,7 @@ impl NoiseRuns {
         self.kinds.iter_mut().zip(later.kinds).for_each(|(own, more)| *own += more);
         self.compared += later.compared;
         self.runs.merge(&later.runs, NoiseCounts::merge);
+        self.bursts.merge(&later.bursts);
     }
 }
 
@@ -119,5 +179,29 @@ fn kind(byte: u8) -> usize {
         _ if byte.leading_ones() + byte.trailing_zeros() == 8 => 2,
         b' '..=b'~' | b'\r' | b'\n' => 3,
         _ => 4,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bursts(rows: &[(&[u8], bool)]) -> Bursts {
+        let mut all = Bursts::default();
+        for (bytes, goes_on) in rows {
+            all.count(bytes, *goes_on);
+        }
+        all
+    }
+
+    #[test]
+    fn bursts_merge_to_the_whole_wherever_they_are_cut() {
+        let rows: Vec<(&[u8], bool)> = (0..200).map(|at| (&b"abc"[at % 3..], at % 5 > 2 || at % 7 == 0)).collect();
+        for cut in 0..=rows.len() {
+            let mut merged = bursts(&rows[..cut]);
+            merged.merge(&bursts(&rows[cut..]));
+            assert_eq!(merged, bursts(&rows), "cut at {cut}");
+        }
+        assert_eq!(bursts(&rows[..4]).kept, [b"abc".to_vec(), b"bc".to_vec(), b"cabc".to_vec()]);
     }
 }

@@ -3,7 +3,9 @@
 use crate::claim::{duration, percent, Claim, View};
 use crate::contrast::UnitCounts;
 use crate::statistics::{at_least, Share};
+use modlens_engine::line_search::{readings, Reading};
 use modlens_protocol::framing::{Mode, Verdict};
+use modlens_protocol::line::Parity;
 
 /// Fewer bytes of noise say nothing.
 const LEAST_BYTES: u64 = 50;
@@ -49,9 +51,29 @@ fn is_inverted(view: &View<'_>) -> bool {
     ends.total >= 5 && view.significant(at_least(ends, ENDS_IN_ZERO)).is_some() && ends.rate() > 0.6
 }
 
-/// No valid frame, and bursts that end in 00.
+/// Readings of the bytes that fit where the one that they were recorded with does not.
+fn other_readings(view: &View<'_>) -> Vec<Reading> {
+    let parity = view.bus.facts.line.map_or(Parity::None, |line| line.parity);
+    readings(&view.bus.noise.bursts.kept, parity)
+}
+
+/// What a reading rests on, as the end of a sentence.
+fn proved(reading: &Reading) -> String {
+    format!("; tried on the recorded bytes: {} ({})", reading.what, reading.evidence)
+}
+
+/// The reading of swapped wires, if it fits.
+fn swapped(view: &View<'_>) -> Option<Reading> {
+    other_readings(view).into_iter().find(|reading| reading.is_swapped)
+}
+
+/// No valid frame, and bursts that end in 00, or that are valid frames with swapped wires.
 pub(super) fn swapped_wires(view: &View<'_>) -> Vec<Claim> {
-    if !is_unreadable(view) || !is_inverted(view) {
+    if !is_unreadable(view) {
+        return Vec::new();
+    }
+    let read = swapped(view);
+    if read.is_none() && !is_inverted(view) {
         return Vec::new();
     }
     let ends = &view.bus.noise.ends_in_zero;
@@ -67,8 +89,10 @@ pub(super) fn swapped_wires(view: &View<'_>) -> Vec<Claim> {
     let chance = view.corrected(at_least(ends.share(), ENDS_IN_ZERO));
     let (zeros, ended) = (percent(inverted_share(view)), ends.share());
     let what = format!(
-        "no frame is valid, {zeros} of the bytes are 00, FF or their like, and {} of {} bursts end in 00",
-        ended.failed, ended.total
+        "no frame is valid, {zeros} of the bytes are 00, FF or their like, and {} of {} bursts end in 00{}",
+        ended.failed,
+        ended.total,
+        read.as_ref().map_or(String::new(), proved)
     );
     vec![Claim::new("swapped_wires", ends, chance).fact("where", "at the tap").fact("what", what)]
 }
@@ -76,14 +100,17 @@ pub(super) fn swapped_wires(view: &View<'_>) -> Vec<Claim> {
 /// No valid frame at all, or no valid answer of one unit and a wrong length throughout.
 pub(super) fn wrong_line_settings(view: &View<'_>) -> Vec<Claim> {
     if is_unreadable(view) {
-        if is_inverted(view) || is_text(view) || is_foreign_alone(view) {
+        let tried = other_readings(view);
+        let is_other = is_inverted(view) || is_text(view) || is_foreign_alone(view);
+        if tried.iter().any(|reading| reading.is_swapped) || (tried.is_empty() && is_other) {
             return Vec::new();
         }
         let (good, other) = bytes(view);
         let share = Share { failed: other, total: good + other };
         let chance = view.corrected(at_least(share, 0.5));
         let claim = Claim::new("wrong_line_settings", &view.bus.noise.ends_in_zero, chance).with_share(share);
-        return vec![claim.fact("what", "bytes belong to no valid frame")];
+        let tried = tried.first().map_or(String::new(), proved);
+        return vec![claim.fact("what", format!("bytes belong to no valid frame{tried}"))];
     }
     view.units().filter_map(|(unit, counts)| at_another_rate(view, unit, counts)).collect()
 }

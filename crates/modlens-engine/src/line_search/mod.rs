@@ -32,7 +32,7 @@ use trial::Trial;
 
 pub use check::LineCheck;
 pub use evidence::proof_in;
-pub use offline::{readings, Parity, Reading};
+pub use offline::{readings, Reading};
 pub use rates::{likely_rates, RATES};
 pub use read::SearchRead;
 

@@ -4,27 +4,21 @@
 //! frames with valid checksums, or bytes that accident would not bring forth, count.
 
 use modlens_protocol::checksum::{crc16, crc_valid};
-
-/// The parity of a character.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Parity {
-    /// No parity bit.
-    None,
-    /// With it, the number of ones is even.
-    Even,
-    /// With it, the number of ones is odd.
-    Odd,
-}
+use modlens_protocol::line::Parity;
 
 /// A reading that fits.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reading {
     /// What is wrong with the recording, in words.
     pub what: &'static str,
+    /// It is that of swapped wires.
+    pub is_swapped: bool,
     /// What it rests on.
     pub evidence: String,
 }
 
+/// What is said of swapped wires.
+const SWAPPED: &str = "A and B are swapped: the line's levels are inverted";
 /// Fewer bytes say nothing.
 const LEAST_BYTES: usize = 24;
 /// So many bursts have to become valid frames, and at least half of those tried.
@@ -39,7 +33,8 @@ const SHORTEST: usize = 4;
 /// The readings that fit bursts of bytes, each received between two silences with this parity.
 ///
 /// ```
-/// use modlens_engine::line_search::{readings, Parity};
+/// use modlens_engine::line_search::readings;
+/// use modlens_protocol::line::Parity;
 /// // 01 03 00 00 00 01 84 0A, each bit inverted by software.
 /// let burst = vec![0xFE, 0xFC, 0xFF, 0xFF, 0xFF, 0xFE, 0x7B, 0xF5];
 /// assert_eq!(readings(&[burst.clone(), burst.clone(), burst], Parity::None)[0].evidence, "3 of 3 bursts become valid frames");
@@ -53,10 +48,10 @@ pub fn readings(bursts: &[Vec<u8>], parity: Parity) -> Vec<Reading> {
     let frames = |what, fits: &dyn Fn(&[u8]) -> bool| {
         let count = tried.iter().filter(|burst| fits(burst)).count();
         let evidence = format!("{count} of {} bursts become valid frames", tried.len());
-        (count >= LEAST_FRAMES && count * 2 >= tried.len()).then_some(Reading { what, evidence })
+        (count >= LEAST_FRAMES && count * 2 >= tried.len()).then_some(Reading { what, is_swapped: what == SWAPPED, evidence })
     };
     let found = [
-        frames("A and B are swapped: the line's levels are inverted", &|burst| uninverted(burst, parity).is_some()),
+        frames(SWAPPED, &|burst| uninverted(burst, parity).is_some()),
         frames("all bits are inverted", &|burst| crc_valid(&burst.iter().map(|byte| !byte).collect::<Vec<u8>>())),
         frames("the receiver was set to 7 data bits: the highest bit of each byte is lost", &fits_in_seven_bits),
         dropped(&bytes),
@@ -81,7 +76,7 @@ fn dropped(bytes: &[u8]) -> Option<Reading> {
         _ => return None,
     };
     let number = if odd == 0 { "even" } else { "odd" };
-    Some(Reading { what, evidence: format!("each of {} bytes has an {number} number of ones", bytes.len()) })
+    Some(Reading { what, is_swapped: false, evidence: format!("each of {} bytes has an {number} number of ones", bytes.len()) })
 }
 
 /// The frame that was sent, if a receiver on swapped wires made this of it.
@@ -159,7 +154,7 @@ impl Search<'_> {
     /// The received character at `index`: its start bit was a 1, its data bits are inverted, its parity bit is not known.
     fn character(&mut self, index: usize, mut sent: Sent) -> Option<Vec<u8>> {
         self.steps = self.steps.checked_sub(1)?;
-        let Some(byte) = self.burst.get(index) else { return None };
+        let byte = self.burst.get(index)?;
         let bits = (0..8).map(|place| byte >> place & 1 == 0);
         if !sent.push(true, self.parity) || !bits.into_iter().all(|bit| sent.push(bit, self.parity)) {
             return None;
@@ -177,7 +172,8 @@ impl Search<'_> {
     fn stop_bit(&mut self, index: usize, sent: Sent) -> Option<Vec<u8>> {
         if index + 1 == self.burst.len() {
             let mut sent = sent;
-            let is_over = sent.push(true, self.parity) && (sent.is_over || sent.push(true, self.parity) && sent.is_over);
+            // The line stays idle: the stop bit of the last character may be this bit, and then the next one is idle.
+            let is_over = (0..2).all(|_| sent.push(true, self.parity)) && sent.is_over;
             return (is_over && sent.bytes.len() >= SHORTEST && crc_valid(&sent.bytes)).then_some(sent.bytes);
         }
         self.character(index + 1, sent.clone()).or_else(|| self.zeros_then_character(index + 1, sent, 1))

@@ -1,0 +1,81 @@
+"""What is read from recordings in which no frame is valid: swapped wires, inverted or lost bits.
+
+The bytes are made by a receiver's model (`tests/support/uart.py`) that knows nothing of the search.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from analyzer import decode
+from analyzer.line import Line, parse_line
+from tests.doctor.frames import read_request, rtu
+from tests.doctor.recorded import EPOCH_S
+from tests.doctor.wire import Pair
+from tests.support.uart import Uart, Wire
+
+EXCHANGES = 40
+
+
+def sent() -> list[tuple[float, bytes]]:
+    """Requests and answers of two units, one after the other, with their times."""
+    rng = Random(7)
+    all_frames = []
+    for number in range(EXCHANGES):
+        unit, at = 1 + number % 2, number * 0.2
+        answer = bytes([3, 4, *rng.randbytes(4)])
+        all_frames += [(at, rtu(unit, read_request(3, 0, 2))), (at + 0.05, rtu(unit, answer))]
+    return all_frames
+
+
+def judged(reads: list[tuple[float, bytes]], line: str, folder: Path) -> dict[str, str]:
+    """The sentence of each diagnosis, by its code."""
+    lines = [f'{{"t": {EPOCH_S + at:.6f}, "hex": "{data.hex()}"}}\n' for at, data in reads]
+    (folder / "tap.jsonl").write_text("".join(lines))
+    doctor = decode(folder / "tap.jsonl", line=line, mode="rtu", read_as="chunks").doctor()
+    return {row["code"]: row["sentence"] for row in doctor["diagnoses"]}
+
+
+@pytest.mark.parametrize("settings", ["9600-8N1", "19200-8E1", "9600-8O1"])
+def test_swapped_wires_are_proved_by_the_frames_read_back(settings: str, tmp_path: Path) -> None:
+    pair = Pair(parse_line(settings), inverted=True)
+    for at, frame in sent():
+        pair.put(at, frame)
+    bursts: list[tuple[float, bytes]] = []
+    for at, byte in pair.heard():
+        if bursts and at - bursts[-1][0] < 0.02:
+            bursts[-1] = (at, bursts[-1][1] + bytes([byte]))
+        else:
+            bursts.append((at, bytes([byte])))
+    said = judged(bursts, settings, tmp_path)
+    assert list(said) == ["swapped_wires"]
+    assert "64 of 64 bursts become valid frames" in said["swapped_wires"]
+
+
+def test_inverted_bits_are_wrong_settings_and_named(tmp_path: Path) -> None:
+    reads = [(at, bytes(byte ^ 0xFF for byte in frame)) for at, frame in sent()]
+    said = judged(reads, "9600-8N1", tmp_path)
+    assert list(said) == ["wrong_line_settings"]
+    assert "all bits are inverted (64 of 64" in said["wrong_line_settings"]
+
+
+def test_seven_bits_are_wrong_settings_and_named(tmp_path: Path) -> None:
+    """Requests alone have bodies below 128, so they tell; they are more than half of the bursts."""
+    reads = [(at, bytes(byte & 0x7F for byte in frame)) for at, frame in sent()[::2]]
+    said = judged(reads, "9600-8N1", tmp_path)
+    assert "7 data bits" in said["wrong_line_settings"]
+
+
+@pytest.mark.parametrize(("parity", "word"), [("E", "even"), ("O", "odd")])
+def test_dropped_characters_tell_the_parity(parity: str, word: str, tmp_path: Path) -> None:
+    """By a receiver without parity, which waits for the idle level behind an error."""
+    wire = Wire(Line(9600, 8, parity, 1))
+    for at, frame in sent():
+        wire.send(frame, at)
+    heard = Uart(Line(9600, 8, "N", 1), resync=False).receive(wire, 0.0)
+    reads = [(one.time_s, bytes([one.byte])) for one in heard if not one.error]
+    said = judged(reads, "9600-8N1", tmp_path)
+    assert f"the line has {word} parity, the receiver none" in said["wrong_line_settings"]
