@@ -40,8 +40,8 @@ class Settings:
     - `date`: the day of the first time without a date, as 2026-11-21
     - `bus_name`: of buses that would be named after their recording, which is one of several; None
       names them so
-    - `overview`: what to collect of what reports draw; the `courses` have neither values of registers
-      nor examples
+    - `overview`: what to collect of what reports draw; the `courses` have neither values of
+      registers nor examples
     """
 
     line: Line | None = None

@@ -6,7 +6,7 @@ import argparse
 import json
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import DAMAGED, SIGNALLED
@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
     """Decode the recordings, then print the statistics; gives the exit status."""
     messages = Messages(quiet=options.to is not None)
     with StopSignals() as stop_signals:
-        drawn = "courses" if options.to is None else "all"
+        drawn: Literal["courses", "all"] = "courses" if options.to is None else "all"
         recording = RecordingDocument(options, messages, stop_signals, overview=drawn)
         document = recording.document
         stats, found = document["statistics"], document["doctor"]

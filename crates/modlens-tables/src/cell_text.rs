@@ -165,8 +165,8 @@ mod tests {
         push_items(&Items::Bits(&[0xCD, 0x6B, 0x05], 19), b' ', &mut out);
         assert_eq!(String::from_utf8(out).unwrap(), "1 0 1 1 0 0 1 1 1 1 0 1 0 1 1 0 1 0 1");
         for byte in 0..=255u8 {
-            let digits: String = (0..8).map(|bit| format!("{};", byte >> bit & 1)).collect();
-            assert_eq!(digits_of(byte, b';').to_le_bytes(), digits.as_bytes());
+            let digits: Vec<u8> = (0..8).flat_map(|bit| [b'0' + (byte >> bit & 1), b';']).collect();
+            assert_eq!(digits_of(byte, b';').to_le_bytes(), digits[..]);
         }
     }
 
