@@ -12,10 +12,13 @@ use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 impl Pairing {
     /// Index of the open request that a response on a connection answers.
     ///
-    /// It is the oldest with the same identifier whose content fits, fully if any does, if need be but for the unit: gateways
-    /// answer as 255. A request that was given up is none of these; one that has no identifier (from a log) counts if the unit fits. If its content contradicts it, or if no request has the identifier, the response may belong to the last
-    /// request, provided that it fits that fully and that the server has a habit (`IdHabit`). Without one, it is paired with
-    /// none; that the last request had no response is then not certain.
+    /// It is the oldest with the same identifier whose content fits: fully if any does, else in part, else but for the unit, since
+    /// gateways answer as 255. A request that was given up is none of these; one that has no identifier, from a log, counts as if
+    /// it had this one, but only with its own unit.
+    ///
+    /// If none fits fully, the response may belong to the last request in spite of another identifier, provided that it fits that
+    /// fully and that the server has a habit of its own (`IdHabit`). Without such a habit it is then paired with none, and that
+    /// the last request had no response is not certain.
     pub(super) fn find_by_id(&mut self, functions: &Functions, frame: &ObservedFrame<'_>) -> Option<usize> {
         let fit = |open: &PendingTransaction, unit: u8| {
             let request = RequestRef { unit, pdu: open.request.pdu() };

@@ -57,11 +57,11 @@ impl ExchangeRun {
     /// batch.
     #[inline]
     pub fn transaction(&self, exchanges: &[Exchange], at: usize) -> Transaction {
-        let exchanges = self.exchanges.of(exchanges);
-        let Exchange { start, lengths, unit, function, confidence, .. } = exchanges[at];
+        let of_run = self.exchanges.of(exchanges);
+        let Exchange { start, lengths, unit, function, confidence, .. } = of_run[at];
         let [request, answer] = lengths.map(u32::from);
         let frame = self.frame + 2 * at as u64;
-        let half = |frame: u64, start: u32, length: u32| {
+        let frame_ref = |frame: u64, start: u32, length: u32| {
             let pdu = Span { start: start + 1, length: length - 1 - CRC_BYTES as u32 };
             FrameRef { frame, wire: Span { start, length }, pdu, start: None }
         };
@@ -84,11 +84,12 @@ impl ExchangeRun {
             late_response_to: None,
             gap: None,
             mbap_id: None,
-            request: half(frame, start, request),
-            response: half(frame + 1, start + request, answer),
+            request: frame_ref(frame, start, request),
+            response: frame_ref(frame + 1, start + request, answer),
             findings: Span::default(),
+            // A line with profiles has no exchanges in short.
             points: None,
-            origin: self.offset + u64::from(start - exchanges[0].start),
+            origin: self.offset + u64::from(start - of_run[0].start),
         }
     }
 }

@@ -56,7 +56,7 @@ fn connection_line(direction: Direction) -> u8 {
     }
 }
 
-/// A frame as the statistics get it. `frame_number` is its number in this session, `adu` has unit and PDU if it is a good one;
+/// A frame as the statistics get it, and its row is made of. `frame_number` is its number in this session, `adu` has unit and PDU if it is a good one;
 /// `packet` and `time`, in ns, are those of its packet. Its end is its start and `char_ns` for each of its
 /// bytes; with 0, because the line settings are not known, both are the same.
 fn observed<'a>(

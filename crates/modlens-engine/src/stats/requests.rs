@@ -101,7 +101,7 @@ pub(super) struct RequestTable {
     waited: TimeHistogram,
     /// The last unanswered requests: transaction, key, and how long the master waited.
     recent_unanswered: VecDeque<(u64, RequestKey, Option<Ns>)>,
-    /// Unit and status of the last transaction.
+    /// Unit and status of the last transaction with an intact request.
     previous: Option<(u8, Status)>,
     /// Number of the last frame that was damaged, or noise.
     last_damaged_frame: u64,

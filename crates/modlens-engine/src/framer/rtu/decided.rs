@@ -17,8 +17,8 @@ impl RtuFramer {
     /// end are needed. A record without checksum is a row as it is.
     ///
     /// Each round gives out the next row of `decision`, or else decides (`next_decision`): a decision is a frame and all
-    /// unframed bytes before it, and each call gives out one row of these. Apart from `next`, which has to be short: nearly all
-    /// frames are unambiguous.
+    /// unframed bytes before it, and each call gives out one row of these. It is a function of its own, so that `next`, which takes
+    /// nearly all frames on the fast path, stays short.
     #[inline(never)]
     pub(super) fn next_by_search(
         &mut self,

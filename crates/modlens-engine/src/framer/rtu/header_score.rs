@@ -34,9 +34,9 @@ pub fn judged_header_bytes(context: &FramerContext<'_>, frame: &[u8]) -> u64 {
 /// An upper bound of the score in bits of an unfinished frame by its header, in the better direction; `None` if no frame can go
 /// on beyond the bytes `seen`, of which there is at least one. `outstanding` is the request that it may answer.
 ///
-/// A direction counts only if the length that it announces, or the least one, is more than the bytes seen, or is open and
-/// unit and function are familiar; an open length costs `OPEN_LENGTH_BITS`. The bound holds until as many bytes are seen as the
-/// shorter of the announced lengths has, but no longer than until the next byte while the header is not complete
+/// A direction counts only if the frame may go on in it: if the length that it announces, or the least one, is more than the bytes
+/// seen; or if its length is open, on a line where unit and function are familiar, at a cost of `OPEN_LENGTH_BITS`. The bound holds
+/// until as many bytes are seen as the shorter of these lengths has, but no longer than until the next byte while the header is not complete
 /// (`judged_header_bytes`). While only the unit has come, it is the unit's score and `OPEN_LENGTH_BITS` for what may follow.
 pub fn header_bound(
     model: &TrafficModel,

@@ -160,9 +160,9 @@ impl Search {
     }
 
     /// Commits a frame that the fast path found behind the root and `stray_bytes` bytes: it becomes the root and teaches the
-    /// model, as if the search had committed it. All hypotheses are dropped.
+    /// model, as if the search had committed it, but for what counts the search's own frames. All hypotheses are dropped.
     ///
-    /// `bytes` begin at the root's end, may go on behind the frame, and are all there (`stray_bytes` and `length`). The caller
+    /// `bytes` begin at the root's end and have at least the stray bytes and the frame. The caller
     /// has checked layout and CRC. `odds` are log2 of the odds of its direction.
     #[inline]
     pub fn commit_fast_path_frame(
