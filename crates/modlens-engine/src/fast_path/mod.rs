@@ -17,6 +17,9 @@
 //!   TCP packet each. And nothing is open: no request outstanding (on a connection, none that the exchange touches), no finding due on an earlier frame, the framer's lattice
 //!   empty, no mark of the receiver, no profile that has to look at the data.
 //!
+//! On an RTU line without times of which nobody wants the frames, exchanges are emitted in short (`rtu_in_short`): a run of them in
+//! one loop, without rows.
+//!
 //! Example: `11 03 00 6B 00 03 76 87` and right behind it `11 03 06 02 2B 00 00 00 64 C8 BA` become two frame rows and a
 //! transaction row in one step. With exception `11 83 02 C1 34` behind it, both frames are taken by `rtu_frame` one after the
 //! other and paired by `pairing`; with one bit of the response flipped, the search and `damage` decide.
@@ -36,7 +39,8 @@
 //! bytes are fed in one piece, byte by byte and in pieces of any size, and all rows and statistics have to be equal:
 //!
 //! - `tests/properties.rs`: `the_fast_path_gives_the_rows_of_the_slow_path` (RTU and ASCII, with disturbed exchanges),
-//!   `the_fast_path_gives_the_rows_of_the_slow_path_for_logs` and the two `..._chunk_sizes_change_nothing`;
+//!   `the_fast_path_gives_the_rows_of_the_slow_path_for_logs`, `exchanges_in_short_give_the_rows_of_those_in_full` and the two
+//!   `..._chunk_sizes_change_nothing`;
 //! - `tests/work.rs`: `pieces_change_nothing` (stray bytes and damage);
 //! - `tests/captures.rs` of modlens-writers: `blocks_of_any_size_give_the_same_rows` (TCP), and
 //!   `segments_in_any_order_and_twice_give_the_same_transactions`, where a split packet takes the slow path;
