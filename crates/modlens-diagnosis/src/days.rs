@@ -14,7 +14,8 @@ use serde_json::{json, Value as Json};
 use crate::bus_day::bus_day;
 use crate::contrast::Contrast;
 use crate::observation::{FrameObservation, Observation};
-use crate::report::{time_text, Report};
+use crate::report::Report;
+use modlens_protocol::timestamp::time_text;
 
 const DAY_NS: Ns = 86_400_000_000_000;
 

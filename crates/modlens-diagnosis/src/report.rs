@@ -7,6 +7,7 @@ mod verdict;
 
 use modlens_engine::records::DiagnosisRow;
 use modlens_protocol::finding::Severity;
+use modlens_protocol::timestamp::time_text;
 use serde_json::{json, Value as Json};
 
 use crate::claim::View;
@@ -87,11 +88,4 @@ fn row_json(row: &DiagnosisRow) -> Json {
         "since": row.since.map(time_text), "until": row.until.map(time_text),
         "chance": row.chance, "sentence": row.sentence, "advice": row.advice, "proof": row.proof, "examples": row.examples,
     })
-}
-
-/// A time as tables show it.
-pub(crate) fn time_text(ns: i64) -> String {
-    let mut text = Vec::new();
-    modlens_protocol::timestamp::push_time(ns, &mut text);
-    String::from_utf8_lossy(&text).into_owned()
 }

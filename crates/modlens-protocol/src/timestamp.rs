@@ -5,6 +5,17 @@ use crate::Ns;
 
 const DAY_SECONDS: i64 = 86_400;
 
+/// A time as tables show it; `push_time` says how.
+///
+/// ```
+/// assert_eq!(modlens_protocol::timestamp::time_text(1_697_041_234_000_000_000), "2023-10-11T16:20:34.000000Z");
+/// ```
+pub fn time_text(ns: Ns) -> String {
+    let mut text = Vec::new();
+    push_time(ns, &mut text);
+    String::from_utf8_lossy(&text).into_owned()
+}
+
 /// Appends ns since 1970 as `2026-11-21T10:00:00.123456Z`, with nine decimals only if the time is not a whole number of
 /// microseconds.
 pub fn push_time(ns: Ns, out: &mut Vec<u8>) {

@@ -30,7 +30,8 @@ pub fn push_items(items: &Items<'_>, separator: u8, out: &mut Vec<u8>) {
         }
         Items::Bits(bytes, _) => {
             for &byte in &bytes[..count.div_ceil(8)] {
-                out.extend_from_slice(&digits_of(byte, separator).to_le_bytes());
+                let halves = [byte & 0xF, byte >> 4].map(|four| digits_of(four, separator).to_le_bytes());
+                out.extend_from_slice(halves.as_flattened());
             }
             out.truncate(start + 2 * count);
         }
@@ -50,16 +51,16 @@ pub fn push_items(items: &Items<'_>, separator: u8, out: &mut Vec<u8>) {
     }
 }
 
-/// The eight bits of a byte as digits, that of the lowest bit first, each with the separator behind it: one a byte of the
-/// result, in little-endian order.
+/// Four bits as digits, that of the lowest bit first, each with the separator behind it: one a byte of the result, in little-endian
+/// order.
 #[inline]
-fn digits_of(byte: u8, separator: u8) -> u128 {
-    // To every second byte of the product goes a copy of the eight bits, of which the mask leaves another one in each.
-    let copies = u128::from(byte) * 0x0001_0001_0001_0001_0001_0001_0001_0001;
-    let own = copies & 0x0080_0040_0020_0010_0008_0004_0002_0001;
+fn digits_of(bits: u8, separator: u8) -> u64 {
+    // To every second byte of the product goes a copy of the four bits, of which the mask leaves another one in each.
+    const ONES: u64 = 0x0001_0001_0001_0001;
+    let own = (u64::from(bits) * ONES) & 0x0008_0004_0002_0001;
     // A bit that is set, whichever it is, comes to stand in the highest place of its 16 bits.
-    let is_set = (own + 0x7FFF_7FFF_7FFF_7FFF_7FFF_7FFF_7FFF_7FFF) >> 15 & 0x0001_0001_0001_0001_0001_0001_0001_0001;
-    is_set + 0x0030_0030_0030_0030_0030_0030_0030_0030 + (u128::from(separator) << 8) * 0x0001_0001_0001_0001_0001_0001_0001_0001
+    let is_set = ((own + 0x7FFF_7FFF_7FFF_7FFF) >> 15) & ONES;
+    is_set + u64::from(b'0') * ONES + (u64::from(separator) << 8) * ONES
 }
 
 /// Appends a duration in microseconds with as many decimals as it has.
@@ -165,8 +166,10 @@ mod tests {
         push_items(&Items::Bits(&[0xCD, 0x6B, 0x05], 19), b' ', &mut out);
         assert_eq!(String::from_utf8(out).unwrap(), "1 0 1 1 0 0 1 1 1 1 0 1 0 1 1 0 1 0 1");
         for byte in 0..=255u8 {
+            let mut out = Vec::new();
+            push_items(&Items::Bits(&[byte], 8), b';', &mut out);
             let digits: Vec<u8> = (0..8).flat_map(|bit| [b'0' + (byte >> bit & 1), b';']).collect();
-            assert_eq!(digits_of(byte, b';').to_le_bytes(), digits[..]);
+            assert_eq!(out, digits[..15]);
         }
     }
 

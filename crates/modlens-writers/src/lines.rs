@@ -52,8 +52,8 @@ impl FileNameCheck {
 
 /// One column, or adjacent columns with values that all rows of a bus share.
 enum ColumnGroup<F> {
-    /// The index of a column whose value differs from row to row.
-    Own(usize, ColumnReader<F>),
+    /// The index of a column whose value differs from row to row, and whether exchanges in short have one.
+    Own(usize, ColumnReader<F>, bool),
     /// Columns that have the same values in all rows of a bus, and their text for the current bus.
     Shared(Vec<(usize, ColumnReader<F>)>, Vec<u8>),
 }
@@ -79,7 +79,7 @@ impl<F: LineFormat> LineWriter<F> {
             match (steps.last_mut(), table.kind.is_constant_per_bus(column)) {
                 (Some(ColumnGroup::Shared(shared, _)), true) => shared.push((at, reader)),
                 (_, true) => steps.push(ColumnGroup::Shared(vec![(at, reader)], Vec::new())),
-                _ => steps.push(ColumnGroup::Own(at, reader)),
+                _ => steps.push(ColumnGroup::Own(at, reader, table.has_value_in_short(column))),
             }
         }
         Self { format, steps, bus: None }
@@ -88,17 +88,17 @@ impl<F: LineFormat> LineWriter<F> {
     /// Appends rows until `out` holds `enough` bytes. Returns the next row to be written.
     pub fn rows(&mut self, table: &Table, rows: Range<usize>, enough: usize, out: &mut Vec<u8>) -> usize {
         std::mem::swap(self.format.out(), out);
-        let next = table.each_row(rows, |row| {
-            self.row(row);
+        let next = table.each_row(rows, |row, is_short| {
+            self.row(row, is_short);
             self.format.out().len() < enough
         });
         std::mem::swap(self.format.out(), out);
         next
     }
 
-    /// Appends one row.
+    /// Appends one row, which may be an exchange in short.
     #[inline]
-    fn row(&mut self, row: &RowRef<'_>) {
+    fn row(&mut self, row: &RowRef<'_>, is_short: bool) {
         if row.bus() != self.bus {
             self.change_bus(row);
         }
@@ -106,7 +106,8 @@ impl<F: LineFormat> LineWriter<F> {
         format.begin();
         for step in &self.steps {
             match step {
-                ColumnGroup::Own(at, reader) => {
+                ColumnGroup::Own(_, _, false) if is_short => format.end_value(),
+                ColumnGroup::Own(at, reader, _) => {
                     format.column(*at);
                     row.emit(reader, format);
                     format.end_value();

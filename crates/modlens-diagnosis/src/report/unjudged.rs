@@ -5,9 +5,9 @@ use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 use serde_json::{json, Value as Json};
 
-use super::time_text;
 use crate::claim::duration;
 use crate::contrast::{BusContrast, RequestCounts};
+use modlens_protocol::timestamp::time_text;
 
 /// Requests below which shares say little.
 const FEW: u64 = 10;

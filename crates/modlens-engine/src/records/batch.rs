@@ -42,6 +42,8 @@ pub struct Batch {
     pub inner_packets: Vec<(u64, u64)>,
     /// All transactions, once somebody has asked for them.
     expanded: OnceLock<Vec<Transaction>>,
+    /// For each bus and function an exchange in short, once somebody has asked.
+    kinds: OnceLock<Vec<(usize, usize)>>,
     /// Where its vectors go when it is dropped.
     pub(crate) pool: MemoryPool,
 }
@@ -132,6 +134,22 @@ impl Batch {
                 }
             }
             all
+        })
+    }
+
+    /// An exchange in short for each bus and function: index of its run, and its place there.
+    pub fn exchange_kinds(&self) -> &[(usize, usize)] {
+        self.kinds.get_or_init(|| {
+            let mut kinds = Vec::new();
+            for (index, run) in self.exchange_runs.iter().enumerate() {
+                let mut seen = [false; 256];
+                for (at, exchange) in run.exchanges.of(&self.exchanges).iter().enumerate() {
+                    if !std::mem::replace(&mut seen[usize::from(exchange.function)], true) {
+                        kinds.push((index, at));
+                    }
+                }
+            }
+            kinds
         })
     }
 

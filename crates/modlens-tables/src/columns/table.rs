@@ -234,27 +234,29 @@ impl Table {
     /// Whether a column has a value in the row of any exchange in short. That follows from the bus and the function.
     pub fn has_value_in_short(&self, column: usize) -> bool {
         let (batch, reader) = (&*self.batch, self.kind.reader(column));
-        batch.exchange_runs.iter().any(|run| {
-            let (mut seen, exchanges) = ([false; 256], run.exchanges.of(&batch.exchanges).iter().enumerate());
-            let mut new = exchanges.filter(|(_, exchange)| !std::mem::replace(&mut seen[usize::from(exchange.function)], true));
-            new.any(|(at, _)| is_value(&RowRef::of_transaction(batch, &run.transaction(&batch.exchanges, at)), &reader))
+        batch.exchange_kinds().iter().any(|&(run, at)| {
+            let row = batch.exchange_runs[run].transaction(&batch.exchanges, at);
+            is_value(&RowRef::of_transaction(batch, &row), &reader)
         })
     }
 
     /// Calls `each` for some rows, one behind the other, until it returns false; gives the index of the row behind the last one.
+    /// Says for each whether it is an exchange in short.
     ///
     /// Rows of exchanges in short are made for the call only, in memory that the processor has at hand.
-    pub fn each_row(&self, rows: Range<usize>, mut each: impl FnMut(&RowRef<'_>) -> bool) -> usize {
+    pub fn each_row(&self, rows: Range<usize>, mut each: impl FnMut(&RowRef<'_>, bool) -> bool) -> usize {
         if !matches!(self.rows, Rows::AllAndShort(_)) {
-            let stops_at = rows.clone().find(|&row| !each(&self.row(row)));
+            let stops_at = rows.clone().find(|&row| !each(&self.row(row), false));
             return stops_at.map_or(rows.end, |row| row + 1);
         }
         let batch = &*self.batch;
         for (own, part) in self.parts() {
             for row in rows.start.max(own.start)..rows.end.min(own.end) {
                 let goes_on = match part {
-                    Part::Rows(transactions) => each(&RowRef::of_transaction(batch, &transactions[row - own.start])),
-                    Part::Short(run) => each(&RowRef::of_transaction(batch, &run.transaction(&batch.exchanges, row - own.start))),
+                    Part::Rows(transactions) => each(&RowRef::of_transaction(batch, &transactions[row - own.start]), false),
+                    Part::Short(run) => {
+                        each(&RowRef::of_transaction(batch, &run.transaction(&batch.exchanges, row - own.start)), true)
+                    }
                 };
                 if !goes_on {
                     return row + 1;

@@ -11,6 +11,7 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::mix::mix;
 use modlens_protocol::source::Clock;
 use modlens_protocol::status::Status;
+use modlens_protocol::timestamp::time_text;
 use modlens_protocol::Ns;
 use serde_json::{json, Value as Json};
 
@@ -151,10 +152,4 @@ fn hex(bytes: &[u8]) -> Json {
     } else {
         modlens_protocol::hex::hex(bytes).into()
     }
-}
-
-pub(super) fn time_text(ns: Ns) -> String {
-    let mut text = Vec::new();
-    modlens_protocol::timestamp::push_time(ns, &mut text);
-    String::from_utf8_lossy(&text).into_owned()
 }

@@ -19,11 +19,12 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use modlens_engine::records::{Batch, Bus, Connection, End, ExchangeRun, Frame, Part, Transaction};
 use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::Clock;
+use modlens_protocol::timestamp::time_text;
 use modlens_protocol::Ns;
 use serde_json::{json, Value as Json};
 
 use crate::columns::each_value;
-use examples::{time_text, Examples};
+use examples::Examples;
 use line::{bus_columns, p95_column, request_columns, us, BusBucket, RequestBucket};
 use registers::{Place, Registers, MAX_VALUES};
 use series::{resolution, Bucket, Range, Series};
