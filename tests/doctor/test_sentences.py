@@ -47,6 +47,14 @@ def unanswered(row: Row, told: Row) -> bool:
     return bool(row["status"] == "no_response")
 
 
+def any_request(row: Row, told: Row) -> bool:
+    return True
+
+
+def failed(row: Row, told: Row) -> bool:
+    return bool(row["status"] in ("no_response", "bad_response", "bad_request"))
+
+
 def refused(*codes: int) -> Callable[[Row, Row], bool]:
     return lambda row, told: row.get("exception") in codes
 
@@ -56,6 +64,7 @@ COUNTS: Mapping[str, Count] = {
     "device_absent": Count(of_unit, unanswered),
     "device_busy": Count(of_unit_and_function, refused(*BUSY)),
     "register_hole": Count(of_unit_and_function, refused(2)),
+    "two_masters": Count(any_request, failed),
     "wrong_function": Count(of_unit_and_function, refused(1, 2)),
 }
 

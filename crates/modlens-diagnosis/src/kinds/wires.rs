@@ -7,6 +7,8 @@ use modlens_engine::line_search::{readings, Reading};
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::line::Parity;
 
+use crate::MAX_CHANCE;
+
 /// Fewer bytes of noise say nothing.
 const LEAST_BYTES: u64 = 50;
 
@@ -105,6 +107,9 @@ pub(super) fn wrong_line_settings(view: &View<'_>) -> Vec<Claim> {
         if tried.iter().any(|reading| reading.is_swapped) || (tried.is_empty() && is_other) {
             return Vec::new();
         }
+        if tried.is_empty() && bears_heads(view) {
+            return Vec::new();
+        }
         let (good, other) = bytes(view);
         let share = Share { failed: other, total: good + other };
         let chance = view.corrected(at_least(share, 0.5));
@@ -113,6 +118,19 @@ pub(super) fn wrong_line_settings(view: &View<'_>) -> Vec<Claim> {
         return vec![claim.fact("what", format!("bytes belong to no valid frame{tried}"))];
     }
     view.units().filter_map(|(unit, counts)| at_another_rate(view, unit, counts)).collect()
+}
+
+/// Whether most bursts hold unit and function of a request side by side: an answer's head, which a receiver at another rate
+/// does not get. Their other bytes were lost behind the line, as where a client reads no more than the length expected.
+fn bears_heads(view: &View<'_>) -> bool {
+    let heads: Vec<[u8; 2]> = view.bus.requests.sorted().iter().map(|(key, _)| [key.unit, key.function]).collect();
+    let is_head = |pair: &[u8]| heads.iter().any(|[unit, function]| pair[0] == *unit && pair[1] & 0x7F == *function);
+    let kept = &view.bus.noise.bursts.kept;
+    let held = kept.iter().filter(|burst| burst.windows(2).any(is_head)).count() as u64;
+    // Of 256 random bytes, each place is a head by accident once in so many times.
+    let by_accident = 256.0 * 2.0 * heads.len() as f64 / 65_536.0;
+    let share = Share { failed: held, total: kept.len() as u64 };
+    share.rate() > 0.3 && at_least(share, by_accident.min(0.2)) < MAX_CHANCE
 }
 
 /// A unit none of whose answers is valid, and all of whose answers are too short or too long by the same ratio.
