@@ -201,6 +201,13 @@ fn foreign_bursts(view: &View<'_>) -> Option<Claim> {
     Some(Claim::new("foreign_protocol", &view.bus.noise.strays, chance).with_share(share).fact("text", "").fact("period", ""))
 }
 
+/// Whether the strays are a preamble of another protocol: bursts begin alike, and with such a byte.
+pub(super) fn have_preamble(view: &View<'_>) -> bool {
+    let begins_so = |burst: &&Vec<u8>| burst.len() > HEAD && burst[0] >= 0xFE && burst[1] >= 0xFE && burst[2] < 0xFE;
+    let kept = &view.bus.noise.bursts.kept;
+    kept.iter().filter(begins_so).count() * 2 > kept.len() && foreign_bursts(view).is_some()
+}
+
 /// Fewer runs that begin alike say nothing.
 const LEAST_ALIKE: u64 = 4;
 /// Bytes by which bursts are compared.
