@@ -12,6 +12,8 @@ import pytest
 
 from analyzer import decode
 from analyzer.line import Line, parse_line
+from tests.doctor.cases import make
+from tests.doctor.examine import diagnose, written
 from tests.doctor.frames import read_request, rtu
 from tests.doctor.recorded import EPOCH_S
 from tests.doctor.wire import Pair
@@ -79,3 +81,11 @@ def test_dropped_characters_tell_the_parity(parity: str, word: str, tmp_path: Pa
     reads = [(one.time_s, bytes([one.byte])) for one in heard if not one.error]
     said = judged(reads, "9600-8N1", tmp_path)
     assert f"the line has {word} parity, the receiver none" in said["wrong_line_settings"]
+
+
+def test_a_preamble_of_another_protocol_is_no_stray_byte(tmp_path: Path) -> None:
+    """In this case its telegrams begin with FE FE."""
+    case = make("foreign_protocol", 74)
+    written(case, tmp_path)
+    rows = diagnose(case.main, case.words, tmp_path)
+    assert [row["code"] for row in rows] == ["foreign_protocol"]

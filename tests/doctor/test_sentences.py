@@ -47,6 +47,14 @@ def unanswered(row: Row, told: Row) -> bool:
     return bool(row["status"] == "no_response")
 
 
+def any_request(row: Row, told: Row) -> bool:
+    return True
+
+
+def failed(row: Row, told: Row) -> bool:
+    return bool(row["status"] in ("no_response", "bad_response", "bad_request"))
+
+
 def refused(*codes: int) -> Callable[[Row, Row], bool]:
     return lambda row, told: row.get("exception") in codes
 
@@ -56,6 +64,7 @@ COUNTS: Mapping[str, Count] = {
     "device_absent": Count(of_unit, unanswered),
     "device_busy": Count(of_unit_and_function, refused(*BUSY)),
     "register_hole": Count(of_unit_and_function, refused(2)),
+    "two_masters": Count(any_request, failed),
     "wrong_function": Count(of_unit_and_function, refused(1, 2)),
 }
 
@@ -112,3 +121,23 @@ def test_examples_are_transactions_that_bear_it(examined: tuple[Row, list[Row]])
     for number in told["examples"]:
         assert count.concerns(by_number[number], told)
         assert count.bears(by_number[number], told)
+
+
+MET = {
+    r"([\d,]+) (?:was|were) sent while another one was open": ("transactions", "two_masters"),
+    r"([\d,]+) frames? collided": ("frames", "collision"),
+}
+
+
+def test_what_met_is_what_the_exports_count(seed: int, tmp_path: Path) -> None:
+    case = make("two_masters", seed)
+    written(case, tmp_path)
+    rows = diagnose(case.main, case.words, tmp_path)
+    sentence = next(row["sentence"] for row in rows if row["code"] == "two_masters")
+    said = [(number, what) for words, what in MET.items() for number in re.findall(words, sentence)]
+    assert said, sentence
+    for number, (table, finding) in said:
+        words = ("--table", table, "--to", "jsonl")
+        lines = ran("decode", case.main, *case.words, *words, cwd=tmp_path).splitlines()
+        bearing = [row for row in map(json.loads, lines) if finding in (row.get("findings") or ())]
+        assert int(number.replace(",", "")) == len(bearing)

@@ -4,6 +4,7 @@ use crate::contrast::tally::{Place, Tally};
 use crate::contrast::{BusContrast, UnitCounts};
 use crate::statistics::{at_least, greatest_rate, least_rate, Share};
 use crate::MAX_CHANCE;
+use modlens_protocol::decimal::thousands;
 use modlens_protocol::finding::Severity;
 
 /// Failures that happen on a healthy line: one request in five hundred.
@@ -160,6 +161,11 @@ pub fn severity_of(share: Share) -> Severity {
     } else {
         Severity::Error
     }
+}
+
+/// So many, in the past.
+pub fn were(count: u64) -> String {
+    format!("{} {}", thousands(count), if count == 1 { "was" } else { "were" })
 }
 
 /// A duration in words: milliseconds up to ten seconds, seconds above.

@@ -3,6 +3,7 @@
 use modlens_protocol::Ns;
 
 use super::tally::Place;
+use crate::observation::RequestKey;
 
 /// What came before a transaction on its bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -18,4 +19,6 @@ pub(super) struct Before {
     pub overtaken: Option<(u8, Place, Ns, Ns)>,
     /// Hash of the request before, if it is another one and came right before, and whether it failed.
     pub request: Option<(u64, bool)>,
+    /// The request before.
+    pub asked: Option<RequestKey>,
 }

@@ -507,7 +507,8 @@ impl Context {
         let overtaken = overtaken
             .map(|(before, start)| (before.unit, before.place, start - before.requested, before.came - before.requested));
         let written = self.since_write.is_some();
-        Before { previous: self.previous, failed: self.previous_failed, written, request, overtaken }
+        let asked = self.previous_request.map(|before| before.key);
+        Before { previous: self.previous, failed: self.previous_failed, written, request, overtaken, asked }
     }
 
     fn transaction(&mut self, seen: &mut Observation) {

@@ -61,27 +61,30 @@ const MAX_BURST_BYTES: usize = 256;
 pub struct Bursts {
     /// Their bytes.
     pub kept: Vec<Vec<u8>>,
+    /// Whether each came right behind a request.
+    pub answers: Vec<bool>,
     begun: usize,
     /// The first row goes on with what was in front of it.
     goes_on: bool,
 }
 
 impl Bursts {
-    fn count(&mut self, bytes: &[u8], goes_on: bool) {
+    fn count(&mut self, bytes: &[u8], goes_on: bool, is_answer: bool) {
         if self.begun == 0 {
             self.goes_on = goes_on;
         }
         if goes_on && self.begun > 0 {
             self.extend(bytes);
         } else {
-            self.begin(bytes);
+            self.begin(bytes, is_answer);
         }
     }
 
-    fn begin(&mut self, bytes: &[u8]) {
+    fn begin(&mut self, bytes: &[u8], is_answer: bool) {
         self.begun += 1;
         if self.begun <= MAX_BURSTS {
             self.kept.push(bytes.to_vec());
+            self.answers.push(is_answer);
         }
     }
 
@@ -101,8 +104,8 @@ impl Bursts {
         if joined == 1 {
             self.extend(&later.kept[0]);
         }
-        for burst in &later.kept[joined..] {
-            self.begin(burst);
+        for (burst, is_answer) in later.kept.iter().zip(&later.answers).skip(joined) {
+            self.begin(burst, *is_answer);
         }
         self.begun += later.begun - later.kept.len();
     }
@@ -119,7 +122,7 @@ impl NoiseRuns {
         } else if seen.verdict == Verdict::Noise {
             self.strays.count(seen.bytes.iter().all(|byte| kind(*byte) < 3), seen.place);
         }
-        self.bursts.count(&seen.bytes, seen.gap.is_none() && seen.place.time.is_some());
+        self.bursts.count(&seen.bytes, seen.gap.is_none() && seen.place.time.is_some(), is_answer);
         for byte in &seen.bytes {
             self.kinds[kind(*byte)] += 1;
         }
@@ -189,7 +192,7 @@ mod tests {
     fn bursts(rows: &[(&[u8], bool)]) -> Bursts {
         let mut all = Bursts::default();
         for (bytes, goes_on) in rows {
-            all.count(bytes, *goes_on);
+            all.count(bytes, *goes_on, false);
         }
         all
     }

@@ -76,6 +76,8 @@ pub struct UnitCounts {
     pub echoes: Tally,
     /// Answers to requests of other units, by the unit that was asked.
     pub answers_for: BTreeMap<u8, Tally>,
+    /// Those of them that have not the length of the answer asked for, by the unit that was asked.
+    pub misfits: BTreeMap<u8, u64>,
     /// Pauses inside of requests to it, and of its answers.
     pub pauses: [Pauses; 2],
     /// Requests whose answers the recording does not show, whether a clock says that the master has waited for them or not.
@@ -443,7 +445,12 @@ impl UnitCounts {
     fn count_unasked(&mut self, seen: &Observation, before: Before) {
         let Some(request) = seen.late_response_to else {
             match before.previous.filter(|(unit, _)| *unit != seen.unit) {
-                Some((asked, _)) => self.answers_for.entry(asked).or_default().count(true, seen.place),
+                Some((asked, _)) => {
+                    self.answers_for.entry(asked).or_default().count(true, seen.place);
+                    let request = before.asked.filter(|key| key.unit == asked && seen.exception.is_none());
+                    let fits = request.is_none_or(|key| u64::from(seen.lengths[1]) == answer_length(key.function, key.quantity));
+                    *self.misfits.entry(asked).or_default() += u64::from(!fits);
+                }
                 None => self.second_answers.count(true, seen.place),
             }
             return;
@@ -477,11 +484,7 @@ impl UnitCounts {
             tally.count(index == part as usize, seen.place);
         }
         if let (Outcome::Garbled, 1.., Some((_, quantity))) = (seen.outcome, seen.lengths[1], seen.range) {
-            let expected = match seen.function {
-                3 | 4 | 23 => 5 + 2 * u64::from(quantity),
-                1 | 2 => 5 + u64::from(quantity).div_ceil(8),
-                _ => 8,
-            };
+            let expected = answer_length(seen.function, quantity);
             self.odd_lengths.count(u64::from(seen.lengths[1]) != expected, seen.place);
             if part == DamagedPart::Whole {
                 self.length_ratios.count += 1;
@@ -566,9 +569,21 @@ impl UnitCounts {
                 own.entry(*unit).or_default().merge(more);
             }
         }
+        for (unit, more) in &later.misfits {
+            *self.misfits.entry(*unit).or_default() += more;
+        }
         self.length_ratios.count += later.length_ratios.count;
         self.length_ratios.came += later.length_ratios.came;
         self.length_ratios.expected += later.length_ratios.expected;
+    }
+}
+
+/// Bytes of the RTU frame that answers a request.
+fn answer_length(function: u8, quantity: u16) -> u64 {
+    match function {
+        3 | 4 | 23 => 5 + 2 * u64::from(quantity),
+        1 | 2 => 5 + u64::from(quantity).div_ceil(8),
+        _ => 8,
     }
 }
 

@@ -31,7 +31,7 @@ pub(super) fn no_bias(view: &View<'_>) -> Vec<Claim> {
     let mut strays = view.bus.noise.strays.clone();
     let turns = view.bus.frames.frames[Verdict::Ok as usize];
     // Strays of other bytes than a driver leaves speak against it.
-    if strays.failed * 10 < strays.total * 8 || turns == 0 {
+    if strays.failed * 10 < strays.total * 8 || turns == 0 || super::wires::have_preamble(view) {
         return Vec::new();
     }
     if let Some(claim) = strays_of_one_unit(view) {

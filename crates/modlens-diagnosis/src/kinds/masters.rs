@@ -30,6 +30,10 @@ pub(super) fn bystander(view: &View<'_>) -> Vec<Claim> {
     for (unit, counts) in view.bus.units.iter().filter(|_| !view.bus.facts.is_network) {
         // Unit 0 is all units: who reads from it gets answers of any (gateway_unit_id).
         for (asked, tally) in counts.answers_for.iter().filter(|(asked, _)| **asked != 0) {
+            // Answers of other lengths than were asked for are those to another master's requests, which a client's log lacks.
+            if counts.misfits.get(asked).is_some_and(|misfits| misfits * 2 > tally.failed) {
+                continue;
+            }
             let total = view.bus.units.get(asked).map_or(0, |counts| counts.failures.total).max(tally.failed);
             let share = Share { failed: tally.failed, total };
             let Some(chance) = view.beyond_accident(share) else { continue };

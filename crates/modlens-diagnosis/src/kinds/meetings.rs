@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use crate::claim::{Claim, View};
+use crate::claim::{were, Claim, View};
 use crate::contrast::tally::Tally;
 use crate::contrast::{Pair, UnitCounts};
 use crate::observation::DamagedPart;
 use crate::statistics::{at_least, at_most, both, Share};
 use crate::MAX_CHANCE;
+use modlens_protocol::decimal::thousands;
 use modlens_protocol::finding::Severity;
 
 /// Requests that were sent while another one was open, and damage where two streams of requests meet.
@@ -34,10 +35,16 @@ pub(super) fn two_masters(view: &View<'_>) -> Vec<Claim> {
     if !is_certain && (is_slow() || !order(view).is_some_and(|order| order.tells(both(met, superimposed(view))))) {
         return Vec::new();
     }
-    let share = Share { failed: (odd + failed).min(total), total };
-    let tally = if crossings.failed > 0 { crossings } else { view.bus.requests_seen.clone() };
-    let tally = Tally { total: share.total, before: 0, after: 0, ..tally };
-    let claim = Claim::new("two_masters", &tally, chance).with_share(share);
+    // What is told has to be countable in the transactions: those that failed, and those that met another one.
+    let met = match (crossings.failed, view.bus.frames.collisions.failed) {
+        (0, 0) => ", where the requests of the two meet".to_owned(),
+        (0, 1) => ", and 1 frame collided with another one".to_owned(),
+        (0, count) => format!(", and {} frames collided with others", thousands(count)),
+        (count, _) => format!(", and {} sent while another one was open", were(count)),
+    };
+    let tally = Tally { before: 0, after: 0, ..view.bus.requests_seen.clone() };
+    let mut claim = Claim::new("two_masters", &tally, chance).fact("met", met);
+    claim.harm = (odd + failed).min(total);
     vec![claim.at_most(Severity::Error)]
 }
 

@@ -1,11 +1,15 @@
 //! What is not Modbus: inverted bits, another rate, another protocol.
 
+use std::cmp::Reverse;
+
 use crate::claim::{duration, percent, Claim, View};
 use crate::contrast::UnitCounts;
 use crate::statistics::{at_least, Share};
 use modlens_engine::line_search::{readings, Reading};
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::line::Parity;
+
+use crate::MAX_CHANCE;
 
 /// Fewer bytes of noise say nothing.
 const LEAST_BYTES: u64 = 50;
@@ -105,6 +109,9 @@ pub(super) fn wrong_line_settings(view: &View<'_>) -> Vec<Claim> {
         if tried.iter().any(|reading| reading.is_swapped) || (tried.is_empty() && is_other) {
             return Vec::new();
         }
+        if tried.is_empty() && bears_heads(view) {
+            return Vec::new();
+        }
         let (good, other) = bytes(view);
         let share = Share { failed: other, total: good + other };
         let chance = view.corrected(at_least(share, 0.5));
@@ -113,6 +120,19 @@ pub(super) fn wrong_line_settings(view: &View<'_>) -> Vec<Claim> {
         return vec![claim.fact("what", format!("bytes belong to no valid frame{tried}"))];
     }
     view.units().filter_map(|(unit, counts)| at_another_rate(view, unit, counts)).collect()
+}
+
+/// Whether most bursts hold unit and function of a request side by side: an answer's head, which a receiver at another rate
+/// does not get. Their other bytes were lost behind the line, as where a client reads no more than the length expected.
+fn bears_heads(view: &View<'_>) -> bool {
+    let heads: Vec<[u8; 2]> = view.bus.requests.sorted().iter().map(|(key, _)| [key.unit, key.function]).collect();
+    let is_head = |pair: &[u8]| heads.iter().any(|[unit, function]| pair[0] == *unit && pair[1] & 0x7F == *function);
+    let kept = &view.bus.noise.bursts.kept;
+    let held = kept.iter().filter(|burst| burst.windows(2).any(is_head)).count() as u64;
+    // Of 256 random bytes, each place is a head by accident once in so many times.
+    let by_accident = 256.0 * 2.0 * heads.len() as f64 / 65_536.0;
+    let share = Share { failed: held, total: kept.len() as u64 };
+    share.rate() > 0.3 && at_least(share, by_accident.min(0.2)) < MAX_CHANCE
 }
 
 /// A unit none of whose answers is valid, and all of whose answers are too short or too long by the same ratio.
@@ -143,17 +163,52 @@ fn is_foreign_alone(view: &View<'_>) -> bool {
 
 /// Runs that are no Modbus and come again.
 pub(super) fn foreign_protocol(view: &View<'_>) -> Vec<Claim> {
+    foreign_runs(view).or_else(|| foreign_bursts(view)).into_iter().collect()
+}
+
+/// Runs that begin alike.
+fn foreign_runs(view: &View<'_>) -> Option<Claim> {
     let noise = &view.bus.noise;
     let repeated = noise.runs.sorted().into_iter().max_by_key(|(key, counts)| (counts.seen.failed, (*key).clone()));
-    let Some((key, counts)) = repeated.filter(|(_, counts)| counts.seen.failed >= 4) else { return Vec::new() };
+    let (key, counts) = repeated.filter(|(_, counts)| counts.seen.failed >= LEAST_ALIKE)?;
     // How likely is it that so many runs begin with these very bytes, if bytes are 00 or FF every third time?
     let chance = at_least(Share { failed: counts.seen.failed, total: noise.compared }, (1.0f64 / 3.0).powi(key.len() as i32));
-    let Some(chance) = view.significant(chance) else { return Vec::new() };
+    let chance = view.significant(chance)?;
     if key.iter().all(|byte| matches!(byte, 0 | 0xFF)) || counts.seen.failed * 4 < noise.compared {
-        return Vec::new();
+        return None;
     }
     let share = Share { failed: counts.seen.failed, total: noise.compared };
     let text = if is_text(view) { ", and are text" } else { "" };
     let period = counts.period.percentile(0.5).map_or(String::new(), |period| format!(", one each {}", duration(period)));
-    vec![Claim::new("foreign_protocol", &counts.seen, chance).with_share(share).fact("text", text).fact("period", period)]
+    Some(Claim::new("foreign_protocol", &counts.seen, chance).with_share(share).fact("text", text).fact("period", period))
 }
+
+/// Whole bursts that begin alike, a preamble of FE included, which looks like strays of its own; those right behind a request are
+/// its damaged answers.
+fn foreign_bursts(view: &View<'_>) -> Option<Claim> {
+    let bursts = &view.bus.noise.bursts;
+    let compared = bursts.kept.iter().zip(&bursts.answers).filter(|(burst, is_answer)| burst.len() > HEAD && !**is_answer);
+    let mut heads: Vec<&[u8]> = compared.map(|(burst, _)| &burst[..HEAD]).collect();
+    heads.sort_unstable();
+    let most = heads.chunk_by(|one, other| one == other).max_by_key(|alike| (alike.len(), Reverse(alike[0])))?;
+    let share = Share { failed: most.len() as u64, total: heads.len() as u64 };
+    let chance = view.significant(at_least(share, (1.0f64 / 3.0).powi(HEAD as i32)))?;
+    let is_plain = most[0].iter().all(|byte| matches!(byte, 0 | 0xFF));
+    let is_modbus = view.bus.requests.sorted().iter().any(|(key, _)| most[0][..2] == [key.unit, key.function]);
+    if is_plain || is_modbus || share.failed < LEAST_ALIKE || share.failed * 2 < share.total {
+        return None;
+    }
+    Some(Claim::new("foreign_protocol", &view.bus.noise.strays, chance).with_share(share).fact("text", "").fact("period", ""))
+}
+
+/// Whether the strays are a preamble of another protocol: bursts begin alike, and with such a byte.
+pub(super) fn have_preamble(view: &View<'_>) -> bool {
+    let begins_so = |burst: &&Vec<u8>| burst.len() > HEAD && burst[0] >= 0xFE && burst[1] >= 0xFE && burst[2] < 0xFE;
+    let kept = &view.bus.noise.bursts.kept;
+    kept.iter().filter(begins_so).count() * 2 > kept.len() && foreign_bursts(view).is_some()
+}
+
+/// Fewer runs that begin alike say nothing.
+const LEAST_ALIKE: u64 = 4;
+/// Bytes by which bursts are compared.
+const HEAD: usize = 3;

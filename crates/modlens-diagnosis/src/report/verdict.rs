@@ -5,7 +5,7 @@ use modlens_protocol::decimal::thousands;
 use modlens_protocol::finding::Severity;
 use modlens_protocol::framing::Verdict as FrameVerdict;
 
-use crate::claim::{percent, ACCIDENT};
+use crate::claim::{percent, were, ACCIDENT};
 use crate::contrast::BusContrast;
 use crate::statistics::{at_least, least_rate, Share};
 use crate::MAX_CHANCE;
@@ -37,6 +37,19 @@ const FEW: u64 = 10;
 /// A line is not healthy where surely more than this share of its requests is refused.
 const MANY_REFUSED: f64 = 0.2;
 
+/// What exception responses come of. Of others it is not said that they are the cause where nothing but exceptions came.
+const EXPLAIN_REFUSALS: &[&str] = &[
+    "address_off_by_one",
+    "block_too_long",
+    "bystander",
+    "device_busy",
+    "gateway_mixup",
+    "gateway_unit_id",
+    "polled_too_fast",
+    "register_hole",
+    "wrong_function",
+];
+
 /// The verdict and its sentence; `rows` are the diagnoses, the worst first.
 pub(super) fn verdict(buses: &[(&str, BusContrast)], rows: &[DiagnosisRow]) -> (Verdict, String) {
     let share = buses.iter().fold(Share::default(), |sum, (_, bus)| sum.with(bus.requests_seen.share()));
@@ -54,7 +67,8 @@ pub(super) fn verdict(buses: &[(&str, BusContrast)], rows: &[DiagnosisRow]) -> (
     };
     let what = if buses.len() == 1 { "This line" } else { "What was recorded" };
     if let Some(worst) = worst {
-        let cause = format!("{}: {}", rest(rows), worst.sentence);
+        let is_aside = share.failed == 0 && refused.failed > 0 && !EXPLAIN_REFUSALS.contains(&worst.code);
+        let cause = format!("{}: {}", if is_aside { "What else was found" } else { rest(rows) }, worst.sentence);
         if share.total == 0 || least_rate(share) > 0.3 {
             return (Verdict::Broken, format!("{what} is broken: {numbers}. {cause}"));
         }
@@ -65,8 +79,7 @@ pub(super) fn verdict(buses: &[(&str, BusContrast)], rows: &[DiagnosisRow]) -> (
         return (Verdict::Unknown, format!("This recording cannot be judged: {count} bytes, and no request among them."));
     }
     if share.total < FEW {
-        let count = thousands(share.total);
-        return (Verdict::Unknown, format!("This recording cannot be judged: {count} requests are too few."));
+        return (Verdict::Unknown, format!("This recording cannot be judged: {}.", too_few(share, refused)));
     }
     if share.failed > 0 && at_least(share, ACCIDENT) < MAX_CHANCE {
         let text = format!("{what} works with trouble: {numbers}, and nothing that was looked for explains it.");
@@ -86,13 +99,28 @@ pub(super) fn verdict(buses: &[(&str, BusContrast)], rows: &[DiagnosisRow]) -> (
     (Verdict::Healthy, text)
 }
 
+/// Why so few requests are no ground for a verdict, and what came of them all the same: who pastes three lines of a log into a
+/// file wants to hear that they were read.
+fn too_few(share: Share, refused: Share) -> String {
+    let requests = match share.total {
+        0 => return "it shows of no request what came of it".to_owned(),
+        1 => "1 request is too few".to_owned(),
+        count => format!("{count} requests are too few"),
+    };
+    let failed = match share.failed {
+        0 => String::new(),
+        count => format!("; {count} of {} failed", share.total),
+    };
+    let refusals = match refused.failed {
+        0 => String::new(),
+        count => format!("; {} refused by an exception", were(count)),
+    };
+    format!("{requests}{failed}{refusals}")
+}
+
 /// The requests of a bus that were refused by an exception response.
 fn refused(bus: &BusContrast) -> u64 {
     bus.units.values().flat_map(|unit| &unit.exceptions).map(|tally| tally.share().failed).sum()
-}
-
-fn were(count: u64) -> String {
-    format!("{} {}", thousands(count), if count == 1 { "was" } else { "were" })
 }
 
 fn rest(rows: &[DiagnosisRow]) -> &'static str {

@@ -156,7 +156,9 @@ fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<FormatGuess> {
             continue;
         }
         let extended = score(&[&rows[..], &[Arc::clone(&row)]].concat(), text, marks);
-        if extended.proven_bytes > total.proven_bytes && extended.purity() >= 0.5 * total.purity() {
+        // What a program's own row proves may have been printed in another one before; the damaged answers beside it were not.
+        let reads_more = !row.generic && extended.bytes > total.bytes && extended.unparsed < total.unparsed;
+        if reads_more || (extended.proven_bytes > total.proven_bytes && extended.purity() >= 0.5 * total.purity()) {
             rows.push(row);
             total = extended;
         }

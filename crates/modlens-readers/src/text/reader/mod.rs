@@ -271,9 +271,8 @@ impl Reader {
         for (role, found, end) in &matches {
             let bytes = &self.found[from..*end];
             from = *end;
-            if let (LineRole::Bytes(side), true) =
-                (role, dialect.generic && self.last_voice.is_some_and(|last| Some(last) != voice))
-            {
+            // What two dialects print of one frame is one frame: ESPHome's modbus says what it writes, and its uart does, too.
+            if let (LineRole::Bytes(side), true) = (role, self.last_voice.is_some_and(|last| Some(last) != voice)) {
                 if self.assembler.is_copy(bytes, found.side.or(*side)) {
                     self.assembler.skip_copy(bytes);
                     continue;
