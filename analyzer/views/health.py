@@ -57,7 +57,7 @@ def brief(doctor: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
 def reserves(doctor: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
     """The table of the units, with its head; nothing where no unit was asked."""
     if doctor["reserves"]:
-        yield [("reserves of the units", "head")]
+        yield [("headroom per unit", "head")]
         yield from _reserves(doctor["reserves"], min(width, _WIDEST))
 
 

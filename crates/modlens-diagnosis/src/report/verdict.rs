@@ -52,11 +52,18 @@ pub(super) fn verdict(buses: &[(&str, BusContrast)], rows: &[DiagnosisRow]) -> (
     } else {
         format!("{} of {} requests failed{refusals}", thousands(share.failed), thousands(share.total))
     };
-    let what = if buses.len() == 1 { "This line" } else { "What was recorded" };
+    let what = match buses {
+        [(_, bus)] if bus.facts.is_network => "This network",
+        [_] => "This line",
+        _ => "What was recorded",
+    };
     if let Some(worst) = worst {
         let cause = format!("{}: {}", rest(rows), worst.sentence);
         if share.total == 0 || least_rate(share) > 0.3 {
             return (Verdict::Broken, format!("{what} is broken: {numbers}. {cause}"));
+        }
+        if share.failed == 0 && refused.failed == 0 {
+            return (Verdict::Trouble, all_answered(share.total, rows, worst));
         }
         return (Verdict::Trouble, format!("{what} works with trouble: {numbers}. {cause}"));
     }
@@ -65,8 +72,11 @@ pub(super) fn verdict(buses: &[(&str, BusContrast)], rows: &[DiagnosisRow]) -> (
         return (Verdict::Unknown, format!("This recording cannot be judged: {count} bytes, and no request among them."));
     }
     if share.total < FEW {
-        let count = thousands(share.total);
-        return (Verdict::Unknown, format!("This recording cannot be judged: {count} requests are too few."));
+        let count = match share.total {
+            1 => String::from("1 request is"),
+            count => format!("{} requests are", thousands(count)),
+        };
+        return (Verdict::Unknown, format!("This recording cannot be judged: {count} too few."));
     }
     if share.failed > 0 && at_least(share, ACCIDENT) < MAX_CHANCE {
         let text = format!("{what} works with trouble: {numbers}, and nothing that was looked for explains it.");
@@ -95,9 +105,23 @@ fn were(count: u64) -> String {
     format!("{} {}", thousands(count), if count == 1 { "was" } else { "were" })
 }
 
+/// The sentence where no request failed: "works with trouble" would be contradicted by its own count.
+fn all_answered(total: u64, rows: &[DiagnosisRow], worst: &DiagnosisRow) -> String {
+    let answered = match total {
+        1 => String::from("The only request was answered"),
+        count => format!("All {} requests were answered", thousands(count)),
+    };
+    match rest(rows) {
+        ONE_CAUSE => format!("{answered}, but something is wrong: {}", worst.sentence),
+        several => format!("{answered}, but something is wrong. {several}: {}", worst.sentence),
+    }
+}
+
+const ONE_CAUSE: &str = "The cause";
+
 fn rest(rows: &[DiagnosisRow]) -> &'static str {
     match rows.iter().filter(|row| row.severity != Severity::Info).count() {
-        1 => "The cause",
-        _ => "The first of several causes",
+        1 => ONE_CAUSE,
+        _ => "The main cause of several",
     }
 }
