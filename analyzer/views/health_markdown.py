@@ -18,7 +18,7 @@ from analyzer.views.screen import visible
 __all__ = ["markdown"]
 
 _HEAD = (
-    *("bus", "unit", "requests", "answered", "measured", "p99 ms", "timeout ms", "late", "damaged"),
+    *("bus", "unit", "requests", "answered", "timed", "p99 ms", "timeout ms", "late", "damaged"),
     "clock",
 )
 _CLOCKS = {"utc": "UTC", "relative": "since the start", "none": "none"}
