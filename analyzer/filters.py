@@ -114,10 +114,10 @@ def parse(text: str, table: str = "transactions") -> Filter:
     except SyntaxError as error:
         column = None if error.offset is None else max(error.offset - 1, 0)
         found = wrong_operator(text.strip())
-        column, reason = (column, error.msg) if found is None else found
-        raise FilterError(
-            f"not an expression: {reason}", text=text.strip(), column=column
-        ) from None
+        message = f"not an expression: {error.msg}"
+        if found is not None:
+            column, message = found
+        raise FilterError(message, text=text.strip(), column=column) from None
     except (ValueError, RecursionError, MemoryError) as error:
         raise FilterError(f"not an expression: {error}", text=text.strip()) from None
     compiler = Compiler(text.strip(), table, known)

@@ -125,7 +125,10 @@ class TransactionRow(AnyRow, Protocol):
 
     @property
     def confidence(self) -> int:
-        """Log2 odds that status and pairing are right, not above those of its frames."""
+        """Confidence in bits, not above that of its frames.
+
+        10 means 1000 to 1 that status and pairing are right.
+        """
 
     @property
     def unconfirmed(self) -> bool:
@@ -272,7 +275,7 @@ class FrameRow(AnyRow, Protocol):
 
     @property
     def confidence(self) -> int:
-        """Log2 odds that this row is right, at most 15: 10 is 1000 to 1."""
+        """Confidence in bits, at most 15: 10 means 1000 to 1 that the row is right."""
 
     @property
     def gap_us(self) -> float | Any:

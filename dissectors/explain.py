@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import _modlens
@@ -127,10 +127,13 @@ def explain(word: str, *, source: _modlens.Functions | None = None) -> Explanati
     state = _as_state(text)
     if state is not None:
         return state
-    hint = similar_name(word, known_words(source=source))
+    # Among some hundred names, what is less similar is far-fetched: `tables` is no `stray_bytes`.
+    hint = similar_name(word, known_words(source=source), least=0.7)
     end = "try 3, 'exception 2' or bad_checksum; modlens explain list prints all names"
     if hint is not None:
         end = f"did you mean {hint!r}?"
+    if text in ("filter", "filters", "where", "--where"):
+        end = "a filter is --where 'unit == 3'; modlens explain list prints its columns and words"
     raise UsageError(f"no such code or name: {word!r}; {end}")
 
 
@@ -174,16 +177,22 @@ def _as_state(text: str) -> Explanation | None:
         return _finding(finding)
     diagnosis = vocabulary.diagnosis(word)
     if diagnosis is not None:
-        title = f"{diagnosis.code} (diagnosis, {diagnosis.severity} at most)"
+        title = f"{diagnosis.code} (diagnosis, severity up to {diagnosis.severity})"
         return Explanation("diagnosis", title, "", _diagnosis(diagnosis))
     status = vocabulary.respelled("status", word)
     if status in vocabulary.statuses():
         meaning = _sentence(vocabulary.statuses()[status])
-        return Explanation("status", f"{status} (status of a transaction)", "", (meaning,))
+        how = (_DAMAGE,) if status == "bad_response" else ()
+        return Explanation("status", f"{status} (status of a transaction)", "", (meaning, *how))
     if word in vocabulary.verdicts():
         meaning = _sentence(vocabulary.verdicts()[word])
         return Explanation("verdict", f"{word} (verdict of a frame)", "", (meaning,))
     return None
+
+
+_DAMAGE = (
+    "The findings of its response say how: bad_checksum, incomplete, response_length and others."
+)
 
 
 def _explanation(named: Named, source: _modlens.Functions | None) -> Explanation:
@@ -225,8 +234,15 @@ def _as_function(text: str, source: _modlens.Functions | None) -> Explanation | 
     code = parse_code(text)
     if code is None:
         return None
-    # 0x83 is the code of function 3 in an exception response.
-    return _function(code & ~EXCEPTION_BIT if code in EXCEPTION_RESPONSE_CODES else code, source)
+    if code in EXCEPTION_RESPONSE_CODES:
+        # 0x83 is the code of function 3 in an exception response.
+        return _function(code & ~EXCEPTION_BIT, source)
+    found, other = _function(code, source), vocabulary.exception(code)
+    if other is None or not text[0].isdigit():
+        return found
+    # A bare number may be either.
+    see = f"Exception code {code} is {other.name}: modlens explain exception {code}"
+    return replace(found, text=(*found.text, see))
 
 
 def _function(code: int, source: _modlens.Functions | None) -> Explanation:
@@ -325,7 +341,7 @@ def _finding(entry: vocabulary.Finding) -> Explanation:
         text.append(f"As the status of a transaction: {status}.")
     diagnosis = vocabulary.diagnosis(entry.code)
     if diagnosis is not None:
-        text += [f"As a diagnosis of modlens doctor ({diagnosis.severity} at most):"]
+        text += [f"As a diagnosis of modlens doctor (severity up to {diagnosis.severity}):"]
         text += _diagnosis(diagnosis)
     return Explanation("finding", title, _section_text(entry.section), tuple(text))
 

@@ -66,8 +66,8 @@ def normalized(text: str) -> str:
     return re.sub(r"[^a-z0-9]", "", text.casefold())
 
 
-def similar_name(text: str, known: Iterable[str]) -> str | None:
-    """The known name most similar to a misspelled one; None if none is similar.
+def similar_name(text: str, known: Iterable[str], *, least: float = 0.6) -> str | None:
+    """The known name most similar to a misspelled one; None if none is `least` similar, of 1.
 
     >>> similar_name("quantitty", ["address", "quantity"])
     'quantity'
@@ -75,7 +75,7 @@ def similar_name(text: str, known: Iterable[str]) -> str | None:
     by_plain = {normalized(name): name for name in known}
     import difflib  # noqa: PLC0415 - for a message only
 
-    found = difflib.get_close_matches(normalized(text), by_plain, n=1, cutoff=0.6)
+    found = difflib.get_close_matches(normalized(text), by_plain, n=1, cutoff=least)
     return by_plain[found[0]] if found else None
 
 

@@ -30,6 +30,7 @@ examples:
 
 The table is printed unless -o or --to is given; add --to table to print it
 along with -o. A device profile (--profile) gives registers names and units.
+Under "resp. ms", >322 means: not answered within this time.
 """
 
 

@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Decode the recordings, then say what is wrong; gives the exit status."""
-    messages = Messages(quiet=options.to is not None)
+    messages = Messages(quiet=options.to is not None, timezone=options.timezone)
     if options.to == "csv":
         # What works on many files at once is loaded for them only.
         from analyzer.cli.archive_days import run_bus_days  # noqa: PLC0415

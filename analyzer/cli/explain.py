@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import argparse
 import textwrap
+from collections.abc import Sequence
 
 import _modlens
 from analyzer.cli.chosen_settings import load_functions
 from analyzer.cli.parser import add_functions
 from analyzer.columns import TABLES, columns
-from analyzer.views.screen import stdout, visible
+from analyzer.views.screen import Screen, stdout, visible
 from dissectors.errors import UsageError
 from dissectors.explain import Explanation, explain, known_words
 from dissectors.vocabulary import respelled
@@ -36,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         metavar="CODE",
         help="a function or exception code, or the name of a function, finding, status or column;"
-        " list prints all names",
+        " several names are explained one after the other; list prints all names",
     )
     add_functions(parser)
     parser.epilog = EPILOG
@@ -51,14 +52,34 @@ def run(options: argparse.Namespace) -> int:
         for word in dict.fromkeys((*known_words(source=source), *keys)):
             screen.line(visible(word))
         return 0
-    found = _explanation(" ".join(options.words), source)
+    for number, found in enumerate(_explanations(options.words, source)):
+        if number:
+            screen.line("")
+        _draw(found, screen)
+    return 0
+
+
+def _draw(found: Explanation, screen: Screen) -> None:
     width = min(screen.width, 100)
     screen.line(visible(found.title), "head")
     if found.section:
         screen.line(visible(found.section), "dim")
     for line in _body(found, width):
         screen.line(visible(line))
-    return 0
+
+
+def _explanations(words: Sequence[str], source: _modlens.Functions) -> list[Explanation]:
+    """What the words mean together, such as `exception 2`; otherwise each name by itself."""
+    try:
+        return [_explanation(" ".join(words), source)]
+    except UsageError:
+        if len(words) == 1 or any(word[:1].isdigit() for word in words):
+            raise
+        try:
+            return [_explanation(word, source) for word in words]
+        except UsageError:
+            pass
+        raise
 
 
 def _explanation(word: str, source: _modlens.Functions) -> Explanation:

@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Go through the recordings, then print the map; gives the exit status."""
-    messages = Messages(quiet=False)
+    messages = Messages(quiet=False, timezone=options.timezone)
     chosen = replace(settings(options), tables=("transactions",))
     files = file_run(options, chosen, messages)
     found = _modlens.RegisterMap()

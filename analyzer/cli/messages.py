@@ -39,11 +39,15 @@ class Messages:
 
     `unparsed_lines` counts the lines of text recordings that could not be parsed so far. `progress`
     is the line that says how far the reading has come, unless rows go to the same terminal.
+    `timezone` is the zone that the user gave for timestamps that state none.
     """
 
-    def __init__(self, *, quiet: bool, rows_on_terminal: bool = False) -> None:
+    def __init__(
+        self, *, quiet: bool, rows_on_terminal: bool = False, timezone: str | None = None
+    ) -> None:
         self.progress = ProgressLine(shown=not rows_on_terminal)
         self._quiet = quiet
+        self._timezone = timezone
         self._screen = Screen(sys.stderr)
         self.unparsed_lines = 0
 
@@ -103,7 +107,10 @@ class Messages:
         )
         words = [f"{status.name}: {status.format} ({certainty})"]
         clock = details.get("clock") or "none"
-        words.append(_CLOCKS.get(clock, f"clock: {clock}") + _resolution(details, clock))
+        times = _CLOCKS.get(clock, f"clock: {clock}")
+        if clock == "utc" and self._timezone is not None:
+            times = f"timestamps, read as {self._timezone} where they state no zone"
+        words.append(times + _resolution(details, clock))
         if details.get("mode"):
             words.append(f"mode {details['mode']}")
         words += details.get("said", [])

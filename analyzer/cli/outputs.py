@@ -63,7 +63,11 @@ def run_files(
     options: argparse.Namespace, *, to: str | None, quiet: bool, follow: bool = False
 ) -> int:
     """Decode the input files into all outputs; gives the exit status."""
-    messages = Messages(quiet=quiet, rows_on_terminal=to is not None and sys.stdout.isatty())
+    messages = Messages(
+        quiet=quiet,
+        rows_on_terminal=to is not None and sys.stdout.isatty(),
+        timezone=options.timezone,
+    )
     settings = run_settings(options)
     report_silence_limits(settings, messages)
     run = file_run(options, settings, messages, follow=follow)

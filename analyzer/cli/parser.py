@@ -33,6 +33,10 @@ TIMES = ("local", "utc", "elapsed", "delta")
 _ROWS_OF_ONE = "which rows is a condition: modlens decode FILE --where 'unit == 3'"
 _HINTS = (
     ("--between: expected", "it takes a beginning and an end, such as --between yesterday today"),
+    (
+        "argument --txn: invalid int",
+        "show takes one; for several: modlens decode FILE --where '10 <= txn <= 20'",
+    ),
     *((f"unrecognized arguments: --{word}", _ROWS_OF_ONE) for word in ("unit", "slave", "filter")),
 )
 """Words of a message -> what to say after it."""
@@ -67,7 +71,7 @@ def add_line(parser: argparse.ArgumentParser) -> None:
         "--baud",
         type=int,
         metavar="N",
-        help="baud rate (instead of --line; what is not given besides has its default)",
+        help="baud rate (instead of --line; omitted settings use their defaults)",
     )
     group.add_argument(
         "--bits",
@@ -98,13 +102,13 @@ def add_decoding(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="N",
-        help="captures of networks only: TCP and UDP ports that carry Modbus, such as 502,1502,"
+        help="network captures only: TCP and UDP ports that carry Modbus, such as 502,1502,"
         " or any for all ports (default: 502)",
     )
     group.add_argument(
         "--channels",
         metavar="A,B",
-        help="samples of a logic analyzer only: channels to use, such as RX,TX; write !RX if the"
+        help="logic-analyzer samples only: channels to use, such as RX,TX; write !RX if the"
         " line is inverted (default: detected)",
     )
     group.add_argument(
@@ -244,7 +248,10 @@ def _add_output(parser: argparse.ArgumentParser) -> None:
         help="address notation in tables: wire counts from 0, as sent (default)",
     )
     group.add_argument(
-        "--times", choices=TIMES, default="local", help="how tables show times (default: local)"
+        "--times",
+        choices=TIMES,
+        default="local",
+        help="how tables show times (default: local: this computer's zone, not that of --timezone)",
     )
     group.add_argument(
         "--to",

@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
     if options.viewer:
         write_page(options.output, viewer())
         return 0
-    messages = Messages(quiet=False)
+    messages = Messages(quiet=False, timezone=options.timezone)
     with StopSignals() as stop_signals:
         recording = RecordingDocument(options, messages, stop_signals)
         write_page(options.output, page(recording.document))

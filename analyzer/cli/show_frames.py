@@ -69,6 +69,8 @@ class DisplayedExchange:
         cls, row: Any, findings: list[dict[str, Any]], readings: tuple[tuple[str, str], ...] = ()
     ) -> DisplayedExchange:
         """From a row of the transactions table; `readings` are pairs of name and value."""
+        if row.exception is not None:
+            findings = [_with_exception(found, row.exception) for found in findings]
         title = f"transaction {row.txn}: {row.mode}, {row.status}{_time_text(row)}"
         request = DisplayedFrame(
             f"request, frame {row.request_frame}", row.request_hex, row.mode, "request"
@@ -85,6 +87,12 @@ class DisplayedExchange:
             title,
             readings,
         )
+
+
+def _with_exception(found: dict[str, Any], exception: int) -> dict[str, Any]:
+    """A finding whose advice names the code of the exception that came."""
+    advice = found["advice"].replace("explain exception N", f"explain exception {exception}")
+    return found | {"advice": advice}
 
 
 def show(

@@ -114,8 +114,8 @@ def _add_recording(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--keep",
         metavar="N",
-        help="keep the newest files only: so many, such as 168, or this size in all, such as 2GB,"
-        " which includes the growing file",
+        help="keep the newest files only: a number of files (168) or a total size (2GB), which"
+        " includes the growing file",
     )
 
 

@@ -41,11 +41,20 @@ def rank_findings(
     """
     causes = _causes(doctor)
     known = {one.code: (one.severity, one.advice) for one in findings()}
+    exceptions = {code for bus in stats.get("buses", ()) for code in _exceptions(bus)}
     found = []
     for code, count in stats["findings"].items():
         severity, advice = known.get(code, ("info", ""))
+        if len(exceptions) == 1:
+            advice = advice.replace("explain exception N", f"explain exception {min(exceptions)}")
         found.append((code, count, severity, causes.get(code, advice)))
     yield from sorted(found, key=lambda one: (_SEVERITY_ORDER[one[2]], -one[1], one[0]))
+
+
+def _exceptions(bus: Mapping[str, Any]) -> Iterator[str]:
+    """The codes of the exceptions that the units of a bus answered with."""
+    for row in bus["units"]:
+        yield from row["exceptions"]
 
 
 def _causes(doctor: Mapping[str, Any] | None) -> dict[str, str]:

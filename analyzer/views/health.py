@@ -57,7 +57,7 @@ def brief(doctor: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
 def reserves(doctor: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
     """The table of the units, with its head; nothing where no unit was asked."""
     if doctor["reserves"]:
-        yield [("reserves of the units", "head")]
+        yield [("headroom per unit", "head")]
         yield from _reserves(doctor["reserves"], min(width, _WIDEST))
 
 
@@ -132,7 +132,7 @@ def _reserves(rows: Sequence[Mapping[str, Any]], width: int) -> Iterator[list[Pa
         GridColumn(ColumnLayout("damaged", 7, align_right=True), lambda row: _some(row["damaged"])),
     ]
     if any(0 < row["timed"] < row["answered"] for row in rows):
-        fields.insert(3, GridColumn(ColumnLayout("timed", 5, align_right=True), _timed))
+        fields.insert(3, GridColumn(ColumnLayout("measured", 5, align_right=True), _timed))
     buses = tuple(dict.fromkeys(row["bus"] for row in rows))
     if len(buses) > 1:
         fields.insert(0, cells.bus_field(buses, lambda row: str(row["bus"])))

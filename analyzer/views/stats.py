@@ -218,7 +218,7 @@ def _row_fields(rows: Sequence[Mapping[str, Any]], *, is_wide: bool) -> list[Gri
     if is_wide and any(0 < _timed(row) < _answered(row) for row in rows):
         chosen.append(
             GridColumn(
-                ColumnLayout("timed", 5, align_right=True),
+                ColumnLayout("measured", 5, align_right=True),
                 lambda row: cells.share_of(_timed(row), _answered(row)),
             )
         )

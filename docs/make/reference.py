@@ -168,7 +168,7 @@ def diagnoses() -> str:
         more = f" [What it is, and how to mend it](../{page})."
         parts += [
             f"## {one.code}\n",
-            f"**{_cell(one.title)}** ({one.severity} at most)."
+            f"**{_cell(one.title)}** (severity up to {one.severity})."
             + (more if (ROOT / "docs" / page).exists() else "")
             + "\n",
             f"> {_cell(sentences[one.code])}\n",

@@ -95,7 +95,7 @@ MISTAKES = [
     ("unit == None", "`is None`", "column 9 of"),
     ("unit is 1", "use `==`", ""),
     ("unit ==", "not an expression", ""),
-    ("unit = 1", "not an expression", ""),
+    ("unit = 1", "write `==` to compare, not `=`", "column 6 of"),
     ("", "an empty filter", ""),
     ("__import__('os')", "the only functions are touches", ""),
     ("unit.__class__ == 1", "not part of the filter language", ""),

@@ -113,3 +113,23 @@ def test_layouts_are_described_in_words() -> None:
 def test_a_word_that_is_a_finding_and_a_status_is_explained_as_both() -> None:
     """`no_response` is the code of a finding and the status of a transaction."""
     assert "As the status of a transaction: no response arrived" in str(explain("no_response"))
+
+
+def test_a_bare_number_may_be_an_exception_too() -> None:
+    """There is an exception 6, but no exception 16; what is said to be a function is one."""
+    assert "modlens explain exception 6" in explain("6").text[-1]
+    assert not any("exception 16" in text for text in (*explain("16").text, *explain("fc16").text))
+    assert not any("explain exception" in text for text in explain("fc6").text)
+
+
+@pytest.mark.parametrize("word", ["tables", "filters", "where"])
+def test_nothing_far_fetched_is_offered(word: str) -> None:
+    """Words for other parts of the program are no misspelled findings."""
+    with pytest.raises(UsageError) as caught:
+        explain(word)
+    assert "did you mean" not in str(caught.value)
+    assert "modlens explain list prints" in str(caught.value)
+
+
+def test_a_damaged_response_leads_to_its_findings() -> None:
+    assert "bad_checksum" in explain("bad_response").text[-1]

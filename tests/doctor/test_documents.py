@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -54,7 +55,8 @@ def test_the_advice_of_findings_does_not_contradict_the_cause(capture: Capture) 
         if causes:
             assert advice.startswith(f"Caused by {causes[0]['code']}")
         else:
-            assert advice == general[code]
+            # Of an exception, the advice names the code where it is the only one.
+            assert re.sub(r"exception \d+\.$", "exception N.", advice) == general[code]
 
 
 @pytest.mark.parametrize("name", ["pymodbus_slow_unit", "pymodbus_idle_close"])

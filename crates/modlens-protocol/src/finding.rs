@@ -162,7 +162,7 @@ findings! {
         "serial line 2.4.1";
     Unsolicited "unsolicited" Warning
         "a response without a request"
-        "The tap missed the request, or a second device responded."
+        "The tap missed the request, a second device responded, or the response came after the master had given up (late_response)."
         "Two units with the same address; the start of the recording; a tap that hears only one direction."
         "serial line 2.4.1";
     Duplicate "duplicate_response" Warning

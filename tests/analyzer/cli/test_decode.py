@@ -31,6 +31,19 @@ def test_the_table_is_for_stdout_and_the_rest_for_stderr(modlens: Modlens) -> No
     assert "transactions: ok" in said[2]
 
 
+def test_the_zone_that_times_are_read_in_is_named(modlens: Modlens, tmp_path: Path) -> None:
+    """With `--timezone`, a log is not said to have times in UTC."""
+    path = tmp_path / "day.log"
+    path.write_text(
+        "2026-11-21 10:00:00.000 TX 01 03 00 00 00 0A C5 CD\n"
+        "2026-11-21 10:00:00.050 RX 01 83 02 C0 F1\n",
+        encoding="utf-8",
+    )
+    said = modlens("decode", path, "--timezone", "Europe/Berlin").err
+    assert "read as Europe/Berlin where they state no zone" in said
+    assert "UTC timestamps" not in said
+
+
 def test_lines_that_are_not_understood_are_counted_and_shown(
     modlens: Modlens, tmp_path: Path
 ) -> None:

@@ -237,6 +237,24 @@ def test_formats_are_listed_with_samples(modlens: Modlens) -> None:
         assert kind.sample[0] in done.out
 
 
+def test_several_names_are_explained_one_after_the_other(modlens: Modlens) -> None:
+    """Unless they are one name together; where one of them is unknown, nothing is explained."""
+    done = modlens("explain", "retry", "bad_checksum")
+    heads = [line for line in done.out.splitlines() if "(finding," in line]
+    assert [head.split()[0] for head in heads] == ["retry", "bad_checksum"]
+    assert modlens("explain", "no", "response").out.startswith("no_response")
+    assert modlens("explain", "retry", "xyzzy").status == 2
+
+
+def test_the_advice_on_an_exception_names_its_code(modlens: Modlens, tmp_path: Path) -> None:
+    """A refusal by exception 2, of which `show` and `stats` say how to look it up."""
+    path = tmp_path / "refused.hex"
+    path.write_text("01 03 00 00 00 0A C5 CD\n01 83 02 C0 F1\n", encoding="utf-8")
+    for words in (("show", path, "--txn", "1"), ("stats", path)):
+        done = modlens(*words)
+        assert "modlens explain exception 2." in " ".join((done.out + done.err).split())
+
+
 def test_columns_are_explained(modlens: Modlens) -> None:
     """A column by its name, in each table that has it; a finding goes first."""
     done = modlens("explain", "response_time_us")

@@ -186,7 +186,7 @@ def test_the_doctor_listens(tmp_path: Path) -> None:
     assert out.startswith("This line")
     assert "1. dead_unit_cost (error)" in out
     assert "Check:" in out
-    assert "reserves of the units" in out
+    assert "headroom per unit" in out
     told = page.read_text("utf-8")
     assert f"Unit {UNIT + 1} never answers" in told
     assert "dead_unit_cost" in told

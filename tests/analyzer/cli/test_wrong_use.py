@@ -54,6 +54,7 @@ WRONG: list[tuple[int, str, list[str | Path]]] = [
     (2, "'zz' is not hex text, and there is no such file", ["show", "zz"]),
     (2, "3 hex digits, but each byte takes two", ["show", "123"]),
     (2, "there is no frame 999; ", ["show", SEED, "--frame", "999"]),
+    (2, "--where '10 <= txn <= 20'", ["show", SEED, "--txn", "10-20"]),
     (2, "there is no transaction 0; ", ["show", SEED, "--txn", "0"]),
     (2, "either --frame or --txn", ["show", SEED, "--frame", "1", "--txn", "1"]),
     (3, "no.hex: no such file", ["show", "no.hex", "--frame", "1"]),

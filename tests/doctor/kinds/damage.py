@@ -176,7 +176,7 @@ class EarlyDriver(Trouble):
 
 @kind("driver_enable")
 def driver_enable(rng: Random, seed: int) -> Case:
-    """Answers without their first bytes after short turn-rounds; or requests without their last."""
+    """Answers without their first bytes after short turnarounds; or requests without their last."""
     scene = Scene(rng, random_plant(rng, units=rng.randint(2, 4)))
     if seed % 3 == 0:
         count, rate = scale(rng, 1.0)

@@ -1,5 +1,7 @@
 //! Answers that come late, for a while not at all, or never.
 
+use modlens_protocol::Ns;
+
 use crate::claim::{duration, percent, Claim, View};
 use crate::contrast::UnitCounts;
 use crate::statistics::{at_least, fisher, in_runs_at_most, Share};
@@ -33,8 +35,8 @@ fn overtaken(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     if let (Some(waited), Some(needed)) = (counts.overtaken.waited.percentile(0.5), counts.overtaken.needed.percentile(1.0)) {
         claim = claim
             .fact("timeout", format!(", after {}", duration(waited)))
-            .fact("needed", format!("; the slowest answer took {}", duration(needed)))
-            .fact("suggestion", format!(": {} or more", duration(needed + needed / 2)));
+            .fact("needed", format!("; the slowest answer took {}", duration(needed)));
+        claim = suggested(claim, needed + needed / 2);
     }
     Some(claim)
 }
@@ -59,9 +61,7 @@ fn late(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
         claim = claim.fact("timeout", format!(", after {}", duration(waited)));
     }
     if let Some(needed) = counts.late_after.percentile(1.0) {
-        claim = claim
-            .fact("needed", format!("; the slowest answer took {}", duration(needed)))
-            .fact("suggestion", format!(": {} or more", duration(needed + needed / 2)));
+        claim = suggested(claim.fact("needed", format!("; the slowest answer took {}", duration(needed))), needed + needed / 2);
     }
     Some(claim)
 }
@@ -75,12 +75,18 @@ fn pressing(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let (median, high) = (counts.response_times.percentile(0.5)?, counts.response_times.percentile(0.9)?);
     let presses = high > timeout / 2 && high < timeout * 2 && median * 3 > timeout;
     (presses && counts.response_times.count >= 10).then(|| {
-        Claim::new("slow_answers", failed, chance)
+        let claim = Claim::new("slow_answers", failed, chance)
             .of_unit(unit)
             .fact("timeout", format!(", after {}", duration(timeout)))
-            .fact("needed", format!("; of the answers in time, one in ten took more than {}", duration(high)))
-            .fact("suggestion", format!(": {} or more", duration(2 * timeout)))
+            .fact("needed", format!("; of the answers in time, one in ten took more than {}", duration(high)));
+        suggested(claim, 2 * timeout)
     })
+}
+
+/// With the time-out to set, which is the same in what to check and in its proof.
+fn suggested(claim: Claim, timeout: Ns) -> Claim {
+    let timeout = duration(timeout);
+    claim.fact("suggestion", format!(": {timeout} or more")).fact("raised", format!(" to {timeout}"))
 }
 
 /// A unit that never answers.

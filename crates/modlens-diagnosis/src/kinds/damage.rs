@@ -73,9 +73,9 @@ fn strays_of_one_unit(view: &View<'_>) -> Option<Claim> {
 fn sides(counts: [u64; 2]) -> String {
     match counts {
         [0, 0] => String::new(),
-        [before, after] if after * 9 < before => String::from(", nearly all of them in front of answers"),
-        [before, after] if before * 9 < after => String::from(", nearly all of them behind answers"),
-        [before, after] => format!(", {before} in front of answers and {after} behind them"),
+        [before, after] if after * 9 < before => String::from(", nearly all of them before answers"),
+        [before, after] if before * 9 < after => String::from(", nearly all of them after answers"),
+        [before, after] => format!(", {before} before answers and {after} after them"),
     }
 }
 

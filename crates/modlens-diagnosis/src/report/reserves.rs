@@ -5,7 +5,7 @@ use serde_json::{json, Value as Json};
 use crate::contrast::BusContrast;
 use modlens_protocol::source::Clock;
 
-/// The reserves of the units of a bus.
+/// The headroom of each unit of a bus.
 pub(super) fn of_bus(name: &str, bus: &BusContrast) -> Vec<Json> {
     let us = |ns: i64| ns as f64 / 1000.0;
     // A master mostly has one time-out for all: where a unit has never failed, that of the others is shown.

@@ -18,7 +18,7 @@ pub(super) fn of_bus(name: &str, bus: &BusContrast) -> Vec<Json> {
     let mut say = |what: &str, needs: &str| found.push(json!({"bus": name, "what": what, "needs": needs}));
     let requests = bus.requests_seen.total;
     if requests < FEW {
-        say("too few requests for shares", "a longer recording: ten requests to each unit at least, a hundred are better");
+        say("too few requests for percentages", "a longer recording: ten requests to each unit at least, a hundred are better");
     }
     if requests > 0 && requests == bus.requests_seen.failed && bus.frames.frames[Verdict::Noise as usize] == 0 {
         say(
@@ -37,7 +37,7 @@ pub(super) fn of_bus(name: &str, bus: &BusContrast) -> Vec<Json> {
         say("damage on the wire: the recording has no checksums", "a recording of the bytes on the wire");
     }
     if bus.facts.mode == Some(Mode::Rtu) && !bus.facts.is_network && bus.facts.char_ns.is_none() && requests > 0 {
-        say("how full the line is: its settings are not known", "the line settings: --line 19200-8E1, for instance");
+        say("bus load: unknown without the line settings", "an option, for example --line 19200-8E1");
     }
     if let Some((from, to, usual)) = hole(bus) {
         let between = if bus.facts.clock == Clock::Utc {

@@ -65,12 +65,19 @@ pub(super) fn verdict(buses: &[(&str, BusContrast)], rows: &[DiagnosisRow]) -> (
     } else {
         format!("{} of {} requests failed{refusals}", thousands(share.failed), thousands(share.total))
     };
-    let what = if buses.len() == 1 { "This line" } else { "What was recorded" };
+    let what = match buses {
+        [(_, bus)] if bus.facts.is_network => "This network",
+        [_] => "This line",
+        _ => "What was recorded",
+    };
     if let Some(worst) = worst {
         let is_aside = share.failed == 0 && refused.failed > 0 && !EXPLAIN_REFUSALS.contains(&worst.code);
         let cause = format!("{}: {}", if is_aside { "What else was found" } else { rest(rows) }, worst.sentence);
         if share.total == 0 || least_rate(share) > 0.3 {
             return (Verdict::Broken, format!("{what} is broken: {numbers}. {cause}"));
+        }
+        if share.failed == 0 && refused.failed == 0 {
+            return (Verdict::Trouble, all_answered(share.total, rows, worst));
         }
         return (Verdict::Trouble, format!("{what} works with trouble: {numbers}. {cause}"));
     }
@@ -123,9 +130,27 @@ fn refused(bus: &BusContrast) -> u64 {
     bus.units.values().flat_map(|unit| &unit.exceptions).map(|tally| tally.share().failed).sum()
 }
 
+fn were(count: u64) -> String {
+    format!("{} {}", thousands(count), if count == 1 { "was" } else { "were" })
+}
+
+/// The sentence where no request failed: "works with trouble" would be contradicted by its own count.
+fn all_answered(total: u64, rows: &[DiagnosisRow], worst: &DiagnosisRow) -> String {
+    let answered = match total {
+        1 => String::from("The only request was answered"),
+        count => format!("All {} requests were answered", thousands(count)),
+    };
+    match rest(rows) {
+        ONE_CAUSE => format!("{answered}, but something is wrong: {}", worst.sentence),
+        several => format!("{answered}, but something is wrong. {several}: {}", worst.sentence),
+    }
+}
+
+const ONE_CAUSE: &str = "The cause";
+
 fn rest(rows: &[DiagnosisRow]) -> &'static str {
     match rows.iter().filter(|row| row.severity != Severity::Info).count() {
-        1 => "The cause",
-        _ => "The first of several causes",
+        1 => ONE_CAUSE,
+        _ => "The main cause of several",
     }
 }

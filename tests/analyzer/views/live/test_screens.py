@@ -58,7 +58,7 @@ def test_keys_do_what_the_foot_says() -> None:
         terminal.wait_for("filter: unit = 1_")
         terminal.press("Enter")
         # What was typed stays, to be mended.
-        terminal.wait_for("filter: unit = 1_  not an expression")
+        terminal.wait_for("filter: unit = 1_  write `==` to compare")
         terminal.press("BSpace", "BSpace")
         terminal.press("-l", "= 1")
         terminal.press("Enter")
