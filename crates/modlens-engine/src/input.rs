@@ -112,15 +112,17 @@ impl Input {
             self.buffer.drain(..self.head);
             self.head = 0;
         }
-        self.push_marks(chunk);
+        if chunk.follows_loss || chunk.has_line_error || !chunk.error_positions.is_empty() {
+            self.push_marks(chunk);
+        }
         self.buffer.extend_from_slice(chunk.bytes);
         self.push_reads(chunk);
     }
 
-    /// Keeps the stream offsets of the marks of a chunk whose bytes will be appended.
+    /// Keeps the stream offsets of the marks of a chunk that has some, whose bytes will be appended.
     fn push_marks(&mut self, chunk: &Chunk<'_>) {
         let start = self.end();
-        self.has_marks |= chunk.follows_loss || chunk.has_line_error || !chunk.error_positions.is_empty();
+        self.has_marks = true;
         if chunk.follows_loss {
             self.losses.push_back(start);
         }

@@ -7,7 +7,6 @@ use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rows::MatchedExchange;
 use crate::framer::ascii::MAX_MESSAGE_CHARACTERS;
 use crate::session::bus::{declared_direction, BusState};
-use crate::session::frame_timing::FrameTiming;
 use crate::session::Session;
 use modlens_protocol::checksum::lrc;
 use modlens_protocol::direction::Direction;
@@ -104,7 +103,7 @@ impl Session {
             let wire = &state.lines[0].1.input.bytes()[..matched.lengths[0] + matched.lengths[1]];
             let wires = adjacent_spans(self.batch.store(wire).start as usize, matched.lengths);
             let pdus = Some(adus.each_ref().map(|adu| self.batch.store(&adu[1..])));
-            self.emit_exchange(bus, &matched, &ExchangePlaces { wires, pdus }, &mut run, FrameTiming::of);
+            self.emit_exchange::<false>(bus, &matched, &ExchangePlaces { wires, pdus }, &mut run);
             let response = &adus[1];
             self.buses[bus].pairing.sync_after_batch(response[0], &response[1..]);
         }

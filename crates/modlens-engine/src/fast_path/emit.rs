@@ -2,7 +2,6 @@
 
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rows::{ExchangeRows, MatchedExchange};
-use crate::input::Input;
 use crate::records::Span;
 use crate::session::bus::{learn_side, BusState};
 use crate::session::frame_timing::{FrameTiming, TimingConfig};
@@ -69,22 +68,23 @@ impl Session {
     /// Emits the rows of an exchange at the heads of its lines and consumes its bytes. Decides nothing: the caller has matched
     /// the exchange, and there is no finding on it.
     ///
+    /// `IN_PACKETS`: each of its frames is exactly a read with a time, on a bus with a clock.
+    ///
     /// The session then has the state in which the slow path would leave it: what the bus has learned (`learn_exchange`), the
     /// request's statistics, and the next numbers (one transaction, two frames). The run counts the exchange. Left to the
-    /// caller are how its frames are timed (`timing_of`, of the first bytes of an input), the statistics of the bus, which come once a run, the last response, which comes once a run or, in ASCII,
+    /// caller are the statistics of the bus, which come once a run, the last response, which comes once a run or, in ASCII,
     /// with each exchange, and the framer.
     #[inline(always)]
     #[allow(clippy::inline_always)] // The body of three loops: as a call, most of its time goes to passing the arguments.
-    pub(super) fn emit_exchange(
+    pub(super) fn emit_exchange<const IN_PACKETS: bool>(
         &mut self,
         bus: usize,
         matched: &MatchedExchange,
         places: &ExchangePlaces,
         run: &mut Run,
-        timing_of: impl Fn(&Input, usize, &TimingConfig) -> FrameTiming + Copy,
     ) {
         let state = &mut self.buses[bus];
-        let ExchangeTiming { request, response, response_time } = learn_exchange(state, matched, &run.config, timing_of);
+        let ExchangeTiming { request, response, response_time } = learn_exchange::<IN_PACKETS>(state, matched, &run.config);
         let response_time = response_time.filter(|&ns| ns >= run.min_measurable_ns);
         let expected = &matched.expected;
         let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
@@ -138,15 +138,14 @@ impl Session {
 /// learns, and that its unit is known and was paired. Returns when and where its frames were.
 #[inline(always)]
 #[allow(clippy::inline_always)] // As above.
-fn learn_exchange(
+fn learn_exchange<const IN_PACKETS: bool>(
     state: &mut BusState,
     matched: &MatchedExchange,
     config: &TimingConfig,
-    timing_of: impl Fn(&Input, usize, &TimingConfig) -> FrameTiming + Copy,
 ) -> ExchangeTiming {
     let MatchedExchange { expected, mbap_id, lines: [client, server], lengths, .. } = matched;
-    let request = consume(&mut state.lines[*client].1, lengths[0], config, timing_of);
-    let response = consume(&mut state.lines[*server].1, lengths[1], config, timing_of);
+    let request = consume::<IN_PACKETS>(&mut state.lines[*client].1, lengths[0], config);
+    let response = consume::<IN_PACKETS>(&mut state.lines[*server].1, lengths[1], config);
     learn_side(&mut state.side_votes, request.side, Direction::Request);
     learn_side(&mut state.side_votes, response.side, Direction::Response);
     let response_time = state.pairing.measurable_interval(request.end, response.start, response.clean_start);
@@ -186,13 +185,12 @@ pub(super) fn adjacent_spans(start: usize, [request_length, response_length]: [u
 /// gap counts from, is that of the line, not that of `config`.
 #[inline(always)]
 #[allow(clippy::inline_always)] // The result is large, and `Session::emit_exchange` takes it apart at once.
-fn consume(
-    line: &mut LineState,
-    length: usize,
-    config: &TimingConfig,
-    timing_of: impl Fn(&Input, usize, &TimingConfig) -> FrameTiming + Copy,
-) -> FrameTiming {
-    let frame = timing_of(&line.input, length, &TimingConfig { last_end: line.last_end, ..*config });
+fn consume<const IN_PACKETS: bool>(line: &mut LineState, length: usize, config: &TimingConfig) -> FrameTiming {
+    let config = TimingConfig { last_end: line.last_end, ..*config };
+    let frame = match line.input.first_read() {
+        Some(read) if IN_PACKETS => FrameTiming::of_timed_read(&line.input, read, length, &config),
+        _ => FrameTiming::of(&line.input, length, &config),
+    };
     line.input.consume(length);
     line.last_end = frame.end.or(line.last_end);
     frame

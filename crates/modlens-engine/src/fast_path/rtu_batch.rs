@@ -6,7 +6,6 @@ use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rows::MatchedExchange;
 use crate::framer::PauseEvidence;
 use crate::session::bus::BusState;
-use crate::session::frame_timing::FrameTiming;
 use crate::session::Session;
 use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::framing::Mode;
@@ -55,7 +54,7 @@ impl Session {
             let Some((matched, odds)) = match_exchange(state, &self.functions, request_timeout, last_answered) else { break };
             // The bytes of all exchanges of this run are copied into the arena at its end, in one piece.
             let wires = adjacent_spans(arena_start + run.totals.bytes, matched.lengths);
-            self.emit_exchange(bus, &matched, &ExchangePlaces { wires, pdus: None }, &mut run, FrameTiming::of);
+            self.emit_exchange::<false>(bus, &matched, &ExchangePlaces { wires, pdus: None }, &mut run);
             last = Some(LastExchange { expected: matched.expected, odds });
         }
         if let Some(last) = last {

@@ -5,9 +5,7 @@ use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::known_reads::KnownReads;
 use crate::fast_path::pairing::OpenRequests;
 use crate::fast_path::rows::MatchedExchange;
-use crate::input::Input;
 use crate::session::bus::BusState;
-use crate::session::frame_timing::{FrameTiming, TimingConfig};
 use crate::session::Session;
 use crate::stats::RequestKey;
 use modlens_protocol::framing::Mode;
@@ -80,16 +78,6 @@ fn mbap_prefix(header: &[u8; MBAP_PREFIX_BYTES]) -> u64 {
     u64::from_le_bytes([a, b, c, d, e, f, 0, 0])
 }
 
-/// When and where the first packet of an input was: that of a matched exchange, which has a time.
-#[inline(always)]
-#[allow(clippy::inline_always)] // The result is large, and `Session::emit_exchange` takes it apart at once.
-fn timing_of_packet(input: &Input, length: usize, config: &TimingConfig) -> FrameTiming {
-    match input.first_read() {
-        Some(read) => FrameTiming::of_timed_read(input, read, length, config),
-        None => FrameTiming::of(input, length, config),
-    }
-}
-
 impl Session {
     /// Emits the exchanges at the head of a TCP connection, the bus with this index, until one does not match. `lines`: indices
     /// of the client's line and of the server's. A connection without a clock is left to the slow path.
@@ -108,7 +96,7 @@ impl Session {
             state.connection.note_exchange(self.next_txn, matched.mbap_id, times, &state.pairing);
             let [asked, answered] = [0, 1].map(|at| &state.lines[lines[at]].1.input.bytes()[..matched.lengths[at]]);
             let wires = [self.batch.store(asked), self.batch.store(answered)];
-            self.emit_exchange(bus, &matched, &ExchangePlaces { wires, pdus: None }, &mut run, timing_of_packet);
+            self.emit_exchange::<true>(bus, &matched, &ExchangePlaces { wires, pdus: None }, &mut run);
             if matched.counters.is_none() {
                 self.keep_read(bus, client, &matched);
             }
