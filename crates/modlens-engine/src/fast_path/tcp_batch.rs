@@ -50,8 +50,8 @@ fn match_exchange(
     if !(is_whole && is_in_turn && open.are_left_by(id, [requested_at, answered_at])) {
         return None;
     }
-    let are_framed = mbap_prefix(header) == mbap_prefix(&framed(id, expected.request_bytes))
-        && mbap_prefix(response_header) == mbap_prefix(&framed(id, expected.response_bytes));
+    let are_framed = mbap_prefix(*header) == mbap_prefix(framed(id, expected.request_bytes))
+        && mbap_prefix(*response_header) == mbap_prefix(framed(id, expected.response_bytes));
     if !(are_framed && expected.is_answered_by(request, response)) {
         return None;
     }
@@ -73,9 +73,10 @@ fn framed(id: u16, length: usize) -> [u8; MBAP_PREFIX_BYTES] {
 
 /// Such a header as one number, which is faster to compare.
 #[inline]
-fn mbap_prefix(header: &[u8; MBAP_PREFIX_BYTES]) -> u64 {
-    let [a, b, c, d, e, f] = *header;
-    u64::from_le_bytes([a, b, c, d, e, f, 0, 0])
+fn mbap_prefix(header: [u8; MBAP_PREFIX_BYTES]) -> u64 {
+    let mut number = [0; 8];
+    number[..MBAP_PREFIX_BYTES].copy_from_slice(&header);
+    u64::from_le_bytes(number)
 }
 
 impl Session {
