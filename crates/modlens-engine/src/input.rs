@@ -112,15 +112,17 @@ impl Input {
             self.buffer.drain(..self.head);
             self.head = 0;
         }
-        self.push_marks(chunk);
+        if chunk.follows_loss || chunk.has_line_error || !chunk.error_positions.is_empty() {
+            self.push_marks(chunk);
+        }
         self.buffer.extend_from_slice(chunk.bytes);
         self.push_reads(chunk);
     }
 
-    /// Keeps the stream offsets of the marks of a chunk whose bytes will be appended.
+    /// Keeps the stream offsets of the marks of a chunk that has some, whose bytes will be appended.
     fn push_marks(&mut self, chunk: &Chunk<'_>) {
         let start = self.end();
-        self.has_marks |= chunk.follows_loss || chunk.has_line_error || !chunk.error_positions.is_empty();
+        self.has_marks = true;
         if chunk.follows_loss {
             self.losses.push_back(start);
         }
@@ -227,31 +229,25 @@ impl Input {
 
     /// Removes the first `length` bytes, which are framed, and the reads and marks that lie in front of the rest. The bytes
     /// stay in the buffer until the next `push`.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // Called for every frame, with hardly more to do than a call.
     pub fn consume(&mut self, length: usize) {
         self.head += length;
         self.offset += length as u64;
-        if self.reads.front().is_none_or(|first| first.end > self.offset)
-            && self.marked_bytes.is_empty()
-            && self.losses.is_empty()
-        {
-            return;
-        }
-        self.drop_consumed_reads();
-    }
-
-    /// Removes reads and marks in front of the first unframed byte.
-    fn drop_consumed_reads(&mut self) {
-        while let Some(first) = self.reads.front() {
-            if first.end > self.offset {
-                break;
-            }
+        while let Some(first) = self.reads.front().filter(|first| first.end <= self.offset) {
             if first.time != NO_TIME {
                 self.time_before_reads = Some(first.time);
             }
             self.first_read_start = first.end;
             self.reads.pop_front();
         }
+        if self.has_marks {
+            self.drop_consumed_marks();
+        }
+    }
+
+    /// Removes marks in front of the first unframed byte.
+    fn drop_consumed_marks(&mut self) {
         for places in [&mut self.marked_bytes, &mut self.losses] {
             while places.front().is_some_and(|&at| at < self.offset) {
                 places.pop_front();
@@ -322,13 +318,18 @@ impl Input {
         self.reads.front().filter(is_plain).map_or(0, |read| (read.end - self.offset) as usize)
     }
 
-    /// If the first `length` bytes are exactly one read with a time, on a line without any marks: its time, and that of the
-    /// next read (`NO_TIME` if it has none), if there is one.
-    pub fn whole_packet(&self, length: usize) -> Option<(Ns, Option<Ns>)> {
+    /// The bytes and the time of the first read, if it has one and nothing of it is framed, on a line without any marks.
+    #[inline]
+    pub fn first_packet(&self) -> Option<(&[u8], Ns)> {
         let first = self.reads.front().filter(|_| !self.has_marks && self.first_read_start == self.offset)?;
-        let is_whole = first.end == self.offset + length as u64 && !first.lacks_checksum && first.proven_framing.is_none();
-        let next = self.reads.get(1).map(|read| read.time);
-        (is_whole && first.time != NO_TIME).then_some((first.time, next))
+        let is_plain = first.time != NO_TIME && !first.lacks_checksum && first.proven_framing.is_none();
+        is_plain.then(|| (&self.bytes()[..(first.end - self.offset) as usize], first.time))
+    }
+
+    /// The time of the second read (`NO_TIME` if it has none), if there is one.
+    #[inline]
+    pub fn second_read_time(&self) -> Option<Ns> {
+        self.reads.get(1).map(|read| read.time)
     }
 
     /// The read that holds the byte.

@@ -61,7 +61,7 @@ fn match_exchange(
     let [request, response] = adus;
     let is_settled = state.profiles.learn_on_fast_path(functions, request, expected.read_data(response));
     let (mode, response_bits) = (Mode::Ascii, u8::MAX);
-    is_settled.then_some(MatchedExchange { expected, mode, mbap_id: None, lines: [0, 0], lengths, response_bits })
+    is_settled.then_some(MatchedExchange { expected, mode, mbap_id: None, lines: [0, 0], lengths, response_bits, counters: None })
 }
 
 /// A plain read or write that cannot be a response, and the response that it determines, at the head of these characters, with
@@ -103,7 +103,7 @@ impl Session {
             let wire = &state.lines[0].1.input.bytes()[..matched.lengths[0] + matched.lengths[1]];
             let wires = adjacent_spans(self.batch.store(wire).start as usize, matched.lengths);
             let pdus = Some(adus.each_ref().map(|adu| self.batch.store(&adu[1..])));
-            self.emit_exchange(bus, &matched, &ExchangePlaces { wires, pdus }, &mut run);
+            self.emit_exchange::<false>(bus, &matched, &ExchangePlaces { wires, pdus }, &mut run);
             let response = &adus[1];
             self.buses[bus].pairing.sync_after_batch(response[0], &response[1..]);
         }

@@ -33,6 +33,11 @@ impl Run {
         Self { config, min_measurable_ns, totals: BatchTotals::default() }
     }
 
+    /// Whether frames of the bus have times.
+    pub(super) fn has_clock(&self) -> bool {
+        self.config.has_clock
+    }
+
     /// The time in ns within which a response on a serial line has to come; endless without a clock.
     pub(super) fn request_timeout(&self, state: &BusState) -> Ns {
         if self.config.has_clock {
@@ -63,19 +68,27 @@ impl Session {
     /// Emits the rows of an exchange at the heads of its lines and consumes its bytes. Decides nothing: the caller has matched
     /// the exchange, and there is no finding on it.
     ///
+    /// `IN_PACKETS`: each of its frames is exactly a read with a time, on a bus with a clock.
+    ///
     /// The session then has the state in which the slow path would leave it: what the bus has learned (`learn_exchange`), the
     /// request's statistics, and the next numbers (one transaction, two frames). The run counts the exchange. Left to the
     /// caller are the statistics of the bus, which come once a run, the last response, which comes once a run or, in ASCII,
     /// with each exchange, and the framer.
     #[inline(always)]
     #[allow(clippy::inline_always)] // The body of three loops: as a call, most of its time goes to passing the arguments.
-    pub(super) fn emit_exchange(&mut self, bus: usize, matched: &MatchedExchange, places: &ExchangePlaces, run: &mut Run) {
+    pub(super) fn emit_exchange<const IN_PACKETS: bool>(
+        &mut self,
+        bus: usize,
+        matched: &MatchedExchange,
+        places: &ExchangePlaces,
+        run: &mut Run,
+    ) {
         let state = &mut self.buses[bus];
-        let ExchangeTiming { request, response, response_time } = learn_exchange(state, matched, &run.config);
+        let ExchangeTiming { request, response, response_time } = learn_exchange::<IN_PACKETS>(state, matched, &run.config);
         let response_time = response_time.filter(|&ns| ns >= run.min_measurable_ns);
         let expected = &matched.expected;
         let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
-        self.stats.record_exchange(state.counts, key, [request.span(), response.span()], response_time);
+        self.stats.record_exchange(state.counts, (key, matched.counters), [request.span(), response.span()], response_time);
         let rows = ExchangeRows {
             txn: self.next_txn,
             request_frame: self.next_frame,
@@ -125,10 +138,14 @@ impl Session {
 /// learns, and that its unit is known and was paired. Returns when and where its frames were.
 #[inline(always)]
 #[allow(clippy::inline_always)] // As above.
-fn learn_exchange(state: &mut BusState, matched: &MatchedExchange, config: &TimingConfig) -> ExchangeTiming {
+fn learn_exchange<const IN_PACKETS: bool>(
+    state: &mut BusState,
+    matched: &MatchedExchange,
+    config: &TimingConfig,
+) -> ExchangeTiming {
     let MatchedExchange { expected, mbap_id, lines: [client, server], lengths, .. } = matched;
-    let request = consume(&mut state.lines[*client].1, lengths[0], config);
-    let response = consume(&mut state.lines[*server].1, lengths[1], config);
+    let request = consume::<IN_PACKETS>(&mut state.lines[*client].1, lengths[0], config);
+    let response = consume::<IN_PACKETS>(&mut state.lines[*server].1, lengths[1], config);
     learn_side(&mut state.side_votes, request.side, Direction::Request);
     learn_side(&mut state.side_votes, response.side, Direction::Response);
     let response_time = state.pairing.measurable_interval(request.end, response.start, response.clean_start);
@@ -168,8 +185,12 @@ pub(super) fn adjacent_spans(start: usize, [request_length, response_length]: [u
 /// gap counts from, is that of the line, not that of `config`.
 #[inline(always)]
 #[allow(clippy::inline_always)] // The result is large, and `Session::emit_exchange` takes it apart at once.
-fn consume(line: &mut LineState, length: usize, config: &TimingConfig) -> FrameTiming {
-    let frame = FrameTiming::of(&line.input, length, &TimingConfig { last_end: line.last_end, ..*config });
+fn consume<const IN_PACKETS: bool>(line: &mut LineState, length: usize, config: &TimingConfig) -> FrameTiming {
+    let config = TimingConfig { last_end: line.last_end, ..*config };
+    let frame = match line.input.first_read() {
+        Some(read) if IN_PACKETS => FrameTiming::of_timed_read(&line.input, read, length, &config),
+        _ => FrameTiming::of(&line.input, length, &config),
+    };
     line.input.consume(length);
     line.last_end = frame.end.or(line.last_end);
     frame

@@ -2,12 +2,36 @@
 //!
 //! Each exchange has to leave pairing in exactly the state in which two calls of `Pairing::add_frame` would leave it.
 
-use crate::pairing::interval::interval;
-use crate::pairing::{Pairing, PendingTransaction};
+use crate::pairing::Pairing;
 use modlens_protocol::Ns;
 
 /// With more outstanding requests than this on a connection, looking through them costs more than it saves.
 const MAX_OPEN_BESIDE: usize = 32;
+
+/// In place of an identifier.
+const NO_ID: u32 = u32::MAX;
+
+/// The outstanding requests of a connection, in short.
+pub(super) struct OpenRequests {
+    /// Their identifiers, and `NO_ID` at the other places.
+    ids: [u32; MAX_OPEN_BESIDE],
+    /// When the first one of them times out.
+    times_out: Ns,
+    /// When the request came that has ended the wait of the last one.
+    passed: Ns,
+}
+
+impl OpenRequests {
+    /// Whether an exchange of this identifier leaves these requests as they are: none of them has the identifier, none times
+    /// out until the response, and the last one is known to have been followed by another request at another time, so that
+    /// this one neither ends its wait nor repeats it.
+    #[inline]
+    pub fn are_left_by(&self, id: u16, [requested_at, answered_at]: [Ns; 2]) -> bool {
+        // Without a branch for each.
+        let has_id = self.ids.iter().fold(false, |found, &other| found | (other == u32::from(id)));
+        !has_id && answered_at < self.times_out && requested_at != self.passed
+    }
+}
 
 impl Pairing {
     /// Whether no request is outstanding, and the next frame can change nothing about earlier ones.
@@ -16,27 +40,25 @@ impl Pairing {
     }
 
     /// The same, whether or not requests are outstanding. On a connection an unanswered one waits for many seconds, in which
-    /// the client goes on: `leaves_open_requests` tells what then qualifies.
+    /// the client goes on: `open_requests` tells what then qualifies.
     pub fn is_idle_but_for_open(&self) -> bool {
         let waits = self.unit_mismatch.is_some() || self.truncated_request.is_some() || self.early_response.is_some();
         !waits && self.delayed_findings.is_empty() && self.history.is_idle() && self.masters.is_idle()
     }
 
-    /// Whether an exchange of this identifier on a connection leaves the outstanding requests as they are: none of them has the
-    /// identifier, none times out until the response, and the last one is known to have been followed by another request
-    /// at another time, so that this one neither ends its wait nor repeats it.
-    #[inline]
-    pub fn leaves_open_requests(&self, id: u16, [requested_at, answered_at]: [Ns; 2]) -> bool {
-        let Some(last) = self.open.back() else { return true };
+    /// What an exchange on a connection has to leave alone; `None` if no exchange can: where an outstanding request has no
+    /// identifier or time, the last one is not known to have been followed by another request, or they are too many. It holds
+    /// until another request is outstanding, or one of them no more.
+    pub(super) fn open_requests(&self) -> Option<OpenRequests> {
+        let mut found = OpenRequests { ids: [NO_ID; MAX_OPEN_BESIDE], times_out: Ns::MAX, passed: Ns::MIN };
         let timeout = self.request_timeout(true);
-        let stays = |open: &PendingTransaction| {
-            open.mbap_id.is_some_and(|other| other != id) && open.request.end.is_some_and(|end| answered_at - end < timeout)
-        };
-        let is_passed = last.waited.is_some() && last.waited != interval(last.request.end, Some(requested_at));
-        // Both parts of the queue by themselves: this is asked for every exchange behind a request without a response.
-        let (older, newer) = self.open.as_slices();
-        let all_stay = |part: &[Box<PendingTransaction>]| part.iter().all(|open| stays(open));
-        is_passed && self.open.len() <= MAX_OPEN_BESIDE && all_stay(older) && all_stay(newer)
+        for (at, open) in self.open.iter().enumerate() {
+            *found.ids.get_mut(at)? = u32::from(open.mbap_id?);
+            let end = open.request.end?;
+            found.times_out = found.times_out.min(end.saturating_add(timeout));
+            found.passed = open.waited.map_or(Ns::MIN, |waited| end + waited);
+        }
+        self.open.back().is_none_or(|last| last.waited.is_some()).then_some(found)
     }
 
     /// Records that a unit has answered a request after `response_time`; `pause` is the silence before the request.

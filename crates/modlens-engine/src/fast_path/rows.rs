@@ -7,6 +7,7 @@ use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::records::{Frame, FrameRef, Span, Transaction};
 use crate::session::frame_timing::FrameTiming;
 use crate::session::rows::elapsed;
+use crate::stats::RequestPlace;
 use crate::weights::{
     ANSWER_BY_ID_BITS, ANSWER_IN_TURN_BITS, LRC_CONFIDENCE_BITS, MBAP_CONFIDENCE_BITS, UNCONFIRMED_TRANSACTION_BITS,
 };
@@ -30,6 +31,8 @@ pub(super) struct MatchedExchange {
     pub lengths: [usize; 2],
     /// Log2 of the odds of the response's direction.
     pub response_bits: u8,
+    /// Where the statistics count the request, if that is known.
+    pub counters: Option<RequestPlace>,
 }
 
 /// One exchange with all that its rows need.

@@ -54,7 +54,7 @@ impl Session {
             let Some((matched, odds)) = match_exchange(state, &self.functions, request_timeout, last_answered) else { break };
             // The bytes of all exchanges of this run are copied into the arena at its end, in one piece.
             let wires = adjacent_spans(arena_start + run.totals.bytes, matched.lengths);
-            self.emit_exchange(bus, &matched, &ExchangePlaces { wires, pdus: None }, &mut run);
+            self.emit_exchange::<false>(bus, &matched, &ExchangePlaces { wires, pdus: None }, &mut run);
             last = Some(LastExchange { expected: matched.expected, odds });
         }
         if let Some(last) = last {
@@ -110,5 +110,8 @@ fn match_exchange(
     let odds = framer.response_odds(&expected, line.input.has_times, pause_evidence);
     framer.record_exchange(request, response, expected.echoes_request);
     let response_bits = confidence::of_direction(odds);
-    Some((MatchedExchange { expected, mode: Mode::Rtu, mbap_id: None, lines: [0, 0], lengths, response_bits }, odds))
+    Some((
+        MatchedExchange { expected, mode: Mode::Rtu, mbap_id: None, lines: [0, 0], lengths, response_bits, counters: None },
+        odds,
+    ))
 }

@@ -51,7 +51,7 @@ impl Session {
             if let Some(counters) = counters {
                 self.stats.record_exchange_at(state.counts, key, counters);
             } else {
-                self.stats.record_exchange(state.counts, key, [None; 2], None);
+                self.stats.record_exchange(state.counts, (key, None), [None; 2], None);
                 let unit = usize::from(expected.unit);
                 (state.known_units[unit], state.paired_units[unit]) = (true, true);
                 if KnownReads::takes(request, &expected) {

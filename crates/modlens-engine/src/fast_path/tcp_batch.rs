@@ -2,71 +2,86 @@
 
 use crate::fast_path::emit::{may_hold_no_map, ExchangePlaces, Run};
 use crate::fast_path::expected_exchange::ExpectedExchange;
+use crate::fast_path::known_reads::KnownReads;
+use crate::fast_path::pairing::OpenRequests;
 use crate::fast_path::rows::MatchedExchange;
-use crate::input::Input;
 use crate::session::bus::BusState;
 use crate::session::Session;
+use crate::stats::RequestKey;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
 use modlens_protocol::Ns;
 
+/// Where in a message the length is that its header announces (messaging on TCP/IP, 3.1.3); behind it come unit and PDU.
+const LENGTH_AT: usize = 4;
+
 /// The exchange at the heads of the two lines of a connection, with the times of its two packets, if there is no doubt and no
 /// finding about it. `lines`: indices of the client's line and of the server's.
 ///
 /// `None` unless the request is a plain read or write in which no self-describing register map can begin, requests that are
-/// still outstanding stay as they are (`Pairing::leaves_open_requests`), request and
+/// still outstanding stay as they are (`OpenRequests::are_left_by`), request and
 /// response are a packet each that has a time, the response comes behind the request, within the request time-out and before
 /// the client's next packet, both headers have the same transaction identifier and the right length, and the response is the
 /// expected one. Last, the profile of the unit learns the data read; if that would change the profile or give a finding,
 /// it learns nothing, and the result is `None`: the slow path does it. Nothing else is changed, and nothing is consumed.
-#[inline]
-fn match_exchange(state: &mut BusState, functions: &Functions, lines: [usize; 2]) -> Option<(MatchedExchange, [Ns; 2])> {
+#[inline(always)]
+#[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
+fn match_exchange(
+    state: &mut BusState,
+    functions: &Functions,
+    open: &OpenRequests,
+    lines: [usize; 2],
+) -> Option<(MatchedExchange, [Ns; 2])> {
     let [client, server] = lines.map(|line| &state.lines[line].1.input);
-    let (header, request) = client.bytes().split_first_chunk::<MBAP_PREFIX_BYTES>()?;
-    let expected = ExpectedExchange::from_request(functions, Mode::Tcp, request).filter(may_hold_no_map)?;
-    let lengths = [expected.request_bytes, expected.response_bytes].map(|length| MBAP_PREFIX_BYTES + length);
-    let times = packet_times(state, [client, server], lengths)?;
-    // A packet always has all of its bytes.
-    let request = &request[..expected.request_bytes];
-    let (response_header, response) = server.bytes()[..lengths[1]].split_first_chunk::<MBAP_PREFIX_BYTES>()?;
+    let ((asked, requested_at), (answered, answered_at)) = (client.first_packet()?, server.first_packet()?);
+    let (header, request) = asked.split_first_chunk::<MBAP_PREFIX_BYTES>()?;
+    let (response_header, response) = answered.split_first_chunk::<MBAP_PREFIX_BYTES>()?;
+    let known = state.known_reads.get(&asked[LENGTH_AT..]);
+    let expected = match known {
+        Some(known) => known.expected,
+        None => ExpectedExchange::from_request(functions, Mode::Tcp, request).filter(may_hold_no_map)?,
+    };
     let id = u16::from_be_bytes([header[0], header[1]]);
-    if !state.pairing.leaves_open_requests(id, times) {
+    let is_whole = request.len() == expected.request_bytes && response.len() == expected.response_bytes;
+    let is_in_turn = requested_at < answered_at
+        && answered_at - requested_at < state.pairing.request_timeout(true)
+        && client.second_read_time().is_none_or(|time| time > answered_at);
+    if !(is_whole && is_in_turn && open.are_left_by(id, [requested_at, answered_at])) {
         return None;
     }
-    let are_framed =
-        *header == mbap_prefix(id, expected.request_bytes) && *response_header == mbap_prefix(id, expected.response_bytes);
+    let are_framed = mbap_prefix(*header) == mbap_prefix(framed(id, expected.request_bytes))
+        && mbap_prefix(*response_header) == mbap_prefix(framed(id, expected.response_bytes));
     if !(are_framed && expected.is_answered_by(request, response)) {
         return None;
     }
+    let counters = known.and_then(|known| known.counters);
+    let lengths = [asked.len(), answered.len()];
     let is_settled = state.profiles.learn_on_fast_path(functions, request, expected.read_data(response));
     let (mode, mbap_id, response_bits) = (Mode::Tcp, Some(id), u8::MAX);
-    is_settled.then_some((MatchedExchange { expected, mode, mbap_id, lines, lengths, response_bits }, times))
-}
-
-/// The times of the packets at the heads of client and server, if they have exactly these lengths and come in turn: the response
-/// later than the request, less than the request time-out later, and before the client's next packet, if that is there.
-#[inline]
-fn packet_times(state: &BusState, [client, server]: [&Input; 2], lengths: [usize; 2]) -> Option<[Ns; 2]> {
-    let (requested_at, next_request_at) = client.whole_packet(lengths[0])?;
-    let (answered_at, _) = server.whole_packet(lengths[1])?;
-    let is_in_turn = requested_at < answered_at
-        && answered_at - requested_at < state.pairing.request_timeout(true)
-        && next_request_at.is_none_or(|time| time > answered_at);
-    is_in_turn.then_some([requested_at, answered_at])
+    let matched = MatchedExchange { expected, mode, mbap_id, lines, lengths, response_bits, counters };
+    is_settled.then_some((matched, [requested_at, answered_at]))
 }
 
 /// The MBAP header in front of the unit (messaging on TCP/IP, 3.1.3): identifier, protocol 0, and the number of bytes of unit and
 /// PDU, which is less than 256 for every plain read or write.
 #[inline]
-fn mbap_prefix(id: u16, length: usize) -> [u8; MBAP_PREFIX_BYTES] {
+fn framed(id: u16, length: usize) -> [u8; MBAP_PREFIX_BYTES] {
     let [high, low] = id.to_be_bytes();
     [high, low, 0, 0, 0, length as u8]
 }
 
+/// Such a header as one number, which is faster to compare.
+#[inline]
+fn mbap_prefix(header: [u8; MBAP_PREFIX_BYTES]) -> u64 {
+    let mut number = [0; 8];
+    number[..MBAP_PREFIX_BYTES].copy_from_slice(&header);
+    u64::from_le_bytes(number)
+}
+
 impl Session {
     /// Emits the exchanges at the head of a TCP connection, the bus with this index, until one does not match. `lines`: indices
-    /// of the client's line and of the server's.
+    /// of the client's line and of the server's. A connection without a clock is left to the slow path.
     ///
     /// Each is copied into the arena, with its MBAP headers, and emitted. Once at the end of the run, the statistics of the
     /// bus count it and pairing keeps the last response. If there was none, nothing is counted. The framer of a connection has
@@ -74,13 +89,18 @@ impl Session {
     pub(super) fn emit_tcp_exchanges(&mut self, bus: usize, lines: [usize; 2]) {
         let [client, server] = lines;
         let mut run = Run::new(&mut self.buses[bus], client);
+        let Some(open) = self.buses[bus].pairing.open_requests().filter(|_| run.has_clock()) else { return };
         let mut last_response_bytes = None;
         loop {
             let state = &mut self.buses[bus];
-            let Some((matched, times)) = match_exchange(state, &self.functions, lines) else { break };
+            let Some((matched, times)) = match_exchange(state, &self.functions, &open, lines) else { break };
             state.connection.note_exchange(self.next_txn, matched.mbap_id, times, &state.pairing);
-            let wires = [0, 1].map(|at| self.batch.store(&state.lines[lines[at]].1.input.bytes()[..matched.lengths[at]]));
-            self.emit_exchange(bus, &matched, &ExchangePlaces { wires, pdus: None }, &mut run);
+            let [asked, answered] = [0, 1].map(|at| &state.lines[lines[at]].1.input.bytes()[..matched.lengths[at]]);
+            let wires = [self.batch.store(asked), self.batch.store(answered)];
+            self.emit_exchange::<true>(bus, &matched, &ExchangePlaces { wires, pdus: None }, &mut run);
+            if matched.counters.is_none() {
+                self.keep_read(bus, client, &matched);
+            }
             last_response_bytes = Some(matched.expected.response_bytes);
         }
         let Some(response_bytes) = last_response_bytes else { return };
@@ -88,5 +108,16 @@ impl Session {
         self.stats.record_batch(state.counts, Mode::Tcp, run.totals.exchanges, run.totals.bytes as u64);
         let response = state.lines[server].1.input.consumed_bytes(response_bytes);
         state.pairing.sync_after_batch(response[0], &response[1..]);
+    }
+
+    /// Keeps what follows from the request of this exchange, which has just been consumed, if it is a plain read.
+    fn keep_read(&mut self, bus: usize, client: usize, matched: &MatchedExchange) {
+        let state = &mut self.buses[bus];
+        let request = &state.lines[client].1.input.consumed_bytes(matched.lengths[0])[LENGTH_AT..];
+        let expected = matched.expected;
+        if KnownReads::takes(request, &expected) {
+            let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
+            state.known_reads.add(request, expected, self.stats.place_of(state.counts, key));
+        }
     }
 }

@@ -19,6 +19,13 @@ impl Input {
         }
     }
 
+    /// `pause_before(0)`, where the unframed bytes begin with `first`, the first read, which has a time.
+    #[inline]
+    pub fn pause_before_read(&self, first: &Read) -> Option<Ns> {
+        let duration = (first.end - self.offset) as Ns * self.char_ns.unwrap_or(0);
+        Some(first.time - self.time_before_reads? - duration)
+    }
+
     /// `pause_before`, on a line that has times.
     fn timed_pause_before(&self, index: usize) -> Option<Ns> {
         let i = self.read_index(index)?;

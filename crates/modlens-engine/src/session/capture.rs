@@ -84,29 +84,35 @@ impl Session {
     ///
     /// The end of a connection flushes its bus, which a later connection takes once no row names it any more. That one side
     /// ends it comes before: behind all bytes of that side, and while requests are still open.
+    #[inline]
     fn handle_event(&mut self, state: &mut CaptureState, event: Event<'_>) {
-        if !matches!(event, Event::Time(..) | Event::Bytes { .. }) {
-            self.decide_waiting();
-        }
         match event {
             Event::Time(time, interface) => {
                 self.note_time(state, time, interface);
                 self.sweep_connections(state, time);
             }
-            Event::Begun { slot } => state.slot(slot).connection = Some(self.connections.begin()),
-            Event::Opened { slot, client, server, mode } => self.add_connection(state, slot, client, server, mode),
             Event::Bytes { slot, from_client, chunk, is_whole_message, server_side_recorded } => {
                 if let Some(bus) = state.slot(slot).bus {
                     self.note_recorded_side(bus, server_side_recorded);
                     self.feed_stream(bus, from_client, &chunk, is_whole_message);
                 }
             }
+            other => self.handle_rare_event(state, other),
+        }
+    }
+
+    /// Handles an event that is neither a time nor bytes of a connection.
+    fn handle_rare_event(&mut self, state: &mut CaptureState, event: Event<'_>) {
+        self.decide_waiting();
+        match event {
+            Event::Begun { slot } => state.slot(slot).connection = Some(self.connections.begin()),
+            Event::Opened { slot, client, server, mode } => self.add_connection(state, slot, client, server, mode),
             Event::Repetition { slot, kind, packet, time } => {
                 if let Some(bus) = state.slot(slot).bus {
                     self.emit_connection_finding(bus, findings::connection::repetition(kind, packet), packet, time);
                 }
             }
-            Event::Closing { .. } => {}
+            Event::Time(..) | Event::Bytes { .. } | Event::Closing { .. } => {}
             Event::Closed { slot, connection } => self.close_connection(state, slot, connection.as_ref()),
             Event::Line { interface: index, section, by: interface, content, errors, packet, time } => {
                 self.end_lines_before(state, section);
@@ -163,9 +169,13 @@ impl Session {
     /// Gives up the requests of all connections whose waiting time is over, once in `SWEEP_NS`: a connection on which nothing
     /// happens any more must not hold back the rows of the others.
     fn sweep_connections(&mut self, state: &mut CaptureState, now: Ns) {
-        if self.live || state.last_sweep.is_some_and(|last| (now - last).abs() < SWEEP_NS) {
-            return;
+        if !self.live && state.last_sweep.is_none_or(|last| (now - last).abs() >= SWEEP_NS) {
+            self.sweep_all_connections(state, now);
         }
+    }
+
+    /// The same at once.
+    fn sweep_all_connections(&mut self, state: &mut CaptureState, now: Ns) {
         state.last_sweep = Some(now);
         let is_due = |session: &Self, bus: usize| session.buses[bus].pairing.deadline().is_some_and(|due| due <= now);
         for bus in state.slots.iter().filter_map(|slot| slot.bus) {

@@ -109,15 +109,34 @@ impl FrameTiming {
     #[inline(always)]
     #[allow(clippy::inline_always)] // As above.
     fn of_read(input: &Input, read: &Read, length: usize, setting: &TimingConfig) -> Self {
-        let has_clock = setting.has_clock && input.has_times;
-        let end = Some(read.time).filter(|&time| has_clock && time != NO_TIME);
-        let counted_back = end.map(|end| end - length as Ns * input.char_ns.unwrap_or(0));
-        let earliest = if setting.clock_jumped { None } else { setting.last_end };
-        let gap = if has_clock { input.pause_before(0) } else { None };
+        if setting.has_clock && input.has_times && read.time != NO_TIME {
+            return Self::of_timed_read(input, read, length, setting);
+        }
         let origin = if setting.place == Place::Offset { input.offset() } else { read.origin };
         Self {
-            start: counted_back.map(|ns| earliest.map_or(ns, |last| ns.max(last))),
-            end,
+            start: None,
+            end: None,
+            gap: None,
+            pauses: InnerPauses::default(),
+            clean_start: true,
+            side: read.side,
+            offset: input.offset(),
+            origin,
+            last_origin: origin,
+        }
+    }
+
+    /// The same for a read that has a time, where the bus has a clock.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
+    pub(crate) fn of_timed_read(input: &Input, read: &Read, length: usize, setting: &TimingConfig) -> Self {
+        let counted_back = read.time - length as Ns * input.char_ns.unwrap_or(0);
+        let earliest = if setting.clock_jumped { None } else { setting.last_end };
+        let gap = input.pause_before_read(read);
+        let origin = if setting.place == Place::Offset { input.offset() } else { read.origin };
+        Self {
+            start: Some(earliest.map_or(counted_back, |last| counted_back.max(last))),
+            end: Some(read.time),
             gap: gap.filter(|&gap| gap >= 2 * setting.resolution && gap > 0),
             pauses: InnerPauses::default(),
             clean_start: true,

@@ -47,7 +47,7 @@ use std::sync::Arc;
 use crate::findings::Found;
 use crate::framer::Framer;
 use crate::pairing::{Pairing, PendingTransaction};
-use crate::records::{Batch, Buses, MemoryPool, Transaction};
+use crate::records::{Batch, Buses, MemoryPool};
 use crate::stats::Stats;
 use modlens_profiles::points::Plan;
 use modlens_protocol::finding::Finding;
@@ -61,6 +61,7 @@ pub use sources::CaptureOptions;
 
 use bus::BusState;
 use connections::Connections;
+use held::HeldRows;
 use profiles::{Assignment, Profiles};
 use sources::{CaptureState, LogicState};
 
@@ -97,8 +98,7 @@ pub struct Session {
     pub(crate) batch: Batch,
     /// Memory of batches that were dropped.
     pool: MemoryPool,
-    /// Rows of transactions. In a recording they wait here for older transactions that are still open.
-    pub(crate) held: Vec<Transaction>,
+    pub(crate) held: HeldRows,
     /// How many of them the last `take` has kept.
     kept: usize,
     pub(crate) wanted: WantedTables,
@@ -155,7 +155,7 @@ impl Session {
             bus_rows: Arc::default(),
             batch: Batch::default(),
             pool: MemoryPool::default(),
-            held: Vec::new(),
+            held: HeldRows::new(live),
             kept: 0,
             wanted,
             live,
@@ -268,7 +268,7 @@ impl Session {
 
     /// The rows emitted since the last call.
     ///
-    /// Rows of transactions that `ready_rows` does not release are kept for a later call; their bytes move to the next batch.
+    /// Rows of transactions that `give_out_rows` does not release are kept for a later call; their bytes move to the next batch.
     /// Buses of closed connections that no kept row names become free. Where many rows are kept, the batch may be empty until
     /// about as many new ones have come: on a connection a request without a response keeps those of half a minute.
     pub fn take(&mut self) -> Batch {
@@ -277,10 +277,8 @@ impl Session {
             (nothing.buses, nothing.functions) = (Arc::clone(&self.bus_rows), Some(Arc::clone(&self.functions)));
             return nothing;
         }
-        let ready = self.ready_rows();
         let mut batch = std::mem::replace(&mut self.batch, self.pool.batch());
-        std::mem::swap(&mut batch.transactions, &mut self.held);
-        self.held.extend(batch.transactions.drain(ready..));
+        self.give_out_rows(&mut batch);
         self.kept = self.held.len();
         self.copy_held_bytes(&batch);
         self.release_buses();

@@ -163,16 +163,17 @@ impl RequestTable {
     pub fn record_exchange(&mut self, key: RequestKey, start: Option<Ns>, taken: Option<Ns>) {
         self.previous = Some((key.0, Status::Ok));
         if let Some(at) = self.find_or_add(key) {
-            self.counts[at].add_poll(start);
-            self.counts[at].taken += taken.unwrap_or(0);
+            self.record_exchange_at(at, key, start, taken);
         }
     }
 
-    /// The same without times, for the request at this index of `counts`.
+    /// The same for the request at this index of `counts`.
     #[inline]
-    pub fn record_exchange_at(&mut self, at: usize, key: RequestKey) {
+    pub fn record_exchange_at(&mut self, at: usize, key: RequestKey, start: Option<Ns>, taken: Option<Ns>) {
         self.previous = Some((key.0, Status::Ok));
-        self.counts[at].add_poll(None);
+        let counts = &mut self.counts[at];
+        counts.add_poll(start);
+        counts.taken += taken.unwrap_or(0);
         self.latest = at;
     }
 
