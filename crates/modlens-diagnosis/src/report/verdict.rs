@@ -130,10 +130,6 @@ fn refused(bus: &BusContrast) -> u64 {
     bus.units.values().flat_map(|unit| &unit.exceptions).map(|tally| tally.share().failed).sum()
 }
 
-fn were(count: u64) -> String {
-    format!("{} {}", thousands(count), if count == 1 { "was" } else { "were" })
-}
-
 /// The sentence where no request failed: "works with trouble" would be contradicted by its own count.
 fn all_answered(total: u64, rows: &[DiagnosisRow], worst: &DiagnosisRow) -> String {
     let answered = match total {
