@@ -26,6 +26,7 @@ mod feed;
 pub(crate) mod frame_timing;
 mod frames;
 mod held;
+mod held_rows;
 pub(crate) mod in_flight;
 pub(crate) mod inner_pauses;
 pub(crate) mod lateness;
@@ -61,7 +62,7 @@ pub use sources::CaptureOptions;
 
 use bus::BusState;
 use connections::Connections;
-use held::HeldRows;
+use held_rows::HeldRows;
 use profiles::{Assignment, Profiles};
 use sources::{CaptureState, LogicState};
 
