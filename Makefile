@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 	$(shell find $(filter-out crates/modlens-bench crates/modlens-tap,$(wildcard crates/*)) dissectors analyzer -name '*.rs' -o -name '*.toml')
 
-.PHONY: demo check test lint actionlint recipes docs wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak settings bench bench-captures bench-text bench-readings bench-exports speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
+.PHONY: demo check test lint actionlint recipes docs wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak settings bench bench-memory bench-captures bench-text bench-readings bench-exports bench-threads speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
 
 demo: export PAGER := cat
 demo: $(VENV)/.installed
@@ -88,6 +88,10 @@ shell-files: $(VENV)/.tested
 bench: $(VENV)/.tested
 	$(BIN)/python -m bench.compare $(if $(YARDSTICK),--yardstick $(YARDSTICK)) $(if $(README),--readme)
 
+# Peak memory at 64 MB, 512 MB and 2 GB of bus bytes; half an hour, and 10 GB of room for temporary files.
+bench-memory: $(VENV)/.tested
+	$(BIN)/python -m bench.peak_memory
+
 bench-captures: $(VENV)/.tested
 	$(BIN)/python -m bench.capture_speed
 
@@ -105,6 +109,10 @@ bench-readings: $(VENV)/.tested
 # What exports cost, beside tshark.
 bench-exports: $(VENV)/.tested
 	$(BIN)/python -m bench.export_speed
+
+# What several threads gain over one, on 512 MB of bus bytes. On a machine that does nothing else; minutes.
+bench-threads: $(VENV)/.tested
+	$(BIN)/python -m bench.threads
 
 # A saturated line through a tap for minutes: loss, CPU, latency. `make memory` tells memory at its end.
 load: $(VENV)/.tested

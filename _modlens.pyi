@@ -9,15 +9,15 @@ from typing import Any, Literal, final
 
 __version__: str
 
-def vocabulary() -> str:
-    """The texts that the core embeds, as one JSON object.
+def vocabulary(part: str) -> str:
+    """A part of the texts that the core embeds, as JSON; `ValueError` for an unknown one.
 
-    Keys: `functions` (rows of functions.toml as the core understood them), `exceptions`,
-    `diagnostics`, `mei_types`, `object_ids`, `columns` (table name -> list of {key, type, title,
-    help}), `findings` (list of {code, severity, title, why, advice, section}), `vendors` (names
-    that `Functions.load_vendor` knows), `statuses` and `verdicts` (lists of {code, meaning}),
-    `renamed` (list of {vocabulary, former, current}: spellings that are still accepted), `version`
-    (of the schema).
+    Parts: `functions` (rows of functions.toml as the core understood them), `exceptions`,
+    `diagnostics`, `mei_types`, `object_ids`, `read_device_id_codes`, `conformity_levels`, `columns`
+    (table name -> list of {key, type, title, help}), `findings` (list of {code, severity, title,
+    why, advice, section}), `diagnoses`, `vendors` (names that `Functions.load_vendor` knows),
+    `statuses` and `verdicts` (lists of {code, meaning}), `renamed` (list of {vocabulary, former,
+    current}: spellings that are still accepted), `version` (of the schema).
     """
 
 def crc16(data: bytes) -> int:
@@ -308,10 +308,17 @@ class Table:
         """The rows for which the predicate holds."""
     def slice(self, start: int, count: int) -> Table:
         """At most `count` rows from row `start` on, which may be behind the last one."""
-    def has_value(self, column: str) -> bool:
-        """Whether a column has a value in any row; ValueError for a column that is not there."""
-    def lines(self, format: str, columns: Sequence[str], *, header: bool = False) -> Pieces:
-        """Rows as lines of text, in pieces of about 64 KiB that end with a row.
+    def have_values(self, columns: Sequence[str]) -> list[bool]:
+        """For each column whether it has a value in any row; ValueError for one not there."""
+    def lines(
+        self,
+        format: str,
+        columns: Sequence[str],
+        *,
+        header: bool = False,
+        block_bytes: int = ...,
+    ) -> Pieces:
+        """Rows as lines of text, in pieces of about `block_bytes` that end with a row.
 
         `csv`: RFC 4180, lists joined by single spaces, null is empty; `header` puts the names of
         the columns in front. `jsonl`: a JSON object a line, null omitted. ValueError for others.
@@ -552,6 +559,9 @@ class Batch:
     """What was decided since the last `take()`: one Table of each kind."""
 
     @property
+    def row_count(self) -> int:
+        """The rows of all tables that were decided, without readings."""
+    @property
     def frames(self) -> Table: ...
     @property
     def transactions(self) -> Table: ...
@@ -563,6 +573,20 @@ class Batch:
     def connections(self) -> Table: ...
     @property
     def diagnoses(self) -> Table: ...
+
+@final
+class Reader:
+    """Reads the blocks of a recording, while its session decides what was in others."""
+
+    def read(self, blocks: Sequence[bytes]) -> list[ReadBlock]:
+        """What is in each of the next blocks, cut anywhere.
+
+        `ValueError` once the session has the reader back.
+        """
+
+@final
+class ReadBlock:
+    """What a `Reader` has found in one block; see `Session.take_read`."""
 
 @final
 class Session:
@@ -683,6 +707,17 @@ class Session:
 
         `records` are packets; `dropped` says what was left out or is missing, by reason.
         """
+    def lend_reader(self, bus: int) -> Reader:
+        """The reader of the text of a bus, or one for its raw bytes, for another thread.
+
+        Until `take_back`, the session gets what it has read by `take_read`.
+        """
+    def lend_capture_reader(self, capture: int) -> Reader:
+        """The same of a capture."""
+    def take_back(self, reader: Reader) -> None:
+        """End what `lend_reader` or `lend_capture_reader` began: all it has read was fed."""
+    def take_read(self, block: ReadBlock) -> Batch:
+        """Feed what the reader has found in the next block, and `take` the rows."""
     def add_logic(
         self,
         source: str,

@@ -47,8 +47,9 @@ LAST_ADDRESS = 0xFFFF
 """The highest wire address."""
 
 _TYPE = {str(digit): name for name, digit in LEADING_DIGIT.items()}
-_NUMBERED_FROM_1 = re.compile(r"([0134])(\d{4}|\d{5})")
-_HEX = re.compile(r"([0134])x([0-9A-Fa-f]{1,4})")
+# Compiled where they are first asked for (`re` keeps them): most commands ask for no address.
+_NUMBERED_FROM_1 = r"([0134])(\d{4}|\d{5})"
+_HEX = r"([0134])x([0-9A-Fa-f]{1,4})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,10 +62,10 @@ class Address:
 
 def parse(text: str) -> Address | None:
     """Parse `40108`, `400108` or `4x006B`; None if the text is not an address literal."""
-    match = _HEX.fullmatch(text)
+    match = re.fullmatch(_HEX, text)
     if match:
         return Address(_TYPE[match[1]], int(match[2], 16))
-    match = _NUMBERED_FROM_1.fullmatch(text)
+    match = re.fullmatch(_NUMBERED_FROM_1, text)
     if not match:
         return None
     wire = int(match[2]) - 1  # handbooks count from 1

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from dissectors.errors import UsageError
-from dissectors.vocabulary import respelled, vocabulary
+from dissectors.texts import respelled, vocabulary
 
 __all__ = ["TABLES", "Column", "columns", "pick"]
 
@@ -37,7 +37,7 @@ class Column:
 
 @cache
 def _all() -> dict[str, tuple[Column, ...]]:
-    tables = vocabulary()["columns"]
+    tables = vocabulary("columns")
     return {name: tuple(Column(**row) for row in rows) for name, rows in tables.items()}
 
 

@@ -30,7 +30,8 @@ from analyzer.filter_words import (
     operations_of_word,
 )
 from analyzer.times import parse_ns, parse_time_of_day, utc_offset_changes
-from dissectors.vocabulary import findings, respelled
+from dissectors.texts import respelled
+from dissectors.vocabulary import findings
 
 __all__ = ["Compiler", "Tree"]
 

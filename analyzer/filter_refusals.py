@@ -17,7 +17,7 @@ from analyzer.filter_words import (
 )
 from dissectors.errors import FilterError
 from dissectors.function_lookup import similar_name
-from dissectors.vocabulary import respelled
+from dissectors.texts import respelled
 
 __all__ = ["Refusals"]
 

@@ -20,7 +20,8 @@ from functools import cache
 from analyzer.addresses import REGISTER_TYPES
 from analyzer.columns import TABLES, columns
 from dissectors.function_lookup import normalized, similar_name
-from dissectors.vocabulary import Vocabulary, diagnoses, findings, respelled, statuses, verdicts
+from dissectors.texts import Vocabulary, respelled
+from dissectors.vocabulary import diagnoses, findings, statuses, verdicts
 
 __all__ = [
     "VOCABULARIES",

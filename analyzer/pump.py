@@ -6,18 +6,22 @@ files and feeds are sinks.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from functools import partial
+from typing import TYPE_CHECKING, Any, Protocol
 
 import _modlens
 from dissectors.errors import SourceError
 
+if TYPE_CHECKING:
+    from analyzer.pool import Pool
+
 __all__ = ["PartialBatch", "Run", "Sink", "pump"]
 
-_MOST_WAITING = 2
-"""Batches that wait for sinks in a thread of their own."""
+
+_ROWS_AT_ONCE = 2000
+"""Batches with so many rows are one task of a pool: for each task, threads may have to wait."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +60,11 @@ class Run(Protocol):
 
 
 class Sink(Protocol):
-    """Takes batches: a file, a stream, a table on the screen."""
+    """Takes batches: a file, a stream, a table on the screen.
+
+    One whose rows can be encoded by any thread, also before those in front of them, has a method
+    `begin` as `analyzer.exports.sink.ExportSink` has it.
+    """
 
     name: str
 
@@ -73,76 +81,80 @@ def pump(
     *,
     stop: Callable[[], bool],
     on_failure: Callable[[Sink, SourceError | BrokenPipeError], None],
-    beside: bool = False,
+    pool: Pool | None = None,
 ) -> None:
     """Pass the run's batches to the sinks until it ends, `stop()` is True, or no sink is left.
 
     A sink that cannot write is reported to `on_failure` and gets no more batches; the others go on.
-    Errors of the input are raised after the sinks have got all rows decided before. With `beside`
-    the sinks work in a thread of their own while the next rows are decoded; they get the same
-    batches in the same order, and `on_failure` is called from there.
+    Errors of the input are raised after the sinks have got all rows decided before. With a `pool`
+    the sinks work in any of its threads while the next rows are decoded; they get the same batches
+    in the same order, one at a time, and `on_failure` is called from there.
     """
-    active = list(sinks)
-
-    def put(batch: _modlens.Batch) -> None:
-        for sink in tuple(active):
-            try:
-                sink.put(batch)
-            except (SourceError, BrokenPipeError) as error:
-                active.remove(sink)
-                on_failure(sink, error)
-
-    with _Beside(put) if beside else nullcontext(put) as take:
-        try:
-            for batch in run.batches():
-                take(batch)
-                if stop() or not active:
-                    break
-        finally:
-            take(run.finish())
+    taking = _Taking(sinks, on_failure, pool)
+    try:
+        for batch in run.batches():
+            taking.take(batch)
+            if stop() or not taking.active:
+                break
+    finally:
+        taking.take(run.finish(), is_last=True)
 
 
-class _Beside:
-    """Puts batches in a thread of its own, in their order; use it in `with`.
+class _Taking:
+    """The sinks that have not failed yet, and how they get batches."""
 
-    The core encodes rows outside of Python's lock, as it decodes them. What `put` raises is raised
-    by the next call, and at the end.
-    """
+    def __init__(
+        self,
+        sinks: Sequence[Sink],
+        on_failure: Callable[[Sink, SourceError | BrokenPipeError], None],
+        pool: Pool | None,
+    ) -> None:
+        self.active = list(sinks)
+        self._on_failure = on_failure
+        self._pool = pool
+        self._waiting: list[_modlens.Batch] = []
+        self._rows = 0
 
-    def __init__(self, put: Callable[[_modlens.Batch], None]) -> None:
-        from queue import Queue  # noqa: PLC0415 - small recordings need no threads
-        from threading import Thread  # noqa: PLC0415
+    def take(self, batch: _modlens.Batch, *, is_last: bool = False) -> None:
+        """Pass a batch to the sinks, or to the pool as soon as there are enough."""
+        if self._pool is None:
+            self._write([(sink, partial(sink.put, batch)) for sink in self.active])
+            return
+        count = batch.row_count
+        if is_last or count:
+            self._waiting.append(batch)
+            self._rows += count
+        if is_last or self._rows >= _ROWS_AT_ONCE:
+            batches, rows = self._waiting, self._rows
+            self._waiting, self._rows = [], 0
+            self._pool.submit(self._begin(batches), rows)
 
-        self._put = put
-        # Few may wait: they take memory, and a slow disk has to slow the decoder down.
-        self._waiting: Queue[_modlens.Batch | None] = Queue(_MOST_WAITING)
-        self._error: BaseException | None = None
-        self._thread = Thread(target=self._work, name="modlens sinks", daemon=True)
+    def _begin(self, batches: Iterable[_modlens.Batch]) -> Callable[[], Callable[[], None]]:
+        """What encodes batches in any thread, and gives what writes them in their order."""
+        encoders = [(sink, _begin(sink, batch)) for batch in batches for sink in self.active]
 
-    def __enter__(self) -> Callable[[_modlens.Batch], None]:
-        self._thread.start()
-        return self._take
+        def encode() -> Callable[[], None]:
+            writers = [(sink, begun()) for sink, begun in encoders if sink in self.active]
+            return partial(self._write, writers)
 
-    def __exit__(self, *error: object) -> None:
-        self._waiting.put(None)
-        self._thread.join()
-        self._raise()
+        return encode
 
-    def _take(self, batch: _modlens.Batch) -> None:
-        self._raise()
-        self._waiting.put(batch)
-
-    def _raise(self) -> None:
-        error, self._error = self._error, None
-        if error is not None:
-            raise error
-
-    def _work(self) -> None:
-        failed = False
-        while (batch := self._waiting.get()) is not None:
-            if failed:
+    def _write(self, writers: Iterable[tuple[Sink, Callable[[], None]]]) -> None:
+        for sink, write in writers:
+            if sink not in self.active:
                 continue
             try:
-                self._put(batch)
-            except BaseException as error:  # Raised again where batches are given.
-                self._error, failed = error, True
+                write()
+            except (SourceError, BrokenPipeError) as error:
+                self.active.remove(sink)
+                self._on_failure(sink, error)
+
+
+def _begin(sink: Sink, batch: _modlens.Batch) -> Callable[[], Callable[[], None]]:
+    """What encodes a batch in any thread, and gives what writes it in its order.
+
+    A sink without a method `begin` does all in its order.
+    """
+    begin: Callable[[_modlens.Batch], Callable[[], Callable[[], None]]] | None
+    begin = getattr(sink, "begin", None)
+    return (lambda: partial(sink.put, batch)) if begin is None else begin(batch)

@@ -16,8 +16,10 @@ give batches one after the other, as they are decoded, so that memory does not g
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
+from itertools import islice
 from typing import TYPE_CHECKING, Any, Protocol
 
 import _modlens
@@ -36,6 +38,10 @@ __all__ = ["FileRun", "RecordingStatus"]
 
 _IDLE_READS_TO_SETTLE = 5
 """Reads of a growing file without new data (half a second) after which its rows are decided."""
+
+
+_BLOCKS_AT_ONCE = 4
+"""So many are read ahead together: for each alone, threads would wait for each other too often."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +82,8 @@ class FileRun:
     may grow for ever. `data` are the bytes of recordings that are not files of that name.
 
     `on_status` gets the status of every recording after its first block and at its end, `progress`
-    is told of every block.
+    is told of every block. Recordings are read by `ahead`, which makes the items of an
+    iterator before they are asked for (`analyzer.pool`); without it, between two blocks.
     `SourceError` for the first name that cannot be read, before anything is decoded; later, while
     files are read.
 
@@ -95,8 +102,10 @@ class FileRun:
         follow: bool = False,
         data: Mapping[str, bytes] | None = None,
         progress: Progress | None = None,
+        ahead: Callable[[Iterator[Any]], Generator[Any, None, None]] | None = None,
     ) -> None:
         self.unreadable = 0
+        self._ahead = ahead
         self._progress = progress
         self._recording: Recording | None = None
         self._data = data or {}
@@ -226,7 +235,8 @@ class FileRun:
         if not binary:
             self._open_text(recording, bus)
         first, idle = True, 0
-        for block in recording.blocks():
+        blocks = recording.blocks()
+        for block in blocks:
             idle = 0 if block else idle + 1
             if binary:
                 core.feed(bus, block)
@@ -238,6 +248,8 @@ class FileRun:
                 self._report_status(recording, core.reading(bus), ended=False)
                 first = False
             yield core.take()
+            if self._ahead is not None:
+                yield from self._read_ahead(blocks, core.lend_reader(bus))
         if not binary:
             core.feed_text(bus, b"", final=True)
         core.flush()
@@ -256,17 +268,31 @@ class FileRun:
         core = self._core
         capture = self._settings.add_capture(core, recording.name)
         first = True
-        for block in recording.blocks():
+        blocks = recording.blocks()
+        for block in blocks:
             core.feed_capture(capture, block)
             if first:
                 self._report_status(recording, core.capture(capture), ended=False)
                 first = False
             yield core.take()
+            if self._ahead is not None:
+                yield from self._read_ahead(blocks, core.lend_capture_reader(capture))
         core.feed_capture(capture, b"", final=True)
         core.flush(file=True)
         self._report_status(recording, core.capture(capture), ended=True)
         core.close_capture(capture)
         yield core.take()
+
+    def _read_ahead(
+        self, blocks: Iterator[bytes], reader: _modlens.Reader
+    ) -> Iterator[_modlens.Batch]:
+        """Decode all further blocks, which are read meanwhile; the session has lent the reader."""
+        assert self._ahead is not None
+        with closing(self._ahead(_read_several(reader, blocks))) as found:
+            for several in found:
+                for block in several:
+                    yield self._core.take_read(block)
+        self._core.take_back(reader)
 
     def _read_samples(self, recording: Recording) -> Iterator[_modlens.Batch]:
         """Decode samples of a logic analyzer block by block.
@@ -345,6 +371,14 @@ class FileRun:
             self._on_status(
                 RecordingStatus(name, "", 0.0, reason, False, {}, ended=True, unreadable=unreadable)
             )
+
+
+def _read_several(
+    reader: _modlens.Reader, blocks: Iterator[bytes]
+) -> Iterator[list[_modlens.ReadBlock]]:
+    """What is in all blocks, some blocks at a time."""
+    while several := list(islice(blocks, _BLOCKS_AT_ONCE)):
+        yield reader.read(several)
 
 
 def _samples_of(recording: Recording) -> Samples | Levels:

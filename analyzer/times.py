@@ -28,15 +28,16 @@ __all__ = [
 DAY_NS = 86_400_000_000_000
 
 _NS_PER_S = 1_000_000_000
-_FIXED_OFFSET = re.compile(r"([+-])(\d\d):?(\d\d)")
+# Compiled where they are first asked for (`re` keeps them), since that takes a millisecond.
+_FIXED_OFFSET = r"([+-])(\d\d):?(\d\d)"
 _FIRST_YEAR, _LAST_YEAR, _STEP_S = 1990, 2060, 7 * 86_400
 
-_ISO = re.compile(
+_ISO = (
     r"(?P<date>\d{4}-\d\d-\d\d)"
     r"(?:[T ](?P<clock>\d\d:\d\d(?::\d\d)?)(?:[.,](?P<fraction>\d{1,9}))?)?"
     r"\s*(?P<zone>Z|[+-]\d\d:?\d\d)?"
 )
-_TIME_OF_DAY = re.compile(
+_TIME_OF_DAY = (
     r"(?P<h>\d{1,2}):(?P<m>\d\d)(?::(?P<s>\d\d)(?:[.,](?P<fraction>\d{1,9}))?)?"
     r"\s*(?P<zone>Z|utc|local|[+-]\d\d:?\d\d)?"
 )
@@ -48,7 +49,7 @@ def parse_ns(text: str, *, local: bool = False) -> int | None:
     Without a zone the text is taken for UTC, or with `local` for the time of this computer. None if
     it is neither a date nor a time.
     """
-    match = _ISO.fullmatch(text.strip())
+    match = re.fullmatch(_ISO, text.strip())
     if not match:
         return None
     zone = match["zone"] or ("" if local else "Z")
@@ -69,7 +70,7 @@ def parse_time_of_day(text: str) -> tuple[int, str] | None:
     >>> parse_time_of_day("24:00"), parse_time_of_day("noon")
     (None, None)
     """
-    match = _TIME_OF_DAY.fullmatch(text.strip())
+    match = re.fullmatch(_TIME_OF_DAY, text.strip())
     if not match:
         return None
     hours, minutes, seconds = (int(match[part] or 0) for part in ("h", "m", "s"))
@@ -115,7 +116,7 @@ def utc_offset_changes(zone: str | None) -> list[tuple[int, int]]:
     """
     if zone is None:
         return []
-    if fixed := _FIXED_OFFSET.fullmatch(zone):
+    if fixed := re.fullmatch(_FIXED_OFFSET, zone):
         offset = (int(fixed[2]) * 60 + int(fixed[3])) * 60 * _NS_PER_S
         return [(-(1 << 62), offset if fixed[1] == "+" else -offset)]
     offset_at = _utc_offset_function(zone)

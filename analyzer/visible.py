@@ -15,28 +15,37 @@ import re
 
 __all__ = ["for_terminal", "visible"]
 
-_ESCAPES = {
-    code: ascii(chr(code))[1:-1]
-    for code in (
-        *range(0x20),
-        *range(0x7F, 0xA0),
-        0xAD,  # a soft hyphen
-        0x61C,  # invisible marks of direction
-        0x180E,
-        *range(0x200B, 0x2010),
-        *range(0x2028, 0x202F),
-        *range(0x2060, 0x2070),
-        *range(0xD800, 0xE000),  # what file names hold that are no text
-        0xFEFF,
-        *range(0xE0000, 0xE0080),  # tags
-    )
-}
-_LINE_ESCAPES = {code: text for code, text in _ESCAPES.items() if chr(code) not in "\t\n"}
+
+@functools.cache
+def _escapes() -> dict[int, str]:
+    """Character -> how it is written instead. Two thousand, made when one is needed."""
+    return {
+        code: ascii(chr(code))[1:-1]
+        for code in (
+            *range(0x20),
+            *range(0x7F, 0xA0),
+            0xAD,  # a soft hyphen
+            0x61C,  # invisible marks of direction
+            0x180E,
+            *range(0x200B, 0x2010),
+            *range(0x2028, 0x202F),
+            *range(0x2060, 0x2070),
+            *range(0xD800, 0xE000),  # what file names hold that are no text
+            0xFEFF,
+            *range(0xE0000, 0xE0080),  # tags
+        )
+    }
+
+
+@functools.cache
+def _line_escapes() -> dict[int, str]:
+    """The same without what ends lines and aligns them."""
+    return {code: text for code, text in _escapes().items() if chr(code) not in "\t\n"}
 
 
 def visible(text: str) -> str:
     """Escape everything in a text that could move the cursor or hide characters."""
-    return text if text.isascii() and text.isprintable() else text.translate(_ESCAPES)
+    return text if text.isascii() and text.isprintable() else text.translate(_escapes())
 
 
 def for_terminal(lines: str) -> str:
@@ -47,10 +56,10 @@ def for_terminal(lines: str) -> str:
     """
     if _unsafe().search(lines) is None:
         return lines
-    return "\r\n".join(part.translate(_LINE_ESCAPES) for part in lines.split("\r\n"))
+    return "\r\n".join(part.translate(_line_escapes()) for part in lines.split("\r\n"))
 
 
 @functools.cache
 def _unsafe() -> re.Pattern[str]:
-    """Any character of `_LINE_ESCAPES`; made when it is needed, since that takes milliseconds."""
-    return re.compile(f"[{''.join(map(re.escape, map(chr, _LINE_ESCAPES)))}]")
+    """Any character of `_line_escapes`; made when it is needed, since that takes milliseconds."""
+    return re.compile(f"[{''.join(map(re.escape, map(chr, _line_escapes())))}]")

@@ -42,6 +42,7 @@ from dissectors.table import (
     function,
     functions,
 )
+from dissectors.texts import respelled
 
 __all__ = ["Explanation", "explain", "known_words"]
 
@@ -179,7 +180,7 @@ def _as_state(text: str) -> Explanation | None:
     if diagnosis is not None:
         title = f"{diagnosis.code} (diagnosis, severity up to {diagnosis.severity})"
         return Explanation("diagnosis", title, "", _diagnosis(diagnosis))
-    status = vocabulary.respelled("status", word)
+    status = respelled("status", word)
     if status in vocabulary.statuses():
         meaning = _sentence(vocabulary.statuses()[status])
         how = (_DAMAGE,) if status == "bad_response" else ()

@@ -20,7 +20,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import _modlens
-from dissectors.vocabulary import exception_name, vocabulary
+from dissectors.texts import vocabulary
+from dissectors.vocabulary import exception_name
 
 __all__ = [
     "DIRECTIONS",
@@ -199,7 +200,7 @@ def row_of(pdu: bytes, *, source: _modlens.Functions | None = None) -> Function 
 
 @functools.cache
 def _embedded() -> tuple[Function, ...]:
-    return tuple(_function(row) for row in vocabulary()["functions"])
+    return tuple(_function(row) for row in vocabulary("functions"))
 
 
 @functools.lru_cache(maxsize=4)

@@ -11,18 +11,16 @@ The names stand in vocabulary.toml, the findings in the core itself.
 from __future__ import annotations
 
 import functools
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import _modlens
+from dissectors.texts import respelled, vocabulary
 
 __all__ = [
     "Finding",
     "Kind",
     "Name",
-    "Vocabulary",
     "conformity_level",
     "diagnoses",
     "diagnosis",
@@ -35,11 +33,9 @@ __all__ = [
     "names",
     "object_id",
     "read_device_id_code",
-    "respelled",
     "statuses",
     "vendors",
     "verdicts",
-    "vocabulary",
 ]
 
 
@@ -100,9 +96,6 @@ Kind = Literal[
     "read_device_id_codes",
     "conformity_levels",
 ]
-
-
-Vocabulary = Literal["column", "status", "finding"]
 
 
 def exception(code: int) -> Name | None:
@@ -182,7 +175,7 @@ def names(kind: Kind) -> tuple[Name, ...]:
 def findings() -> tuple[Finding, ...]:
     """The findings that the core can report."""
     keys = Finding.__slots__
-    rows = vocabulary()["findings"]
+    rows = vocabulary("findings")
     return tuple(Finding(**{key: str(row.get(key) or "") for key in keys}) for row in rows)
 
 
@@ -206,7 +199,7 @@ def diagnoses() -> tuple[Diagnosis, ...]:
             confusions=tuple((one["code"], one["difference"]) for one in row["confusions"]),
             findings=tuple(row["findings"]),
         )
-        for row in vocabulary()["diagnoses"]
+        for row in vocabulary("diagnoses")
     )
 
 
@@ -222,28 +215,13 @@ def statuses() -> Mapping[str, str]:
     >>> statuses()["bad_request"]
     'the request was damaged on the line'
     """
-    return {row["code"]: row["meaning"] for row in vocabulary()["statuses"]}
+    return {row["code"]: row["meaning"] for row in vocabulary("statuses")}
 
 
 @functools.cache
 def verdicts() -> Mapping[str, str]:
     """What each value of the column `verdict` means."""
-    return {row["code"]: row["meaning"] for row in vocabulary()["verdicts"]}
-
-
-def respelled(vocabulary: Vocabulary, word: str) -> str:
-    """The current spelling of a word that may have its former one.
-
-    >>> respelled("status", "not_seen"), respelled("status", "ok")
-    ('not_observed', 'ok')
-    """
-    return _renamed().get((vocabulary, word), word)
-
-
-@functools.cache
-def _renamed() -> Mapping[tuple[str, str], str]:
-    rows = vocabulary()["renamed"]
-    return {(row["vocabulary"], row["former"]): row["current"] for row in rows}
+    return {row["code"]: row["meaning"] for row in vocabulary("verdicts")}
 
 
 def vendors() -> tuple[str, ...]:
@@ -252,19 +230,12 @@ def vendors() -> tuple[str, ...]:
     >>> "huawei" in vendors()
     True
     """
-    return tuple(vocabulary()["vendors"])
-
-
-@functools.cache
-def vocabulary() -> dict[str, Any]:
-    """All texts of the core as plain data (see `_modlens.vocabulary`)."""
-    found: dict[str, Any] = json.loads(_modlens.vocabulary())
-    return found
+    return tuple(vocabulary("vendors"))
 
 
 @functools.cache
 def _names(kind: Kind) -> tuple[Name, ...]:
-    entries = (_name(row) for row in vocabulary()[kind])
+    entries = (_name(row) for row in vocabulary(kind))
     return tuple(sorted(entries, key=lambda entry: entry.code))
 
 

@@ -9,6 +9,7 @@ input unreadable or output not writable; 4 port trouble.
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import stat
@@ -70,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if words[0] not in COMMANDS:
         words = [*_implied_command(words[0]), *words]
     try:
-        return _run(words[0], words[1:])
+        return _run(words[0], words[1:], is_program=arguments is None)
     except BrokenPipeError:
         discard_output(STDOUT)
         return 0
@@ -89,10 +90,11 @@ def _implied_command(name: str) -> list[str]:
     return ["tap" if stat.S_ISCHR(mode) else "decode"]
 
 
-def _run(command: str, words: list[str]) -> int:
+def _run(command: str, words: list[str], *, is_program: bool) -> int:
     """Run one command; errors that the user can correct become lines on standard error.
 
-    Gives the exit status of the command, or that of the error.
+    Gives the exit status of the command, or that of the error. `is_program` says that nothing else
+    runs in this interpreter.
     """
     from dissectors.errors import ModlensError  # noqa: PLC0415
 
@@ -101,8 +103,15 @@ def _run(command: str, words: list[str]) -> int:
             return _unknown(command)
         from analyzer.cli.pager import paged, wants_pager  # noqa: PLC0415
 
+        # Modules, classes and parsers stay. To go through them again and again, and at the end,
+        # finds no garbage and is a twentieth of a short run.
+        if is_program:
+            gc.disable()
         module = importlib.import_module(module_of(command))
         options = parser_of(command).parse_intermixed_args(words)
+        if is_program:
+            gc.freeze()
+            gc.enable()
         status: int
         with paged(wanted=wants_pager(command, options)):
             try:

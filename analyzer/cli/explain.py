@@ -16,7 +16,7 @@ from analyzer.columns import TABLES, columns
 from analyzer.views.screen import Screen, stdout, visible
 from dissectors.errors import UsageError
 from dissectors.explain import Explanation, explain, known_words
-from dissectors.vocabulary import respelled
+from dissectors.texts import respelled
 
 __all__ = ["add_arguments", "run"]
 

@@ -32,8 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_line(parser)
     add_archive(
         parser,
-        "recordings exported side by side with --style partitions; without it, two write the rows"
-        " of large files while the next ones are decoded",
+        "recordings exported side by side with --style partitions; without it, threads that share"
+        " the work on large files, of which more than four gain nothing",
     )
     parser.epilog = EPILOG
 

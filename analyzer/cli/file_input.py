@@ -4,23 +4,31 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from analyzer.cli.messages import Messages
 from analyzer.session import FileRun
 from analyzer.settings import Settings
 
+if TYPE_CHECKING:
+    from analyzer.pool import Pool
+
 __all__ = ["file_run"]
 
 
-def file_run(
+def file_run(  # noqa: PLR0913 - three by keyword
     options: argparse.Namespace,
     settings: Settings,
     messages: Messages,
     *,
     files: Sequence[str] | None = None,
     follow: bool = False,
+    pool: Pool | None = None,
 ) -> FileRun:
-    """The run over `files`, or those that the options name; what is detected goes to `messages`."""
+    """The run over `files`, or those that the options name; what is detected goes to `messages`.
+
+    The threads of a `pool` read what is decoded next.
+    """
     return FileRun(
         options.files if files is None else files,
         settings,
@@ -29,4 +37,5 @@ def file_run(
         on_status=messages.recording_status,
         follow=follow,
         progress=messages.progress,
+        ahead=None if pool is None else pool.ahead,
     )

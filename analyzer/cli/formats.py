@@ -10,7 +10,8 @@ from analyzer.cli.chosen_settings import load_dialects
 from analyzer.cli.parser import add_dialects
 from analyzer.exports import ENDINGS
 from analyzer.exports import FORMATS as WRITTEN
-from analyzer.sources import SCHEMES, Format, all_formats
+from analyzer.sources import Format, all_formats
+from analyzer.sources.schemes import SCHEMES
 from analyzer.views.screen import Part, stdout
 
 __all__ = ["add_arguments", "run"]

@@ -10,10 +10,10 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from dataclasses import replace
 from os.path import isfile
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from analyzer.cli.chosen_settings import settings
 from analyzer.cli.file_input import file_run
@@ -38,13 +38,19 @@ from analyzer.views.screen import stdout
 from analyzer.views.summary import damaged
 from dissectors.errors import CaptureError, SourceError, UsageError
 
+if TYPE_CHECKING:
+    from analyzer.pool import Pool
+
 __all__ = ["DAMAGED", "OutputSink", "Outputs", "run_files", "run_settings", "targets"]
 
 DAMAGED = 1
 SIGNALLED = 128
 
 LARGE_BYTES = 4 << 20
-"""From so many bytes of recordings on, files are written in a thread of their own."""
+"""From so many bytes of recordings on, several threads share the work."""
+
+MOST_THREADS = 4
+"""One thread decodes, and all other work on a recording keeps no more than three busy."""
 
 TABLE = "table"
 """The value of `--to` that means the table for people on standard output."""
@@ -70,16 +76,14 @@ def run_files(
     )
     settings = run_settings(options)
     report_silence_limits(settings, messages)
-    run = file_run(options, settings, messages, follow=follow)
+    pool = None if follow else _pool(options)
+    run = file_run(options, settings, messages, follow=follow, pool=pool)
     with (
         StopSignals() as stop_signals,
         Outputs(options, messages, to=to, names=options.files) as outputs,
     ):
-        outputs.pump(
-            run,
-            stop_signals.received,
-            beside=not follow and uses_threads(options.files, getattr(options, "threads", None)),
-        )
+        with pool or nullcontext():
+            outputs.pump(run, stop_signals.received, pool=pool)
         signal = stop_signals.signal
         # A signal is the only way to end `--follow`, whose outputs are complete then.
         outputs.close(interrupted=signal is not None and not follow)
@@ -87,24 +91,35 @@ def run_files(
             return 0
         if signal is not None:
             messages.error(_interruption(outputs.partial))
-        stats = run.stats()
-        messages.summary(stats)
+        if not quiet:
+            messages.summary(run.stats())
         if signal is not None:
             return SIGNALLED + signal
-    if options.strict and (damaged(stats) or messages.unparsed_lines) and not outputs.status:
+    if options.strict and not outputs.status and (messages.unparsed_lines or damaged(run.stats())):
         return DAMAGED
     return max(outputs.status, CaptureError.exit_status if run.unreadable else 0)
 
 
-def uses_threads(names: Sequence[str], threads: int | None) -> bool:
-    """Whether rows of these recordings are written while the next ones are decoded.
+def _pool(options: argparse.Namespace) -> Pool | None:
+    """The threads that share the work; None where the caller's is enough."""
+    count = threads_for(options.files, getattr(options, "threads", None))
+    if count == 1:
+        return None
+    from analyzer.pool import Pool  # noqa: PLC0415 - small recordings need no threads
 
-    `threads` is what the user allows, None as many as there are cores. Where another process is
-    read from, nothing waits for rows anyway, and what is small is done before a thread has begun.
+    return Pool(count)
+
+
+def threads_for(names: Sequence[str], threads: int | None) -> int:
+    """How many threads share the work on these recordings.
+
+    `threads` is what the user allows, None as many as there are cores; those beyond a few would
+    have nothing to do. Where another process is read from, nothing waits for rows anyway, and what
+    is small is done before a thread has begun.
     """
-    if (threads or cores()) < 2 or not all(map(isfile, names)):  # noqa: PLR2004 - two threads
-        return False
-    return sum(os.path.getsize(name) for name in names) >= LARGE_BYTES
+    if not all(map(isfile, names)) or sum(map(os.path.getsize, names)) < LARGE_BYTES:
+        return 1
+    return max(1, min(threads or cores(), MOST_THREADS))
 
 
 def _interruption(partial: Sequence[str]) -> str:
@@ -218,11 +233,11 @@ class Outputs:
         if not self._sinks:
             raise UsageError("no output given; add -o FILE or --to FORMAT")
 
-    def pump(self, run: Run, stop: Callable[[], bool], *, beside: bool = False) -> None:
+    def pump(self, run: Run, stop: Callable[[], bool], *, pool: Pool | None = None) -> None:
         """Pass the run's batches to the sinks until `stop()` is True or all sinks have failed.
 
-        Errors of the input are raised after the sinks have got the batches before. With `beside`
-        files are written in a thread of their own, if all of them can be.
+        Errors of the input are raised after the sinks have got the batches before. The threads of a
+        `pool` write the files, if all of them can be written by any thread.
         """
         sinks = [*self._observers, *self._sinks]
         pump(
@@ -230,7 +245,7 @@ class Outputs:
             sinks,
             stop=lambda: stop() or self._failures >= len(self._sinks) or self._are_full(),
             on_failure=self._on_failure,
-            beside=beside and all(getattr(sink, "any_thread", False) for sink in sinks),
+            pool=pool if all(getattr(sink, "any_thread", False) for sink in sinks) else None,
         )
 
     def _are_full(self) -> bool:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from analyzer.sources import SCHEMES
 from analyzer.sources.adapters import Adapter, adapters
+from analyzer.sources.schemes import SCHEMES
 from analyzer.views.screen import stdout, visible
 
 __all__ = ["add_arguments", "run"]

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import importlib
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, cast
 
@@ -112,6 +112,13 @@ class Format:
         Small blocks stay in the processor's cache, and their memory is reused.
         """
         return (self.encode(table),)
+
+    def encoder(self) -> Callable[[_modlens.Table], Iterable[bytes]] | None:
+        """What encodes the next rows, in any thread, and before or behind all others.
+
+        Called in the order of rows. None where the bytes depend on the rows in front of them.
+        """
+        return None
 
     def footer(self) -> bytes:
         """The bytes behind the last row."""

@@ -6,12 +6,15 @@ is neutralized. The text is made in the core.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import _modlens
 from analyzer import exports
 
 __all__ = ["Format"]
+
+_BLOCK_OF_THREADS = 1 << 18
+"""Bytes of a block where several threads work: after each, they wait for Python's lock."""
 
 
 class Format(exports.Format):
@@ -23,11 +26,22 @@ class Format(exports.Format):
         super().__init__(options)
         self._header_written = False
 
+    def encoder(self) -> Callable[[_modlens.Table], Iterable[bytes]]:
+        """What encodes the next rows; the first one puts the line of column names before them."""
+        header = self._begin()
+        return lambda table: table.lines(
+            self.name, self.options.columns, header=header, block_bytes=_BLOCK_OF_THREADS
+        )
+
     def encode_blocks(self, table: _modlens.Table) -> Iterable[bytes]:
-        """Encode rows; the first time the line of column names comes before them."""
-        header, self._header_written = not self._header_written, True
-        return table.lines(self.name, self.options.columns, header=header)
+        """Encode rows, the first time with the line of column names."""
+        return table.lines(self.name, self.options.columns, header=self._begin())
 
     def encode(self, table: _modlens.Table) -> bytes:
         """Encode rows in one block."""
         return b"".join(self.encode_blocks(table))
+
+    def _begin(self) -> bool:
+        """Whether the header has to come now."""
+        header, self._header_written = not self._header_written, True
+        return header

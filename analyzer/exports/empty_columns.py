@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
+from itertools import compress
 from typing import TYPE_CHECKING
 
 from analyzer.columns import columns
@@ -49,9 +50,14 @@ class EmptyColumns:
             if column.key in wanted and not column.always
         ]
 
-    def watch(self, rows: _modlens.Table) -> None:
-        """Look at rows that are written."""
-        self._unseen = [key for key in self._unseen if not rows.has_value(key)]
+    def seen(self, rows: _modlens.Table) -> Container[str]:
+        """Those of the columns without a value so far that have one in these rows; any thread."""
+        unseen = self._unseen
+        return list(compress(unseen, rows.have_values(unseen))) if unseen else ()
+
+    def drop(self, seen: Container[str]) -> None:
+        """Rows with values in these columns are written."""
+        self._unseen = [key for key in self._unseen if key not in seen]
 
     def remarks(self, row_count: int) -> Sequence[str]:
         """A remark for each column that was empty in all rows, of which there were so many."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from analyzer.columns import TABLES, pick
@@ -153,6 +154,33 @@ class ExportSink:
         table: _modlens.Table = getattr(batch, self.table)
         self.put_rows(batch, None if self._predicate is None else table.where(self._predicate))
 
+    def begin(self, batch: _modlens.Batch) -> Callable[[], Callable[[], None]]:
+        """Take a batch in two steps, for several threads; called in the order of batches.
+
+        What it gives encodes the rows, in any thread, and gives what writes them. That has to be
+        called in the order of batches, one at a time.
+        """
+        encode = self._format.encoder() if self.limit is None else None
+        if encode is None:
+            return lambda: partial(self.put, batch)
+        return partial(self._encode, batch, encode)
+
+    def _encode(
+        self, batch: _modlens.Batch, encode: Callable[[_modlens.Table], Iterable[bytes]]
+    ) -> Callable[[], None]:
+        rows: _modlens.Table = getattr(batch, self.table)
+        if self._predicate is not None:
+            rows = rows.where(self._predicate)
+        pieces, seen = tuple(encode(rows)), self._empty_columns.seen(rows)
+        return partial(self._write, pieces, len(rows), seen)
+
+    def _write(self, pieces: Iterable[bytes], row_count: int, seen: Container[str]) -> None:
+        for data in pieces:
+            if data:
+                self._output.append(data)
+        self.row_count += row_count
+        self._empty_columns.drop(seen)
+
     def put_rows(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> None:
         """Write some rows of a batch, as many as `limit` leaves; None is all rows of its table."""
         rows: _modlens.Table = getattr(batch, self.table) if kept is None else kept
@@ -162,11 +190,7 @@ class ExportSink:
             pieces = self._format.encode_batch(batch, kept)
         else:
             pieces = self._format.encode_blocks(rows)
-        for data in pieces:
-            if data:
-                self._output.append(data)
-        self.row_count += len(rows)
-        self._empty_columns.watch(rows)
+        self._write(pieces, len(rows), self._empty_columns.seen(rows))
 
     def close(self, *, interrupted: bool = False) -> None:
         """Complete the output; see `Output.close` for one that was `interrupted`."""

@@ -21,7 +21,7 @@ from analyzer import exports
 from analyzer.columns import TABLES, Column, columns
 from analyzer.exports.output import is_special, partial_name
 from dissectors.errors import SourceError, UsageError
-from dissectors.vocabulary import vocabulary
+from dissectors.texts import vocabulary
 
 __all__ = ["Format"]
 
@@ -168,7 +168,7 @@ class Format(exports.MultiTableFormat):
         database = self._database = sqlite3.connect(self._temporary_path, check_same_thread=False)
         database.execute(f"PRAGMA journal_mode = {'WAL' if growing else 'OFF'}")
         database.execute(f"PRAGMA synchronous = {'NORMAL' if growing else 'OFF'}")
-        version = vocabulary()["version"]
+        version = vocabulary("version")
         database.execute(f"PRAGMA user_version = {version}")
         database.execute("CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT)")
         metadata = [

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+
 import _modlens
 from analyzer import exports
 
@@ -20,7 +22,12 @@ class Format(exports.Format):
         super().__init__(options)
         self._header_written = False
 
+    def encoder(self) -> Callable[[_modlens.Table], Iterable[bytes]]:
+        """What encodes the next rows; the first one puts the header before them."""
+        header, self._header_written = not self._header_written, True
+        json = self.options.style == "json"
+        return lambda table: (table.zeek(self.log, json=json, header=header),)
+
     def encode(self, table: _modlens.Table) -> bytes:
         """Encode rows; the first time the header comes before them."""
-        header, self._header_written = not self._header_written, True
-        return table.zeek(self.log, json=self.options.style == "json", header=header)
+        return b"".join(self.encoder()(table))

@@ -1,7 +1,7 @@
 """Where bytes come from: ports, files, standard input.
 
 Nothing here knows Modbus, and nothing here writes. `BINARY` and `all_formats` are the registry of
-file formats, `SCHEMES` is that of port types. Another text format is a row in dialects.toml.
+file formats, `schemes.SCHEMES` that of port types. Another text format: a row in dialects.toml.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import _modlens
 
-__all__ = ["BINARY", "SCHEMES", "Format", "Scheme", "all_formats", "is_binary"]
+__all__ = ["BINARY", "Format", "all_formats", "is_binary"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,16 +30,6 @@ class Format:
     sample: tuple[str, ...]
     packets: bool = False
     samples: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Scheme:
-    """A type of port: an example of its name, what it is, whether it takes line settings."""
-
-    name: str
-    example: str
-    title: str
-    takes_line_settings: bool = True
 
 
 def all_formats(dialects: _modlens.Dialects | None = None) -> dict[str, Format]:
@@ -112,18 +102,3 @@ def is_binary(name: str) -> bool:
     (True, False)
     """
     return name in BINARY
-
-
-SCHEMES = {
-    scheme.name: scheme
-    for scheme in (
-        Scheme("", "/dev/ttyUSB0", "a serial port of this machine (COM3 on Windows)"),
-        Scheme("socket", "socket://192.168.1.50:4001", "serial device server, raw TCP", False),
-        Scheme(
-            "rfc2217",
-            "rfc2217://192.168.1.50:4001",
-            "a serial device server that accepts line settings",
-        ),
-    )
-}
-"""The part of a port's name before `://` -> its type."""

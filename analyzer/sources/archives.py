@@ -15,8 +15,6 @@ from functools import partial
 from typing import IO, Any
 
 from analyzer.sources.compression import damage_kinds, decompressor
-from analyzer.sources.mail import contents as mail
-from analyzer.sources.mail import is_mail
 from dissectors.errors import CaptureError
 
 __all__ = ["MEMBER_SEPARATOR", "Member", "contents", "looks_like_archive"]
@@ -38,6 +36,7 @@ _ENCRYPTED = 0x1
 _TAR_MAGIC = slice(257, 262)
 """Where `ustar` stands in the first header of a tar (POSIX pax, "ustar Interchange Format")."""
 _SAMPLE_BYTES = 4096
+_MAIL_KEYS = {b"from", b"to", b"subject", b"date", b"mime-version", b"received"}
 _ODD_NUMBERS: tuple[type[Exception], ...] = (ValueError, OverflowError)
 """What tarfile raises for numbers in headers that no file has."""
 
@@ -84,10 +83,19 @@ def contents(file: IO[bytes], name: str, opened: ExitStack) -> list[Member] | No
             opened.callback(plain.close)
             return _tar(plain, name, opened)
         return None
-    if name.lower().endswith(".eml") or is_mail(head):
+    if name.lower().endswith(".eml") or _is_mail(head):
+        from analyzer.sources.mail import contents as mail  # noqa: PLC0415 - most files are none
+
         # A name of an attachment may hold the mark that stands between an archive and a member.
         return [Member(one.replace(MEMBER_SEPARATOR, "_"), open_it) for one, open_it in mail(file)]
     return None
+
+
+def _is_mail(head: bytes) -> bool:
+    """Whether a file that begins so has the headers of a message (RFC 5322, 3.6)."""
+    lines = head.split(b"\n", 20)[:20]
+    keys = {line.partition(b":")[0].strip().lower() for line in lines}
+    return len(keys & _MAIL_KEYS) >= 3  # noqa: PLR2004
 
 
 def _zip(file: IO[bytes], name: str, opened: ExitStack) -> list[Member] | None:

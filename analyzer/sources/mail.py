@@ -23,7 +23,7 @@ from typing import IO, TYPE_CHECKING, Any, cast
 if TYPE_CHECKING:
     from email.message import EmailMessage
 
-__all__ = ["contents", "is_mail"]
+__all__ = ["contents"]
 
 _BLOCK_BYTES = 64 * 1024
 _MAX_HEADER_BYTES = 256 * 1024
@@ -31,7 +31,6 @@ _MAX_PARTS = 10_000
 _ZIP = b"PK\x03\x04"
 _BASE64 = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/="
 _NOT_BASE64 = bytes(set(range(256)) - set(_BASE64))
-_MAIL_KEYS = {b"from", b"to", b"subject", b"date", b"mime-version", b"received"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,13 +41,6 @@ class _Part:
     headers: EmailMessage
     start: int
     end: int
-
-
-def is_mail(head: bytes) -> bool:
-    """Whether a file that begins so has the headers of a message (RFC 5322, 3.6)."""
-    lines = head.split(b"\n", 20)[:20]
-    keys = {line.partition(b":")[0].strip().lower() for line in lines}
-    return len(keys & _MAIL_KEYS) >= 3  # noqa: PLR2004
 
 
 def contents(file: IO[bytes]) -> list[tuple[str, Callable[[], IO[bytes]]]]:

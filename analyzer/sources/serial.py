@@ -28,8 +28,8 @@ from typing import Any, Self
 
 from _modlens import Inbox
 from analyzer.line import Line
-from analyzer.sources import SCHEMES
 from analyzer.sources.driver import Driver, counters, mark_errors, reduce_latency
+from analyzer.sources.schemes import SCHEMES
 from dissectors.errors import PortError, UsageError
 
 __all__ = ["Chunk", "Port", "devices", "lost_port_error"]

@@ -1,22 +1,32 @@
-"""CPU seconds and memory of whole processes."""
+"""Seconds and memory of whole processes."""
 
 from __future__ import annotations
 
 import os
 import subprocess
+import time
 from collections.abc import Mapping, Sequence
 
-__all__ = ["measured"]
+__all__ = ["measured", "timed"]
 
 
 def measured(
     command: Sequence[str], environment: Mapping[str, str] | None = None
 ) -> tuple[float, float]:
     """CPU seconds and peak MiB of a child process; the peak is not below that of this process."""
+    return timed(command, environment)[1:]
+
+
+def timed(
+    command: Sequence[str], environment: Mapping[str, str] | None = None
+) -> tuple[float, float, float]:
+    """The same behind the seconds of wall that it takes."""
     quiet = subprocess.DEVNULL
+    begun = time.monotonic()
     process = subprocess.Popen(command, stdout=quiet, stderr=quiet, env=environment)
     _, status, usage = os.wait4(process.pid, 0)
+    wall = time.monotonic() - begun
     process.returncode = os.waitstatus_to_exitcode(status)
     if status:
         raise SystemExit(f"{' '.join(command)} failed: {process.returncode}")
-    return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
+    return wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024

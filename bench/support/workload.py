@@ -97,6 +97,18 @@ class Workload:
             self.truth.count(request, answer)
             size -= len(request) + 2 + (0 if answer is None else len(answer) + 2)
 
+    @property
+    def equal_pairs_behind_silence(self) -> int:
+        """How many requests are answered by the same bytes, behind one without a response.
+
+        Nothing but further ones of them stands between.
+        """
+        count, is_behind = 0, False
+        for request, response in self.exchanges:
+            is_behind = response is None or (is_behind and request == response)
+            count += is_behind and response is not None
+        return count
+
     def write_raw(self, path: Path, count: int) -> Path:
         """The bytes as they are on the line."""
         block = b"".join(

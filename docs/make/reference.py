@@ -22,7 +22,8 @@ from analyzer.exports import ENDINGS, load
 from analyzer.exports import FORMATS as WRITTEN
 from analyzer.profiles import available_profiles
 from analyzer.profiles import load as load_profile
-from analyzer.sources import SCHEMES, all_formats
+from analyzer.sources import all_formats
+from analyzer.sources.schemes import SCHEMES
 from analyzer.views import health as views_health
 from analyzer.views import stats as views_stats
 from dissectors import importers, vocabulary

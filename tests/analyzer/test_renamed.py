@@ -10,14 +10,15 @@ import pytest
 from analyzer import columns, decode, filters
 from dissectors.errors import FilterError, UsageError
 from dissectors.explain import explain
-from dissectors.vocabulary import findings, respelled, statuses, vocabulary
+from dissectors.texts import respelled, vocabulary
+from dissectors.vocabulary import findings, statuses
 from tests.conftest import ROOT
 from tests.docs.documents import rows_of_table
 
 EXPORTED = Path(__file__).parent / "exports" / "schema_1.pcapng"
 """28 transactions as modlens exported them with schema 1, the version before the renaming."""
 
-RENAMED = [(row["vocabulary"], row["former"], row["current"]) for row in vocabulary()["renamed"]]
+RENAMED = [(row["vocabulary"], row["former"], row["current"]) for row in vocabulary("renamed")]
 COLUMNS = [(former, now) for what, former, now in RENAMED if what == "column"]
 STATUSES = [(former, now) for what, former, now in RENAMED if what == "status"]
 FINDINGS = [(former, now) for what, former, now in RENAMED if what == "finding"]
@@ -134,8 +135,8 @@ def test_a_former_export_is_read_back() -> None:
 def test_no_text_of_the_project_has_a_former_word() -> None:
     """What users read: texts of columns, findings and statuses, and the documents."""
     words = {former for _, former, _ in RENAMED} - {"evidence", "transaction_id"}
-    texts = [str(row) for row in vocabulary()["columns"].values()]
-    texts += [str(row) for row in (*vocabulary()["findings"], *vocabulary()["statuses"])]
+    texts = [str(row) for row in vocabulary("columns").values()]
+    texts += [str(row) for row in (*vocabulary("findings"), *vocabulary("statuses"))]
     texts += [(ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "docs/tap.md")]
     assert [word for word in sorted(words) for text in texts if f"`{word}`" in text] == []
     assert [word for word in sorted(words) for text in texts if f"'{word}'" in text] == []

@@ -50,5 +50,5 @@ def test_every_finding_is_discovered() -> None:
         (CRATES / "modlens-protocol" / "src" / "finding.rs").read_text("utf-8"),
         re.MULTILINE,
     )
-    assert len(declared) == len(json.loads(_modlens.vocabulary())["findings"])
+    assert len(declared) == len(json.loads(_modlens.vocabulary("findings")))
     assert discovered == set(declared)

@@ -9,8 +9,8 @@ use arrow_array::{
 use arrow_buffer::{Buffer, OffsetBuffer};
 use arrow_schema::{DataType, Field, Schema, TimeUnit};
 
-use crate::values::ColumnBuilder;
-use modlens_tables::columns::{CellSink, ColumnReader, ColumnType, RowRef, Table, TableKind};
+use crate::values::{ColumnBuilder, TakeNothing};
+use modlens_tables::columns::{CellSink, ColumnReader, ColumnType, ExchangeRef, RowChunk, RowRef, Table, TableKind};
 
 /// The schema of a table.
 pub fn schema(kind: TableKind) -> Schema {
@@ -51,13 +51,13 @@ pub fn batch(table: &Table) -> RecordBatch {
 pub fn batch_of(table: &Table, rows: Range<usize>, columns: &[usize]) -> RecordBatch {
     let mut making: Vec<Box<dyn ArrayInMaking>> =
         columns.iter().map(|&column| in_making(table.kind, column, rows.len())).collect();
-    let has_value_in_short: Vec<bool> = columns.iter().map(|&column| table.has_value_in_short(column)).collect();
-    table.each_chunk(rows, |rows, is_short| {
-        for (array, has_value) in making.iter_mut().zip(&has_value_in_short) {
-            if is_short && !has_value {
-                array.take_nothing(rows.len());
-            } else {
-                array.take(rows);
+    let has_compact_value: Vec<bool> = columns.iter().map(|&column| table.has_compact_value(column)).collect();
+    table.each_chunk(rows, |rows| {
+        for (array, has_compact_value) in making.iter_mut().zip(&has_compact_value) {
+            match rows {
+                RowChunk::Whole(rows) => array.take(rows),
+                RowChunk::Compact(exchanges) if *has_compact_value => array.take_exchanges(exchanges),
+                RowChunk::Compact(exchanges) => array.take_nothing(exchanges.len()),
             }
         }
     });
@@ -70,6 +70,9 @@ trait ArrayInMaking {
     /// Appends the values of further rows.
     fn take(&mut self, rows: &[RowRef<'_>]);
 
+    /// Appends the values of further compact exchanges.
+    fn take_exchanges(&mut self, exchanges: &[ExchangeRef<'_>]);
+
     /// Appends so many rows without a value.
     fn take_nothing(&mut self, rows: usize);
 
@@ -79,7 +82,7 @@ trait ArrayInMaking {
 
 struct Column<T, F>
 where
-    ColumnBuilder<T>: CellSink + 'static,
+    ColumnBuilder<T>: CellSink + TakeNothing + 'static,
 {
     values: ColumnBuilder<T>,
     reader: ColumnReader<ColumnBuilder<T>>,
@@ -88,10 +91,14 @@ where
 
 impl<T, F: FnOnce(ColumnBuilder<T>) -> ArrayRef> ArrayInMaking for Column<T, F>
 where
-    ColumnBuilder<T>: CellSink + 'static,
+    ColumnBuilder<T>: CellSink + TakeNothing + 'static,
 {
     fn take(&mut self, rows: &[RowRef<'_>]) {
         self.values.take(rows, &self.reader);
+    }
+
+    fn take_exchanges(&mut self, exchanges: &[ExchangeRef<'_>]) {
+        self.reader.pass_exchanges(exchanges, &mut self.values);
     }
 
     fn take_nothing(&mut self, rows: usize) {
@@ -110,7 +117,7 @@ fn in_making(table: TableKind, column: usize, rows: usize) -> Box<dyn ArrayInMak
         finish: impl FnOnce(ColumnBuilder<T>) -> ArrayRef + 'static,
     ) -> Box<dyn ArrayInMaking>
     where
-        ColumnBuilder<T>: CellSink + 'static,
+        ColumnBuilder<T>: CellSink + TakeNothing + 'static,
     {
         Box::new(Column { values: ColumnBuilder::with_capacity(rows), reader: table.reader(column), finish })
     }

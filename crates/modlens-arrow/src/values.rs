@@ -39,18 +39,6 @@ impl<T> ColumnBuilder<T> {
     }
 }
 
-impl<T> ColumnBuilder<T>
-where
-    Self: CellSink,
-{
-    /// Appends so many rows without a value.
-    pub(super) fn take_nothing(&mut self, rows: usize) {
-        for _ in 0..rows {
-            self.put_cell(Cell::Null);
-        }
-    }
-}
-
 impl<T: Clone + Default> ColumnBuilder<T> {
     /// Appends a value of fixed size, or null.
     #[inline(always)]
@@ -59,11 +47,48 @@ impl<T: Clone + Default> ColumnBuilder<T> {
         self.items.push(value.unwrap_or_default());
     }
 
+    /// Appends so many nulls of fixed size.
+    fn push_nulls(&mut self, rows: usize) {
+        self.nulls.append_n_nulls(rows);
+        self.items.resize(self.items.len() + rows, T::default());
+    }
+
+    /// Ends so many rows without items.
+    fn end_nulls(&mut self, rows: usize) {
+        self.nulls.append_n_nulls(rows);
+        self.offsets.resize(self.offsets.len() + rows, self.items.len() as i32);
+    }
+
     /// Ends the items of a row; `there` is false for null.
     #[inline(always)]
     fn end_row(&mut self, there: bool) {
         self.offsets.push(self.items.len() as i32);
         self.nulls.append(there);
+    }
+}
+
+/// Takes many rows without a value at once, as `CellSink` takes each of them.
+pub(super) trait TakeNothing {
+    /// Appends so many rows without a value.
+    fn take_nothing(&mut self, rows: usize);
+}
+
+macro_rules! take_nothing {
+    ($($kind:ty: $nulls:ident),*) => {$(
+        impl TakeNothing for ColumnBuilder<$kind> {
+            fn take_nothing(&mut self, rows: usize) {
+                self.$nulls(rows);
+            }
+        }
+    )*};
+}
+
+take_nothing!(i64: push_nulls, f64: push_nulls, bool: push_nulls, u8: end_nulls, i32: end_nulls);
+
+/// A list of texts is empty rather than null.
+impl TakeNothing for ColumnBuilder<&'static str> {
+    fn take_nothing(&mut self, rows: usize) {
+        (0..rows).for_each(|_| self.end_row(true));
     }
 }
 

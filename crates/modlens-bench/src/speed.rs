@@ -7,7 +7,6 @@ use modlens_engine::framer::fixed::FixedFramer;
 use modlens_engine::framer::{Framer, FramerContext};
 use modlens_engine::input::Input;
 use modlens_engine::session::{BusOptions, Session, WantedTables};
-use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_readers::chunk::Chunk;
@@ -183,7 +182,7 @@ fn exchanges(framer: &mut FixedFramer, functions: &Functions, input: &mut Input)
     let (mut count, mut last, mut before) = (0, None, rtu.last_answered());
     while let Some(known) = rtu.next_exchange(functions, input, before, i64::MAX, |_| 0.0) {
         before = Some((known.unit, known.code));
-        let [asked, answered] = [known.request_bytes, known.response_bytes].map(|length| length + CRC_BYTES);
+        let [asked, answered] = known.rtu_lengths();
         let (request, behind) = input.bytes().split_at(asked);
         rtu.record_exchange(request, &behind[..answered], known.echoes_request);
         input.consume(asked + answered);

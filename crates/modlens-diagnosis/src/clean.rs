@@ -63,9 +63,9 @@ impl Clean {
         Some(Self { place, key, hash, writes, written, data, response_time, gap, starts })
     }
 
-    /// What an exchange in short shows; `None` where the table of functions does not say what it is.
+    /// What a compact exchange shows; `None` where the table of functions does not say what it is.
     #[inline]
-    pub fn in_short(batch: &Batch, functions: &Functions, number: u64, row: &Exchange) -> Option<Self> {
+    pub fn of_compact(batch: &Batch, functions: &Functions, number: u64, row: &Exchange) -> Option<Self> {
         let key = RequestKey { unit: row.unit, function: row.function, address: row.address, quantity: row.quantity };
         let hash = key.hash();
         let [request, response] = row.pdus(&batch.arena);
@@ -74,8 +74,9 @@ impl Clean {
         Some(Self { place, key, hash, writes, written, data, response_time: None, gap: None, starts: [None; 2] })
     }
 
-    /// The same, with all that it is not.
-    pub fn observation(&self) -> Observation {
+    /// The same, with all that it is not. By value, so that the exchange need not be in memory where this is not asked for.
+    #[cold]
+    pub fn observation(self) -> Observation {
         Observation {
             place: self.place,
             unit: self.key.unit,

@@ -2,10 +2,12 @@
 
 mod before;
 mod bus;
+mod clean_units;
 mod epochs;
 mod network;
 mod noise;
 mod recall;
+mod recent;
 mod request;
 pub mod sample;
 pub mod tally;
@@ -14,7 +16,7 @@ mod unit;
 
 use std::collections::BTreeMap;
 
-use modlens_engine::records::{Batch, Connection, Part};
+use modlens_engine::records::{Batch, Connection, Part, Transaction};
 use modlens_protocol::functions::Functions;
 
 pub use bus::{BusContrast, BusFacts, WINDOW};
@@ -60,6 +62,15 @@ pub struct Contrast {
     overflowed: bool,
 }
 
+/// Counts a transaction of a bus.
+#[inline]
+fn count(bus: &mut BusContrast, batch: &Batch, functions: &Functions, row: &Transaction) {
+    match Clean::of(batch, functions, row) {
+        Some(clean) => bus.clean(&clean),
+        None => bus.transaction(Observation::of(batch, functions, row)),
+    }
+}
+
 impl Contrast {
     /// Counts the rows of a batch. It has to have frames and transactions.
     pub fn observe(&mut self, batch: &Batch) {
@@ -71,11 +82,11 @@ impl Contrast {
         self.prune(MOST);
     }
 
-    /// Counts frames, with those of exchanges in short between them.
+    /// Counts frames, with those of compact exchanges between them.
     fn observe_frames(&mut self, batch: &Batch) {
         for part in batch.frame_parts() {
             match part {
-                Part::Short(run) => self.bus(batch, run.bus).frames_in_short(run, run.exchanges.of(&batch.exchanges)),
+                Part::Compact(run) => self.bus(batch, run.bus).compact_frames(run, run.exchanges.of(&batch.exchanges)),
                 Part::Rows(rows) => {
                     for rows in rows.chunk_by(|row, next| row.bus == next.bus) {
                         let bus = self.bus(batch, rows[0].bus);
@@ -90,24 +101,27 @@ impl Contrast {
         }
     }
 
-    /// Counts transactions, with exchanges in short between them.
+    /// Counts transactions, with compact exchanges between them.
     fn observe_transactions(&mut self, batch: &Batch, functions: &Functions) {
         for part in batch.transaction_parts() {
             match part {
-                Part::Short(run) => {
+                Part::Compact(run) if run.packets.is_some() => {
+                    let bus = self.bus(batch, run.bus);
+                    for at in 0..run.exchanges.length as usize {
+                        count(bus, batch, functions, &batch.compact_row(run, at));
+                    }
+                }
+                Part::Compact(run) => {
                     let bus = self.bus(batch, run.bus);
                     let numbered = run.exchanges.of(&batch.exchanges).iter().zip(run.number..);
-                    let exchanges = numbered.filter_map(|(row, number)| Clean::in_short(batch, functions, number, row));
+                    let exchanges = numbered.filter_map(|(row, number)| Clean::of_compact(batch, functions, number, row));
                     exchanges.for_each(|exchange| bus.clean(&exchange));
                 }
                 Part::Rows(rows) => {
                     for rows in rows.chunk_by(|row, next| row.bus == next.bus) {
                         let bus = self.bus(batch, rows[0].bus);
                         for row in rows {
-                            match Clean::of(batch, functions, row) {
-                                Some(clean) => bus.clean(&clean),
-                                None => bus.transaction(Observation::of(batch, functions, row)),
-                            }
+                            count(bus, batch, functions, row);
                         }
                     }
                 }

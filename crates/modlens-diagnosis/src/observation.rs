@@ -336,8 +336,8 @@ pub struct FrameObservation {
 const NOISE_BYTES: usize = 64;
 
 impl FrameObservation {
-    /// What a frame of an exchange in short shows: the request, or the answer, in the transaction with this number.
-    pub(crate) fn in_short(txn: u64, number: u64, direction: Direction, row: &Exchange) -> Self {
+    /// What a frame of a compact exchange shows: the request, or the answer, in the transaction with this number.
+    pub(crate) fn of_compact(txn: u64, number: u64, direction: Direction, row: &Exchange) -> Self {
         Self {
             place: Place { number: txn, elapsed: None, time: None },
             number,

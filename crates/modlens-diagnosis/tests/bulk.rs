@@ -1,4 +1,4 @@
-//! Exchanges that went well are counted in bulk: that must give what counting them one by one gives, and rows in short what
+//! Exchanges that went well are counted in bulk: that must give what counting them one by one gives, and compact exchanges what
 //! whole rows give.
 
 use modlens_diagnosis::contrast::Contrast;
@@ -44,22 +44,22 @@ proptest! {
     }
 
     #[test]
-    fn rows_in_short_give_what_whole_rows_give(
+    fn compact_exchanges_give_what_rows_give(
         exchanges in prop::collection::vec((1u8..4, fate(), 0u8..6, 2i64..300), 100..400),
     ) {
         let whole = counted(&batches_without_clock(&exchanges, false));
-        let in_short = counted(&batches_without_clock(&exchanges, true));
-        prop_assert_eq!(&whole, &in_short);
-        prop_assert_eq!(report(&whole), report(&in_short));
+        let compact = counted(&batches_without_clock(&exchanges, true));
+        prop_assert_eq!(&whole, &compact);
+        prop_assert_eq!(report(&whole), report(&compact));
     }
 }
 
 #[test]
-fn exchanges_are_emitted_in_short() {
+fn compact_exchanges_are_emitted() {
     let exchanges: Vec<Exchange> = (0..200).map(|i| (1 + i % 3, Fate::Answered, i % 5, 10)).collect();
     let batches = batches_without_clock(&exchanges, true);
-    let in_short: usize = batches.iter().map(|batch| batch.exchanges.len()).sum();
+    let compact: usize = batches.iter().map(|batch| batch.exchanges.len()).sum();
     let in_rows: usize = batches.iter().map(|batch| batch.transactions.len()).sum();
-    assert_eq!(in_short + in_rows, 200);
-    assert!(in_short > 150, "{in_short}");
+    assert_eq!(compact + in_rows, 200);
+    assert!(compact > 150, "{compact}");
 }

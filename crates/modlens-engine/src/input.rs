@@ -91,6 +91,7 @@ impl Input {
 
     /// Whether a chunk can be appended without changing how the bytes before it are decided: it has no marks, and times (or
     /// none) like the reads so far. It must not be the first timed read of several bytes, nor have a time for each byte.
+    #[inline]
     pub fn is_uniform_with(&self, chunk: &Chunk<'_>) -> bool {
         let timed = matches!(chunk.times, Times::Read(_));
         let plain = !chunk.follows_loss
@@ -103,6 +104,7 @@ impl Input {
     /// Appends the bytes of a chunk, with its marks and times; a chunk without bytes changes nothing, even if it has marks.
     ///
     /// What silence or the end of the input had released is held back again, and `consumed_bytes` are gone.
+    #[inline]
     pub fn push(&mut self, chunk: &Chunk<'_>) {
         if chunk.bytes.is_empty() {
             return;
@@ -132,6 +134,7 @@ impl Input {
     /// Appends the reads of a chunk whose bytes have been appended: one, or one for each byte that has a time of its own, with
     /// a last one for the bytes that lack theirs. The first byte's read starts a record if the chunk does or if bytes were lost
     /// before it; the others start none.
+    #[inline]
     fn push_reads(&mut self, chunk: &Chunk<'_>) {
         let end = self.end();
         let starts_record = chunk.starts_record || chunk.follows_loss;
@@ -158,6 +161,7 @@ impl Input {
 
     /// Appends a read. It is merged with the last one if neither has a time, it starts no record, and place, side and marks
     /// are the same, so that a file without times is one long read, whatever the size of its blocks.
+    #[inline]
     fn push_read(&mut self, mut read: Read) {
         if let Some(last) = self.reads.back_mut() {
             let same = last.time == NO_TIME && read.time == NO_TIME && !read.starts_record && last.origin == read.origin;
@@ -244,6 +248,22 @@ impl Input {
         if self.has_marks {
             self.drop_consumed_marks();
         }
+    }
+
+    /// Whether packets may be passed by (`pass`): none is here, and those before them had times and several bytes, as all of a
+    /// connection do, and no marks.
+    pub fn takes_packets(&self) -> bool {
+        self.reads.is_empty() && self.has_times && self.has_multibyte_reads && !self.has_marks
+    }
+
+    /// What `push` and `consume` do with a packet, which is this read of so many bytes, where `takes_packets` holds. Its bytes are
+    /// no `consumed_bytes`.
+    #[inline]
+    pub fn pass(&mut self, packet: &Read, length: usize) {
+        (self.is_paused, self.is_closed, self.is_ended) = (false, false, false);
+        self.longest_read_bytes = self.longest_read_bytes.max(length);
+        (self.offset, self.first_read_start) = (packet.end, packet.end);
+        self.time_before_reads = Some(packet.time);
     }
 
     /// Removes marks in front of the first unframed byte.

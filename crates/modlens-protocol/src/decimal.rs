@@ -13,6 +13,18 @@ pub fn push_int(value: i64, out: &mut Vec<u8>) {
 
 #[inline(never)]
 fn push_long(value: i64, out: &mut Vec<u8>) {
+    if let value @ 10_000..100_000_000 = value as u64 {
+        // Up to eight digits fit into one number of eight bytes.
+        let table = decimal_texts();
+        let high = u64::from_le_bytes(table[(value / 10_000) as usize]);
+        let length = high >> 56;
+        let digits = high & ((1 << (8 * length)) - 1);
+        let end = out.len() + length as usize + 4;
+        let low = u64::from(u32::from_le_bytes(last_four_digits(value % 10_000)));
+        out.extend_from_slice(&(digits | low << (8 * length)).to_le_bytes());
+        out.truncate(end);
+        return;
+    }
     if value < 0 {
         out.push(b'-');
     }
@@ -26,9 +38,54 @@ fn push_unsigned(value: u64, out: &mut Vec<u8>) {
         return;
     }
     push_unsigned(value / 10_000, out);
-    // The entry of 1xxxx contains the last four digits with their leading zeros.
-    let [_, a, b, c, d, ..] = decimal_texts()[10_000 + (value % 10_000) as usize];
-    out.extend_from_slice(&[a, b, c, d]);
+    out.extend_from_slice(&last_four_digits(value % 10_000));
+}
+
+/// A number below 10,000 with its leading zeros.
+#[inline]
+fn last_four_digits(value: u64) -> [u8; 4] {
+    // They stand in the text of 1xxxx.
+    let [_, a, b, c, d, ..] = decimal_texts()[10_000 + value as usize];
+    [a, b, c, d]
+}
+
+/// Numbers that are written at a time, and the room that their longest texts take, each with a separator.
+const GROUP: usize = 8;
+const GROUP_BYTES: usize = 6 * GROUP;
+
+/// Appends numbers of 16 bits, the high byte first, each with the separator behind it.
+///
+/// Most values in tables are registers, and each of these costs one look-up and one copy of fixed size, without a check of the room.
+pub fn push_words<const SEPARATOR: u8>(bytes: &[u8], out: &mut Vec<u8>) {
+    let table = decimal_texts();
+    let (words, _) = bytes.as_chunks::<2>();
+    let (groups, rest) = words.as_chunks::<GROUP>();
+    let mut texts = [0; 64 + 8];
+    for group in groups {
+        let end = out.len() + texts_of::<SEPARATOR>(table, group, &mut texts);
+        out.extend_from_slice(&texts[..GROUP_BYTES]);
+        out.truncate(end);
+    }
+    let end = out.len() + texts_of::<SEPARATOR>(table, rest, &mut texts);
+    out.extend_from_slice(&texts[..GROUP_BYTES]);
+    out.truncate(end);
+}
+
+/// Writes the texts of at most `GROUP` numbers, each with the separator behind it, and says how long they are together.
+#[inline(always)]
+#[allow(clippy::inline_always)] // For a whole group, without a loop.
+fn texts_of<const SEPARATOR: u8>(table: &[[u8; 8]; 1 << 16], words: &[[u8; 2]], texts: &mut [u8; 64 + 8]) -> usize {
+    let mut at = 0;
+    for word in words {
+        let entry = u64::from_le_bytes(table[usize::from(u16::from_be_bytes(*word))]);
+        let length = entry >> 56;
+        // The blank behind the digits becomes another separator.
+        let text = entry ^ u64::from(b' ' ^ SEPARATOR) << (8 * length);
+        // The mask tells the compiler that a text begins before byte 43.
+        texts[at & 63..][..8].copy_from_slice(&text.to_le_bytes());
+        at += length as usize + 1;
+    }
+    at
 }
 
 /// A number with commas between thousands, for people.
@@ -77,13 +134,13 @@ pub fn push_short(text: &[u8], out: &mut Vec<u8>) {
     out.truncate(start + length);
 }
 
-/// The decimal text of every 16-bit number: up to five digits, and their count in the last byte.
+/// The decimal text of every 16-bit number: up to five digits, blanks, and the count of the digits in the last byte.
 #[inline]
-pub fn decimal_texts() -> &'static [[u8; 8]] {
-    static TABLE: OnceLock<Vec<[u8; 8]>> = OnceLock::new();
+pub fn decimal_texts() -> &'static [[u8; 8]; 1 << 16] {
+    static TABLE: OnceLock<Box<[[u8; 8]; 1 << 16]>> = OnceLock::new();
     TABLE.get_or_init(|| {
         let mut texts: Vec<[u8; 8]> = Vec::with_capacity(1 << 16);
-        texts.extend((b'0'..=b'9').map(|digit| [digit, 0, 0, 0, 0, 0, 0, 1]));
+        texts.extend((b'0'..=b'9').map(|digit| [digit, b' ', b' ', b' ', b' ', b' ', b' ', 1]));
         // A number is a tenth of it with a digit behind. It is made at every start, for which `to_string` takes too long.
         for tenth in 1..=usize::from(u16::MAX) / 10 {
             let mut entry = texts[tenth];
@@ -95,7 +152,7 @@ pub fn decimal_texts() -> &'static [[u8; 8]] {
             }
         }
         texts.truncate(1 << 16);
-        texts
+        texts.try_into().expect("as many texts")
     })
 }
 
@@ -134,6 +191,19 @@ mod tests {
         assert_eq!(decimal_texts().len(), 1 << 16);
         for (value, entry) in decimal_texts().iter().enumerate() {
             assert_eq!(&entry[..usize::from(entry[7])], value.to_string().as_bytes());
+        }
+    }
+
+    #[test]
+    fn lists_of_numbers_of_all_lengths() {
+        for count in 0..130u32 {
+            let numbers: Vec<u16> = (0..count).map(|at| (at.wrapping_mul(2_654_435_761) >> (at % 32)) as u16).collect();
+            let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_be_bytes()).collect();
+            let mut out = b"before".to_vec();
+            push_words::<b','>(&bytes, &mut out);
+            push_words::<b' '>(&bytes, &mut out);
+            let texts = numbers.iter().map(|number| format!("{number},")).collect::<Vec<_>>().concat();
+            assert_eq!(String::from_utf8(out).unwrap(), format!("before{texts}{}", texts.replace(',', " ")));
         }
     }
 

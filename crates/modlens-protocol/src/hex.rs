@@ -81,32 +81,29 @@ pub fn hex(bytes: &[u8]) -> String {
 /// Appends the bytes as lower-case hex digits.
 #[inline]
 pub fn push_hex(bytes: &[u8], out: &mut Vec<u8>) {
-    let start = out.len();
-    out.resize(start + 2 * bytes.len(), 0);
-    let (pairs, rest) = out[start..].as_chunks_mut::<16>();
-    let (eights, tail) = bytes.as_chunks::<8>();
-    for (digits, eight) in pairs.iter_mut().zip(eights) {
-        *digits = hex_digits_of(*eight);
+    let end = out.len() + 2 * bytes.len();
+    out.reserve(2 * bytes.len() + 16);
+    let (eights, rest) = bytes.as_chunks::<8>();
+    for eight in eights {
+        out.extend_from_slice(hex_digits_of(*eight).as_flattened());
     }
-    for (digits, &byte) in rest.chunks_exact_mut(2).zip(tail) {
-        digits.copy_from_slice(&[hex_digit_of(byte >> 4), hex_digit_of(byte & 15)]);
+    let mut last = [0; 8];
+    for (to, &byte) in last.iter_mut().zip(rest) {
+        *to = byte;
     }
+    out.extend_from_slice(hex_digits_of(last).as_flattened());
+    out.truncate(end);
 }
 
-/// The hex digits of eight bytes. It uses no table, so that the compiler converts all of them at once.
+/// The hex digits of eight bytes. It uses no table, so that the compiler converts all of them at once: each byte becomes a number
+/// of 16 bits, whose halves become its two digits.
 #[inline]
-fn hex_digits_of(bytes: [u8; 8]) -> [u8; 16] {
-    let mut out = [0; 16];
-    for (at, byte) in bytes.into_iter().enumerate() {
-        out[2 * at] = hex_digit_of(byte >> 4);
-        out[2 * at + 1] = hex_digit_of(byte & 15);
-    }
-    out
-}
-
-#[inline]
-fn hex_digit_of(value: u8) -> u8 {
-    value + b'0' + if value > 9 { b'a' - b'0' - 10 } else { 0 }
+fn hex_digits_of(bytes: [u8; 8]) -> [[u8; 2]; 8] {
+    bytes.map(|byte| {
+        let halves = (u16::from(byte) >> 4 | u16::from(byte) << 8) & 0x0F0F;
+        let is_letter = ((halves + 0x0606) >> 4) & 0x0101;
+        (halves + 0x3030 + is_letter * u16::from(b'a' - b'0' - 10)).to_le_bytes()
+    })
 }
 
 /// Decodes hex digits; white space between them is ignored. `None` for an odd number of digits or another character.

@@ -25,6 +25,12 @@ impl Batch {
 #[pymethods]
 impl Batch {
     #[getter]
+    fn row_count(&self) -> usize {
+        let core = &self.core;
+        core.frames.len() + core.transaction_count() + core.findings.len() + core.connections.len() + core.diagnoses.len()
+    }
+
+    #[getter]
     fn frames(&self) -> Table {
         table(&self.core, TableKind::Frames)
     }

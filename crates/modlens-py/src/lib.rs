@@ -14,6 +14,7 @@ mod inbox;
 mod line_search;
 mod lines;
 mod profile;
+mod read_ahead;
 mod recorder;
 mod session;
 mod stream;
@@ -28,43 +29,40 @@ use modlens_protocol::framing::Verdict;
 use modlens_protocol::functions::{Functions, VENDORS, VOCABULARY};
 use modlens_protocol::renamed::{Renamed, RENAMED};
 use modlens_protocol::status::Status;
+use modlens_tables::columns;
 use pyo3::prelude::*;
-use serde_json::{json, Map, Value as Json};
+use serde_json::{json, Value as Json};
 
 use crate::arguments::{line_settings, value_error};
 
-/// The tables that the core embeds (functions, columns, findings and names of codes), as one JSON object.
+/// One of the tables that the core embeds (functions, columns, findings, names of codes ...), as JSON.
 #[pyfunction]
-fn vocabulary() -> PyResult<String> {
-    let words: Json = toml_to_json(VOCABULARY)?;
-    let columns: Json = toml_to_json(modlens_tables::columns::COLUMNS)?;
-    let mut all = Map::new();
-    for (here, there) in [
-        ("exceptions", "exception"),
-        ("diagnostics", "diagnostic"),
-        ("mei_types", "mei_type"),
-        ("object_ids", "object_id"),
-        ("read_device_id_codes", "read_device_id_code"),
-        ("conformity_levels", "conformity_level"),
-    ] {
-        all.insert(here.into(), words.get(there).cloned().unwrap_or_else(|| json!([])));
-    }
-    all.insert("functions".into(), Functions::embedded().rows().map(|row| row.source.clone()).collect());
-    let tables: Map<String, Json> =
-        modlens_tables::columns::TABLES.iter().map(|table| ((*table).into(), columns[*table].clone())).collect();
-    all.insert("columns".into(), tables.into());
-    all.insert("findings".into(), Finding::ALL.iter().map(|finding| finding_json(*finding)).collect());
-    all.insert("diagnoses".into(), modlens_diagnosis::table::diagnoses().iter().map(diagnosis_json).collect());
-    all.insert("statuses".into(), Status::ALL.iter().map(|one| json!({"code": one.text(), "meaning": one.meaning()})).collect());
-    all.insert("verdicts".into(), Verdict::ALL.iter().map(|one| json!({"code": one.text(), "meaning": one.meaning()})).collect());
-    all.insert("renamed".into(), RENAMED.iter().map(renamed_json).collect());
-    all.insert("vendors".into(), VENDORS.iter().map(|(name, _)| *name).collect());
-    all.insert("version".into(), columns["version"].clone());
-    Ok(Json::Object(all).to_string())
+fn vocabulary(part: &str) -> PyResult<String> {
+    let found: Json = match part {
+        "exceptions" => names("exception")?,
+        "diagnostics" => names("diagnostic")?,
+        "mei_types" => names("mei_type")?,
+        "object_ids" => names("object_id")?,
+        "read_device_id_codes" => names("read_device_id_code")?,
+        "conformity_levels" => names("conformity_level")?,
+        "functions" => Functions::embedded().rows().map(|row| row.source.clone()).collect(),
+        "columns" => columns::TABLES.iter().map(|table| ((*table).to_owned(), columns::definition()[*table].clone())).collect(),
+        "findings" => Finding::ALL.iter().map(|finding| finding_json(*finding)).collect(),
+        "diagnoses" => modlens_diagnosis::table::diagnoses().iter().map(diagnosis_json).collect(),
+        "statuses" => Status::ALL.iter().map(|one| json!({"code": one.text(), "meaning": one.meaning()})).collect(),
+        "verdicts" => Verdict::ALL.iter().map(|one| json!({"code": one.text(), "meaning": one.meaning()})).collect(),
+        "renamed" => RENAMED.iter().map(renamed_json).collect(),
+        "vendors" => VENDORS.iter().map(|(name, _)| *name).collect(),
+        "version" => columns::version().into(),
+        _ => return Err(value_error(format!("no part {part:?} of the vocabulary"))),
+    };
+    Ok(found.to_string())
 }
 
-fn toml_to_json(text: &str) -> PyResult<Json> {
-    modlens_protocol::functions::parse_toml(text).map_err(value_error)
+/// The rows of this name in vocabulary.toml.
+fn names(of: &str) -> PyResult<Json> {
+    let mut file = modlens_protocol::functions::parse_toml(VOCABULARY).map_err(value_error)?;
+    Ok(file.get_mut(of).map_or_else(|| json!([]), Json::take))
 }
 
 fn finding_json(finding: Finding) -> Json {
@@ -151,6 +149,8 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<view::Lines>()?;
     module.add_function(wrap_pyfunction!(view::carried, module)?)?;
     module.add_class::<batch::Batch>()?;
+    module.add_class::<read_ahead::Reader>()?;
+    module.add_class::<read_ahead::ReadBlock>()?;
     module.add_class::<session::Session>()?;
     Ok(())
 }

@@ -36,18 +36,19 @@ enum Format {
     Jsonl(LineWriter<Jsonl>),
 }
 
-/// The lines of a table's rows, about 64 KiB at a time.
+/// The lines of a table's rows, a block at a time.
 #[pyclass(module = "_modlens")]
 pub struct Pieces {
     table: Core,
     format: Format,
     header: Vec<u8>,
+    block_bytes: usize,
     next: usize,
 }
 
 impl Pieces {
     /// The lines of a table with these columns. `header` puts the names of the columns in front, if the format is CSV.
-    pub fn new(table: &Core, format: &str, columns: &[String], header: bool) -> PyResult<Self> {
+    pub fn new(table: &Core, format: &str, columns: &[String], header: bool, block_bytes: usize) -> PyResult<Self> {
         let columns_by_index: Vec<usize> =
             columns.iter().map(|key| table.kind.column(key)).collect::<Result<_, _>>().map_err(value_error)?;
         let mut names = Vec::new();
@@ -61,15 +62,15 @@ impl Pieces {
             "jsonl" => Format::Jsonl(LineWriter::new(table, &columns_by_index)),
             other => return Err(value_error(format!("format {other:?} is neither csv nor jsonl"))),
         };
-        Ok(Self { table: table.clone(), format, header: names, next: 0 })
+        Ok(Self { table: table.clone(), format, header: names, block_bytes, next: 0 })
     }
 
     fn fill(&mut self, out: &mut Vec<u8>) {
         out.append(&mut self.header);
         let (table, rows) = (&self.table, self.next..self.table.len());
         self.next = match &mut self.format {
-            Format::Csv(lines) => lines.rows(table, rows, BLOCK_BYTES, out),
-            Format::Jsonl(lines) => lines.rows(table, rows, BLOCK_BYTES, out),
+            Format::Csv(lines) => lines.rows(table, rows, self.block_bytes, out),
+            Format::Jsonl(lines) => lines.rows(table, rows, self.block_bytes, out),
         };
     }
 }

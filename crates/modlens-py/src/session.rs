@@ -12,7 +12,7 @@ use modlens_protocol::source::{Clock, Place};
 use modlens_readers::chunk::{Chunk, Times};
 use modlens_readers::logic::Wiring;
 use modlens_readers::pcap::Ports;
-use modlens_readers::text::{day_of, ClockSettings, Reader};
+use modlens_readers::text::{day_of, ClockSettings, Reader as TextReader};
 use modlens_tables::columns::TableKind;
 use modlens_tables::overview::Overview;
 use pyo3::exceptions::PyIndexError;
@@ -24,6 +24,7 @@ use crate::batch::Batch;
 use crate::dialects::Dialects;
 use crate::functions::Functions;
 use crate::profile::Profile;
+use crate::read_ahead::{ReadBlock, Reader};
 
 /// The framing of this name; `None` stands for `auto`, which lets the engine detect it.
 fn framing(name: &str) -> PyResult<Option<Mode>> {
@@ -102,7 +103,7 @@ impl Session {
         }
         let mut core = Core::new(Arc::clone(&functions.core), wanted, live, timeout_ns);
         if !shows_frames {
-            core.emit_in_short();
+            core.emit_compact();
         }
         if let Some(name) = bus_name {
             core.name_buses(name);
@@ -190,7 +191,7 @@ impl Session {
             dialects.map_or_else(|| Arc::new(modlens_readers::text::Dialects::default()), |dialects| Arc::clone(&dialects.core));
         let rows = table.named(format).map_err(value_error)?;
         let clock = Arc::new(ClockSettings { zone: zone.unwrap_or_default(), day });
-        let reader = Reader::new(rows, (!ordered).then_some(table), clock);
+        let reader = TextReader::new(rows, (!ordered).then_some(table), clock);
         self.core.open_text(bus, reader, sample.unwrap_or_default());
         Ok(())
     }
@@ -246,6 +247,29 @@ impl Session {
             "clock": clock_name(report.clock), "resolution_ns": report.resolution, "mode": null,
         })
         .to_string())
+    }
+
+    fn lend_reader(&mut self, bus: usize) -> PyResult<Reader> {
+        self.check_bus(bus)?;
+        Ok(Reader::new(self.core.lend_reader(bus)))
+    }
+
+    fn lend_capture_reader(&mut self, capture: usize) -> PyResult<Reader> {
+        let lent = self.core.lend_capture_reader(capture);
+        lent.map(Reader::new).ok_or_else(|| PyIndexError::new_err(format!("capture {capture} was not added")))
+    }
+
+    fn take_back(&mut self, reader: &mut Reader) {
+        if let Some(reader) = reader.give_back() {
+            self.core.take_back(reader);
+        }
+    }
+
+    fn take_read(&mut self, py: Python<'_>, block: &ReadBlock) -> Batch {
+        Batch::new(py.detach(|| {
+            self.core.feed_read(&block.core);
+            self.take_counted()
+        }))
     }
 
     #[allow(clippy::too_many_arguments)] // The keywords of one Python call.

@@ -17,7 +17,7 @@ use pyo3::IntoPyObjectExt;
 
 use crate::arguments::value_error;
 use crate::capsule::stream_capsule;
-use crate::lines::{as_bytes, Pieces};
+use crate::lines::{as_bytes, Pieces, BLOCK_BYTES};
 
 /// A compiled filter for one table.
 #[pyclass(frozen, module = "_modlens")]
@@ -81,14 +81,15 @@ impl Table {
         Self { core: self.core.slice(start, count) }
     }
 
-    fn has_value(&self, py: Python<'_>, column: &str) -> PyResult<bool> {
-        let column = self.core.kind.column(column).map_err(value_error)?;
-        Ok(py.detach(|| self.core.has_value(column)))
+    /// For each of these columns whether a row has a value in it.
+    fn have_values(&self, py: Python<'_>, columns: Vec<String>) -> PyResult<Vec<bool>> {
+        let columns = column_indices(self.core.kind, &columns)?;
+        Ok(py.detach(|| columns.into_iter().map(|column| self.core.has_value(column)).collect()))
     }
 
-    #[pyo3(signature = (format, columns, *, header=false))]
-    fn lines(&self, format: &str, columns: Vec<String>, header: bool) -> PyResult<Pieces> {
-        Pieces::new(&self.core, format, &columns, header)
+    #[pyo3(signature = (format, columns, *, header=false, block_bytes=BLOCK_BYTES))]
+    fn lines(&self, format: &str, columns: Vec<String>, header: bool, block_bytes: usize) -> PyResult<Pieces> {
+        Pieces::new(&self.core, format, &columns, header, block_bytes)
     }
 
     #[pyo3(signature = (columns, start=0, count=usize::MAX))]

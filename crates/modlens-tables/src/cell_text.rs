@@ -2,36 +2,20 @@
 
 use crate::columns::{Cell, Items};
 use modlens_profiles::points::push_float;
-use modlens_protocol::decimal::{decimal_texts, push_int, push_short};
+use modlens_protocol::decimal::{push_int, push_short, push_words};
 use modlens_protocol::hex::push_hex;
 use modlens_protocol::source::Place;
 use modlens_protocol::timestamp::push_time;
 use modlens_protocol::Ns;
 
 /// Appends the numbers of a list with one byte between them.
-///
-/// Most values in tables are registers, and each of these costs one look-up and one copy of fixed size.
-pub fn push_items(items: &Items<'_>, separator: u8, out: &mut Vec<u8>) {
+pub fn push_items<const SEPARATOR: u8>(items: &Items<'_>, out: &mut Vec<u8>) {
     let (start, count) = (out.len(), items.len());
     match *items {
-        Items::Words(bytes) => {
-            let table = decimal_texts();
-            // The last copy of eight bytes goes beyond the end of its number.
-            out.resize(start + 6 * count + 8, 0);
-            let mut at = start;
-            for word in bytes.chunks_exact(2) {
-                let entry = &table[usize::from(u16::from_be_bytes([word[0], word[1]]))];
-                out[at..at + 8].copy_from_slice(entry);
-                at += usize::from(entry[7]);
-                out[at] = separator;
-                at += 1;
-            }
-            out.truncate(at);
-        }
+        Items::Words(bytes) => push_words::<SEPARATOR>(bytes, out),
         Items::Bits(bytes, _) => {
             for &byte in &bytes[..count.div_ceil(8)] {
-                let halves = [byte & 0xF, byte >> 4].map(|four| digits_of(four, separator).to_le_bytes());
-                out.extend_from_slice(halves.as_flattened());
+                out.extend_from_slice(const { &bit_texts(SEPARATOR) }[usize::from(byte)].as_flattened());
             }
             out.truncate(start + 2 * count);
         }
@@ -42,7 +26,7 @@ pub fn push_items(items: &Items<'_>, separator: u8, out: &mut Vec<u8>) {
         Items::Numbers(numbers) => {
             for number in numbers {
                 push_int(*number as i64, out);
-                out.push(separator);
+                out.push(SEPARATOR);
             }
         }
     }
@@ -51,16 +35,15 @@ pub fn push_items(items: &Items<'_>, separator: u8, out: &mut Vec<u8>) {
     }
 }
 
-/// Four bits as digits, that of the lowest bit first, each with the separator behind it: one a byte of the result, in little-endian
-/// order.
-#[inline]
-fn digits_of(bits: u8, separator: u8) -> u64 {
-    // To every second byte of the product goes a copy of the four bits, of which the mask leaves another one in each.
-    const ONES: u64 = 0x0001_0001_0001_0001;
-    let own = (u64::from(bits) * ONES) & 0x0008_0004_0002_0001;
-    // A bit that is set, whichever it is, comes to stand in the highest place of its 16 bits.
-    let is_set = ((own + 0x7FFF_7FFF_7FFF_7FFF) >> 15) & ONES;
-    is_set + u64::from(b'0') * ONES + (u64::from(separator) << 8) * ONES
+/// The bits of each byte as digits, the lowest bit first, each with the separator behind it.
+const fn bit_texts(separator: u8) -> [[[u8; 2]; 8]; 256] {
+    let mut texts = [[[b'0', separator]; 8]; 256];
+    let mut at = 0;
+    while at < 8 * 256 {
+        texts[at / 8][at % 8][0] += (at / 8) as u8 >> (at % 8) & 1;
+        at += 1;
+    }
+    texts
 }
 
 /// Appends a duration in microseconds with as many decimals as it has.
@@ -140,7 +123,7 @@ pub fn push_plain(cell: &Cell<'_>, out: &mut Vec<u8>) {
         Cell::Bool(yes) => out.extend_from_slice(bool_text(*yes)),
         Cell::Word(text) | Cell::Text(text) => push_short(text.as_bytes(), out),
         Cell::Hex(bytes) => push_hex(bytes, out),
-        Cell::Ints(items) => push_items(items, b' ', out),
+        Cell::Ints(items) => push_items::<b' '>(items, out),
         Cell::Codes(codes) => {
             for (i, code) in codes.iter().enumerate() {
                 if i > 0 {
@@ -163,11 +146,11 @@ mod tests {
     fn bits_are_digits_from_the_lowest_on() {
         let mut out = Vec::new();
         // Section 6.1 of the application protocol: CD 6B 05 are coils 20 to 38, 20 being the lowest bit of CD.
-        push_items(&Items::Bits(&[0xCD, 0x6B, 0x05], 19), b' ', &mut out);
+        push_items::<b' '>(&Items::Bits(&[0xCD, 0x6B, 0x05], 19), &mut out);
         assert_eq!(String::from_utf8(out).unwrap(), "1 0 1 1 0 0 1 1 1 1 0 1 0 1 1 0 1 0 1");
         for byte in 0..=255u8 {
             let mut out = Vec::new();
-            push_items(&Items::Bits(&[byte], 8), b';', &mut out);
+            push_items::<b';'>(&Items::Bits(&[byte], 8), &mut out);
             let digits: Vec<u8> = (0..8).flat_map(|bit| [b'0' + (byte >> bit & 1), b';']).collect();
             assert_eq!(out, digits[..15]);
         }

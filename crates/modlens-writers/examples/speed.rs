@@ -17,7 +17,8 @@ use modlens_tables::columns::{Table, TableKind};
 use modlens_writers::capture::{Capture, CaptureOptions};
 use modlens_writers::csv::Csv;
 use modlens_writers::jsonl::Jsonl;
-use modlens_writers::lines::{LineFormat, LineWriter};
+use modlens_writers::line_format::LineFormat;
+use modlens_writers::lines::LineWriter;
 use rustix::time::{clock_gettime, ClockId};
 
 /// Takes a batch, or nothing at the end, and hands its text on; gives the rows.

@@ -4,7 +4,7 @@ use std::mem::ManuallyDrop;
 
 use memchr::memchr3;
 
-use crate::lines::{FileNameCheck, LineFormat};
+use crate::line_format::{FileNameCheck, LineFormat};
 use crate::LineWriter;
 use modlens_protocol::decimal::{push_int, push_short};
 use modlens_protocol::hex::push_hex;
@@ -76,7 +76,7 @@ impl CellSink for Csv {
             Cell::Bool(yes) => push_short(bool_text(yes), out),
             Cell::Word(text) => push_short(text.as_bytes(), out),
             Cell::Hex(bytes) => push_hex(bytes, out),
-            Cell::Ints(ref items) => push_items(items, b' ', out),
+            Cell::Ints(ref items) => push_items::<b' '>(items, out),
             Cell::Source(file, place, number) if self.source.plain(file, needs_quotes) => push_source(file, place, number, out),
             _ => push_input_text(&ManuallyDrop::into_inner(cell), out),
         }

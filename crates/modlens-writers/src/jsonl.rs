@@ -2,7 +2,7 @@
 
 use std::mem::ManuallyDrop;
 
-use crate::lines::{FileNameCheck, LineFormat};
+use crate::line_format::{FileNameCheck, LineFormat};
 use crate::LineWriter;
 use modlens_protocol::decimal::{push_int, push_short};
 use modlens_protocol::finding::Finding;
@@ -104,7 +104,7 @@ impl CellSink for Jsonl {
             Cell::Time(ns) => quoted(out, |out| self.stamp.push(ns, out)),
             Cell::Ints(ref items) => {
                 out.push(b'[');
-                push_items(items, b',', out);
+                push_items::<b','>(items, out);
                 out.push(b']');
             }
             Cell::Codes(codes) => push_codes(codes, out),

@@ -14,8 +14,10 @@
 
 pub mod capture;
 pub mod csv;
+mod exchange_lines;
 pub mod influx;
 pub mod jsonl;
+pub mod line_format;
 pub mod lines;
 pub mod mqtt;
 pub mod view;

@@ -4,56 +4,15 @@
 use std::ops::Range;
 
 use modlens_protocol::decimal::push_short;
-use modlens_tables::columns::{CellSink, ColumnReader, RowRef, Table};
+use modlens_tables::columns::{ColumnReader, RowRef, Table, TableRow};
 
-/// A text format: writes the values of a line.
-pub trait LineFormat: CellSink + Default + 'static {
-    /// Tells the format the names of the columns, before the first line.
-    fn columns(&mut self, keys: &[&str]);
-
-    /// The output. A writer exchanges its own buffer for this one, so that the format does not need to borrow it.
-    fn out(&mut self) -> &mut Vec<u8>;
-
-    /// Announces the column (by index) of the next value.
-    fn column(&mut self, at: usize);
-
-    /// Ends a value.
-    fn end_value(&mut self);
-
-    /// Begins a line.
-    fn begin(&mut self);
-
-    /// Ends a line.
-    fn end(&mut self);
-}
-
-/// Remembers whether the name of the input file needs quoting or escaping. It is mostly the same as in the row before.
-#[derive(Default)]
-pub struct FileNameCheck {
-    /// Address and length of the name last checked, and whether it needs neither quotes nor escapes.
-    known: Option<(usize, usize, bool)>,
-}
-
-impl FileNameCheck {
-    /// Whether the name contains nothing that `special` reports.
-    #[inline]
-    pub fn plain(&mut self, file: &str, special: fn(&[u8]) -> bool) -> bool {
-        let (at, length) = (file.as_ptr() as usize, file.len());
-        match self.known {
-            Some((known, size, is_plain)) if (known, size) == (at, length) => is_plain,
-            _ => {
-                let is_plain = !special(file.as_bytes());
-                self.known = Some((at, length, is_plain));
-                is_plain
-            }
-        }
-    }
-}
+use crate::exchange_lines::ExchangeLines;
+use crate::line_format::LineFormat;
 
 /// One column, or adjacent columns with values that all rows of a bus share.
 enum ColumnGroup<F> {
-    /// The index of a column whose value differs from row to row, and whether exchanges in short have one.
-    Own(usize, ColumnReader<F>, bool),
+    /// The index of a column whose value differs from row to row.
+    Own(usize, ColumnReader<F>),
     /// Columns that have the same values in all rows of a bus, and their text for the current bus.
     Shared(Vec<(usize, ColumnReader<F>)>, Vec<u8>),
 }
@@ -64,6 +23,7 @@ pub struct LineWriter<F> {
     steps: Vec<ColumnGroup<F>>,
     /// The bus to which the kept texts belong.
     bus: Option<u32>,
+    exchange_lines: ExchangeLines<F>,
 }
 
 impl<F: LineFormat> LineWriter<F> {
@@ -79,26 +39,29 @@ impl<F: LineFormat> LineWriter<F> {
             match (steps.last_mut(), table.kind.is_constant_per_bus(column)) {
                 (Some(ColumnGroup::Shared(shared, _)), true) => shared.push((at, reader)),
                 (_, true) => steps.push(ColumnGroup::Shared(vec![(at, reader)], Vec::new())),
-                _ => steps.push(ColumnGroup::Own(at, reader, table.has_value_in_short(column))),
+                _ => steps.push(ColumnGroup::Own(at, reader)),
             }
         }
-        Self { format, steps, bus: None }
+        Self { format, steps, bus: None, exchange_lines: ExchangeLines::new(columns) }
     }
 
     /// Appends rows until `out` holds `enough` bytes. Returns the next row to be written.
     pub fn rows(&mut self, table: &Table, rows: Range<usize>, enough: usize, out: &mut Vec<u8>) -> usize {
         std::mem::swap(self.format.out(), out);
-        let next = table.each_row(rows, |row, is_short| {
-            self.row(row, is_short);
+        let next = table.each_row(rows, |row| {
+            match row {
+                TableRow::Whole(row) => self.row(row),
+                TableRow::Compact(exchange) => self.exchange_lines.push(table, exchange, &mut self.format),
+            }
             self.format.out().len() < enough
         });
         std::mem::swap(self.format.out(), out);
         next
     }
 
-    /// Appends one row, which may be an exchange in short.
+    /// Appends one row.
     #[inline]
-    fn row(&mut self, row: &RowRef<'_>, is_short: bool) {
+    fn row(&mut self, row: &RowRef<'_>) {
         if row.bus() != self.bus {
             self.change_bus(row);
         }
@@ -106,8 +69,7 @@ impl<F: LineFormat> LineWriter<F> {
         format.begin();
         for step in &self.steps {
             match step {
-                ColumnGroup::Own(_, _, false) if is_short => format.end_value(),
-                ColumnGroup::Own(at, reader, _) => {
+                ColumnGroup::Own(at, reader) => {
                     format.column(*at);
                     row.emit(reader, format);
                     format.end_value();

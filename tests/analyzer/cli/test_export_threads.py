@@ -1,4 +1,4 @@
-"""Two threads write what one writes: one decodes, the other encodes."""
+"""Several threads write what one writes: one decodes, all encode."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from typing import Any, cast
 import pytest
 
 import _modlens
-from analyzer.cli.outputs import LARGE_BYTES, uses_threads
+from analyzer.cli.outputs import LARGE_BYTES, MOST_THREADS, threads_for
+from analyzer.pool import Pool
 from analyzer.pump import Run, pump
 from dissectors.craft import craft
 from dissectors.errors import SourceError
@@ -39,19 +40,19 @@ def line(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     "out", ["log.csv", "log.jsonl", "log.parquet", "frames:log.pcapng", "findings:log.csv"]
 )
-def test_two_threads_write_the_bytes_of_one(
+def test_threads_write_the_bytes_of_one(
     modlens: Modlens, line: Path, tmp_path: Path, out: str
 ) -> None:
     table, _, name = out.rpartition(":")
     written = []
-    for threads in (1, 2):
+    for threads in (1, 2, 3):
         path = tmp_path / f"{threads}-{name}"
         target = f"{table}:{path}" if table else str(path)
         done = modlens("export", line, "--mode", "rtu", "-o", target, "--threads", threads)
         assert (done.status, done.err) == (0, "")
         written.append(path.read_bytes())
     assert len(written[0]) > 1000
-    assert written[0] == written[1]
+    assert written[0] == written[1] == written[2]
 
 
 def test_a_limit_holds_with_two_threads(modlens: Modlens, line: Path) -> None:
@@ -69,10 +70,18 @@ def test_a_database_is_written_by_the_thread_that_opened_it(
 def test_small_recordings_need_no_threads(line: Path, tmp_path: Path) -> None:
     small = tmp_path / "small.bin"
     small.write_bytes(b"\0")
-    assert not uses_threads([str(small)], 2)
-    assert not uses_threads([str(line)], 1)
-    assert not uses_threads([str(line), "-"], 2)
-    assert uses_threads([str(line), str(small)], 2)
+    assert threads_for([str(small)], 2) == 1
+    assert threads_for([str(line)], 1) == 1
+    assert threads_for([str(line), "-"], 2) == 1
+    assert threads_for([str(line), str(small)], 2) == 2
+    assert threads_for([str(line)], 1000) == MOST_THREADS
+    assert threads_for([str(line)], -1) == 1
+
+
+class _Number(int):
+    """Stands for a batch."""
+
+    row_count = 700
 
 
 class _Numbers:
@@ -82,11 +91,11 @@ class _Numbers:
         self.finished = False
 
     def batches(self) -> Iterator[Any]:
-        yield from range(100)
+        yield from map(_Number, range(100))
 
     def finish(self) -> Any:
         self.finished = True
-        return 100
+        return _Number(100)
 
 
 class _Sink:
@@ -105,13 +114,14 @@ class _Sink:
 
 def run_beside(sink: _Sink) -> list[object]:
     run, failures = _Numbers(), list[object]()
-    pump(
-        cast(Run, run),
-        [sink],
-        stop=lambda: False,
-        on_failure=lambda _, error: failures.append(error),
-        beside=True,
-    )
+    with Pool(2) as pool:
+        pump(
+            cast(Run, run),
+            [sink],
+            stop=lambda: False,
+            on_failure=lambda _, error: failures.append(error),
+            pool=pool,
+        )
     assert run.finished
     return failures
 

@@ -15,7 +15,7 @@ import pytest
 from analyzer import Decoding, SourceError, UsageError, decode
 from analyzer.columns import TABLES
 from analyzer.exports.sink import ExportSink, parse_target
-from dissectors.vocabulary import vocabulary
+from dissectors.texts import vocabulary
 from tests.conftest import CAPTURES, ROOT, environment
 
 
@@ -53,7 +53,7 @@ def test_the_views_answer_what_is_asked_most(tmp_path: Path) -> None:
             own = [row for row in rows if (row.unit, row.function) == (unit, function)]
             assert count == len(own)
             assert timed == sum(row.response_time_us is not None for row in own)
-        assert base.execute("PRAGMA user_version").fetchone() == (vocabulary()["version"],)
+        assert base.execute("PRAGMA user_version").fetchone() == (vocabulary("version"),)
         assert base.execute("PRAGMA journal_mode").fetchone() == ("delete",)
         assert dict(base.execute("SELECT key, value FROM meta"))["program"] == "modlens"
 

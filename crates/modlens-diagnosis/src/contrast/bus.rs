@@ -11,9 +11,11 @@ use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 
 use super::before::Before;
+use super::clean_units::CleanUnits;
 use super::network::Connections;
 use super::noise::NoiseRuns;
 use super::recall::Recall;
+use super::recent::RecentAnswers;
 use super::request::{RequestCounts, MAX_REQUESTS};
 use super::sample::Sample;
 use super::tally::{Place, Tally};
@@ -30,10 +32,7 @@ const WRITE_MEMORY: usize = 4;
 /// Runs of damage and noise are remembered until their transactions come.
 const MAX_RUNS: usize = 1024;
 
-/// Transactions that are remembered with their data.
-const RECENT: usize = 48;
-
-/// The last ones of them, whose data may come again as the answer to another request.
+/// The last transactions whose data may come again as the answer to another request.
 const COMPARED: usize = 12;
 
 /// Behind a silence, the data of so many transactions are compared with those in front of it.
@@ -145,8 +144,8 @@ struct Context {
     previous_answer: Option<PreviousAnswer>,
     /// The last request that could be read, and whether it failed, or one since.
     previous_request: Option<PreviousRequest>,
-    /// The last transactions: to which request data came, and which.
-    recent: VecDeque<Option<(RequestKey, Data)>>,
+    /// The last transactions.
+    recent: RecentAnswers,
     /// Transactions since the last one without an answer, if they are few.
     since_silence: Option<usize>,
     /// Transactions since the last write, if they are few.
@@ -180,6 +179,7 @@ pub struct BusContrast {
     transactions_seen: u64,
     /// Whether something is pending.
     is_pending: bool,
+    clean_units: CleanUnits,
     recall: Recall,
 }
 
@@ -213,8 +213,8 @@ impl BusContrast {
         true
     }
 
-    /// Takes the frames of a run of exchanges in short.
-    pub(super) fn frames_in_short(&mut self, run: &ExchangeRun, exchanges: &[Exchange]) {
+    /// Takes the frames of a run of compact exchanges.
+    pub(super) fn compact_frames(&mut self, run: &ExchangeRun, exchanges: &[Exchange]) {
         let Some(last) = exchanges.last() else { return };
         let numbered = exchanges.iter().zip(run.number..).zip((run.frame..).step_by(2));
         let mut rest = 0;
@@ -223,15 +223,15 @@ impl BusContrast {
                 break;
             }
             rest += 1;
-            self.frame(FrameObservation::in_short(txn, frame, Direction::Request, row));
-            self.frame(FrameObservation::in_short(txn, frame + 1, Direction::Response, row));
+            self.frame(FrameObservation::of_compact(txn, frame, Direction::Request, row));
+            self.frame(FrameObservation::of_compact(txn, frame + 1, Direction::Response, row));
         }
         let count = exchanges.len() as u64;
         let in_bulk = &exchanges[rest..];
         let bytes = in_bulk.iter().map(|row| u64::from(row.lengths[0]) + u64::from(row.lengths[1])).sum();
         self.frames_seen += 2 * in_bulk.len() as u64;
         self.is_pending = true;
-        self.frames.count_in_short(2 * in_bulk.len() as u64, bytes);
+        self.frames.count_compact(2 * in_bulk.len() as u64, bytes);
         self.facts.mode = Some(Mode::Rtu);
         self.context.last_txn = run.number + count - 1;
         self.context.last_good = Some((run.frame + 2 * count - 1, Direction::Response, Some(last.unit)));
@@ -256,13 +256,20 @@ impl BusContrast {
         if is_read && self.context.is_odd(seen, self.recall.age(hash)) {
             return false;
         }
-        let unit = self.units.entry(seen.key.unit).or_default();
-        if !unit.takes_clean() {
-            return false;
+        let clean = self.clean_units.of(seen.key.unit);
+        if !clean.is_open {
+            clean.is_open = self.units.entry(seen.key.unit).or_default().takes_clean();
+            if !clean.is_open {
+                return false;
+            }
         }
         (self.transactions_seen, self.is_pending) = (self.transactions_seen + 1, true);
         let before = self.context.before(Some(seen.key), seen.starts[0]);
-        unit.count_clean(seen, &before);
+        clean.count(seen, &before);
+        let has_times = seen.place.time.is_some() || seen.gap.is_some() || seen.response_time.is_some();
+        if has_times || seen.starts[1].is_some() || before.previous.is_some_and(|(_, was_silent)| was_silent) {
+            self.units.entry(seen.key.unit).or_default().count_clean_times(*seen, before);
+        }
         self.requests_seen.count_good(1);
         if let Some(counts) = slot.and_then(|slot| self.requests.at(slot, &seen.key)) {
             counts.count_clean(seen, before.request);
@@ -286,7 +293,7 @@ impl BusContrast {
             return;
         }
         self.frames.settle();
-        self.units.values_mut().for_each(UnitCounts::settle);
+        self.clean_units.take().for_each(|(unit, pending)| self.units.entry(unit).or_default().settle(pending));
         self.requests.values_mut().for_each(RequestCounts::settle);
     }
 
@@ -379,7 +386,11 @@ impl BusContrast {
         if seen.outcome.counts() {
             self.requests_seen.count(seen.outcome.is_failure(), seen.place);
         }
-        self.units.entry(seen.unit).or_default().count(seen, before);
+        let unit = self.units.entry(seen.unit).or_default();
+        if let Some(pending) = self.clean_units.pending(seen.unit) {
+            unit.settle_order(pending);
+        }
+        unit.count(seen, before);
         if let Some((unit, place, waited, needed)) = before.overtaken {
             self.units.entry(unit).or_default().overtaken.count(place, waited, needed);
         }
@@ -423,7 +434,7 @@ impl FrameCounts {
         self.count_size(row.verdict as usize, row.wire.length, row.start);
     }
 
-    fn count_in_short(&mut self, frames: u64, bytes: u64) {
+    fn count_compact(&mut self, frames: u64, bytes: u64) {
         self.clean += frames;
         self.frames[Verdict::Ok as usize] += frames;
         self.bytes[Verdict::Ok as usize] += bytes;
@@ -561,14 +572,13 @@ impl Context {
 
     /// Whether the data of an exchange that went well may be those of another request, or go on with its values. `age` is
     /// how many transactions back its request was answered last, as far as that is known.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As `BusContrast::clean`.
     fn is_odd(&self, seen: &Clean, age: Option<u64>) -> bool {
-        let is_own = |one: &Option<(RequestKey, Data)>| one.is_some_and(|(key, _)| key == seen.key);
-        let age = match age {
-            Some(age) => age as usize,
-            None => self.recent.iter().rev().position(is_own).map_or(usize::MAX, |at| at + 1),
+        let own = match age {
+            Some(age) => self.recent.at_age(age as usize),
+            None => self.recent.last_of(seen.key),
         };
-        let own = self.recent.len().checked_sub(age).and_then(|at| self.recent[at]);
         let is_far = own.is_some_and(|(_, own)| distance(own, seen.data) >= FAR);
         let is_behind_silence = own.is_some() && self.since_silence.is_some();
         (is_far && self.is_of_another(seen.key, seen.data)) || (is_behind_silence && self.shift(seen.key, seen.data).is_some())
@@ -587,10 +597,7 @@ impl Context {
 
     #[inline]
     fn remember(&mut self, key: Option<RequestKey>, data: Data) {
-        if self.recent.len() == RECENT {
-            self.recent.pop_front();
-        }
-        self.recent.push_back(key.map(|key| (key, data)));
+        self.recent.push(key.map(|key| (key, data)));
     }
 
     #[inline]
@@ -607,18 +614,18 @@ impl Context {
         if data.length < LEAST_COMPARED_BYTES || data.is_plain() {
             return false;
         }
-        let mut others = self.recent.iter().rev().take(COMPARED).flatten();
-        let is_alike = others.any(|(other, others)| others.opening == data.opening && other.unit == key.unit && *other != key);
-        let own = || self.recent.iter().rev().flatten().find(|(other, _)| *other == key);
-        is_alike && own().is_some_and(|(_, own)| distance(*own, data) >= FAR)
+        let mut others = self.recent.newest_first().take(COMPARED).flatten();
+        let is_alike = others.any(|(other, others)| others.opening == data.opening && other.unit == key.unit && other != key);
+        let own = || self.recent.newest_first().flatten().find(|(other, _)| *other == key);
+        is_alike && own().is_some_and(|(_, own)| distance(own, data) >= FAR)
     }
 
     /// Shortly behind a silence: whether the values go on as those of the request before did in front of it.
     fn shift(&self, key: RequestKey, data: Data) -> Option<Shift> {
         let since = self.since_silence?;
         let before = self.previous_request.map(|before| before.key).filter(|before| before.unit == key.unit && *before != key)?;
-        let in_front = || self.recent.iter().rev().skip(since + 1).flatten();
-        let last_of = |key: RequestKey| in_front().find(|(other, _)| *other == key).map(|(_, data)| *data);
+        let in_front = || self.recent.newest_first().skip(since + 1).flatten();
+        let last_of = |key: RequestKey| in_front().find(|(other, _)| *other == key).map(|(_, data)| data);
         let (own, others) = (last_of(key)?, last_of(before)?);
         if own.length != data.length || others.length != data.length || distance(own, data) < FAR {
             return None;

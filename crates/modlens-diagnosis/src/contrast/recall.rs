@@ -3,6 +3,7 @@
 //!
 //! All of it can be forgotten at any time: it is found anew, and counts nothing itself.
 
+use super::recent::RECENT;
 use super::request::{RequestCounts, MAX_REQUESTS};
 use super::sample::Sample;
 use crate::observation::RequestKey;
@@ -22,6 +23,8 @@ pub(super) struct Recall {
     answers: Vec<(u64, u64)>,
     /// How many answers there were.
     count: u64,
+    /// The number of the last answer that was forgotten for another one at its place.
+    last_forgotten: u64,
 }
 
 /// What is remembered makes no difference.
@@ -51,11 +54,14 @@ impl Recall {
         Some(slot)
     }
 
-    /// How many answers ago that to the request with this hash was, 1 for the last; `None` if that is not remembered.
+    /// How many answers ago that to the request with this hash was, 1 for the last; `u64::MAX` if it is none of those of which
+    /// the data are remembered, `None` if that is not known.
     #[inline]
     pub fn age(&self, hash: u64) -> Option<u64> {
-        let (_, number) = self.answers.get(hash as usize % PLACES).filter(|(own, _)| *own == hash)?;
-        Some(self.count - number + 1)
+        match self.answers.get(hash as usize % PLACES) {
+            Some((own, number)) if *own == hash => Some(self.count - number + 1),
+            _ => (self.count - self.last_forgotten >= RECENT as u64).then_some(u64::MAX),
+        }
     }
 
     /// Notes the next answer, and the hash of the request if it has read data.
@@ -66,6 +72,10 @@ impl Recall {
         if self.answers.is_empty() {
             self.answers.resize(PLACES, (0, 0));
         }
-        self.answers[hash as usize % PLACES] = (hash, self.count);
+        let place = &mut self.answers[hash as usize % PLACES];
+        if place.0 != hash {
+            self.last_forgotten = self.last_forgotten.max(place.1);
+        }
+        *place = (hash, self.count);
     }
 }

@@ -194,7 +194,9 @@ impl RequestCounts {
             self.near_ones += u64::from(data.touches[0]);
             self.near_zeros += u64::from(data.touches[1]);
         }
-        self.count_period(seen.starts[0]);
+        if let Some(start) = seen.starts[0] {
+            self.count_period(Some(start));
+        }
         if seen.writes {
             self.count_written(seen.written, seen.place);
         }
@@ -218,7 +220,7 @@ impl RequestCounts {
 
     /// Counts what is pending, before anything else than exchanges that went well is counted or shown.
     pub(super) fn settle(&mut self) {
-        if self.pending == Pending::default() {
+        if self.pending.good == 0 {
             return;
         }
         self.settle_pairs();

@@ -59,10 +59,13 @@ pub fn mix_bytes(bytes: &[u8]) -> u64 {
 /// A number by which the same bytes are known again; never 0.
 pub fn fingerprint(bytes: &[u8]) -> u64 {
     let mut hash = bytes.len() as u64;
-    for chunk in bytes.chunks(8) {
-        let mut word = [0; 8];
-        word[..chunk.len()].copy_from_slice(chunk);
-        hash = mix(hash ^ u64::from_le_bytes(word));
+    let mut rest = bytes;
+    while let Some((word, more)) = rest.split_first_chunk() {
+        hash = mix(hash ^ u64::from_le_bytes(*word));
+        rest = more;
+    }
+    if !rest.is_empty() {
+        hash = mix(hash ^ rest.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte)));
     }
     hash.max(1)
 }

@@ -7,6 +7,7 @@ use modlens_protocol::finding::Finding;
 use modlens_protocol::Ns;
 
 use super::before::Before;
+use super::clean_units::CleanCounts;
 use super::epochs::Epochs;
 use super::tally::{Place, Tally};
 use super::times::{ByDuration, Durations};
@@ -100,7 +101,6 @@ pub struct UnitCounts {
     pub order_mismatches: Tally,
     /// Bytes of garbled answers against those of the answers expected, in per cent: 50 is half as long.
     pub length_ratios: LengthRatios,
-    pending: Pending,
 }
 
 /// How long runs of failures are.
@@ -274,58 +274,13 @@ pub struct LengthRatios {
     pub expected: u64,
 }
 
-/// Exchanges that went well and are not counted yet.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct Pending {
-    good: u64,
-    /// With a write among the transactions before.
-    behind_writes: u64,
-    /// By the unit before, and by function; these are not set back with `good`.
-    by_previous: Few<u8>,
-    by_function: Few<u8>,
-}
-
-/// Counts by a few different keys, the same one mostly many times on end.
-#[derive(Clone, Debug, PartialEq)]
-struct Few<K> {
-    counts: Vec<(K, u64)>,
-    last: usize,
-}
-
-impl<K> Default for Few<K> {
-    fn default() -> Self {
-        Self { counts: Vec::new(), last: 0 }
-    }
-}
-
-impl<K: PartialEq> Few<K> {
-    #[inline]
-    fn count(&mut self, key: K) {
-        if self.counts.get(self.last).is_none_or(|(last, _)| *last != key) {
-            self.last = self.counts.iter().position(|(other, _)| *other == key).unwrap_or(self.counts.len());
-            if self.last == self.counts.len() {
-                self.counts.push((key, 0));
-            }
-        }
-        self.counts[self.last].1 += 1;
-    }
-}
-
 impl UnitCounts {
-    /// Counts an exchange that went well and does not tell anything of lockstep.
-    #[inline]
-    pub(super) fn count_clean(&mut self, seen: &Clean, before: &Before) {
-        let pending = &mut self.pending;
-        pending.good += 1;
-        pending.by_function.count(seen.key.function);
-        pending.behind_writes += u64::from(before.written);
-        match before.previous {
-            Some((unit, false)) => pending.by_previous.count(unit),
-            Some(silent) => self.by_previous.entry(silent).or_default().count(false),
-            None => {}
-        }
-        if before.previous.is_some() {
-            self.damage_after_failure[usize::from(before.failed)].count(false);
+    /// Counts what the times of an exchange tell that went well, and that it came behind a request without an answer; the rest is
+    /// left to `CleanCounts`.
+    #[inline(never)]
+    pub(super) fn count_clean_times(&mut self, seen: Clean, before: Before) {
+        if let Some(silent) = before.previous.filter(|(_, was_silent)| *was_silent) {
+            self.by_previous.entry(silent).or_default().count(false);
         }
         if let Some(time) = seen.response_time {
             self.response_times.add(time);
@@ -351,21 +306,22 @@ impl UnitCounts {
     }
 
     /// Counts all that is pending, before it is shown.
-    pub(super) fn settle(&mut self) {
-        self.settle_order();
-        let Pending { by_previous, by_function, .. } = std::mem::take(&mut self.pending);
+    pub(super) fn settle(&mut self, mut pending: CleanCounts) {
+        self.settle_order(&mut pending);
+        let CleanCounts { by_previous, by_function, after_failure, .. } = pending;
         let add = |share: &mut Share, count: u64| share.total += count;
         by_previous.counts.into_iter().for_each(|(unit, count)| add(self.by_previous.entry((unit, false)).or_default(), count));
         by_function.counts.into_iter().for_each(|(function, count)| add(self.by_function.entry(function).or_default(), count));
+        self.damage_after_failure.iter_mut().zip(after_failure).for_each(|(share, count)| add(share, count));
     }
 
     /// Counts what is pending where order matters, before anything else than exchanges that went well is counted.
-    fn settle_order(&mut self) {
-        let (good, behind_writes) = (self.pending.good, self.pending.behind_writes);
+    pub(super) fn settle_order(&mut self, pending: &mut CleanCounts) {
+        pending.is_open = false;
+        let (good, behind_writes) = (std::mem::take(&mut pending.good), std::mem::take(&mut pending.behind_writes));
         if good == 0 {
             return;
         }
-        (self.pending.good, self.pending.behind_writes) = (0, 0);
         for tally in [
             &mut self.other_functions,
             &mut self.other_ids,
@@ -388,9 +344,8 @@ impl UnitCounts {
         self.by_pause[0].total += good;
     }
 
-    /// Counts a transaction.
+    /// Counts a transaction. What is pending of its order has to be settled.
     pub(super) fn count(&mut self, seen: &Observation, before: Before) {
-        self.settle_order();
         self.count_oddities(seen);
         if seen.outcome == Outcome::Unasked {
             self.count_unasked(seen, before);

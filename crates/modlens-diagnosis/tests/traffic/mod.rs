@@ -67,12 +67,12 @@ pub fn batches(exchanges: &[Exchange]) -> Vec<Batch> {
     all
 }
 
-/// The batches of the bytes alone, without a clock; exchanges that went well in short, or as rows.
+/// The batches of the bytes alone, without a clock; exchanges that went well are compact, or rows.
 #[allow(dead_code)] // Each test program compiles this file, and not all of them use all of it.
-pub fn batches_without_clock(exchanges: &[Exchange], in_short: bool) -> Vec<Batch> {
+pub fn batches_without_clock(exchanges: &[Exchange], compact: bool) -> Vec<Batch> {
     let mut session = Session::default();
-    if in_short {
-        session.emit_in_short();
+    if compact {
+        session.emit_compact();
     }
     let bus = session.add_bus(BusOptions::named("line"));
     let mut all = Vec::new();

@@ -69,8 +69,9 @@ impl UnframedRegion<'_, '_> {
             candidates.extend(self.aligned_candidate(&poll_request(polls.get(at)), start));
         }
         if self.context.known_units[usize::from(bytes[0])] || self.input.offset() == 0 {
-            let directions = [REQUEST, RESPONSE].into_iter();
-            candidates.extend(directions.filter_map(|direction| self.unpredicted_candidate(start, direction)));
+            for direction in [REQUEST, RESPONSE] {
+                candidates.extend(self.unpredicted_candidate(start, direction));
+            }
         }
     }
 

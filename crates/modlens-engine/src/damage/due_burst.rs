@@ -7,7 +7,7 @@
 use std::ops::Range;
 
 use crate::damage::expected_frame::{request_of, response_length};
-use crate::damage::glitch::is_glitch_byte;
+use crate::damage::glitch::{is_glitch, is_glitch_byte};
 use crate::damage::kind::DamageKind;
 use crate::damage::region::{DamagedFrame, UnframedRegion};
 use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
@@ -46,6 +46,10 @@ impl UnframedRegion<'_, '_> {
     /// Adds the frames that must stand between those that were found, in front of them or behind them: the burst that is worth
     /// most, if it is worth `MIN_DAMAGED_FRAME_BITS`.
     pub(crate) fn add_due_bursts(&self, frames: &mut Vec<DamagedFrame>) {
+        // What a line driver has left holds no burst.
+        if frames.is_empty() && is_glitch(self.bytes()) {
+            return;
+        }
         let is_modbus = self.context.known_units.iter().any(|&is_known| is_known);
         if !is_modbus || self.length > MAX_BURST_REGION_BYTES || self.is_entire_input() {
             return;

@@ -2,9 +2,10 @@
 
 use memchr::memchr;
 
-use crate::fast_path::emit::{adjacent_spans, may_hold_no_map, ExchangePlaces, Run};
+use crate::fast_path::emit::{adjacent_spans, may_hold_no_map, ExchangePlaces};
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rows::MatchedExchange;
+use crate::fast_path::run::Run;
 use crate::framer::ascii::MAX_MESSAGE_CHARACTERS;
 use crate::session::bus::{declared_direction, BusState};
 use crate::session::Session;

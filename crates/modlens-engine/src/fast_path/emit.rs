@@ -2,9 +2,12 @@
 
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rows::{ExchangeRows, MatchedExchange};
-use crate::records::Span;
+use crate::fast_path::run::Run;
+use crate::input::Read;
+use crate::records::{Exchange, PacketPair, Span};
 use crate::session::bus::{learn_side, BusState};
 use crate::session::frame_timing::{FrameTiming, TimingConfig};
+use crate::session::held_exchanges::ExchangeStart;
 use crate::session::line::LineState;
 use crate::session::Session;
 use crate::stats::RequestKey;
@@ -15,39 +18,6 @@ use modlens_protocol::functions::StandardLayout;
 use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
 use modlens_protocol::Ns;
 
-/// One run of the fast path over a bus: what stays the same in it, and what it has emitted so far.
-pub(super) struct Run {
-    /// How frames are timed, as it was at the beginning of the run.
-    config: TimingConfig,
-    /// Response times below this are left out of rows and statistics: the clock cannot measure them.
-    min_measurable_ns: Ns,
-    /// What it has emitted.
-    pub totals: BatchTotals,
-}
-
-impl Run {
-    /// A run over this bus. `line` is the index of the line whose clock counts.
-    pub(super) fn new(state: &mut BusState, line: usize) -> Self {
-        let config = state.timing_config(line);
-        let min_measurable_ns = 2 * state.coarsest_resolution();
-        Self { config, min_measurable_ns, totals: BatchTotals::default() }
-    }
-
-    /// Whether frames of the bus have times.
-    pub(super) fn has_clock(&self) -> bool {
-        self.config.has_clock
-    }
-
-    /// The time in ns within which a response on a serial line has to come; endless without a clock.
-    pub(super) fn request_timeout(&self, state: &BusState) -> Ns {
-        if self.config.has_clock {
-            state.pairing.request_timeout(false)
-        } else {
-            Ns::MAX
-        }
-    }
-}
-
 /// Where the bytes of an exchange are in the arena, or will be put: first the request's, then the response's.
 pub(super) struct ExchangePlaces {
     /// Its bytes as they were on the lines.
@@ -56,24 +26,9 @@ pub(super) struct ExchangePlaces {
     pub pdus: Option<[Span; 2]>,
 }
 
-/// When and where the frames of an exchange were.
-struct ExchangeTiming {
-    request: FrameTiming,
-    response: FrameTiming,
-    /// From the end of the request to the start of the response; `None` without a clock.
-    response_time: Option<Ns>,
-}
-
 impl Session {
-    /// Emits the rows of an exchange at the heads of its lines and consumes its bytes. Decides nothing: the caller has matched
-    /// the exchange, and there is no finding on it.
-    ///
-    /// `IN_PACKETS`: each of its frames is exactly a read with a time, on a bus with a clock.
-    ///
-    /// The session then has the state in which the slow path would leave it: what the bus has learned (`learn_exchange`), the
-    /// request's statistics, and the next numbers (one transaction, two frames). The run counts the exchange. Left to the
-    /// caller are the statistics of the bus, which come once a run, the last response, which comes once a run or, in ASCII,
-    /// with each exchange, and the framer.
+    /// Emits the rows of an exchange at the heads of its lines and consumes its bytes (`emit_timed`). `IN_PACKETS`: each of its
+    /// frames is exactly a read with a time, on a bus with a clock.
     #[inline(always)]
     #[allow(clippy::inline_always)] // The body of three loops: as a call, most of its time goes to passing the arguments.
     pub(super) fn emit_exchange<const IN_PACKETS: bool>(
@@ -84,29 +39,88 @@ impl Session {
         run: &mut Run,
     ) {
         let state = &mut self.buses[bus];
-        let ExchangeTiming { request, response, response_time } = learn_exchange::<IN_PACKETS>(state, matched, &run.config);
-        let response_time = response_time.filter(|&ns| ns >= run.min_measurable_ns);
+        let [client, server] = matched.lines;
+        let request = consume::<IN_PACKETS>(&mut state.lines[client].1, matched.lengths[0], &run.config);
+        let response = consume::<IN_PACKETS>(&mut state.lines[server].1, matched.lengths[1], &run.config);
+        self.emit_timed(bus, matched, places, [request, response], run);
+    }
+
+    /// Emits the rows of an exchange, of which the bytes are consumed; `timings` say when and where its frames were. Decides
+    /// nothing: the caller has matched the exchange, and there is no finding on it.
+    ///
+    /// The session then has the state in which the slow path would leave it: what the bus has learned (`learn_exchange`), the
+    /// request's statistics, and the next numbers (one transaction, two frames). The run counts the exchange. Left to the
+    /// caller are the statistics of the bus, which come once a run, the last response, which comes once a run or, in ASCII,
+    /// with each exchange, and the framer.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
+    pub(super) fn emit_timed(
+        &mut self,
+        bus: usize,
+        matched: &MatchedExchange,
+        places: &ExchangePlaces,
+        [request, response]: [FrameTiming; 2],
+        run: &mut Run,
+    ) {
+        let state = &mut self.buses[bus];
+        let response_time = learn_exchange(state, matched, &request, &response).filter(|&ns| ns >= run.min_measurable_ns);
         let expected = &matched.expected;
         let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
         self.stats.record_exchange(state.counts, (key, matched.counters), [request.span(), response.span()], response_time);
-        let rows = ExchangeRows {
-            txn: self.next_txn,
-            request_frame: self.next_frame,
-            bus: bus as u32,
-            lines: matched.lines.map(|line| state.lines[line].0),
-            matched,
-            request_wire: places.wires[0],
-            response_wire: places.wires[1],
-            request_timing: request,
-            response_timing: response,
-            response_time,
-            recording_start: self.origin,
-        };
-        self.push_rows(&rows, places);
+        if run.is_compact {
+            self.push_compact(bus, matched, places.wires[0].start, [&request, &response], response_time);
+        } else {
+            let lines = matched.lines.map(|line| self.buses[bus].lines[line].0);
+            let rows = ExchangeRows {
+                txn: self.next_txn,
+                request_frame: self.next_frame,
+                bus: bus as u32,
+                lines,
+                matched,
+                request_wire: places.wires[0],
+                response_wire: places.wires[1],
+                request_timing: request,
+                response_timing: response,
+                response_time,
+                recording_start: self.origin,
+            };
+            self.push_rows(&rows, places);
+        }
         run.totals.exchanges += 1;
         run.totals.bytes += matched.lengths[0] + matched.lengths[1];
         self.next_txn += 1;
         self.next_frame += 2;
+    }
+
+    /// Appends an exchange in a packet each to `held`, as a compact one, if transactions are wanted. `start`: where its bytes
+    /// begin in the arena.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
+    fn push_compact(
+        &mut self,
+        bus: usize,
+        matched: &MatchedExchange,
+        start: u32,
+        [request, response]: [&FrameTiming; 2],
+        response_time: Option<Ns>,
+    ) {
+        let (Some(starts), Some(mbap_id)) = (request.start.zip(response.start), matched.mbap_id) else { return };
+        if !self.wanted.transactions {
+            return;
+        }
+        let expected = &matched.expected;
+        let exchange = Exchange {
+            start,
+            lengths: matched.lengths.map(|length| length as u16),
+            address: expected.address,
+            quantity: expected.quantity,
+            unit: expected.unit,
+            function: expected.code,
+            confidence: matched.transaction_confidence(),
+        };
+        let pair = PacketPair { starts: starts.into(), gap: request.gap, response_time, packet: request.origin, mbap_id };
+        let (number, frame, recording_start) = (self.next_txn, self.next_frame, self.origin);
+        self.held.exchanges.push(exchange, pair, &ExchangeStart { bus: bus as u32, number, frame, recording_start });
     }
 
     /// Appends the rows of an exchange to the tables that are wanted: its two frames to the batch, and its transaction to
@@ -134,32 +148,19 @@ impl Session {
     }
 }
 
-/// Consumes an exchange at the heads of its lines, and learns from it what the recording's words for a sender mean, what pairing
-/// learns, and that its unit is known and was paired. Returns when and where its frames were.
+/// Learns from an exchange what the recording's words for a sender mean, what pairing learns, and that its unit is known and was
+/// paired. Returns the time from the end of the request to the start of the response; `None` without a clock.
 #[inline(always)]
 #[allow(clippy::inline_always)] // As above.
-fn learn_exchange<const IN_PACKETS: bool>(
-    state: &mut BusState,
-    matched: &MatchedExchange,
-    config: &TimingConfig,
-) -> ExchangeTiming {
-    let MatchedExchange { expected, mbap_id, lines: [client, server], lengths, .. } = matched;
-    let request = consume::<IN_PACKETS>(&mut state.lines[*client].1, lengths[0], config);
-    let response = consume::<IN_PACKETS>(&mut state.lines[*server].1, lengths[1], config);
+fn learn_exchange(state: &mut BusState, matched: &MatchedExchange, request: &FrameTiming, response: &FrameTiming) -> Option<Ns> {
+    let MatchedExchange { expected, mbap_id, .. } = matched;
     learn_side(&mut state.side_votes, request.side, Direction::Request);
     learn_side(&mut state.side_votes, response.side, Direction::Response);
     let response_time = state.pairing.measurable_interval(request.end, response.start, response.clean_start);
     state.pairing.record_exchange(expected.unit, *mbap_id, expected.echoes_request, request.gap, response_time);
     let unit = usize::from(expected.unit);
     (state.known_units[unit], state.paired_units[unit]) = (true, true);
-    ExchangeTiming { request, response, response_time }
-}
-
-/// What one run of the fast path has emitted: the exchanges, and their bytes on all lines.
-#[derive(Default)]
-pub(super) struct BatchTotals {
-    pub exchanges: u64,
-    pub bytes: usize,
+    response_time
 }
 
 /// Whether no self-describing register map (`points::sunspec`) can begin in the registers that are read. If one can, the
@@ -179,6 +180,18 @@ fn pdu_span(mode: Mode, wire: Span, length: usize) -> Span {
 pub(super) fn adjacent_spans(start: usize, [request_length, response_length]: [usize; 2]) -> [Span; 2] {
     let span = |start: usize, length: usize| Span { start: start as u32, length: length as u32 };
     [span(start, request_length), span(start + request_length, response_length)]
+}
+
+/// Notes a packet that is exactly a frame at a line without other bytes, as if it had come and been consumed; returns when and where
+/// it was. `read` ends where the packet does.
+#[inline(always)]
+#[allow(clippy::inline_always)] // The result is large, and `Session::emit_timed` takes it apart at once.
+pub(super) fn pass(line: &mut LineState, read: &Read, length: usize, run: &Run) -> FrameTiming {
+    let config = TimingConfig { last_end: line.last_end, ..run.config };
+    let frame = FrameTiming::of_timed_read(&line.input, read, length, &config);
+    line.input.pass(read, length);
+    line.last_end = frame.end;
+    frame
 }
 
 /// Consumes the first `length` bytes of a line as a frame; returns when and where it was. The end of the frame before, which the

@@ -6,6 +6,7 @@
 
 use std::ops::RangeInclusive;
 
+use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, StandardLayout};
 
@@ -132,6 +133,12 @@ impl ExpectedExchange {
             }
             Response::Echo => response[..SHORT_REQUEST_BYTES] == request[..SHORT_REQUEST_BYTES],
         }
+    }
+
+    /// Bytes of the request and of the response on an RTU line: with their checksums.
+    #[inline]
+    pub fn rtu_lengths(&self) -> [usize; 2] {
+        [self.request_bytes, self.response_bytes].map(|length| length + CRC_BYTES)
     }
 
     /// The data of a read response: what follows the byte count.

@@ -66,3 +66,40 @@ impl KnownReads {
         self.0[place] = Some(known);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use modlens_protocol::framing::Mode;
+    use modlens_protocol::functions::Functions;
+    use proptest::prelude::*;
+    use std::collections::HashMap;
+
+    proptest! {
+        // A request may have to give its place to another one, but what is found is what was kept of the same bytes.
+        #[test]
+        fn what_is_found_was_kept_of_the_same_bytes(reads in proptest::collection::vec((1u8..248, 3u8..5, any::<u16>(), 1u8..126), 1..3000)) {
+            let functions = Functions::default();
+            let (mut known, mut kept) = (KnownReads::default(), HashMap::new());
+            for &(unit, function, address, quantity) in &reads {
+                let [high, low] = address.to_be_bytes();
+                let head = [unit, function, high, low, 0, quantity];
+                let request = modlens_protocol::checksum::crc16(&head).to_le_bytes();
+                let request = [&head[..], &request].concat();
+                let Some(expected) = ExpectedExchange::from_request(&functions, Mode::Rtu, &request) else { continue };
+                if KnownReads::takes(&request, &expected) {
+                    known.add(&request, expected, None);
+                    kept.insert(request.clone(), (unit, function, address, u16::from(quantity)));
+                    prop_assert!(known.get(&request).is_some(), "the last one kept is found");
+                }
+            }
+            let found = |request: &Vec<u8>| known.get(request).map(|known| known.expected);
+            for (request, fields) in &kept {
+                if let Some(found) = found(request) {
+                    prop_assert_eq!((found.unit, found.code, found.address, found.quantity), *fields);
+                }
+            }
+            prop_assert!(known.0.len() <= MAX_PLACES);
+        }
+    }
+}

@@ -17,8 +17,9 @@
 //!   TCP packet each. And nothing is open: no request outstanding (on a connection, none that the exchange touches), no finding due on an earlier frame, the framer's lattice
 //!   empty, no mark of the receiver, no profile that has to look at the data.
 //!
-//! On an RTU line without times of which nobody wants the frames, exchanges are emitted in short (`rtu_in_short`): a run of them in
-//! one loop, without rows.
+//! On an RTU line without times of which nobody wants the frames, exchanges are emitted compact (`rtu_compact`): a run of them in
+//! one loop, without rows. On a connection the exchanges of a recording are emitted compact where nobody wants frames, and packets that
+//! come in turn are matched before they reach a line (`packet_pairs`).
 //!
 //! Example: `11 03 00 6B 00 03 76 87` and right behind it `11 03 06 02 2B 00 00 00 64 C8 BA` become two frame rows and a
 //! transaction row in one step. With exception `11 83 02 C1 34` behind it, both frames are taken by `rtu_frame` one after the
@@ -29,7 +30,8 @@
 //! The slow path is the oracle. For what qualifies, its decision is known without executing it: the search would have a
 //! single hypothesis without a rival, pairing would have one open request and its full match, and no check would find
 //! anything. What remains is what the slow path *learns* from each frame, and every file here records exactly that:
-//! `rtu_exchange` in the framer's traffic model (`record_exchange`, and `sync_after_batch` once at the end of a run),
+//! `rtu_exchange` in the framer's traffic model (`record_exchange`, or `learn_in_run` and `learn_run`; and `sync_after_batch` once at
+//! the end of a run),
 //! `pairing` in the pairing's statistics and history, `emit` in the statistics and what is known of units and sides. Whoever
 //! lets the slow path learn something new has to add it here, or the tests below fail.
 //!
@@ -39,7 +41,7 @@
 //! bytes are fed in one piece, byte by byte and in pieces of any size, and all rows and statistics have to be equal:
 //!
 //! - `tests/properties.rs`: `the_fast_path_gives_the_rows_of_the_slow_path` (RTU and ASCII, with disturbed exchanges),
-//!   `the_fast_path_gives_the_rows_of_the_slow_path_for_logs`, `exchanges_in_short_give_the_rows_of_those_in_full` and the two
+//!   `the_fast_path_gives_the_rows_of_the_slow_path_for_logs`, `compact_exchanges_give_the_rows_of_full_ones` and the two
 //!   `..._chunk_sizes_change_nothing`;
 //! - `tests/work.rs`: `pieces_change_nothing` (stray bytes and damage);
 //! - `tests/captures.rs` of modlens-writers: `blocks_of_any_size_give_the_same_rows` (TCP), and
@@ -51,12 +53,15 @@ mod emit;
 pub mod expected_exchange;
 pub(crate) mod frame_check;
 pub(crate) mod known_reads;
+mod packet_pairs;
+pub(crate) mod packet_run;
 mod pairing;
 mod rows;
 mod rtu_batch;
+mod rtu_compact;
 pub(crate) mod rtu_exchange;
 pub(crate) mod rtu_frame;
-mod rtu_in_short;
+mod run;
 mod tcp_batch;
 
 use crate::framer::Framer;
@@ -68,12 +73,15 @@ impl Session {
     /// Emits the exchanges at the heads of the lines of the bus with this index, as long as each of them qualifies for the
     /// fast path. The caller goes on frame by frame behind them.
     ///
-    /// Does nothing if the bus's clock went back, if a request is outstanding (but for a connection, where each exchange has to
-    /// leave it alone) or anything else of an earlier frame is undecided, or if the bus is neither a single RTU or ASCII line nor a TCP connection with a line for each side.
+    /// Does nothing if the bus's clock went back, if one side of a connection has no bytes, if a request is outstanding (but for a
+    /// connection, where each exchange has to leave it alone) or anything else of an earlier frame is undecided, or if the bus is neither a single RTU or ASCII line nor a TCP connection with a line for each side.
     pub(crate) fn emit_exchanges(&mut self, bus: usize) {
         let state = &self.buses[bus];
         let is_connection = state.options.bus.network.is_some() && state.lines.len() == 2;
         let is_idle = if is_connection { state.pairing.is_idle_but_for_open() } else { state.pairing.is_idle() };
+        if is_connection && state.lines.iter().any(|(_, line)| line.input.bytes().is_empty()) {
+            return;
+        }
         if state.clock_jumped || !is_idle || !state.lines.iter().all(|(_, line)| line.is_settled()) {
             return;
         }

@@ -82,13 +82,27 @@ impl Pairing {
         if let Some(pause) = pause.filter(|_| echoes_request && self.open.is_empty()) {
             self.timing.record_poll_pause(pause);
         }
-        self.history.count_answered();
-        self.answering_units[usize::from(unit)] = true;
+        self.history.count_answered(1);
+        self.note_answering(unit);
         match response_time {
             Some(time) if echoes_request => self.timing.record_mirrored_response_time(time),
             Some(time) => self.timing.record_response_time(time),
             None => {}
         }
+    }
+
+    /// Records a run of answered requests without times, as `record_exchange` does each of them; `first_requests` are those whose
+    /// response has not the same bytes. The units are left to `note_answering`.
+    pub fn record_untimed_exchanges(&mut self, exchanges: u64, first_requests: u64) {
+        (0..first_requests).for_each(|_| self.echoes.add_request());
+        self.heard = self.heard.map(|heard| heard + exchanges);
+        self.history.count_answered(exchanges);
+    }
+
+    /// Notes that a unit has answered.
+    #[inline]
+    pub fn note_answering(&mut self, unit: u8) {
+        self.answering_units[usize::from(unit)] = true;
     }
 
     /// Keeps the last response of a run of such exchanges, which the next frame may repeat.

@@ -35,6 +35,23 @@ pub(super) struct MatchedExchange {
     pub counters: Option<RequestPlace>,
 }
 
+impl MatchedExchange {
+    /// The log2 odds that request and response belong together: as pairing has them, but not above those of the frames.
+    pub(super) fn transaction_confidence(&self) -> u8 {
+        let pairing = if self.mbap_id.is_some() { ANSWER_BY_ID_BITS } else { ANSWER_IN_TURN_BITS };
+        pairing.min(self.request_confidence()).min(self.response_bits)
+    }
+
+    /// The confidence of the request, which is that of the mode's framer.
+    fn request_confidence(&self) -> u8 {
+        match self.mode {
+            Mode::Rtu => rtu_request_confidence(self.expected.echoes_request),
+            Mode::Ascii => LRC_CONFIDENCE_BITS,
+            Mode::Tcp => MBAP_CONFIDENCE_BITS,
+        }
+    }
+}
+
 /// One exchange with all that its rows need.
 pub(super) struct ExchangeRows<'a> {
     /// Number of the transaction.
@@ -80,8 +97,8 @@ impl ExchangeRows<'_> {
             function: self.matched.expected.code,
             status: Status::Ok,
             exception: None,
-            confidence: self.transaction_confidence(),
-            unconfirmed: self.transaction_confidence() < UNCONFIRMED_TRANSACTION_BITS,
+            confidence: self.matched.transaction_confidence(),
+            unconfirmed: self.matched.transaction_confidence() < UNCONFIRMED_TRANSACTION_BITS,
             response_time: self.response_time,
             waited: None,
             late_response: None,
@@ -97,21 +114,6 @@ impl ExchangeRows<'_> {
         }
     }
 
-    /// The log2 odds that request and response belong together: as pairing has them, but not above those of the frames.
-    fn transaction_confidence(&self) -> u8 {
-        let pairing = if self.matched.mbap_id.is_some() { ANSWER_BY_ID_BITS } else { ANSWER_IN_TURN_BITS };
-        pairing.min(self.request_confidence()).min(self.matched.response_bits)
-    }
-
-    /// The confidence of the request, which is that of the mode's framer.
-    fn request_confidence(&self) -> u8 {
-        match self.matched.mode {
-            Mode::Rtu => rtu_request_confidence(self.matched.expected.echoes_request),
-            Mode::Ascii => LRC_CONFIDENCE_BITS,
-            Mode::Tcp => MBAP_CONFIDENCE_BITS,
-        }
-    }
-
     /// The row of the request's frame, or of the response's for any other `direction`. `findings`: an empty place in the batch.
     /// Verdict, confidence and what delimits the frame are those that the framer of the mode would give.
     #[inline(always)]
@@ -123,8 +125,8 @@ impl ExchangeRows<'_> {
         };
         let is_ascii = self.matched.mode == Mode::Ascii;
         let delimited_by = if is_ascii { DelimitedBy::Delimiter } else { DelimitedBy::Length };
-        let confidence =
-            if direction == Direction::Request { u8::MAX } else { self.matched.response_bits }.min(self.request_confidence());
+        let confidence = if direction == Direction::Request { u8::MAX } else { self.matched.response_bits }
+            .min(self.matched.request_confidence());
         Frame {
             number,
             bus: self.bus,

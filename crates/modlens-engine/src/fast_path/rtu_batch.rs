@@ -1,12 +1,15 @@
 //! The fast path on an RTU line: request and response follow each other on the only line of a bus.
 
 use crate::confidence;
-use crate::fast_path::emit::{adjacent_spans, may_hold_no_map, BatchTotals, ExchangePlaces, Run};
+use crate::fast_path::emit::{adjacent_spans, may_hold_no_map, ExchangePlaces};
 use crate::fast_path::expected_exchange::ExpectedExchange;
+use crate::fast_path::known_reads::KnownReads;
 use crate::fast_path::rows::MatchedExchange;
+use crate::fast_path::run::{BatchTotals, Run};
 use crate::framer::PauseEvidence;
 use crate::session::bus::BusState;
 use crate::session::Session;
+use crate::stats::RequestKey;
 use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
@@ -35,8 +38,8 @@ impl Session {
     /// take over the last exchange. If there was none, nothing has changed. Nothing is done where frames are checked against a
     /// rule of silence: the statistics of silences need each frame by itself.
     pub(super) fn emit_rtu_exchanges(&mut self, bus: usize) {
-        if self.emits_in_short(bus) {
-            self.emit_rtu_exchanges_in_short(bus);
+        if self.emits_compact(bus) {
+            self.emit_compact_rtu_exchanges(bus);
             return;
         }
         let state = &mut self.buses[bus];
@@ -44,6 +47,8 @@ impl Session {
             return;
         }
         let mut run = Run::new(state, 0);
+        // Where reads have times, an exchange is exactly two of them (`Input::holds_exchange`).
+        let is_read_by_read = run.has_clock() && state.lines[0].1.input.has_times;
         let answered_before = state.lines[0].1.framer.rtu_mut().and_then(|framer| framer.last_answered());
         let mut last: Option<LastExchange> = None;
         let arena_start = self.batch.arena.len();
@@ -54,11 +59,31 @@ impl Session {
             let Some((matched, odds)) = match_exchange(state, &self.functions, request_timeout, last_answered) else { break };
             // The bytes of all exchanges of this run are copied into the arena at its end, in one piece.
             let wires = adjacent_spans(arena_start + run.totals.bytes, matched.lengths);
-            self.emit_exchange::<false>(bus, &matched, &ExchangePlaces { wires, pdus: None }, &mut run);
+            let places = ExchangePlaces { wires, pdus: None };
+            if is_read_by_read {
+                self.emit_exchange::<true>(bus, &matched, &places, &mut run);
+            } else {
+                self.emit_exchange::<false>(bus, &matched, &places, &mut run);
+            }
+            if matched.counters.is_none() {
+                self.keep_rtu_read(bus, &matched);
+            }
             last = Some(LastExchange { expected: matched.expected, odds });
         }
         if let Some(last) = last {
             self.end_rtu_run(bus, &run.totals, last);
+        }
+    }
+
+    /// Keeps what follows from the request of this exchange, which has just been consumed, if it is a plain read.
+    fn keep_rtu_read(&mut self, bus: usize, matched: &MatchedExchange) {
+        let state = &mut self.buses[bus];
+        let [request_bytes, response_bytes] = matched.lengths;
+        let request = &state.lines[0].1.input.consumed_bytes(request_bytes + response_bytes)[..request_bytes];
+        let expected = matched.expected;
+        if KnownReads::takes(request, &expected) {
+            let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
+            state.known_reads.add(request, expected, self.stats.place_of(state.counts, key));
         }
     }
 
@@ -80,7 +105,7 @@ impl Session {
 /// The exchange at the head of the only line of a bus, if there is no doubt and no finding about it, with log2 of the odds of its
 /// response's direction. The framer's model and the profile of its unit have learned from it then; its bytes are not consumed.
 ///
-/// `None` where the framer does not take it (`next_exchange`, with the same `request_timeout` in ns and `last_answered`), where a
+/// `None` where the framer does not take it (`RtuFramer::takes`, with the same `request_timeout` in ns and `last_answered`), where a
 /// self-describing register map may begin in it, and where it would change the profile of its unit or give a finding there.
 /// Nothing is learned then.
 #[inline(always)]
@@ -94,11 +119,19 @@ fn match_exchange(
     let line = &mut state.lines[0].1;
     let framer = line.framer.rtu_mut()?;
     let timing = &state.pairing.timing;
+    let bytes = line.input.bytes();
+    let known = state.known_reads.get(bytes);
+    let expected = match known {
+        Some(known) => known.expected,
+        None => ExpectedExchange::from_request(functions, Mode::Rtu, bytes).filter(may_hold_no_map)?,
+    };
+    let counters = known.and_then(|known| known.counters);
+    let lengths = expected.rtu_lengths();
     let timeout_log_odds = |index| timing.timeout_log_odds(line.input.pause_before(index));
-    let exchange = framer.next_exchange(functions, &line.input, last_answered, request_timeout, timeout_log_odds);
-    let expected = exchange.filter(may_hold_no_map)?;
-    let lengths = [expected.request_bytes, expected.response_bytes].map(|length| length + CRC_BYTES);
-    let (request, response) = line.input.bytes()[..lengths[0] + lengths[1]].split_at(lengths[0]);
+    if !framer.takes(&expected, &line.input, last_answered, known.is_none(), request_timeout, timeout_log_odds) {
+        return None;
+    }
+    let (request, response) = bytes[..lengths[0] + lengths[1]].split_at(lengths[0]);
     if !state.profiles.learn_on_fast_path(functions, request, expected.read_data(&response[..expected.response_bytes])) {
         return None;
     }
@@ -110,8 +143,5 @@ fn match_exchange(
     let odds = framer.response_odds(&expected, line.input.has_times, pause_evidence);
     framer.record_exchange(request, response, expected.echoes_request);
     let response_bits = confidence::of_direction(odds);
-    Some((
-        MatchedExchange { expected, mode: Mode::Rtu, mbap_id: None, lines: [0, 0], lengths, response_bits, counters: None },
-        odds,
-    ))
+    Some((MatchedExchange { expected, mode: Mode::Rtu, mbap_id: None, lines: [0, 0], lengths, response_bits, counters }, odds))
 }

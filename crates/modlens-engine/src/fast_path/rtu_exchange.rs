@@ -5,12 +5,12 @@
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::frame_check::is_followed_by_copy;
 use crate::framer::rtu::side::REQUEST;
-use crate::framer::rtu::traffic_model::RequestCopy;
+use crate::framer::rtu::traffic_model::{LearningRun, RequestCopy};
 use crate::framer::rtu::RtuFramer;
 use crate::framer::PauseEvidence;
 use crate::input::Input;
 use crate::weights::{CERTAIN_DIRECTION_BITS, RESPONSE_LOG_ODDS_BITS};
-use modlens_protocol::checksum::{crc_valid_at, CRC_BYTES};
+use modlens_protocol::checksum::crc_valid_at;
 use modlens_protocol::direction::TimeoutLogOdds;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
@@ -37,21 +37,56 @@ impl RtuFramer {
         pause: impl Fn(usize) -> TimeoutLogOdds,
     ) -> Option<ExpectedExchange> {
         let expected = ExpectedExchange::from_request(functions, Mode::Rtu, input.bytes())?;
-        if (expected.resembles_response || expected.echoes_request) && last_answered == Some((expected.unit, expected.code)) {
-            return None;
+        self.takes(&expected, input, last_answered, true, request_timeout, pause).then_some(expected)
+    }
+
+    /// Whether there is no doubt about the exchange that the request at the head of the input announces, as `next_exchange` asks it.
+    /// `checks_request`: the checksum of the request has to be looked at.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // Asked of every exchange.
+    pub(super) fn takes(
+        &self,
+        expected: &ExpectedExchange,
+        input: &Input,
+        last_answered: Option<(u8, u8)>,
+        checks_request: bool,
+        request_timeout: Ns,
+        pause: impl Fn(usize) -> TimeoutLogOdds,
+    ) -> bool {
+        let [request_bytes, response_bytes] = expected.rtu_lengths();
+        input.holds_exchange(Mode::Rtu, request_bytes, response_bytes, request_timeout)
+            && self.is_certain(expected, input.bytes(), last_answered, checks_request, |second| {
+                is_response(pause(request_bytes), input.has_times, second, request_bytes)
+            })
+    }
+
+    /// Whether there is no doubt about the exchange that the request at the head of these bytes announces, as far as the bytes
+    /// say: its unit and function are familiar, the response is the expected one, and the CRCs are valid; that of the request is
+    /// checked if `checks_request`. `last_answered`: as above. `is_response`, asked with the bytes from the second frame on,
+    /// says whether the second of two equal frames is the response to the first. `false` if the bytes end before the response.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // Asked of every exchange.
+    pub(super) fn is_certain(
+        &self,
+        expected: &ExpectedExchange,
+        bytes: &[u8],
+        last_answered: Option<(u8, u8)>,
+        checks_request: bool,
+        is_response: impl Fn(&[u8]) -> bool,
+    ) -> bool {
+        let [request_bytes, response_bytes] = expected.rtu_lengths();
+        let may_be_repeated = expected.resembles_response || expected.echoes_request;
+        if (may_be_repeated && last_answered == Some((expected.unit, expected.code)))
+            || bytes.len() < request_bytes + response_bytes
+        {
+            return false;
         }
-        let (request_bytes, response_bytes) = (expected.request_bytes + CRC_BYTES, expected.response_bytes + CRC_BYTES);
-        let (request, rest) = input.bytes().split_at_checked(request_bytes)?;
-        let response = rest.get(..response_bytes)?;
-        let is_familiar = self.search.model.is_familiar(expected.unit, expected.code, REQUEST);
-        let is_answered = is_familiar
-            && expected.is_answered_by(request, response)
-            && input.holds_exchange(Mode::Rtu, request_bytes, response_bytes, request_timeout);
-        if !is_answered || !crc_valid_at(rest, response_bytes) || !crc_valid_at(input.bytes(), request_bytes) {
-            return None;
-        }
-        let is_certain = !expected.echoes_request || is_response(pause(request_bytes), input.has_times, rest, request_bytes);
-        is_certain.then_some(expected)
+        let (request, rest) = bytes.split_at(request_bytes);
+        self.search.model.is_familiar(expected.unit, expected.code, REQUEST)
+            && expected.is_answered_by(request, rest)
+            && crc_valid_at(rest, response_bytes)
+            && (!checks_request || crc_valid_at(bytes, request_bytes))
+            && (!expected.echoes_request || is_response(rest))
     }
 
     /// Unit and function of the request that was answered last.
@@ -70,6 +105,20 @@ impl RtuFramer {
         );
     }
 
+    /// Learns what `record_exchange` learns, but in a run: what is the same of all exchanges follows with `learn_run`.
+    #[inline]
+    pub fn learn_in_run(&mut self, run: &mut LearningRun, request: &[u8], response: &[u8], echoes_request: bool) {
+        let copy = if echoes_request { RequestCopy::Unclear } else { RequestCopy::First };
+        self.search.model.learn_in_run(run, request, response, copy);
+    }
+
+    /// Brings up to date what is learned of a run: before `response_odds` of a response that has the bytes of its request, and
+    /// at the end.
+    #[inline]
+    pub fn learn_run(&mut self, run: &mut LearningRun) {
+        self.search.model.learn_run(run);
+    }
+
     /// Log2 of the odds of the direction of the response, which has the same bytes as the request if `expected` says so.
     /// `evidence` is what the silence before it says.
     #[inline]
@@ -85,7 +134,7 @@ impl RtuFramer {
     /// Brings the search up to date behind a run of such exchanges. `expected` is the last one, whose bytes have just been
     /// consumed, and `odds` are those of its response.
     pub fn sync_after_batch(&mut self, input: &Input, expected: &ExpectedExchange, odds: f32) {
-        let lengths = [expected.request_bytes, expected.response_bytes].map(|length| length + CRC_BYTES);
+        let lengths = expected.rtu_lengths();
         let (request, response) = input.consumed_bytes(lengths.iter().sum()).split_at(lengths[0]);
         self.last_was_damaged = false;
         self.search.sync_after_batch(request, response, input.offset(), odds);

@@ -1,13 +1,15 @@
 //! The fast path on a TCP connection: each side has its own line, and each message has its own packet.
 
-use crate::fast_path::emit::{may_hold_no_map, ExchangePlaces, Run};
+use crate::fast_path::emit::{may_hold_no_map, ExchangePlaces};
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::known_reads::KnownReads;
 use crate::fast_path::pairing::OpenRequests;
 use crate::fast_path::rows::MatchedExchange;
+use crate::fast_path::run::Run;
 use crate::session::bus::BusState;
+use crate::session::profiles::Profiles;
 use crate::session::Session;
-use crate::stats::RequestKey;
+use crate::stats::{RequestKey, Stats};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
@@ -16,15 +18,9 @@ use modlens_protocol::Ns;
 /// Where in a message the length is that its header announces (messaging on TCP/IP, 3.1.3); behind it come unit and PDU.
 const LENGTH_AT: usize = 4;
 
-/// The exchange at the heads of the two lines of a connection, with the times of its two packets, if there is no doubt and no
-/// finding about it. `lines`: indices of the client's line and of the server's.
-///
-/// `None` unless the request is a plain read or write in which no self-describing register map can begin, requests that are
-/// still outstanding stay as they are (`OpenRequests::are_left_by`), request and
-/// response are a packet each that has a time, the response comes behind the request, within the request time-out and before
-/// the client's next packet, both headers have the same transaction identifier and the right length, and the response is the
-/// expected one. Last, the profile of the unit learns the data read; if that would change the profile or give a finding,
-/// it learns nothing, and the result is `None`: the slow path does it. Nothing else is changed, and nothing is consumed.
+/// The exchange at the heads of the two lines of a connection, with the times of its two packets, if both are plain, the client's
+/// next packet comes behind the response, and `match_packets` takes it. `lines`: indices of the client's line and of the
+/// server's. Nothing is consumed.
 #[inline(always)]
 #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
 fn match_exchange(
@@ -33,21 +29,54 @@ fn match_exchange(
     open: &OpenRequests,
     lines: [usize; 2],
 ) -> Option<(MatchedExchange, [Ns; 2])> {
+    let request_timeout = state.pairing.request_timeout(true);
     let [client, server] = lines.map(|line| &state.lines[line].1.input);
     let ((asked, requested_at), (answered, answered_at)) = (client.first_packet()?, server.first_packet()?);
+    let (bytes, times) = ([asked, answered], [requested_at, answered_at]);
+    if client.second_read_time().is_some_and(|time| time <= answered_at) {
+        return None;
+    }
+    let known = KnownOfBus { reads: &state.known_reads, profiles: &mut state.profiles, open, request_timeout };
+    Some((match_packets(functions, known, bytes, times, lines)?, times))
+}
+
+/// What is known of a connection, by which a request and its response are matched.
+pub(super) struct KnownOfBus<'a> {
+    pub reads: &'a KnownReads,
+    pub profiles: &'a mut Profiles,
+    pub open: &'a OpenRequests,
+    /// A response has to come within this time.
+    pub request_timeout: Ns,
+}
+
+/// The exchange of which these are the packets of the client and of the server, and these their times, if there is no doubt and no
+/// finding about it.
+///
+/// `None` unless the request is a plain read or write in which no self-describing register map can begin, requests that are
+/// still outstanding stay as they are (`OpenRequests::are_left_by`), the response comes behind the request, within the request
+/// time-out, both headers have the same transaction identifier and the right length, and the response is the
+/// expected one. Last, the profile of the unit learns the data read; if that would change the profile or give a finding,
+/// it learns nothing, and the result is `None`: the slow path does it. Nothing else is changed.
+#[inline(always)]
+#[allow(clippy::inline_always)] // As above.
+pub(super) fn match_packets(
+    functions: &Functions,
+    of_bus: KnownOfBus<'_>,
+    [asked, answered]: [&[u8]; 2],
+    [requested_at, answered_at]: [Ns; 2],
+    lines: [usize; 2],
+) -> Option<MatchedExchange> {
     let (header, request) = asked.split_first_chunk::<MBAP_PREFIX_BYTES>()?;
     let (response_header, response) = answered.split_first_chunk::<MBAP_PREFIX_BYTES>()?;
-    let known = state.known_reads.get(&asked[LENGTH_AT..]);
+    let known = of_bus.reads.get(&asked[LENGTH_AT..]);
     let expected = match known {
         Some(known) => known.expected,
         None => ExpectedExchange::from_request(functions, Mode::Tcp, request).filter(may_hold_no_map)?,
     };
     let id = u16::from_be_bytes([header[0], header[1]]);
     let is_whole = request.len() == expected.request_bytes && response.len() == expected.response_bytes;
-    let is_in_turn = requested_at < answered_at
-        && answered_at - requested_at < state.pairing.request_timeout(true)
-        && client.second_read_time().is_none_or(|time| time > answered_at);
-    if !(is_whole && is_in_turn && open.are_left_by(id, [requested_at, answered_at])) {
+    let is_in_turn = requested_at < answered_at && answered_at - requested_at < of_bus.request_timeout;
+    if !(is_whole && is_in_turn && of_bus.open.are_left_by(id, [requested_at, answered_at])) {
         return None;
     }
     let are_framed = mbap_prefix(*header) == mbap_prefix(framed(id, expected.request_bytes))
@@ -57,10 +86,9 @@ fn match_exchange(
     }
     let counters = known.and_then(|known| known.counters);
     let lengths = [asked.len(), answered.len()];
-    let is_settled = state.profiles.learn_on_fast_path(functions, request, expected.read_data(response));
+    let is_settled = of_bus.profiles.learn_on_fast_path(functions, request, expected.read_data(response));
     let (mode, mbap_id, response_bits) = (Mode::Tcp, Some(id), u8::MAX);
-    let matched = MatchedExchange { expected, mode, mbap_id, lines, lengths, response_bits, counters };
-    is_settled.then_some((matched, [requested_at, answered_at]))
+    is_settled.then_some(MatchedExchange { expected, mode, mbap_id, lines, lengths, response_bits, counters })
 }
 
 /// The MBAP header in front of the unit (messaging on TCP/IP, 3.1.3): identifier, protocol 0, and the number of bytes of unit and
@@ -89,6 +117,7 @@ impl Session {
     pub(super) fn emit_tcp_exchanges(&mut self, bus: usize, lines: [usize; 2]) {
         let [client, server] = lines;
         let mut run = Run::new(&mut self.buses[bus], client);
+        run.is_compact = self.emits_compact_packets(bus);
         let Some(open) = self.buses[bus].pairing.open_requests().filter(|_| run.has_clock()) else { return };
         let mut last_response_bytes = None;
         loop {
@@ -99,7 +128,9 @@ impl Session {
             let wires = [self.batch.store(asked), self.batch.store(answered)];
             self.emit_exchange::<true>(bus, &matched, &ExchangePlaces { wires, pdus: None }, &mut run);
             if matched.counters.is_none() {
-                self.keep_read(bus, client, &matched);
+                let state = &mut self.buses[bus];
+                let asked = state.lines[client].1.input.consumed_bytes(matched.lengths[0]);
+                keep_read(&mut state.known_reads, &mut self.stats, state.counts, asked, &matched);
             }
             last_response_bytes = Some(matched.expected.response_bytes);
         }
@@ -109,15 +140,13 @@ impl Session {
         let response = state.lines[server].1.input.consumed_bytes(response_bytes);
         state.pairing.sync_after_batch(response[0], &response[1..]);
     }
+}
 
-    /// Keeps what follows from the request of this exchange, which has just been consumed, if it is a plain read.
-    fn keep_read(&mut self, bus: usize, client: usize, matched: &MatchedExchange) {
-        let state = &mut self.buses[bus];
-        let request = &state.lines[client].1.input.consumed_bytes(matched.lengths[0])[LENGTH_AT..];
-        let expected = matched.expected;
-        if KnownReads::takes(request, &expected) {
-            let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
-            state.known_reads.add(request, expected, self.stats.place_of(state.counts, key));
-        }
+/// Keeps what follows from the request of this exchange, which has just been counted, if it is a plain read. `asked`: its packet.
+pub(super) fn keep_read(reads: &mut KnownReads, stats: &mut Stats, counts: usize, asked: &[u8], matched: &MatchedExchange) {
+    let (request, expected) = (&asked[LENGTH_AT..], matched.expected);
+    if KnownReads::takes(request, &expected) {
+        let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
+        reads.add(request, expected, stats.place_of(counts, key));
     }
 }

@@ -156,10 +156,10 @@ impl History {
         self.set_last_response(frame.unit(), frame.pdu(), is_to_retry);
     }
 
-    /// Counts an answered request on the fast path, which is no retry. Its response is set by `sync_after_batch`.
+    /// Counts answered requests on the fast path, which are no retries. The last response is set by `sync_after_batch`.
     #[inline]
-    pub(crate) fn count_answered(&mut self) {
-        self.duplicates.occasions += 1.0;
+    pub(crate) fn count_answered(&mut self, requests: u64) {
+        (0..requests).for_each(|_| self.duplicates.occasions += 1.0);
     }
 
     /// Sets the last response after a run of the fast path.

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock};
 
 use crate::records::buses::Buses;
 use crate::records::connection::Connection;
-use crate::records::exchange::{Exchange, ExchangeRun};
+use crate::records::exchange::{Exchange, ExchangeRun, PacketPair};
 use crate::records::rows::{DiagnosisRow, FindingRow, Frame, Span, Transaction};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::Functions;
@@ -25,12 +25,14 @@ pub struct Batch {
     pub codes: Vec<Finding>,
     /// Frames.
     pub frames: Vec<Frame>,
-    /// Transactions, but for exchanges in short: `all_transactions` has both.
+    /// Transactions, but for compact exchanges: `all_transactions` has both.
     pub transactions: Vec<Transaction>,
     /// Findings.
     pub findings: Vec<FindingRow>,
-    /// Exchanges in short, which are not among frames and transactions.
+    /// Compact exchanges, which are not among frames and transactions.
     pub exchanges: Vec<Exchange>,
+    /// Times and packets of those that belong to connections, in the same order.
+    pub packet_pairs: Vec<PacketPair>,
     /// The same by bus, in the order of their numbers.
     pub exchange_runs: Vec<ExchangeRun>,
     /// TCP connections that are over, in the order in which they began.
@@ -42,7 +44,7 @@ pub struct Batch {
     pub inner_packets: Vec<(u64, u64)>,
     /// All transactions, once somebody has asked for them.
     expanded: OnceLock<Vec<Transaction>>,
-    /// For each bus and function an exchange in short, once somebody has asked.
+    /// For each bus and function a compact exchange, once somebody has asked.
     kinds: OnceLock<Vec<(usize, usize)>>,
     /// Where its vectors go when it is dropped.
     pub(crate) pool: MemoryPool,
@@ -52,7 +54,7 @@ pub struct Batch {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MemoryPool(Arc<Mutex<Vec<Memory>>>);
 
-type Memory = (Vec<u8>, Vec<Finding>, Vec<Frame>, Vec<Transaction>, Vec<FindingRow>, Vec<Exchange>);
+type Memory = (Vec<u8>, Vec<Finding>, Vec<Frame>, Vec<Transaction>, Vec<FindingRow>, (Vec<Exchange>, Vec<PacketPair>));
 
 /// Batches whose memory is kept: one is filled while others are written or wait for it.
 const MAX_POOLED_BATCHES: usize = 4;
@@ -66,7 +68,9 @@ impl MemoryPool {
         let mut batch = Batch::default();
         batch.pool = self.clone();
         if let Some(memory) = self.0.lock().ok().and_then(|mut memories| memories.pop()) {
-            (batch.arena, batch.codes, batch.frames, batch.transactions, batch.findings, batch.exchanges) = memory;
+            let exchanges;
+            (batch.arena, batch.codes, batch.frames, batch.transactions, batch.findings, exchanges) = memory;
+            (batch.exchanges, batch.packet_pairs) = exchanges;
         }
         batch
     }
@@ -89,13 +93,14 @@ impl Drop for Batch {
             self.transactions.clear();
             self.findings.clear();
             self.exchanges.clear();
+            self.packet_pairs.clear();
             memories.push((
                 take(&mut self.arena),
                 take(&mut self.codes),
                 take(&mut self.frames),
                 take(&mut self.transactions),
                 take(&mut self.findings),
-                take(&mut self.exchanges),
+                (take(&mut self.exchanges), take(&mut self.packet_pairs)),
             ));
         }
     }
@@ -115,10 +120,10 @@ impl Batch {
         Span { start: start as u32, length: bytes.len() as u32 }
     }
 
-    /// The transactions in the order of their numbers, those in short as rows, too.
+    /// The transactions in the order of their numbers, compact exchanges as rows, too.
     ///
     /// These rows are made when this is first called. Where the rows are read once, one behind the other, it is cheaper to make
-    /// them one by one (`ExchangeRun::transaction`).
+    /// them one by one (`compact_row`).
     pub fn all_transactions(&self) -> &[Transaction] {
         if self.exchange_runs.is_empty() {
             return &self.transactions;
@@ -128,8 +133,8 @@ impl Batch {
             for part in self.transaction_parts() {
                 match part {
                     Part::Rows(rows) => all.extend_from_slice(rows),
-                    Part::Short(run) => {
-                        all.extend((0..run.exchanges.length as usize).map(|at| run.transaction(&self.exchanges, at)));
+                    Part::Compact(run) => {
+                        all.extend((0..run.exchanges.length as usize).map(|at| self.compact_row(run, at)));
                     }
                 }
             }
@@ -137,7 +142,13 @@ impl Batch {
         })
     }
 
-    /// An exchange in short for each bus and function: index of its run, and its place there.
+    /// The row of the compact exchange at this place of a run.
+    #[inline]
+    pub fn compact_row(&self, run: &ExchangeRun, at: usize) -> Transaction {
+        run.transaction(&self.exchanges, &self.packet_pairs, at)
+    }
+
+    /// A compact exchange for each bus and function: index of its run, and its place there.
     pub fn exchange_kinds(&self) -> &[(usize, usize)] {
         self.kinds.get_or_init(|| {
             let mut kinds = Vec::new();
@@ -153,7 +164,7 @@ impl Batch {
         })
     }
 
-    /// How many transactions there are, those in short included.
+    /// How many transactions there are, compact exchanges included.
     pub fn transaction_count(&self) -> usize {
         self.transactions.len() + self.exchanges.len()
     }
@@ -163,7 +174,7 @@ impl Batch {
         parts(&self.transactions, |row| row.number, &self.exchange_runs, |run| run.number)
     }
 
-    /// The frames in the order of their numbers, in parts; an exchange in short stands for its two.
+    /// The frames in the order of their numbers, in parts; a compact exchange stands for its two.
     pub fn frame_parts(&self) -> impl Iterator<Item = Part<'_, Frame>> {
         parts(&self.frames, |row| row.number, &self.exchange_runs, |run| run.frame)
     }
@@ -176,13 +187,13 @@ impl Batch {
     }
 }
 
-/// Rows of a batch that stand behind each other: as rows, or exchanges in short.
+/// Rows of a batch that stand behind each other: as rows, or compact exchanges.
 #[derive(Clone, Copy, Debug)]
 pub enum Part<'a, Row> {
     /// As rows; at least one.
     Rows(&'a [Row]),
-    /// In short.
-    Short(&'a ExchangeRun),
+    /// Compact exchanges.
+    Compact(&'a ExchangeRun),
 }
 
 fn parts<'a, Row>(
@@ -194,7 +205,7 @@ fn parts<'a, Row>(
     let mut runs = runs.iter().peekable();
     std::iter::from_fn(move || {
         if let Some(run) = runs.next_if(|run| rows.first().is_none_or(|row| of_run(run) < of_row(row))) {
-            return Some(Part::Short(run));
+            return Some(Part::Compact(run));
         }
         let until = runs.peek().map_or(u64::MAX, |run| of_run(run));
         let (part, others) = rows.split_at(rows.iter().position(|row| of_row(row) > until).unwrap_or(rows.len()));

@@ -1,18 +1,21 @@
-//! Exchanges in short: what the rows of an exchange without a doubt follow from, in a twentieth of the room.
+//! Compact exchanges: what the rows of an exchange without a doubt follow from, in a twentieth of the room, or a fifth where it
+//! has times.
 
 use crate::records::rows::{FrameRef, Span, Transaction};
 use crate::weights::UNCONFIRMED_TRANSACTION_BITS;
 use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::framing::Mode;
+use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
 use modlens_protocol::status::Status;
+use modlens_protocol::Ns;
 
-/// An exchange of an RTU line without a clock, in short: a plain request and its good answer, without a finding. Its bytes are
-/// in the arena, the answer's right behind the request's.
+/// An exchange of an RTU line without a clock, or of a TCP connection in a packet each: a plain request and its good response,
+/// without a finding. Its bytes are in the arena, the response's right behind the request's.
 #[derive(Clone, Copy, Debug)]
 pub struct Exchange {
     /// Where the request's bytes begin.
     pub start: u32,
-    /// Bytes of the request and of the answer.
+    /// Bytes of the request and of the response.
     pub lengths: [u16; 2],
     /// Address of the first register or bit.
     pub address: u16,
@@ -27,17 +30,50 @@ pub struct Exchange {
 }
 
 impl Exchange {
-    /// The PDUs of the request and of the answer.
+    /// The PDUs of the request and of the response of an RTU line.
     #[inline]
     pub fn pdus<'a>(&self, arena: &'a [u8]) -> [&'a [u8]; 2] {
-        let [request, answer] = self.lengths.map(usize::from);
-        let both = &arena[self.start as usize..][..request + answer];
-        let (request, answer) = both.split_at(request);
-        [request, answer].map(|frame| &frame[1..frame.len() - CRC_BYTES])
+        let [request, response] = self.lengths.map(usize::from);
+        let both = &arena[self.start as usize..][..request + response];
+        let (request, response) = both.split_at(request);
+        [request, response].map(|frame| &frame[1..frame.len() - CRC_BYTES])
+    }
+
+    /// The numbers of bytes in front of a PDU and behind it, on a connection and on an RTU line.
+    #[inline]
+    fn around_pdu(has_packets: bool) -> [u32; 2] {
+        if has_packets {
+            [MBAP_PREFIX_BYTES as u32 + 1, 0]
+        } else {
+            [1, CRC_BYTES as u32]
+        }
+    }
+
+    /// The body of the request's PDU, on a connection or on an RTU line.
+    #[inline]
+    pub fn request_body<'a>(&self, arena: &'a [u8], has_packets: bool) -> &'a [u8] {
+        let [before, behind] = Self::around_pdu(has_packets).map(|bytes| bytes as usize);
+        let frame = &arena[self.start as usize..][..usize::from(self.lengths[0])];
+        &frame[before + 1..frame.len() - behind]
     }
 }
 
-/// Exchanges in short that stand one behind the other, on the line and in the arena.
+/// What a compact exchange of a connection has beside its bytes: the times and the place of its packets.
+#[derive(Clone, Copy, Debug)]
+pub struct PacketPair {
+    /// Start of the request and of the response.
+    pub starts: [Ns; 2],
+    /// Silence before the request.
+    pub gap: Option<Ns>,
+    /// From the end of the request to the start of the response; `None` if the clock cannot measure it.
+    pub response_time: Option<Ns>,
+    /// Number of the request's packet.
+    pub packet: u64,
+    /// Transaction identifier of both MBAP headers.
+    pub mbap_id: u16,
+}
+
+/// Compact exchanges that stand one behind the other, on the line and in the arena.
 #[derive(Clone, Debug)]
 pub struct ExchangeRun {
     /// Index of the bus.
@@ -46,50 +82,99 @@ pub struct ExchangeRun {
     pub number: u64,
     /// Number of the first frame; each exchange has two.
     pub frame: u64,
-    /// Stream offset of the first byte.
+    /// Stream offset of the first byte; of no use on a connection.
     pub offset: u64,
     /// Which of `Batch::exchanges`; at least one.
     pub exchanges: Span,
+    /// On a connection, where their packets are; `None` on an RTU line.
+    pub packets: Option<PacketsOfRun>,
+}
+
+/// The packets of a run on a connection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PacketsOfRun {
+    /// Index of the first of its exchanges in `Batch::packet_pairs`.
+    pub first: u32,
+    /// When the recording began.
+    pub recording_start: Option<Ns>,
+}
+
+/// The times of a compact exchange.
+#[derive(Clone, Copy, Debug)]
+pub struct ExchangeTiming<'a> {
+    /// Those of its packets.
+    pub pair: &'a PacketPair,
+    /// When the recording began.
+    pub recording_start: Option<Ns>,
 }
 
 impl ExchangeRun {
-    /// The row of the transaction at this place of the run: the one that the session would have made. `exchanges` are all of the
-    /// batch.
+    /// Number of the transaction behind its last one.
     #[inline]
-    pub fn transaction(&self, exchanges: &[Exchange], at: usize) -> Transaction {
+    pub fn end(&self) -> u64 {
+        self.number + u64::from(self.exchanges.length)
+    }
+
+    /// The row of the transaction at this place of the run: the one that the session would have made. `exchanges` and `pairs` are
+    /// all of the batch.
+    #[inline]
+    pub fn transaction(&self, exchanges: &[Exchange], pairs: &[PacketPair], at: usize) -> Transaction {
         let of_run = self.exchanges.of(exchanges);
-        let Exchange { start, lengths, unit, function, confidence, .. } = of_run[at];
-        let [request, answer] = lengths.map(u32::from);
+        self.transaction_of(&of_run[at], at, of_run[0].start, self.timing(pairs, at))
+    }
+
+    /// The times of the exchange at this place, on a connection.
+    #[inline]
+    pub fn timing<'a>(&self, pairs: &'a [PacketPair], at: usize) -> Option<ExchangeTiming<'a>> {
+        let PacketsOfRun { first, recording_start } = self.packets?;
+        Some(ExchangeTiming { pair: &pairs[first as usize + at], recording_start })
+    }
+
+    /// The same, for an exchange that is at this place and has these times; the bytes of the first one begin at `first_start` in
+    /// the arena. Where a caller reads little of the row, little of it is made.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // What the caller does not read is known only there.
+    pub fn transaction_of(
+        &self,
+        exchange: &Exchange,
+        at: usize,
+        first_start: u32,
+        timing: Option<ExchangeTiming<'_>>,
+    ) -> Transaction {
+        let Exchange { start, lengths, unit, function, confidence, .. } = *exchange;
+        let pair = timing.map(|timing| timing.pair);
+        let [before, behind] = Exchange::around_pdu(timing.is_some());
+        let [request, response] = lengths.map(u32::from);
         let frame = self.frame + 2 * at as u64;
-        let frame_ref = |frame: u64, start: u32, length: u32| {
-            let pdu = Span { start: start + 1, length: length - 1 - CRC_BYTES as u32 };
-            FrameRef { frame, wire: Span { start, length }, pdu, start: None }
+        let frame_ref = |frame: u64, begin: u32, length: u32, side: usize| {
+            let pdu = Span { start: begin + before, length: length - before - behind };
+            FrameRef { frame, wire: Span { start: begin, length }, pdu, start: pair.map(|pair| pair.starts[side]) }
         };
         Transaction {
             number: self.number + at as u64,
             bus: self.bus,
-            mode: Mode::Rtu,
-            start: None,
-            elapsed: None,
+            mode: if pair.is_some() { Mode::Tcp } else { Mode::Rtu },
+            start: pair.map(|pair| pair.starts[0]),
+            elapsed: timing.and_then(|timing| Some(timing.pair.starts[0] - timing.recording_start?)),
             unit,
             function,
             status: Status::Ok,
             exception: None,
             confidence,
             unconfirmed: confidence < UNCONFIRMED_TRANSACTION_BITS,
-            response_time: None,
+            response_time: pair.and_then(|pair| pair.response_time),
             waited: None,
             late_response: None,
             retry_of: None,
             late_response_to: None,
-            gap: None,
-            mbap_id: None,
-            request: frame_ref(frame, start, request),
-            response: frame_ref(frame + 1, start + request, answer),
+            gap: pair.and_then(|pair| pair.gap),
+            mbap_id: pair.map(|pair| pair.mbap_id),
+            request: frame_ref(frame, start, request, 0),
+            response: frame_ref(frame + 1, start + request, response, 1),
             findings: Span::default(),
-            // A line with profiles has no exchanges in short.
+            // A bus with profiles has no compact exchanges.
             points: None,
-            origin: self.offset + u64::from(start - of_run[0].start),
+            origin: pair.map_or(self.offset + u64::from(start - first_start), |pair| pair.packet),
         }
     }
 }

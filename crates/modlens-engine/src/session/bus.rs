@@ -173,6 +173,7 @@ impl BusState {
     /// the chunk has no times and starts no record, the frames wait unmerged, so that their order is inferred from their
     /// content. Those of a further line wait, too, even if its reads have times, because nothing orders them among frames
     /// without. Pairing is told that the order is inferred.
+    #[inline]
     pub(crate) fn line_for(&mut self, chunk: &Chunk<'_>) -> &mut LineState {
         if let Some(known) = self.lines.iter().position(|(line, _)| *line == chunk.line) {
             return &mut self.lines[known].1;
@@ -212,6 +213,7 @@ impl BusState {
     /// in recordings only, before the chunk is added.
     ///
     /// No line may see a change of marks or of the kind of times. Without a time the bus may have line 0 only.
+    #[inline]
     pub(crate) fn may_wait(&self, chunk: &Chunk<'_>) -> bool {
         if !self.lines.iter().all(|(_, line)| line.input.is_uniform_with(chunk)) {
             return false;
@@ -221,13 +223,16 @@ impl BusState {
             1 => chunk.line == 0 && time >= newest,
             // The two sides of a connection: in the order of time, without two segments at the same time, and without a
             // silence that would end a frame of either side.
-            2 if self.options.bus.network.is_some() => {
-                let is_silent =
-                    |line: &LineState| line.input.last_byte_time().is_some_and(|last| time - last >= line.input.break_ns);
-                Some(time) > self.latest && !self.lines.iter().any(|(_, line)| is_silent(line))
-            }
+            2 if self.options.bus.network.is_some() => self.is_in_order(time),
             _ => false,
         }
+    }
+
+    /// Whether a time is behind that of all bytes of a connection, and not behind a silence that would end a frame of either side.
+    #[inline]
+    pub(crate) fn is_in_order(&self, time: Ns) -> bool {
+        let is_silent = |line: &LineState| line.input.last_byte_time().is_some_and(|last| time - last >= line.input.break_ns);
+        Some(time) > self.latest && !self.lines.iter().any(|(_, line)| is_silent(line))
     }
 
     /// The parameters from which the times of the next frame of line `at` are computed. On this occasion pairing gets the

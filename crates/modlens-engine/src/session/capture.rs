@@ -85,7 +85,7 @@ impl Session {
     /// The end of a connection flushes its bus, which a later connection takes once no row names it any more. That one side
     /// ends it comes before: behind all bytes of that side, and while requests are still open.
     #[inline]
-    fn handle_event(&mut self, state: &mut CaptureState, event: Event<'_>) {
+    pub(super) fn handle_event(&mut self, state: &mut CaptureState, event: Event<'_>) {
         match event {
             Event::Time(time, interface) => {
                 self.note_time(state, time, interface);
@@ -94,7 +94,13 @@ impl Session {
             Event::Bytes { slot, from_client, chunk, is_whole_message, server_side_recorded } => {
                 if let Some(bus) = state.slot(slot).bus {
                     self.note_recorded_side(bus, server_side_recorded);
-                    self.feed_stream(bus, from_client, &chunk, is_whole_message);
+                    if is_whole_message || !self.take_packet(bus, from_client, &chunk) {
+                        self.feed_stream(bus, from_client, &chunk, is_whole_message);
+                        // So that the packets behind it can be matched as they come.
+                        if !is_whole_message && !from_client && self.may_match_packets(bus) {
+                            self.decide_waiting();
+                        }
+                    }
                 }
             }
             other => self.handle_rare_event(state, other),
@@ -177,10 +183,11 @@ impl Session {
     /// The same at once.
     fn sweep_all_connections(&mut self, state: &mut CaptureState, now: Ns) {
         state.last_sweep = Some(now);
+        // A request that is not decided yet has no deadline.
+        self.decide_waiting();
         let is_due = |session: &Self, bus: usize| session.buses[bus].pairing.deadline().is_some_and(|due| due <= now);
         for bus in state.slots.iter().filter_map(|slot| slot.bus) {
             if is_due(self, bus) {
-                self.decide_waiting();
                 self.advance_pairing(bus, now);
             }
         }
@@ -227,7 +234,7 @@ impl Session {
     /// Feeds bytes of a connection, in order. `missing` bytes in front of them are a finding on the connection; they may have
     /// held the responses to the open requests, so that their silence proves nothing, but these stay open. What was fed
     /// before the gap is decided first.
-    fn feed_stream(&mut self, bus: usize, from_client: bool, received: &StreamChunk<'_>, is_whole_message: bool) {
+    pub(crate) fn feed_stream(&mut self, bus: usize, from_client: bool, received: &StreamChunk<'_>, is_whole_message: bool) {
         if received.missing > 0 {
             self.decide_waiting();
             self.buses[bus].pairing.note_missing_bytes();
@@ -348,7 +355,7 @@ impl Session {
         if self.retired.is_empty() {
             return;
         }
-        let named: HashSet<usize> = self.held.iter().map(|row| row.bus as usize).collect();
+        let named: HashSet<usize> = self.held.buses().collect();
         let free = &mut self.free;
         self.retired.retain(|bus| {
             let is_named = named.contains(bus);

@@ -21,7 +21,9 @@ impl Session {
     ///
     /// In a live session, and where the chunk would change how the bytes before it are decided (`may_wait`), these are
     /// decided first, and then those of the chunk at once.
+    #[inline]
     pub(super) fn feed_later(&mut self, bus: usize, chunk: &Chunk<'_>) {
+        self.end_packet_run();
         if self.waiting.is_some_and(|waiting| waiting != bus) {
             self.decide_waiting();
         }
@@ -34,15 +36,17 @@ impl Session {
         }
     }
 
-    /// Decides the bytes that `feed_later` has left undecided, if there are any, as of the last chunk's time.
-    pub(super) fn decide_waiting(&mut self) {
+    /// Decides the bytes that `feed_later` has left undecided, if there are any, as of the last chunk's time; and a request that is
+    /// in hand for its response.
+    pub(crate) fn decide_waiting(&mut self) {
+        self.end_packet_run();
         if let Some(bus) = self.waiting.take() {
             self.decide(bus, self.buses[bus].newest);
         }
     }
 
     /// Emits the frames in the bytes of a bus, and lets its requests time out up to `time`, or not at all without a clock.
-    pub(super) fn decide(&mut self, bus: usize, time: Option<Ns>) {
+    pub(crate) fn decide(&mut self, bus: usize, time: Option<Ns>) {
         self.emit_frames(bus);
         if let Some(time) = time {
             self.advance_pairing(bus, time);
@@ -54,6 +58,7 @@ impl Session {
     /// what lies before the chunk may be (`decide_before`).
     ///
     /// The first chunk with a time sets the beginning of the recording, unless the source has.
+    #[inline]
     fn buffer_chunk(&mut self, bus: usize, chunk: &Chunk<'_>) -> Option<Ns> {
         let time = chunk.time();
         self.decide_before(bus, chunk, time);
@@ -80,6 +85,7 @@ impl Session {
     /// A hole on a serial line means that the tap was away: no response to an open request will come. (A connection goes on
     /// behind lost segments.) If bytes follow the hole, it is unknown when the tap went away, so the bus is flushed before
     /// time advances. A chunk without bytes says that the tap goes away at this moment, so it is flushed afterwards.
+    #[inline]
     fn decide_before(&mut self, bus: usize, chunk: &Chunk<'_>, time: Option<Ns>) {
         let tap_was_away = chunk.follows_loss && self.buses[bus].options.bus.network.is_none();
         if tap_was_away && !chunk.bytes.is_empty() {

@@ -112,18 +112,7 @@ impl FrameTiming {
         if setting.has_clock && input.has_times && read.time != NO_TIME {
             return Self::of_timed_read(input, read, length, setting);
         }
-        let origin = if setting.place == Place::Offset { input.offset() } else { read.origin };
-        Self {
-            start: None,
-            end: None,
-            gap: None,
-            pauses: InnerPauses::default(),
-            clean_start: true,
-            side: read.side,
-            offset: input.offset(),
-            origin,
-            last_origin: origin,
-        }
+        Self::without_times(input, read, setting)
     }
 
     /// The same for a read that has a time, where the bus has a clock.
@@ -133,11 +122,23 @@ impl FrameTiming {
         let counted_back = read.time - length as Ns * input.char_ns.unwrap_or(0);
         let earliest = if setting.clock_jumped { None } else { setting.last_end };
         let gap = input.pause_before_read(read);
-        let origin = if setting.place == Place::Offset { input.offset() } else { read.origin };
         Self {
             start: Some(earliest.map_or(counted_back, |last| counted_back.max(last))),
             end: Some(read.time),
             gap: gap.filter(|&gap| gap >= 2 * setting.resolution && gap > 0),
+            ..Self::without_times(input, read, setting)
+        }
+    }
+
+    /// The place of a frame that is exactly this read, the first one.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
+    fn without_times(input: &Input, read: &Read, setting: &TimingConfig) -> Self {
+        let origin = if setting.place == Place::Offset { input.offset() } else { read.origin };
+        Self {
+            start: None,
+            end: None,
+            gap: None,
             pauses: InnerPauses::default(),
             clean_start: true,
             side: read.side,

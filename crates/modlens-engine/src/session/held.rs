@@ -36,12 +36,13 @@ impl Session {
     pub(super) fn give_out_rows(&mut self, batch: &mut Batch) {
         let is_all = self.live || self.held.len() > MAX_HELD_TRANSACTIONS;
         let oldest = self.oldest_open().filter(|_| !is_all).unwrap_or(u64::MAX);
-        self.held.give_out(oldest, &mut batch.transactions);
+        self.held.give_out(oldest, batch);
     }
 
     /// Copies the bytes and findings of the transactions that are kept for a later call to the next batch, and lets the rows
     /// refer to the copies. `from` is the batch that is given out. A PDU that is a part of the bytes on the wire stays one.
     pub(super) fn copy_held_bytes(&mut self, from: &Batch) {
+        self.held.exchanges.move_bytes(from, &mut self.batch);
         for row in self.held.iter_mut() {
             row.findings = self.batch.store_findings(row.findings.of(&from.codes));
             for half in [&mut row.request, &mut row.response] {

@@ -3,13 +3,14 @@
 //! | question | file |
 //! |--|--|
 //! | what a source feeds: bytes and time, text, captures, logic samples | `feed`, `text`, `capture`, `logic` (state: `sources`) |
+//! | how another thread reads a text or a capture for it | `read_ahead` |
 //! | what is known of a bus and of a line | `bus`, `line`, `profiles` |
 //! | which line of a two-line tap is next | `two_lines` |
 //! | when a frame was on the line, and how exact that is | `frame_timing`, `lateness` |
 //! | what nearly all frames of a line have in common | `line_patterns` |
 //! | what the responses of a unit have in common | `unit_habits` |
 //! | how a frame or a transaction becomes a row | `frames`, `transactions`, `rows` |
-//! | which rows wait for older transactions | `held` |
+//! | which rows wait for older transactions | `held`, `held_rows`, `held_exchanges` |
 //! | what is counted of a connection, and how it becomes a row | `connection_tally`, `in_flight`, `connections` |
 //! | what is given back when a source has ended | `closing` |
 //! | how rows of our own captures are read back | `reimport` |
@@ -26,6 +27,7 @@ mod feed;
 pub(crate) mod frame_timing;
 mod frames;
 mod held;
+pub(crate) mod held_exchanges;
 mod held_rows;
 pub(crate) mod in_flight;
 pub(crate) mod inner_pauses;
@@ -34,6 +36,7 @@ pub(crate) mod line;
 mod line_patterns;
 mod logic;
 pub(crate) mod profiles;
+mod read_ahead;
 mod reimport;
 pub(crate) mod rows;
 mod sources;
@@ -45,6 +48,7 @@ mod unit_habits;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use crate::fast_path::packet_run::PacketRun;
 use crate::findings::Found;
 use crate::framer::Framer;
 use crate::pairing::{Pairing, PendingTransaction};
@@ -58,6 +62,7 @@ use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::Ns;
 
 pub use bus::BusOptions;
+pub use read_ahead::{LentReader, ReadBlock};
 pub use sources::CaptureOptions;
 
 use bus::BusState;
@@ -103,9 +108,9 @@ pub struct Session {
     /// How many of them the last `take` has kept.
     kept: usize,
     pub(crate) wanted: WantedTables,
-    live: bool,
-    /// Whether exchanges may be emitted in short.
-    in_short: bool,
+    pub(crate) live: bool,
+    /// Whether compact exchanges may be emitted even where frames are wanted.
+    always_compact: bool,
     /// The time-out of requests that the user has set.
     timeout: Option<Ns>,
     pub(crate) next_frame: u64,
@@ -131,8 +136,10 @@ pub struct Session {
     /// Buses of closed connections that a new connection may take.
     free: Vec<usize>,
     connections: Connections,
+    /// The connection of which packets are matched as they come.
+    pub(crate) packet_run: Option<Box<PacketRun>>,
     /// The bus with bytes that `feed_later` has left undecided.
-    waiting: Option<usize>,
+    pub(crate) waiting: Option<usize>,
     /// The buses of raw recordings, each with the segment that was read last.
     recorded: Vec<(modlens_readers::pcap::metadata::RecordingSegment, usize)>,
     /// What buses are named after in place of their source.
@@ -160,7 +167,7 @@ impl Session {
             kept: 0,
             wanted,
             live,
-            in_short: false,
+            always_compact: false,
             timeout,
             next_frame: 1,
             next_txn: 1,
@@ -177,30 +184,39 @@ impl Session {
             retired: Vec::new(),
             free: Vec::new(),
             connections: Connections::default(),
+            packet_run: None,
             waiting: None,
             recorded: Vec::new(),
             bus_name: None,
         }
     }
 
-    /// Emits exchanges of an RTU line without a clock in short (`Batch::exchanges`) even where frames are wanted: for who can do
+    /// Emits compact exchanges of an RTU line without a clock (`Batch::exchanges`) even where frames are wanted: for who can do
     /// without the rows of their frames.
-    pub fn emit_in_short(&mut self) {
-        self.in_short = true;
+    pub fn emit_compact(&mut self) {
+        self.always_compact = true;
     }
 
-    /// Whether exchanges of this bus are emitted in short from now on: in a recording of one RTU line without times, where a
+    /// Whether this bus emits compact exchanges from now on: in a recording of one RTU line without times, where a
     /// frame is known by its offset. With another bus open, a transaction may have to wait for an older one while exchanges behind it
     /// are given out.
-    pub(crate) fn emits_in_short(&self, bus: usize) -> bool {
+    pub(crate) fn emits_compact(&self, bus: usize) -> bool {
         let state = &self.buses[bus];
-        (self.in_short || !self.wanted.frames)
+        (self.always_compact || !self.wanted.frames)
             && !self.live
             && !state.lines[0].1.input.has_times
             && state.options.bus.place == Place::Offset
             && state.profiles.are_none()
             && self.open.len() == 1
             && self.open.contains(&bus)
+    }
+
+    /// Whether exchanges of this bus in a packet each are emitted compact: on a connection, in a recording of which nobody wants
+    /// the frames, and without profiles.
+    pub(crate) fn emits_compact_packets(&self, bus: usize) -> bool {
+        let state = &self.buses[bus];
+        let is_of_packets = state.options.bus.network.is_some() && state.options.bus.place == Place::Packet;
+        !self.wanted.frames && !self.live && is_of_packets && state.profiles.are_none()
     }
 
     /// Gives a name to buses that would be named after their source: the file is one of several of a bus. A recording that

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::session::{BusOptions, Session};
 use modlens_protocol::source::Place;
+use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Times};
 use modlens_readers::text::{LogEntry, Reader};
 
@@ -22,18 +23,24 @@ impl Session {
     pub fn feed_text(&mut self, bus: usize, data: &[u8], last: bool) {
         let Some(mut reader) = self.buses[bus].reader.take() else { return };
         reader.push(data);
-        let is_stated = self.buses[bus].options.resolution.is_some();
         while let Some(entry) = reader.advance(last) {
-            let to = self.device_bus(bus, &entry, &reader);
-            let stamps = if is_stated { self.buses[to].stamps_resolution } else { reader.resolution() };
-            if self.buses[to].stamps_resolution != stamps || !self.has_clock_of(to, &entry) {
-                self.decide_waiting();
-            }
-            self.buses[to].stamps_resolution = stamps;
-            self.feed_entry(to, &entry, reader.entry_bytes());
+            self.take_entry(bus, &entry, reader.entry_bytes(), reader.resolution(), reader.keys());
         }
         self.decide_waiting();
         self.buses[bus].reader = Some(reader);
+    }
+
+    /// Feeds one record of the recording of `bus` to the bus of its device. `resolution` is the step of the time stamps so far,
+    /// `keys` are the names of the devices so far.
+    pub(super) fn take_entry(&mut self, bus: usize, entry: &LogEntry, bytes: &[u8], resolution: Option<Ns>, keys: &[Vec<u8>]) {
+        let to = self.device_bus(bus, entry, keys);
+        let is_stated = self.buses[bus].options.resolution.is_some();
+        let stamps = if is_stated { self.buses[to].stamps_resolution } else { resolution };
+        if self.buses[to].stamps_resolution != stamps || !self.has_clock_of(to, entry) {
+            self.decide_waiting();
+        }
+        self.buses[to].stamps_resolution = stamps;
+        self.feed_entry(to, entry, bytes);
     }
 
     /// Decides what the reader and the framer hold back for text that may follow, because none has come for a while: on the
@@ -53,12 +60,14 @@ impl Session {
     }
 
     /// Whether a bus already has the clock of this entry, and line numbers for places.
+    #[inline]
     fn has_clock_of(&self, bus: usize, entry: &LogEntry) -> bool {
         let row = &self.buses[bus].options.bus;
         row.clock == entry.clock && row.place == Place::Line
     }
 
     /// Feeds one record with its bytes to a bus, which first gets the clock of the record if it has another.
+    #[inline]
     fn feed_entry(&mut self, bus: usize, entry: &LogEntry, bytes: &[u8]) {
         if !self.has_clock_of(bus, entry) {
             self.describe_bus(bus, entry.clock, Place::Line);
@@ -81,14 +90,15 @@ impl Session {
     /// The index of the bus of the device that a record names; that of the recording, `bus`, for a record without device. The
     /// first device takes the recording's own bus, which is renamed, if that has no bytes yet; every further one gets a bus
     /// of its own with the same options. What `sent` means is taken over from the recording's bus as it is known then.
-    fn device_bus(&mut self, bus: usize, entry: &LogEntry, reader: &Reader) -> usize {
+    #[inline]
+    fn device_bus(&mut self, bus: usize, entry: &LogEntry, keys: &[Vec<u8>]) -> usize {
         if entry.key == 0 {
             return bus;
         }
         if let Some(&(_, known)) = self.buses[bus].devices.iter().find(|(key, _)| *key == entry.key) {
             return known;
         }
-        let name = String::from_utf8_lossy(&reader.keys()[entry.key - 1]).into_owned();
+        let name = String::from_utf8_lossy(&keys[entry.key - 1]).into_owned();
         let to = self.add_device_bus(bus, &name);
         self.buses[bus].devices.push((entry.key, to));
         to

@@ -108,6 +108,22 @@ impl Packets {
         (session.take(), early)
     }
 
+    /// The rows, where all blocks but the first are read before the session takes what was in them.
+    pub fn decode_read_ahead(&self, block: usize) -> Batch {
+        let mut session = Self::session(false);
+        let mut blocks = self.file.chunks(block);
+        session.feed_capture(0, blocks.next().unwrap(), false);
+        let mut reader = session.lend_capture_reader(0).unwrap();
+        let read: Vec<_> = blocks.map(|block| reader.read(block)).collect();
+        for block in &read {
+            session.feed_read(block);
+        }
+        session.take_back(reader);
+        session.feed_capture(0, &[], true);
+        session.flush();
+        session.take()
+    }
+
     fn session(live: bool) -> Session {
         let wanted = WantedTables { frames: true, transactions: true, findings: true };
         let mut session = Session::new(std::sync::Arc::default(), wanted, live, None);

@@ -91,6 +91,13 @@ fn pack(values: [u64; 2]) -> __m128i {
     _mm_set_epi64x(values[1] as i64, values[0] as i64)
 }
 
+/// The 16 bytes of a step.
+#[target_feature(enable = "pclmulqdq")]
+fn step(bytes: &[u8]) -> __m128i {
+    let value = u128::from_le_bytes(bytes.try_into().expect("sixteen of them"));
+    pack([value as u64, (value >> 64) as u64])
+}
+
 /// Whether the first `length` bytes, as a polynomial, are a multiple of P. `bytes` must reach to the end of the last step.
 #[target_feature(enable = "pclmulqdq")]
 fn is_multiple_of_p(bytes: &[u8], length: usize) -> bool {
@@ -109,18 +116,20 @@ fn is_multiple_of_p(bytes: &[u8], length: usize) -> bool {
     let ends = (length - 1) / STEP_BYTES * STEP_BYTES;
     let keep = u128::MAX >> (128 - 8 * (length - ends));
     let masked = |at: usize| {
-        let value = (u128::from(word(at + 8)) << 64 | u128::from(word(at))) & keep;
+        let value = u128::from_le_bytes(bytes[at..at + STEP_BYTES].try_into().expect("sixteen of them")) & keep;
         pack([value as u64, (value >> 64) as u64])
     };
-    let start = pack([0xFFFF, 0]);
-    let mut sum = if ends == 0 { masked(0) } else { pack([word(0), word(8)]) };
-    sum = _mm_xor_si128(sum, start);
-    let mut at = STEP_BYTES;
-    while at <= ends {
-        let next = if at == ends { masked(at) } else { pack([word(at), word(at + 8)]) };
-        let carried = _mm_xor_si128(_mm_clmulepi64_si128::<0x00>(sum, fold), _mm_clmulepi64_si128::<0x11>(sum, fold));
-        sum = _mm_xor_si128(carried, next);
-        at += STEP_BYTES;
+    let carried = |sum: __m128i| _mm_xor_si128(_mm_clmulepi64_si128::<0x00>(sum, fold), _mm_clmulepi64_si128::<0x11>(sum, fold));
+    let mut sum = pack([0xFFFF, 0]);
+    if ends == 0 {
+        sum = _mm_xor_si128(sum, masked(0));
+    } else {
+        let (first, others) = bytes[..ends].split_at(STEP_BYTES);
+        sum = _mm_xor_si128(sum, step(first));
+        for next in others.chunks_exact(STEP_BYTES) {
+            sum = _mm_xor_si128(carried(sum), step(next));
+        }
+        sum = _mm_xor_si128(carried(sum), masked(ends));
     }
     // Reduce 128 coefficients to 80, and these to 64.
     let sum = _mm_xor_si128(_mm_clmulepi64_si128::<0x10>(sum, fold), _mm_srli_si128::<8>(sum));

@@ -149,7 +149,7 @@ impl ConnectionTable {
         conversation.side_recorded[side] = true;
         if has_data {
             let chunk = StreamChunk { side, bytes: it.payload, packet, time, missing: 0, cut: false };
-            conversation.take_bytes(chunk, &mut CaptureContext { functions, skipped, each });
+            conversation.take_settled(chunk, &mut CaptureContext { functions, skipped, each });
         }
         conversation.note_plain_segment(side, has_data, time);
         true

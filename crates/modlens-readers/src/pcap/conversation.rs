@@ -189,9 +189,7 @@ impl Conversation {
             (self.has_begun, self.has_ended) = (false, false);
             self.begin(chunk.packet, chunk.time, context);
         }
-        if let Some(history) = &mut self.history {
-            history.note_bytes(context.functions, &chunk);
-        }
+        self.note_bytes(&chunk, context);
         match self.state {
             ConversationState::Modbus => self.deliver(chunk, context),
             ConversationState::Other => context.skipped.not_modbus += 1,
@@ -207,6 +205,20 @@ impl Conversation {
                 });
                 self.decide(false, context);
             }
+        }
+    }
+
+    /// Takes bytes in order, where the conversation is settled: they are delivered.
+    #[inline]
+    pub(super) fn take_settled(&mut self, chunk: StreamChunk<'_>, context: &mut CaptureContext<'_, '_>) {
+        self.note_bytes(&chunk, context);
+        self.deliver(chunk, context);
+    }
+
+    #[inline]
+    fn note_bytes(&mut self, chunk: &StreamChunk<'_>, context: &CaptureContext<'_, '_>) {
+        if let Some(history) = &mut self.history {
+            history.note_bytes(context.functions, chunk);
         }
     }
 
@@ -246,6 +258,7 @@ impl Conversation {
     }
 
     /// Reports bytes of a Modbus connection.
+    #[inline]
     fn deliver(&mut self, chunk: StreamChunk<'_>, context: &mut CaptureContext<'_, '_>) {
         context.skipped.missing += u64::from(chunk.missing);
         context.skipped.cut += u64::from(chunk.cut);

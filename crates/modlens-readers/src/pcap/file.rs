@@ -6,8 +6,8 @@
 use std::sync::Arc;
 
 use pcap_parser::{
-    parse_block_be, parse_block_le, parse_pcap_frame, parse_pcap_frame_be, parse_pcap_frame_modified, parse_pcap_header, Block,
-    InterfaceDescriptionBlock, LegacyPcapBlock, OptionCode, PcapNGOption,
+    parse_block_be, parse_block_le, parse_pcap_frame_modified, parse_pcap_header, Block, InterfaceDescriptionBlock, OptionCode,
+    PcapNGOption,
 };
 
 use crate::pcap::metadata::{self, PortMetadata};
@@ -215,14 +215,14 @@ impl CaptureFile {
         match self.format {
             FileFormat::Unknown if signature(record) == Some("pcap") => self.parse_file_header(record),
             FileFormat::Unknown | FileFormat::Ng { .. } => self.parse_block(record, each),
-            FileFormat::Classic { is_big_endian, is_modified } => {
-                let parse = match (is_big_endian, is_modified) {
-                    (_, true) => parse_pcap_frame_modified,
-                    (true, _) => parse_pcap_frame_be,
-                    (false, _) => parse_pcap_frame,
-                };
-                if let Ok((_, frame)) = parse(record) {
-                    self.deliver_classic_packet(&frame, each);
+            FileFormat::Classic { is_modified: true, .. } => {
+                if let Ok((_, frame)) = parse_pcap_frame_modified(record) {
+                    self.deliver_classic_packet([frame.ts_sec, frame.ts_usec, frame.origlen], frame.data, each);
+                }
+            }
+            FileFormat::Classic { is_big_endian, .. } => {
+                if let Some((header, data)) = record.split_first_chunk() {
+                    self.deliver_classic_packet(numbers_of_header(header, is_big_endian), data, each);
                 }
             }
         }
@@ -241,19 +241,25 @@ impl CaptureFile {
         self.interfaces.push(Arc::new(Interface { link, resolution, ticks_per_second, ..Interface::default() }));
     }
 
-    /// Hands on a packet of pcap.
-    fn deliver_classic_packet(&mut self, frame: &LegacyPcapBlock<'_>, each: &mut impl FnMut(CapturedPacket<'_>)) {
+    /// Hands on a packet of pcap with these numbers of its header: seconds, their fraction, and the length on the wire.
+    #[inline]
+    fn deliver_classic_packet(
+        &mut self,
+        [seconds, fraction, length]: [u32; 3],
+        data: &[u8],
+        each: &mut impl FnMut(CapturedPacket<'_>),
+    ) {
         self.packets += 1;
         let by = &*self.interfaces[0];
-        let time = Ns::from(frame.ts_sec) * 1_000_000_000 + Ns::from(frame.ts_usec) * by.resolution;
+        let time = Ns::from(seconds) * 1_000_000_000 + Ns::from(fraction) * by.resolution;
         each(CapturedPacket {
             number: self.packets,
             interface: 0,
             section: 0,
             by,
             time: Some(time),
-            data: frame.data,
-            length: frame.origlen as usize,
+            data,
+            length: length as usize,
             options: &[],
             big_endian: false,
         });
@@ -344,6 +350,23 @@ impl Interface {
         let ticks_per_second = u128::from(self.ticks_per_second.max(1));
         (u128::from(ticks) * 1_000_000_000 / ticks_per_second) as Ns + self.offset_s * 1_000_000_000
     }
+}
+
+/// The header of a packet of pcap: seconds, their fraction, bytes that were kept, and bytes on the wire.
+pub(super) const RECORD_HEADER_BYTES: usize = 16;
+
+/// The numbers of such a header but for the third, which `record_length` has read.
+#[inline]
+pub(super) fn numbers_of_header(header: &[u8; RECORD_HEADER_BYTES], is_big_endian: bool) -> [u32; 3] {
+    let word = |at: usize| {
+        let word = [header[at], header[at + 1], header[at + 2], header[at + 3]];
+        if is_big_endian {
+            u32::from_be_bytes(word)
+        } else {
+            u32::from_le_bytes(word)
+        }
+    };
+    [word(0), word(4), word(12)]
 }
 
 /// Checks the length that a block announces; an impossible one means that the file is damaged.

@@ -134,6 +134,7 @@ impl ConnectionHistory {
     }
 
     /// Notes bytes of one side, in order.
+    #[inline]
     pub fn note_bytes(&mut self, functions: &Functions, chunk: &StreamChunk<'_>) {
         self.lost_bytes += u64::from(chunk.missing);
         let framing = &mut self.framing[chunk.side];

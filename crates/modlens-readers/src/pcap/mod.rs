@@ -6,7 +6,7 @@
 //! TCP in order, `conversation` reports them and the events of the connection, `classify` decides whether it carries Modbus and
 //! in which framing, and `lifecycle` keeps what its packets tell beside their bytes: opened, refused, ended, by whom. `serial`
 //! reads the link types of serial lines, and `metadata` the metadata that modlens itself has written. The engine makes frames of
-//! the streams.
+//! the streams; where another thread reads, it takes the events from `kept_events`.
 
 pub mod adu;
 mod classify;
@@ -16,6 +16,7 @@ mod event;
 mod file;
 mod fragments;
 mod frame_parts;
+mod kept_events;
 mod known_connections;
 mod lifecycle;
 pub mod metadata;
@@ -29,6 +30,7 @@ mod tests;
 pub use connections::Ports;
 pub use event::{EndedConnection, Event, Repetition, SkipCounts};
 pub use file::{signature, Interface};
+pub use kept_events::KeptEvents;
 pub use lifecycle::{Closing, ConnectionHistory, SideFraming};
 pub use net::Endpoint;
 pub use serial::SerialContent;

@@ -1,8 +1,11 @@
-//! Plain packets, which take the short way, against the general way, on connections with all that happens to segments.
+//! Plain packets, which take the short way, against the general way, and events that are kept against those that are handled at
+//! once, on connections with all that happens to segments.
 
+use pcap_parser::{parse_pcap_frame, parse_pcap_frame_be};
 use proptest::prelude::*;
 
-use crate::pcap::{Capture, Ports};
+use crate::pcap::file::numbers_of_header;
+use crate::pcap::{Capture, KeptEvents, Ports};
 use modlens_protocol::functions::Functions;
 
 const FIN: u8 = 1;
@@ -150,6 +153,24 @@ fn read(file: &[u8], is_general: bool) -> (Vec<String>, u64) {
     (all, capture.plain)
 }
 
+/// The same events as `read` gives, kept block by block and handled later.
+fn read_later(file: &[u8], block: usize) -> Vec<String> {
+    let mut capture = Capture::new(Ports::default());
+    let functions = Functions::default();
+    let mut blocks: Vec<KeptEvents> = Vec::new();
+    for block in file.chunks(block) {
+        let mut kept = KeptEvents::default();
+        capture.push(&functions, block, &mut |event| kept.push(event));
+        blocks.push(kept);
+    }
+    let mut last = KeptEvents::default();
+    capture.finish(&functions, &mut |event| last.push(event));
+    let mut all = Vec::new();
+    blocks.iter().chain([&last]).for_each(|kept| kept.replay(|event| all.push(format!("{event:?}"))));
+    all.push(format!("{:?} {}", capture.left_out(), capture.packets()));
+    all
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 500, ..ProptestConfig::default() })]
 
@@ -159,6 +180,7 @@ proptest! {
         step in prop_oneof![Just(1_000u64), Just(3_000_000), Just(900_000_000)],
         cut in prop::collection::vec(0usize..100, 0..3),
         padded in any::<bool>(),
+        block in 1usize..2000,
     ) {
         let mut file = File::default();
         let talk = |at: u16| Talk { port: 40_000 + at, next: [u32::MAX - 100 * u32::from(at), 7_000], id: 0 };
@@ -170,7 +192,9 @@ proptest! {
             file.packets.iter_mut().for_each(|packet| packet.resize(packet.len().max(60), 0));
         }
         let bytes = file.bytes(step, &cut);
-        prop_assert_eq!(read(&bytes, false).0, read(&bytes, true).0);
+        let events = read(&bytes, false).0;
+        prop_assert_eq!(&events, &read(&bytes, true).0);
+        prop_assert_eq!(&events, &read_later(&bytes, block));
     }
 }
 
@@ -182,4 +206,21 @@ fn nearly_all_packets_of_polling_are_plain() {
         happen(&mut file, &mut talk, 0);
     }
     assert_eq!(read(&file.bytes(1_000_000, &[]), false).1, 98);
+}
+
+proptest! {
+    #[test]
+    fn a_record_of_pcap_is_read_as_the_parser_reads_it(
+        numbers in any::<[u32; 3]>(),
+        data in prop::collection::vec(any::<u8>(), 0..90),
+        is_big_endian in any::<bool>(),
+    ) {
+        let [seconds, fraction, length] = numbers;
+        let bytes = if is_big_endian { u32::to_be_bytes } else { u32::to_le_bytes };
+        let record = [[seconds, fraction, data.len() as u32, length].map(bytes).concat(), data].concat();
+        let expected = if is_big_endian { parse_pcap_frame_be(&record) } else { parse_pcap_frame(&record) }.unwrap().1;
+        let (header, rest) = record.split_first_chunk().unwrap();
+        prop_assert_eq!(numbers_of_header(header, is_big_endian), [expected.ts_sec, expected.ts_usec, expected.origlen]);
+        prop_assert_eq!(rest, expected.data);
+    }
 }

@@ -148,6 +148,7 @@ fn is_echoed(bytes: &[u8]) -> bool {
 }
 
 impl EntryAssembler {
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.ready.is_empty()
     }
@@ -326,6 +327,7 @@ impl EntryAssembler {
 
     /// Makes an entry of a line of plain hex that is a whole frame, as `take` would, but gives it back at once: no entry
     /// waits to be fetched. `None` if the bytes are skipped.
+    #[inline]
     pub fn take_frame(
         &mut self,
         bytes: &[u8],
@@ -346,6 +348,7 @@ impl EntryAssembler {
 
     /// The entry of these bytes, which are not empty, with its place in the stream of its device; `None` if they are skipped.
     /// The arguments are those of `log_entry`, and what `check_frame` says of the bytes.
+    #[inline]
     fn place(&mut self, entry_bytes: &EntryBytes<'_>, (is_whole_frame, framing): (bool, Option<Mode>)) -> Option<LogEntry> {
         while self.streams.len() <= entry_bytes.key {
             self.streams.push(DeviceStream::default());

@@ -89,6 +89,7 @@ impl TimestampParser {
     }
 
     /// The clock as the engine needs to know it: absolute, relative or none.
+    #[inline]
     pub fn clock(&self) -> Clock {
         match self.state.kind {
             ClockKind::None => Clock::None,
@@ -103,6 +104,7 @@ impl TimestampParser {
     }
 
     /// The smallest time difference in ns that the decimals of the timestamps can express; `None` without timestamps.
+    #[inline]
     pub fn resolution(&self) -> Option<Ns> {
         (self.state.kind != ClockKind::None).then(|| 10i64.pow(9 - self.state.decimals.min(9)))
     }

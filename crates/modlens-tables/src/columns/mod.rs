@@ -6,6 +6,7 @@
 mod bus_cells;
 mod cell;
 mod column_value;
+mod exchange_ref;
 mod fields;
 mod function_rows;
 mod identification;
@@ -16,14 +17,17 @@ mod row_columns;
 mod schema;
 mod sink;
 mod table;
+mod table_rows;
 mod transaction_view;
 
 pub use cell::{Cell, Items};
+pub use exchange_ref::ExchangeRef;
 pub use fields::Fields;
 pub use function_rows::{functions, row_of};
 pub use reader::ColumnReader;
 pub use reading_columns::{each_value, ReadingView};
-pub use schema::{version, Column, ColumnType, TableKind, COLUMNS, TABLES};
+pub use schema::{definition, version, Column, ColumnType, TableKind, TABLES};
 pub use sink::CellSink;
 pub use table::{RowRef, Table};
+pub use table_rows::{RowChunk, TableRow};
 pub use transaction_view::{blocks, exception_name, read_data, read_range, write_data, write_range, Blocks};

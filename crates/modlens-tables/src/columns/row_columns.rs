@@ -4,9 +4,12 @@
 //! memory.
 #![allow(clippy::inline_always)]
 
+use std::mem::ManuallyDrop;
+
 use crate::columns::bus_cells::{bus, network, utc_time};
 use crate::columns::cell::{Cell, Items};
 use crate::columns::column_value::{Codes, ColumnValue, FunctionName, Hex, Ints, Source, Text, Time, Us, Word};
+use crate::columns::exchange_ref::ExchangeRef;
 use crate::columns::function_rows::functions;
 use crate::columns::reading_columns::named;
 use crate::columns::sink::CellSink;
@@ -18,6 +21,10 @@ use modlens_protocol::Ns;
 
 /// Columns that have the same value in every row of a bus. Writers format these once per bus.
 pub(super) const BUS_COLUMNS: [&str; 4] = ["bus", "client", "server", "connection"];
+
+/// Columns that have the same value in the rows of all compact exchanges of a bus and a function.
+pub(super) const EXCHANGE_KIND_COLUMNS: [&str; 8] =
+    ["mode", "function", "function_name", "operation", "register_type", "status", "exception", "findings"];
 
 /// Reads the value of a column from a row.
 pub(super) type Read<R> = for<'a> fn(&'a Batch, &'a R) -> Cell<'a>;
@@ -31,9 +38,34 @@ pub(super) type Emit<R, S> = for<'a> fn(&'a Batch, &'a R, &mut S);
 /// Reads the value of a column from a transaction and passes it to a writer.
 pub(super) type EmitTransaction<S> = for<'a> fn(&'a Batch, TransactionView<'a>, &mut S);
 
+/// Reads the value of a column from compact exchanges and passes them to a writer.
+pub(super) type EmitExchanges<S> = for<'a> fn(&[ExchangeRef<'a>], &mut S);
+
 /// Defines the columns of a table. `READ` returns a value as a `Cell`; `pass` is compiled for each writer, so that the
 /// writer's code for other kinds of values than the column's is removed.
 macro_rules! columns {
+    ($table:ident: $read:ident, $emit:ident<>, $exchanges:ident; $(($key:literal, |$batch:pat_param, $of:pat_param| $value:expr),)*) => {
+        columns! { $table: $read, $emit<>; $(($key, |$batch, $of| $value),)* }
+
+        impl $table {
+            /// Compiled for each column: of the row of an exchange only what the column shows is made.
+            pub(super) fn emit_exchanges<S: CellSink>(column: usize) -> $exchanges<S> {
+                const COUNT: usize = $table::KEYS.len();
+                let all = const {
+                    let all: [$exchanges<S>; COUNT] = [$(|exchanges, to| {
+                        for exchange in exchanges {
+                            // Without a profile there is nothing to drop, and who drops it needs all of it in memory.
+                            let row = ManuallyDrop::new(exchange.transaction());
+                            let ($batch, $of) = (exchange.batch, exchange.view(&row));
+                            $value.emit(to);
+                        }
+                    }),*];
+                    all
+                };
+                all[column]
+            }
+        }
+    };
     ($table:ident: $read:ident, $emit:ident<$($row:ident)?>; $(($key:literal, |$batch:pat_param, $of:pat_param| $value:expr),)*) => {
         pub(super) struct $table;
 
@@ -43,7 +75,10 @@ macro_rules! columns {
 
             pub(super) fn emit<S: CellSink>(column: usize) -> $emit<$($row,)? S> {
                 const COUNT: usize = $table::KEYS.len();
-                let all: [$emit<$($row,)? S>; COUNT] = [$(|$batch, $of, to| $value.emit(to)),*];
+                let all = const {
+                    let all: [$emit<$($row,)? S>; COUNT] = [$(|$batch, $of, to| $value.emit(to)),*];
+                    all
+                };
                 all[column]
             }
         }
@@ -104,7 +139,7 @@ columns! {
 }
 
 columns! {
-    Transactions: ReadTransaction, EmitTransaction<>;
+    Transactions: ReadTransaction, EmitTransaction<>, EmitExchanges;
     ("txn", |_, t| t.number),
     ("time", |b, t| utc_time(b, t.bus, t.start)),
     ("elapsed_us", |_, t| t.elapsed.map(Us)),

@@ -5,23 +5,25 @@ use std::sync::OnceLock;
 use serde_json::Value as Json;
 
 use super::reader::{ColumnReader, RowReader};
-use super::row_columns::{Connections, Diagnoses, Findings, Frames, Transactions, BUS_COLUMNS};
+use super::row_columns::{Connections, Diagnoses, Findings, Frames, Transactions, BUS_COLUMNS, EXCHANGE_KIND_COLUMNS};
 use super::sink::CellSink;
 use modlens_protocol::renamed::{current, Vocabulary};
 
 /// The embedded definition of the columns.
-pub const COLUMNS: &str = include_str!("../../../../analyzer/columns.toml");
+const COLUMNS: &str = include_str!("../../../../analyzer/columns.toml");
 
 /// The names of the tables in options.
 pub const TABLES: [&str; 6] = ["frames", "transactions", "readings", "findings", "connections", "diagnoses"];
 
+/// The embedded definition as plain data: `version`, and a list of columns for each table.
+pub fn definition() -> &'static Json {
+    static DEFINITION: OnceLock<Json> = OnceLock::new();
+    DEFINITION.get_or_init(|| toml::from_str(COLUMNS).expect("the embedded columns are tested"))
+}
+
 /// The version of the columns, which is written into file formats that have a field for it.
 pub fn version() -> u64 {
-    static VERSION: OnceLock<u64> = OnceLock::new();
-    *VERSION.get_or_init(|| {
-        let file: Json = toml::from_str(COLUMNS).expect("the embedded columns are tested");
-        file["version"].as_u64().expect("a version")
-    })
+    definition()["version"].as_u64().expect("a version")
 }
 
 /// The type of a column's values.
@@ -100,7 +102,7 @@ impl TableKind {
     pub fn columns(self) -> &'static [Column] {
         static ALL: OnceLock<Vec<Vec<Column>>> = OnceLock::new();
         let all = ALL.get_or_init(|| {
-            let file: Json = toml::from_str(COLUMNS).expect("the embedded columns are tested");
+            let file = definition();
             TABLES.iter().map(|table| file[*table].as_array().expect("a list").iter().map(column).collect()).collect()
         });
         &all[self as usize]
@@ -110,7 +112,7 @@ impl TableKind {
     pub fn reader<S: CellSink>(self, column: usize) -> ColumnReader<S> {
         ColumnReader(match self {
             Self::Frames => RowReader::Frame(Frames::emit(column)),
-            Self::Transactions => RowReader::Transaction(Transactions::emit(column)),
+            Self::Transactions => RowReader::Transaction(Transactions::emit(column), Transactions::emit_exchanges(column)),
             Self::Findings => RowReader::Finding(Findings::emit(column)),
             Self::Connections => RowReader::Connection(Connections::emit(column)),
             Self::Diagnoses => RowReader::Diagnosis(Diagnoses::emit(column)),
@@ -122,6 +124,11 @@ impl TableKind {
     pub fn is_constant_per_bus(self, column: usize) -> bool {
         !matches!(self, Self::Readings | Self::Connections | Self::Diagnoses)
             && BUS_COLUMNS.contains(&self.columns()[column].key.as_str())
+    }
+
+    /// Whether all compact exchanges of a bus and a function have the same value in this column, if they have one.
+    pub(super) fn is_constant_per_exchange_kind(self, column: usize) -> bool {
+        self.is_constant_per_bus(column) || EXCHANGE_KIND_COLUMNS.contains(&self.columns()[column].key.as_str())
     }
 
     /// The column with the time of a row: when it happened, or began.

@@ -1,9 +1,8 @@
 //! The rows of a table, and how their values are read.
 
-use std::ops::Range;
 use std::sync::Arc;
 
-use modlens_engine::records::{Batch, Connection, DiagnosisRow, FindingRow, Frame, Part, Transaction};
+use modlens_engine::records::{Batch, Connection, DiagnosisRow, FindingRow, Frame, Transaction};
 
 use crate::columns::cell::Cell;
 use crate::columns::reader::{ColumnReader, RowReader};
@@ -21,7 +20,7 @@ pub struct Table {
     pub batch: Arc<Batch>,
     /// The table.
     pub kind: TableKind,
-    rows: Rows,
+    pub(super) rows: Rows,
 }
 
 /// One row of a table.
@@ -67,7 +66,7 @@ impl<'a> RowRef<'a> {
     pub fn emit<S: CellSink>(&self, column: &ColumnReader<S>, to: &mut S) {
         match (self.of, &column.0) {
             (RowOf::Frame(row), RowReader::Frame(pass)) => pass(self.batch, row, to),
-            (RowOf::Transaction(row), RowReader::Transaction(pass)) => pass(self.batch, row, to),
+            (RowOf::Transaction(row), RowReader::Transaction(pass, _)) => pass(self.batch, row, to),
             (RowOf::Finding(row), RowReader::Finding(pass)) => pass(self.batch, row, to),
             (RowOf::Connection(row), RowReader::Connection(pass)) => pass(self.batch, row, to),
             (RowOf::Diagnosis(row), RowReader::Diagnosis(pass)) => pass(self.batch, row, to),
@@ -90,39 +89,14 @@ impl<'a> RowRef<'a> {
     }
 }
 
-/// Tells whether a column has a value, which is not made for that.
-struct Probe(bool);
-
-impl CellSink for Probe {
-    #[inline(always)]
-    #[allow(clippy::inline_always)] // Reduces the match to one arm in each caller.
-    fn put_cell(&mut self, cell: Cell<'_>) {
-        self.0 = !matches!(cell, Cell::Null);
-    }
-}
-
-/// Whether a column has a value in this row.
-fn is_value(row: &RowRef<'_>, reader: &ColumnReader<Probe>) -> bool {
-    let mut probe = Probe(false);
-    row.emit(reader, &mut probe);
-    probe.0
-}
-
-/// The rows of a view: all, all with exchanges in short among them, those with these indices, or readings.
+/// The rows of a view: all, all with compact exchanges among them, those with these indices, or readings.
 #[derive(Clone, Debug)]
-enum Rows {
+pub(super) enum Rows {
     All(usize),
-    AllAndShort(usize),
+    AllAndCompact(usize),
     Some(Arc<Vec<u32>>),
     Readings(ReadingRows),
 }
-
-fn refs<'a>(batch: &'a Batch, rows: &'a [Transaction]) -> Vec<RowRef<'a>> {
-    rows.iter().map(|row| RowRef::of_transaction(batch, row)).collect()
-}
-
-/// Rows of a chunk: some twenty kilobytes.
-const CHUNK_ROWS: usize = 64;
 
 impl Table {
     /// All rows of one table of a batch.
@@ -130,7 +104,7 @@ impl Table {
         let rows = match kind {
             TableKind::Frames => Rows::All(batch.frames.len()),
             TableKind::Transactions if batch.exchange_runs.is_empty() => Rows::All(batch.transactions.len()),
-            TableKind::Transactions => Rows::AllAndShort(batch.transaction_count()),
+            TableKind::Transactions => Rows::AllAndCompact(batch.transaction_count()),
             TableKind::Findings => Rows::All(batch.findings.len()),
             TableKind::Connections => Rows::All(batch.connections.len()),
             TableKind::Diagnoses => Rows::All(batch.diagnoses.len()),
@@ -195,7 +169,7 @@ impl Table {
     /// The number of rows.
     pub fn len(&self) -> usize {
         match &self.rows {
-            Rows::All(count) | Rows::AllAndShort(count) => *count,
+            Rows::All(count) | Rows::AllAndCompact(count) => *count,
             Rows::Some(rows) => rows.len(),
             Rows::Readings(rows) => rows.len(),
         }
@@ -218,94 +192,6 @@ impl Table {
     #[inline]
     pub fn cell(&self, row: usize, column: usize) -> Cell<'_> {
         self.row(row).cell(column)
-    }
-
-    /// Whether a column has a value in any row.
-    pub fn has_value(&self, column: usize) -> bool {
-        let reader = self.kind.reader(column);
-        if !matches!(self.rows, Rows::AllAndShort(_)) {
-            return (0..self.len()).any(|row| is_value(&self.row(row), &reader));
-        }
-        let batch = &*self.batch;
-        batch.transactions.iter().any(|row| is_value(&RowRef::of_transaction(batch, row), &reader))
-            || self.has_value_in_short(column)
-    }
-
-    /// Whether a column has a value in the row of any exchange in short. That follows from the bus and the function.
-    pub fn has_value_in_short(&self, column: usize) -> bool {
-        let (batch, reader) = (&*self.batch, self.kind.reader(column));
-        batch.exchange_kinds().iter().any(|&(run, at)| {
-            let row = batch.exchange_runs[run].transaction(&batch.exchanges, at);
-            is_value(&RowRef::of_transaction(batch, &row), &reader)
-        })
-    }
-
-    /// Calls `each` for some rows, one behind the other, until it returns false; gives the index of the row behind the last one.
-    /// Says for each whether it is an exchange in short.
-    ///
-    /// Rows of exchanges in short are made for the call only, in memory that the processor has at hand.
-    pub fn each_row(&self, rows: Range<usize>, mut each: impl FnMut(&RowRef<'_>, bool) -> bool) -> usize {
-        if !matches!(self.rows, Rows::AllAndShort(_)) {
-            let stops_at = rows.clone().find(|&row| !each(&self.row(row), false));
-            return stops_at.map_or(rows.end, |row| row + 1);
-        }
-        let batch = &*self.batch;
-        for (own, part) in self.parts() {
-            for row in rows.start.max(own.start)..rows.end.min(own.end) {
-                let goes_on = match part {
-                    Part::Rows(transactions) => each(&RowRef::of_transaction(batch, &transactions[row - own.start]), false),
-                    Part::Short(run) => {
-                        each(&RowRef::of_transaction(batch, &run.transaction(&batch.exchanges, row - own.start)), true)
-                    }
-                };
-                if !goes_on {
-                    return row + 1;
-                }
-            }
-        }
-        rows.end
-    }
-
-    /// Calls `each` for some rows, as many at a time as the processor has room for at hand, and says whether these are exchanges in
-    /// short.
-    pub fn each_chunk(&self, rows: Range<usize>, mut each: impl FnMut(&[RowRef<'_>], bool)) {
-        if !matches!(self.rows, Rows::AllAndShort(_)) {
-            let mut next = rows.start;
-            while next < rows.end {
-                let end = rows.end.min(next + CHUNK_ROWS);
-                each(&(next..end).map(|row| self.row(row)).collect::<Vec<_>>(), false);
-                next = end;
-            }
-            return;
-        }
-        let batch = &*self.batch;
-        for (own, part) in self.parts() {
-            let mut next = rows.start.max(own.start) - own.start;
-            let end = rows.end.min(own.end).saturating_sub(own.start);
-            while next < end {
-                let chunk = next..end.min(next + CHUNK_ROWS);
-                next = chunk.end;
-                match part {
-                    Part::Rows(transactions) => each(&refs(batch, &transactions[chunk]), false),
-                    Part::Short(run) => {
-                        let made: Vec<Transaction> = chunk.map(|row| run.transaction(&batch.exchanges, row)).collect();
-                        each(&refs(batch, &made), true);
-                    }
-                }
-            }
-        }
-    }
-
-    /// The rows of a batch with exchanges in short, in parts, each with the indices of its rows.
-    fn parts(&self) -> impl Iterator<Item = (Range<usize>, Part<'_, Transaction>)> {
-        self.batch.transaction_parts().scan(0, |end, part| {
-            let first = *end;
-            *end += match part {
-                Part::Rows(rows) => rows.len(),
-                Part::Short(run) => run.exchanges.length as usize,
-            };
-            Some((first..*end, part))
-        })
     }
 
     /// The transactions to which the indices of rows refer.

@@ -73,6 +73,13 @@ impl<'a> TransactionView<'a> {
         Self { t, row: row_of(batch, t) }
     }
 
+    /// With the row of the table that somebody has looked up before.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // See `ExchangeRef::transaction`.
+    pub(super) fn with_function(t: &'a Transaction, row: Option<&'a FunctionRow>) -> Self {
+        Self { t, row }
+    }
+
     #[inline]
     pub(super) fn operation(self) -> Operation {
         self.row.map_or(Operation::Other, |row| row.operation)
@@ -101,11 +108,15 @@ impl<'a> TransactionView<'a> {
     }
 
     /// The PDU of the response; empty if there is none.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // See `ExchangeRef::transaction`.
     fn response(self, batch: &Batch) -> &[u8] {
         self.t.response.pdu.of(&batch.arena)
     }
 
     /// The body of the request, unless it was not observed or is damaged.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // See `ExchangeRef::transaction`.
     fn request_body(self, batch: &Batch) -> Option<&[u8]> {
         let pdu = self.t.request.pdu.of(&batch.arena);
         (!pdu.is_empty() && self.status != Status::BadRequest).then(|| &pdu[1..])
@@ -113,16 +124,16 @@ impl<'a> TransactionView<'a> {
 
     /// The body of a response without request that repeats address and quantity of the request, as those of Write Multiple
     /// Coils and Registers do (application protocol, 6.11 and 6.12).
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // See `ExchangeRef::transaction`.
     fn echoing_body(self, batch: &Batch) -> Option<&[u8]> {
         let row = self.row.filter(|_| self.status == Status::Unsolicited && self.exception.is_none())?;
-        let shape = row.response.shape()?;
-        let repeats = |name: &str, at: Option<usize>| at.is_some() && shape.offset_of(name) == at;
-        let body = self.response(batch).get(1..)?;
-        (repeats("address", row.offsets.address) && repeats("quantity", row.offsets.quantity) && shape.fits(body)).then_some(body)
+        echoing_body(row, self.response(batch).get(1..)?)
     }
 
     /// Address and quantity in the request; `None` if the function reads nothing.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // See `ExchangeRef::transaction`.
     pub(super) fn read_range(self, batch: &Batch) -> Option<(u16, u16)> {
         let row = self.row?;
         if !matches!(row.operation, Operation::Read | Operation::ReadWrite) {
@@ -133,7 +144,8 @@ impl<'a> TransactionView<'a> {
     }
 
     /// Address and quantity of what the request writes, or of what a response without request says was written; `None` if the function writes nothing.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // See `ExchangeRef::transaction`.
     pub(super) fn write_range(self, batch: &Batch) -> Option<(u16, u16)> {
         let row = self.row?;
         let (roles, body) = (&row.offsets, self.request_body(batch).or_else(|| self.echoing_body(batch))?);
@@ -147,7 +159,8 @@ impl<'a> TransactionView<'a> {
     }
 
     /// The registers or bits in the response; `None` if it was not observed, is damaged, or is an exception.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // See `ExchangeRef::transaction`.
     pub(super) fn read_data(self, batch: &Batch) -> Option<Items<'_>> {
         let row = self.row?;
         if !matches!(self.status, Status::Ok | Status::Unsolicited) || self.exception.is_some() {
@@ -165,7 +178,8 @@ impl<'a> TransactionView<'a> {
 
     /// The registers or bits in the request; `None` if the function writes none, or the request was not observed or is
     /// damaged.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // See `ExchangeRef::transaction`.
     pub(super) fn write_data(self, batch: &Batch) -> Option<Items<'_>> {
         let row = self.row?;
         if !matches!(row.operation, Operation::Write | Operation::ReadWrite) {
@@ -224,6 +238,13 @@ impl<'a> TransactionView<'a> {
         }
         fields_cell(fields)
     }
+}
+
+/// The body of a response, if responses of this function repeat address and quantity of the request.
+fn echoing_body<'a>(row: &FunctionRow, body: &'a [u8]) -> Option<&'a [u8]> {
+    let shape = row.response.shape()?;
+    let repeats = |name: &str, at: Option<usize>| at.is_some() && shape.offset_of(name) == at;
+    (repeats("address", row.offsets.address) && repeats("quantity", row.offsets.quantity) && shape.fits(body)).then_some(body)
 }
 
 /// The fields as a cell; null if there are none.

@@ -135,9 +135,9 @@ impl Overview {
         self.frames(batch);
         for part in batch.transaction_parts() {
             match part {
-                Part::Short(run) if self.is_of_courses => self.exchanges(batch, run),
-                Part::Short(run) => {
-                    self.transactions(batch, (0..run.exchanges.length as usize).map(|at| run.transaction(&batch.exchanges, at)));
+                Part::Compact(run) if self.is_of_courses && run.packets.is_none() => self.exchanges(batch, run),
+                Part::Compact(run) => {
+                    self.transactions(batch, (0..run.exchanges.length as usize).map(|at| batch.compact_row(run, at)));
                 }
                 Part::Rows(rows) => {
                     for rows in rows.chunk_by(|row, next| row.bus == next.bus) {
@@ -155,9 +155,9 @@ impl Overview {
         let most = self.bus_resolution();
         for part in batch.frame_parts() {
             match part {
-                Part::Short(run) => {
+                Part::Compact(run) => {
                     if let Some(at) = self.bus_at(batch, run.bus, false) {
-                        self.buses[at].frames_in_short(batch, run, most);
+                        self.buses[at].compact_frames(batch, run, most);
                     }
                 }
                 Part::Rows(rows) => {
@@ -206,7 +206,7 @@ impl Overview {
         }
     }
 
-    /// Adds exchanges in short to the courses.
+    /// Adds compact exchanges to the courses.
     fn exchanges(&mut self, batch: &Batch, run: &ExchangeRun) {
         let (line, of_requests, mut requests) = (self.bus_resolution(), self.request_resolution(), self.requests());
         let Some(at) = self.bus_at(batch, run.bus, false) else { return };
@@ -306,7 +306,7 @@ impl Overview {
         let has_load = has_clock && bus.settings.is_some();
         let line = range.within(self.bus_resolution());
         let of_requests = bus.common(bus.requests.values().filter_map(|one| one.series.range()), self.request_resolution());
-        let of_values = bus.common(std::iter::empty(), self.value_resolution());
+        let of_values = bus.common(bus.registers.range().into_iter(), self.value_resolution());
         let requests: Vec<Json> = bus
             .sorted_requests()
             .into_iter()
@@ -431,8 +431,8 @@ impl BusOverview {
         self.busy(position, row.wire.length, most);
     }
 
-    /// Adds the frames of exchanges in short.
-    fn frames_in_short(&mut self, batch: &Batch, run: &ExchangeRun, most: usize) {
+    /// Adds the frames of compact exchanges.
+    fn compact_frames(&mut self, batch: &Batch, run: &ExchangeRun, most: usize) {
         for (exchange, number) in run.exchanges.of(&batch.exchanges).iter().zip(run.number..) {
             let position = self.place(RowKind::Frame, None, Some(number));
             let lengths = exchange.lengths.map(u32::from);
@@ -491,9 +491,7 @@ impl BusOverview {
 
     /// The range of the bus in buckets that are wide enough for all these series.
     fn common(&self, series: impl Iterator<Item = Range>, most: usize) -> Range {
-        let registers = self.registers.range();
-        let all = self.line.range().into_iter().chain(series).chain(registers);
-        all.reduce(Range::with).expect("the bus has rows").within(most)
+        self.line.range().into_iter().chain(series).reduce(Range::with).expect("the bus has rows").within(most)
     }
 }
 

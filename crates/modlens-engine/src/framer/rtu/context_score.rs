@@ -35,6 +35,8 @@ pub struct FrameInPlace<'a> {
     pub answerable: AnswerableRequests<'a>,
     /// Its bytes, CRC included.
     pub frame: FrameBytes<'a>,
+    /// What a request is worth, in bits, for being one that was seen before (`TrafficModel::polled_request_score`).
+    pub polled_score: f32,
     /// What the silence before it says.
     pub pause: PauseEvidence,
     /// What stands before it.
@@ -133,8 +135,7 @@ fn request_score(place: &FrameInPlace<'_>) -> f32 {
 
 /// The score of a request while none is outstanding.
 fn due_request_score(place: &FrameInPlace<'_>) -> f32 {
-    let polled = place.model.polled_request_score(place.frame.0);
-    polled.max(request_again_score(place)) - place.model.turn_costs(place.position()).request
+    place.polled_score.max(request_again_score(place)) - place.model.request_turn_cost(place.position())
 }
 
 /// The score of a request while none is outstanding, for being one that stood there before: the one answered last, if its
@@ -160,12 +161,11 @@ fn request_again_score(place: &FrameInPlace<'_>) -> f32 {
 fn copied_request_score(place: &FrameInPlace<'_>, outstanding: &HeldRequest) -> f32 {
     let retry = retry_cost(place);
     let copy = if outstanding.is_repeated { retry } else { retry.min(echo_cost(place)) };
-    let polled = place.model.polled_request_score(place.frame.0);
     if place.is_expected_again() {
-        return polled - copy;
+        return place.polled_score - copy;
     }
     let known = place.known_header_score(REQUEST) + place.known_body_score();
-    polled.max(known - weights::RETRY_CHOICE_BITS) - copy
+    place.polled_score.max(known - weights::RETRY_CHOICE_BITS) - copy
 }
 
 /// Cost of a request that equals the outstanding one, as its retry: that the first one stays unanswered, less for a unit that
@@ -177,7 +177,7 @@ fn retry_cost(place: &FrameInPlace<'_>) -> f32 {
     let unanswered = if mirrors {
         place.model.silence_costs(place.frame.unit(), place.position()).silent
     } else {
-        place.model.turn_costs(place.position()).request
+        place.model.request_turn_cost(place.position())
     };
     let is_third = place.answerable.superseded.is_some_and(|request| place.equals(request));
     let unanswered = if is_third { unanswered.min(weights::STILL_SILENT_BITS) } else { unanswered };
@@ -203,9 +203,8 @@ fn other_request_score(place: &FrameInPlace<'_>) -> f32 {
     let known = if is_superseded { place.known_body_score() - weights::RETRY_CHOICE_BITS } else { 0.0 };
     let follows_at_once = place.preceding.unframed_bytes == 0;
     let too_soon = if follows_at_once { (-place.pause.timeout).clamp(0.0, weights::TOO_SOON_BITS) } else { 0.0 };
-    let polled = place.model.polled_request_score(place.frame.0);
     let too_soon = too_soon * place.model.heard_responses(place.position());
-    polled.max(known) - place.model.turn_costs(place.position()).request - too_soon
+    place.polled_score.max(known) - place.model.request_turn_cost(place.position()) - too_soon
 }
 
 /// The score of a response in its place, and whether it answers the outstanding request: it does if it has the unit and the
@@ -226,7 +225,7 @@ fn response_score(place: &FrameInPlace<'_>) -> ContextScore {
 fn unsolicited_response_score(place: &FrameInPlace<'_>) -> f32 {
     let follows_damage = place.preceding.has_same_header && place.answerable.outstanding.is_none();
     let damaged_request = if follows_damage { weights::DAMAGED_REQUEST_BITS } else { 0.0 };
-    let unsolicited = place.model.turn_costs(place.position()).unsolicited - damaged_request;
+    let unsolicited = place.model.unsolicited_turn_cost(place.position()) - damaged_request;
     let late = late_response_score(place).unwrap_or(f32::MIN);
     let copied = copied_response_score(place).unwrap_or(f32::MIN);
     late.max(copied).max(-unsolicited)

@@ -153,10 +153,20 @@ impl StartTable {
     }
 
     /// Goes through a bucket from this entry on, back in time: the positions with this key that stand from `first` (included) to
-    /// four bytes before `end` (included) are added to `found`; all are stream offsets. It ends at a position before `first`,
-    /// one more than `MAX_CANDIDATE_BYTES` before `end`, an entry out of date, or after `MAX_EQUAL_KEYS` equal keys.
+    /// four bytes before `end` (included), and which `may_be_frame` admits, are added to `found`; all are
+    /// stream offsets. It ends at a position before `first`, one more than `MAX_CANDIDATE_BYTES` before `end`, an entry out of
+    /// date, or after `MAX_EQUAL_KEYS` equal keys. Returns whether there was any such position, admitted or not.
     #[inline(never)]
-    fn collect(&self, mut entry: u32, key: u16, end: u64, first: u64, found: &mut Vec<u64>) {
+    fn collect(
+        &self,
+        mut entry: u32,
+        key: u16,
+        end: u64,
+        first: u64,
+        may_be_frame: &impl Fn(u64, usize) -> bool,
+        found: &mut Vec<u64>,
+    ) -> bool {
+        let mut is_end = false;
         let mut last_behind = 0;
         let mut equal_keys = 0;
         while equal_keys < MAX_EQUAL_KEYS {
@@ -167,15 +177,20 @@ impl StartTable {
                 break;
             }
             last_behind = behind;
-            let (other, before) = self.ring[(end - behind) as usize % RING_STARTS];
+            let position = end - behind;
+            let (other, before) = self.ring[position as usize % RING_STARTS];
             if other == key {
                 equal_keys += 1;
                 if behind >= MIN_FRAME_SPAN {
-                    found.push(end - behind);
+                    is_end = true;
+                    if may_be_frame(position, behind as usize) {
+                        found.push(position);
+                    }
                 }
             }
             entry = before;
         }
+        is_end
     }
 }
 
@@ -187,12 +202,14 @@ pub struct CrcScanner {
     first: u64,
     /// What the bytes since then come to.
     prefix: Prefix,
+    /// A valid substring ends at the last byte scanned.
+    is_at_end: bool,
 }
 
 impl Default for CrcScanner {
     fn default() -> Self {
         let starts = StartTable { heads: Box::new([0; BUCKETS]), ring: Box::new([(0, 0); RING_STARTS]) };
-        Self { powers: inverse_powers(), starts, first: 0, prefix: Prefix::default() }
+        Self { powers: inverse_powers(), starts, first: 0, prefix: Prefix::default(), is_at_end: false }
     }
 }
 
@@ -203,23 +220,33 @@ impl CrcScanner {
         self.prefix = Prefix::default();
     }
 
-    /// Scans bytes up to the first one with which valid substrings end, that one included; returns how many it scanned.
-    /// `position` is the stream offset of the first: that of `restart`, or where the call before has ended.
+    /// Scans bytes up to the first one with which valid substrings end that may be frames, that one included; returns how many it
+    /// scanned. `position` is the stream offset of the first: that of `restart`, or where the call before has ended. A substring
+    /// may be a frame if `may_be_frame` admits it, by the stream offset of its start and its length.
     ///
     /// `found` is cleared and gets the stream offsets at which these substrings start, the latest first. They have from 4 to
     /// `MAX_CANDIDATE_BYTES` bytes, and begin where the stretch began or behind. `found` stays empty if all bytes were scanned
-    /// and no valid substring ends with any of them.
+    /// and no such substring ends with any of them.
     #[inline(never)] // So that its loop has the registers to itself.
-    pub fn scan(&mut self, position: u64, bytes: &[u8], found: &mut Vec<u64>) -> usize {
+    pub fn scan(
+        &mut self,
+        position: u64,
+        bytes: &[u8],
+        may_be_frame: &impl Fn(u64, usize) -> bool,
+        found: &mut Vec<u64>,
+    ) -> usize {
         found.clear();
         let (mut prefix, powers) = (self.prefix, self.powers);
         let mut scanned = bytes.len();
+        let mut last_end = position;
         for (start, &byte) in (position..).zip(bytes) {
             let end = start + 1;
             self.starts.insert(start, prefix.start_key(powers));
             prefix.add(byte, powers);
             if let Some(latest) = self.starts.latest(prefix.value, end) {
-                self.starts.collect(latest, prefix.value, end, self.first, found);
+                if self.starts.collect(latest, prefix.value, end, self.first, may_be_frame, found) {
+                    last_end = end;
+                }
                 if !found.is_empty() {
                     scanned = (end - position) as usize;
                     break;
@@ -227,7 +254,13 @@ impl CrcScanner {
             }
         }
         self.prefix = prefix;
+        self.is_at_end = last_end == position + scanned as u64 && scanned > 0;
         scanned
+    }
+
+    /// Whether a valid substring ends at the last byte scanned, be it such as may be a frame or not.
+    pub fn is_at_end(&self) -> bool {
+        self.is_at_end
     }
 }
 
@@ -282,10 +315,27 @@ mod tests {
         let (mut all, mut found) = (Vec::new(), Vec::new());
         let mut at = 0;
         while at < data.len() {
-            at += scanner.scan(at as u64, &data[at..], &mut found);
+            at += scanner.scan(at as u64, &data[at..], &|_, _| true, &mut found);
+            assert_eq!(scanner.is_at_end(), !found.is_empty());
             all.extend(found.iter().map(|&start| (start, at as u64)));
         }
         all
+    }
+
+    /// The substrings that are admitted, five bytes at a time, and where each scan stopped: whether at an end.
+    #[allow(clippy::type_complexity)] // Two lists of pairs.
+    fn scanned_for_some(data: &[u8], is_admitted: impl Fn(u64, usize) -> bool) -> (Vec<(u64, u64)>, Vec<(u64, bool)>) {
+        let mut scanner = CrcScanner::default();
+        scanner.restart(0);
+        let (mut all, mut stops, mut found) = (Vec::new(), Vec::new(), Vec::new());
+        let mut at = 0;
+        while at < data.len() {
+            let to = data.len().min(at + 5);
+            at += scanner.scan(at as u64, &data[at..to], &is_admitted, &mut found);
+            all.extend(found.iter().map(|&start| (start, at as u64)));
+            stops.push((at as u64, scanner.is_at_end()));
+        }
+        (all, stops)
     }
 
     #[test]
@@ -298,7 +348,7 @@ mod tests {
         let bytes: Vec<u8> = frame.iter().copied().cycle().take(200_000).collect();
         let (mut at, mut frames) = (0, 0);
         while at < bytes.len() {
-            at += scanner.scan(from + at as u64, &bytes[at..], &mut found);
+            at += scanner.scan(from + at as u64, &bytes[at..], &|_, _| true, &mut found);
             frames += usize::from(at % 8 == 0 && found.contains(&(from + at as u64 - 8)));
         }
         assert_eq!(frames, 25_000);
@@ -314,6 +364,25 @@ mod tests {
                 data.extend(std::iter::repeat_n(0, zeros));
             }
             prop_assert_eq!(scanned(&data), naive(&data));
+        }
+
+        #[test]
+        fn what_is_not_admitted_is_left_out_but_its_end_is_known(
+            parts in proptest::collection::vec((proptest::collection::vec(0u8..3, 2..5), 0usize..4), 0..12),
+        ) {
+            let mut data = Vec::new();
+            for (body, zeros) in parts {
+                data.extend(&body);
+                data.extend(crc16(&body).to_le_bytes());
+                data.extend(std::iter::repeat_n(0, zeros));
+            }
+            let all = naive(&data);
+            let is_admitted = |start: u64, length: usize| data[start as usize + 1] % 2 == 0 && length != 5;
+            let (found, stops) = scanned_for_some(&data, is_admitted);
+            let admitted = all.iter().copied().filter(|&(start, end)| is_admitted(start, (end - start) as usize));
+            prop_assert_eq!(found, admitted.collect::<Vec<_>>());
+            let is_end = |place: u64| all.iter().any(|&(_, end)| end == place);
+            prop_assert!(stops.iter().all(|&(place, is_at_end)| is_at_end == is_end(place)));
         }
     }
 }

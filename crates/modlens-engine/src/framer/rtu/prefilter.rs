@@ -5,7 +5,7 @@
 //! It is summed for 64 requests at a time: bit `n` of all 64 sums stands in one machine word.
 
 use crate::framer::rtu::prefix_index::{FrameSet, MAX_LOST_BYTES};
-use crate::weights::{LONG_REQUEST_PREFIX_BITS, ROUNDING_BITS};
+use crate::weights::{LONG_REQUEST_PREFIX_BITS, MAX_HEADER_FLIPS, ROUNDING_BITS};
 
 /// The length of nearly all requests that are polled. Longer ones are judged by this many of their bytes.
 const JUDGED_BYTES: usize = 8;
@@ -40,6 +40,8 @@ pub struct RequestPrefilter {
     equal: Box<[[FrameSet; 256]; JUDGED_BYTES]>,
     /// The requests whose byte there has all one bits of this value, and perhaps more.
     covering: Box<[[FrameSet; 256]; JUDGED_BYTES]>,
+    /// The requests whose unit is this value but for `MAX_HEADER_FLIPS` bits at most.
+    near_unit: Box<[FrameSet; 256]>,
     /// Requests of fewer than `MIN_JUDGED_BYTES`.
     short: FrameSet,
     /// Requests of more than `JUDGED_BYTES`.
@@ -48,9 +50,36 @@ pub struct RequestPrefilter {
 
 impl Default for RequestPrefilter {
     fn default() -> Self {
-        Self { equal: Box::new([[0; 256]; JUDGED_BYTES]), covering: Box::new([[0; 256]; JUDGED_BYTES]), short: 0, long: 0 }
+        let sets = || Box::new([[0; 256]; JUDGED_BYTES]);
+        Self { equal: sets(), covering: sets(), near_unit: Box::new([0; 256]), short: 0, long: 0 }
     }
 }
+
+/// By the way in which a damaged frame is looked for, the requests that `damage::alignment` (`align`) does not give up at once by the
+/// first two bytes.
+struct Ways {
+    /// The unit agrees. Only such a request is damaged inside, or by another sender.
+    begins: FrameSet,
+    /// Some bits are flipped: the unit or the function agrees, and the other nearly.
+    headed: FrameSet,
+    /// Bytes are missing in front.
+    headless: FrameSet,
+}
+
+/// The bytes with `MAX_HEADER_FLIPS` one bits at most.
+const FEW_FLIPS: [u8; 93] = {
+    let mut few = [0; 93];
+    let (mut flips, mut found) = (0, 0);
+    while flips < 256 {
+        if (flips as u32).count_ones() <= MAX_HEADER_FLIPS {
+            few[found] = flips as u8;
+            found += 1;
+        }
+        flips += 1;
+    }
+    assert!(found == few.len());
+    few
+};
 
 /// All values whose one bits are among those of the byte, from the byte itself down to 0.
 fn values_covered_by(byte: u8) -> impl Iterator<Item = u8> {
@@ -79,11 +108,14 @@ impl RequestPrefilter {
         if frame.len() > JUDGED_BYTES {
             self.long = change(self.long, one);
         }
+        let put = |sets: &mut [FrameSet; 256], value: u8| {
+            let set = &mut sets[usize::from(value)];
+            *set = change(*set, one);
+        };
+        for flips in FEW_FLIPS {
+            put(&mut self.near_unit, frame[0] ^ flips);
+        }
         for (place, &byte) in frame.iter().enumerate().take(JUDGED_BYTES) {
-            let put = |sets: &mut [FrameSet; 256], value: u8| {
-                let set = &mut sets[usize::from(value)];
-                *set = change(*set, one);
-            };
             put(&mut self.equal[place], byte);
             values_covered_by(byte).for_each(|value| put(&mut self.covering[place], value));
         }
@@ -92,6 +124,7 @@ impl RequestPrefilter {
     /// Removes request 0 and gives each other request the number before its own.
     pub fn shift(&mut self) {
         self.equal.iter_mut().chain(self.covering.iter_mut()).flatten().for_each(|set| *set >>= 1);
+        self.near_unit.iter_mut().for_each(|set| *set >>= 1);
         self.short >>= 1;
         self.long >>= 1;
     }
@@ -99,33 +132,41 @@ impl RequestPrefilter {
     /// Those of `among` that may be found at the beginning of these bytes with at least `need` bits; `bits` is the
     /// information content of a byte.
     pub fn likely(&self, among: FrameSet, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &DamageCosts) -> FrameSet {
-        let (short, long) = (among & self.short, among & self.long);
-        let usual = among & !short & !long;
-        if usual | long == 0 {
+        let (short, ways) = (among & self.short, self.ways(bytes));
+        let among = among & !short & (ways.headed | ways.headless);
+        if among == 0 {
             return short;
         }
         let observed = ObservedBytes::of(&bytes[..bytes.len().min(JUDGED_BYTES + 1)], bits);
-        let long = self.filter(long, &observed, need.min(LONG_REQUEST_PREFIX_BITS), costs);
-        short | self.filter(usual, &observed, need, costs) | long
+        let long = self.filter(among & self.long, &ways, &observed, need.min(LONG_REQUEST_PREFIX_BITS), costs);
+        short | self.filter(among & !self.long, &ways, &observed, need, costs) | long
+    }
+
+    /// The requests of five bytes and more by how they may stand, damaged, at the first of these bytes. `align` accepts damage inside a
+    /// frame only if its first byte agrees, flipped bits only if one of the first two does and few bits of the other are flipped,
+    /// and missing leading bytes only if the two bytes behind them agree.
+    fn ways(&self, bytes: &[u8]) -> Ways {
+        let begins = bytes.first().map_or(0, |&first| self.equal_at(0, first));
+        let &[first, second, ..] = bytes else { return Ways { begins, headed: begins, headless: 0 } };
+        let headed = begins | (self.equal_at(1, second) & self.near_unit[usize::from(first)]);
+        Ways { begins, headed, headless: self.with_pair_inside(first, second) }
     }
 
     /// Those of `among` that may reach `need` bits in one of the ways in which `damage::alignment` (`align`) looks for a damaged
     /// frame at the first of these bytes: flipped bits only, bytes missing in front, damage inside, or a collision. None is left
     /// out wrongly: the sums are upper bounds.
     ///
-    /// For each way there are the requests that may be damaged so, and those that may agree with a byte at a place. `align`
-    /// accepts damage inside a frame only if its first byte agrees, flipped bits only if one of the first two does, and missing
-    /// leading bytes only if the two bytes behind them agree.
-    fn filter(&self, among: FrameSet, observed: &ObservedBytes<'_>, need: f32, costs: &DamageCosts) -> FrameSet {
-        let bytes = observed.bytes;
-        let Some(&first) = bytes.first().filter(|_| among != 0 && observed.total() >= need) else { return 0 };
-        let begins = among & self.equal_at(0, first);
-        let headed = begins | bytes.get(1).map_or(0, |&second| among & self.equal_at(1, second));
-        let headless = bytes.get(1).map_or(0, |&second| among & self.with_pair_inside(first, second));
-        observed.may_reach(headed, need, |place, byte| self.equal_at(place, byte))
-            | observed.may_reach(headless, need + costs.lost_head, |place, byte| self.equal_behind(place, byte))
-            | observed.may_reach(begins, need + costs.inside, |place, byte| self.equal_around(place, byte))
-            | observed.may_reach(begins, need + costs.collision, |place, byte| self.covering_at(place, byte))
+    /// For each way there are the requests that may be damaged so, and those that may agree with a byte at a place.
+    fn filter(&self, among: FrameSet, ways: &Ways, observed: &ObservedBytes<'_>, need: f32, costs: &DamageCosts) -> FrameSet {
+        if among == 0 || observed.total() < need {
+            return 0;
+        }
+        let (begins, headed, headless) = (among & ways.begins, among & ways.headed, among & ways.headless);
+        // What passes in one way need not be tried in the next.
+        let mut passed = observed.may_reach(headed, need, |place, byte| self.equal_at(place, byte));
+        passed |= observed.may_reach(headless & !passed, need + costs.lost_head, |place, byte| self.equal_behind(place, byte));
+        passed |= observed.may_reach(begins & !passed, need + costs.inside, |place, byte| self.equal_around(place, byte));
+        passed | observed.may_reach(begins & !passed, need + costs.collision, |place, byte| self.covering_at(place, byte))
     }
 
     /// The requests that have this byte at this place, the first one being 0; none from place `JUDGED_BYTES` on.

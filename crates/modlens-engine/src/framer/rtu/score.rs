@@ -21,19 +21,20 @@ use modlens_protocol::functions::{Extent, FieldLimits, FunctionRow, Functions, L
 /// The longest pattern that is looked for.
 const MAX_PERIOD_BYTES: usize = 4;
 
-/// Whether no frame can look like this, whoever sent it: it has function code 0, or the exception bit and another length than
-/// an exception response. Runs of 00 and FF are full of such substrings. `frame` has at least four bytes.
-pub fn is_impossible(frame: &[u8]) -> bool {
-    frame[1] == 0 || (frame[1] & EXCEPTION_BIT != 0 && frame.len() != EXCEPTION_RESPONSE_BYTES)
+/// Whether no frame has this function code and this many bytes, whoever sent it: the code is 0, or has the exception bit and the
+/// length is not that of an exception response. Runs of 00 and FF are full of such substrings with a valid CRC.
+#[inline]
+pub fn is_impossible(code: u8, length: usize) -> bool {
+    code == 0 || (code & EXCEPTION_BIT != 0 && length != EXCEPTION_RESPONSE_BYTES)
 }
 
 /// Score in bits of a frame by itself in this direction, whatever stands before it; `None` where no frame can look like this.
 /// The caller has found the CRC of `frame` to be valid, so its two bytes count with their information content.
 pub fn frame_score(model: &TrafficModel, context: &FramerContext<'_>, frame: &[u8], direction: usize) -> Option<f32> {
-    if is_impossible(frame) {
+    let frame = FrameBytes(frame);
+    if is_impossible(frame.code(), frame.0.len()) {
         return None;
     }
-    let frame = FrameBytes(frame);
     if frame.is_exception() {
         return (direction == RESPONSE).then(|| exception_response_score(model, context.functions, frame));
     }

@@ -61,10 +61,10 @@ impl Reader {
     /// Looks for a dialect that reads the line alone, and whose bytes are proven by checksums. If there is one, it is used
     /// from here on and the line is read with it. Returns whether there is one.
     pub(super) fn read_with_another_dialect(&mut self, line: &[u8]) -> bool {
+        let Some(others) = self.others.clone() else { return false };
         if self.single_line_tries >= MAX_SINGLE_LINE_TRIES || !may_hold_bytes(line) {
             return false;
         }
-        let Some(others) = self.others.clone() else { return false };
         self.single_line_tries += 1;
         // Dialects with header lines need these lines, too: `read_with_unread_lines` tries them.
         for dialect in others.rows().filter(|row| !row.has_headers) {

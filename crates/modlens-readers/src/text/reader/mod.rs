@@ -164,6 +164,7 @@ impl Reader {
     }
 
     /// The next entry, as `next` gives it; `entry_bytes` has its bytes.
+    #[inline]
     pub fn advance(&mut self, is_last: bool) -> Option<LogEntry> {
         while self.assembler.is_empty() {
             if self.expects_regular_lines {
@@ -185,6 +186,7 @@ impl Reader {
     }
 
     /// The bytes of the entry that `advance` gave last.
+    #[inline]
     pub fn entry_bytes(&self) -> &[u8] {
         match self.frame_length {
             0 => self.assembler.popped(),
@@ -463,6 +465,7 @@ impl Reader {
     }
 
     /// The smallest time difference in ns that the timestamps can express; `None` without timestamps.
+    #[inline]
     pub fn resolution(&self) -> Option<Ns> {
         self.timestamps.resolution()
     }

@@ -22,24 +22,13 @@ use modlens_protocol::Ns;
 /// Frames with a valid CRC.
 impl Search {
     /// Adds the hypotheses of a substring with a valid CRC from stream offset `start` (included) to `scanned_to` (excluded): as a
-    /// request and as a response, in each direction one for each kind of place (`best_placements`). None is added if the
-    /// substring begins before the root's end, or if no frame looks like this. `floor` is the path score in bits at or below
-    /// which nothing is added.
+    /// request and as a response, in each direction one for each kind of place (`best_placements`). It begins at the root's end
+    /// or behind, and may be a frame. `floor` is the path score in bits at or below which nothing is added.
     pub(super) fn add_valid_hypotheses(&mut self, input: &Input, context: &FramerContext<'_>, start: u64, floor: f32) {
-        if start < self.committed_offset() {
-            return;
-        }
         let (start_index, end_index) = ((start - input.offset()) as usize, (self.scanned_to - input.offset()) as usize);
         let frame = &input.bytes()[start_index..end_index];
-        if score::is_impossible(frame) {
-            return;
-        }
         let root_end = self.committed_offset();
-        let may_be_known = self.is_in_plain_noise(input, context, frame[0]);
-        let unframed_cost = if may_be_known { self.model.unframed_cost(start - root_end) } else { 0.0 };
-        if may_be_known && self.rejected.contains(frame, root_end, unframed_cost, floor) {
-            return;
-        }
+        let is_in_plain_noise = self.is_in_plain_noise(input, context) && !self.model.has_unit(frame[0]);
         let hypotheses_before = self.lattice.len();
         let substring = self.valid_substring(input, context, start, FrameBytes(frame));
         for direction in [REQUEST, RESPONSE] {
@@ -51,16 +40,16 @@ impl Search {
                 self.add_valid_hypothesis(&substring, direction, placement);
             }
         }
-        if may_be_known && self.lattice.len() == hypotheses_before {
-            self.rejected.insert(frame, root_end, unframed_cost, floor);
+        if is_in_plain_noise && self.lattice.len() == hypotheses_before {
+            self.rejected.insert(frame, root_end, self.model.unframed_cost(start - root_end), floor);
         }
     }
 
-    /// Whether there is no hypothesis but the root, and neither times, reads nor the line, nor a unit that is known, add anything
-    /// to the score of a substring of this unit: then `RejectedSubstrings` may know it.
-    fn is_in_plain_noise(&self, input: &Input, context: &FramerContext<'_>, unit: u8) -> bool {
+    /// Whether there is no hypothesis but the root, and neither times, reads nor the line add anything to the score of a substring:
+    /// then `RejectedSubstrings` may know it, if its unit is not known.
+    pub(super) fn is_in_plain_noise(&self, input: &Input, context: &FramerContext<'_>) -> bool {
         let is_plain_line = context.line_direction.is_none() && context.connection_side.is_none();
-        self.lattice.len() == 1 && is_plain_line && input.is_one_untimed_read() && !self.model.has_unit(unit)
+        self.lattice.len() == 1 && is_plain_line && input.is_one_untimed_read()
     }
 
     /// The substring from stream offset `start` (included) to `scanned_to` (excluded), whose CRC is valid and whose bytes are

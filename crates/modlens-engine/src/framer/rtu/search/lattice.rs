@@ -6,7 +6,14 @@
 use crate::framer::rtu::search::commit::Decision;
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::state::Search;
+use crate::framer::rtu::traffic_model::TrafficModel;
 use crate::weights::{BEAM_BITS, BEAM_HYPOTHESES, BEAM_IN_NOISE_BITS, MIN_DAMAGED_FRAME_BYTES, UNANSWERED_BITS};
+
+/// The score in bits below which a new hypothesis is not added while there is none but the root (`Search::beam_floor`), once the
+/// bytes up to stream offset `scanned_to` are scanned.
+pub(super) fn root_floor(model: &TrafficModel, root: &Hypothesis, scanned_to: u64) -> f32 {
+    root.path_score - model.open_unframed_cost(scanned_to - root.end) - BEAM_IN_NOISE_BITS
+}
 
 impl Search {
     /// The score in bits of the path that ends with this hypothesis, as it stands at the last byte scanned: less the cost of
@@ -38,6 +45,9 @@ impl Search {
 
     /// The score in bits below which a new hypothesis is not added.
     pub(super) fn beam_floor(&self) -> f32 {
+        if let [root] = &self.lattice[..] {
+            return root_floor(&self.model, root, self.scanned_to);
+        }
         let (best, score) = self.best_path();
         score - if self.lattice[best].first_on_path == ROOT { BEAM_IN_NOISE_BITS } else { BEAM_BITS }
     }

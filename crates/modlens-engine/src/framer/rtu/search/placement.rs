@@ -7,7 +7,7 @@ use crate::framer::rtu::frame_bytes::FrameBytes;
 use crate::framer::rtu::search::hypothesis::Hypothesis;
 use crate::framer::rtu::search::nested::Contents;
 use crate::framer::rtu::search::state::Search;
-use crate::framer::rtu::side::RESPONSE;
+use crate::framer::rtu::side::{REQUEST, RESPONSE};
 use crate::framer::{FramerContext, PauseEvidence};
 use crate::input::Input;
 use crate::weights::MAY_HIDE_FRAME_BYTES;
@@ -102,15 +102,18 @@ fn place_kind(answers_outstanding: bool, follows_echo: bool) -> usize {
     usize::from(answers_outstanding) + 2 * usize::from(follows_echo)
 }
 
-/// What a context score depends on beside the pause before the frame: the requests that may be answered, how many unframed bytes
+/// What a context score depends on beside the pause before the frame and the requests that may be answered: how many unframed bytes
 /// stand before it, as a class, and whether its header stands among them.
-type ContextKey = (Answerable, usize, bool);
+type PlaceKey = (usize, bool);
 
 /// The number of the class of unframed bytes before a frame that its context score depends on: none, a few, or so many that they
 /// may hide a frame.
 fn unframed_class(bytes: u64) -> usize {
     usize::from(bytes > 0) + usize::from(bytes >= MAY_HIDE_FRAME_BYTES)
 }
+
+/// The classes of unframed bytes.
+const UNFRAMED_CLASSES: usize = 3;
 
 /// Context scores of one frame in one direction, behind one hypothesis after the other.
 struct ContextScores<'a> {
@@ -119,10 +122,15 @@ struct ContextScores<'a> {
     context: &'a FramerContext<'a>,
     substring: &'a ValidSubstring<'a>,
     direction: usize,
+    /// What the frame is worth for being a request that was seen before.
+    polled_score: f32,
     /// Stream offset at which the frame's own unit and function last stand before it (`last_same_header`).
     same_header_at: Option<u64>,
     /// The last score: on most paths the same request is outstanding, so it is the next one, too.
-    last: Option<(ContextKey, ContextScore)>,
+    last: Option<((Answerable, PlaceKey), ContextScore)>,
+    /// The scores behind requests that have nothing to do with the frame (`concerns_frame`): only whether one is outstanding counts
+    /// there, and the place.
+    unconcerned: [[[Option<ContextScore>; 2]; UNFRAMED_CLASSES]; 2],
 }
 
 impl<'a> ContextScores<'a> {
@@ -138,7 +146,9 @@ impl<'a> ContextScores<'a> {
         let is_known = || search.model.has_unit_and_function(substring.frame.unit(), substring.frame.code());
         let looks_for_header = direction == RESPONSE && nothing_outstanding() && is_known();
         let same_header_at = if looks_for_header { last_same_header(input, substring) } else { None };
-        Self { search, input, context, substring, direction, same_header_at, last: None }
+        let polled_score = if direction == REQUEST { search.model.polled_request_score(substring.frame.0) } else { 0.0 };
+        let unconcerned = [[[None; 2]; UNFRAMED_CLASSES]; 2];
+        Self { search, input, context, substring, direction, polled_score, same_header_at, last: None, unconcerned }
     }
 
     /// The context score of the frame behind this hypothesis, which ends at or before the frame's start.
@@ -152,21 +162,41 @@ impl<'a> ContextScores<'a> {
             self.last = None;
             return self.compute(before.answerable, preceding, self.pause_behind_strays(before.end));
         }
-        let key = (before.answerable, unframed_class(unframed_bytes), has_same_header);
+        let (class, answerable) = (unframed_class(unframed_bytes), before.answerable);
+        if !self.concerns_frame(answerable) {
+            let has_outstanding = usize::from(answerable.outstanding.is_some());
+            if let Some(score) = self.unconcerned[has_outstanding][class][usize::from(has_same_header)] {
+                return score;
+            }
+            let score = self.compute(answerable, preceding, self.substring.pause);
+            self.unconcerned[has_outstanding][class][usize::from(has_same_header)] = Some(score);
+            return score;
+        }
+        let key = (answerable, (class, has_same_header));
         match self.last {
             Some((last_key, score)) if last_key == key => score,
             _ => {
-                let score = self.compute(before.answerable, preceding, self.substring.pause);
+                let score = self.compute(answerable, preceding, self.substring.pause);
                 self.last = Some((key, score));
                 score
             }
         }
     }
 
+    /// Whether any of these requests has the frame's unit and function. No other one is asked or answered again by the frame, or
+    /// predicts anything of it.
+    fn concerns_frame(&self, answerable: Answerable) -> bool {
+        let (unit, function) = (self.substring.frame.unit(), self.substring.frame.code() & !EXCEPTION_BIT);
+        let last_answered = answerable.last_answered.map(|(request, _)| request);
+        let requests = [answerable.outstanding, answerable.superseded, last_answered];
+        requests.into_iter().flatten().any(|id| self.search.requests.get(id).matches(unit, function))
+    }
+
     fn compute(&self, answerable: Answerable, preceding: Preceding, pause: PauseEvidence) -> ContextScore {
         let answerable = self.search.requests.look_up(answerable);
         let (model, context, frame) = (&self.search.model, self.context, self.substring.frame);
-        context_score(&FrameInPlace { model, context, answerable, frame, pause, preceding }, self.direction)
+        let polled_score = self.polled_score;
+        context_score(&FrameInPlace { model, context, answerable, frame, polled_score, pause, preceding }, self.direction)
     }
 
     /// What the silence between the frame that ends at stream offset `end` and this one says. It counts from that frame, stray

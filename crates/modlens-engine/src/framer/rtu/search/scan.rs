@@ -1,7 +1,9 @@
 //! Scans the bytes that have come: finds the ends of frames, adds hypotheses, and asks whether something is final.
 
+use crate::framer::rtu::score;
 use crate::framer::rtu::search::commit::Decision;
 use crate::framer::rtu::search::hypothesis::ROOT;
+use crate::framer::rtu::search::lattice::root_floor;
 use crate::framer::rtu::search::state::Search;
 use crate::framer::FramerContext;
 use crate::input::Input;
@@ -105,14 +107,29 @@ impl Search {
     /// hypotheses and those of damaged frames that end there. `scanned_to` moves; new hypotheses make a decision due.
     fn scan(&mut self, input: &Input, context: &FramerContext<'_>, bytes: &[u8]) {
         let mut valid_starts = std::mem::take(&mut self.valid_starts);
-        self.scanned_to += self.scanner.scan(self.scanned_to, bytes, &mut valid_starts) as u64;
+        let (model, rejected, root) = (&self.model, &self.rejected, &self.lattice[ROOT]);
+        let is_in_plain_noise = self.is_in_plain_noise(input, context);
+        // Noise is full of substrings that were weighed before.
+        let is_rejected = |start: u64, frame: &[u8]| {
+            let floor = root_floor(model, root, start + frame.len() as u64);
+            rejected.contains(frame, root.end, model.unframed_cost(start - root.end), floor)
+        };
+        let may_be_frame = |start: u64, length: usize| {
+            if start < root.end {
+                return false;
+            }
+            let frame = &input.bytes()[(start - input.offset()) as usize..][..length];
+            let may_be_rejected = is_in_plain_noise && !model.has_unit(frame[0]);
+            !(score::is_impossible(frame[1], length) || may_be_rejected && is_rejected(start, frame))
+        };
+        self.scanned_to += self.scanner.scan(self.scanned_to, bytes, &may_be_frame, &mut valid_starts) as u64;
         let hypotheses_before = self.lattice.len();
         let floor = if valid_starts.is_empty() { 0.0 } else { self.beam_floor() };
         for &start in &valid_starts {
             self.add_valid_hypotheses(input, context, start, floor);
         }
         if self.scanned_to >= self.skip.next_damaged_end_at {
-            self.add_damaged_hypotheses(input, context, !valid_starts.is_empty());
+            self.add_damaged_hypotheses(input, context, self.scanner.is_at_end());
         }
         self.valid_starts = valid_starts;
         if self.lattice.len() > hypotheses_before {

@@ -70,15 +70,6 @@ impl TrafficModel {
     }
 }
 
-/// What a frame costs in bits for the turn that it takes.
-#[derive(Clone, Copy)]
-pub struct TurnCosts {
-    /// Any request: while one is outstanding, that one stays unanswered.
-    pub request: f32,
-    /// A response that answers nothing.
-    pub unsolicited: f32,
-}
-
 /// What it costs in bits that a unit is silent behind a request to it, and that it answers.
 #[derive(Clone, Copy)]
 pub struct SilenceCosts {
@@ -99,20 +90,39 @@ pub struct EchoCosts {
 
 /// Turns: whose frame is due, and how often nobody keeps to that.
 impl TrafficModel {
-    /// The costs of a request and of an unsolicited response at this position, by how often the line has shown them there. Where
-    /// one side is hardly heard at all, a lone frame of that side is as rare.
-    pub fn turn_costs(&self, position: FramePosition) -> TurnCosts {
-        let index = position.index();
+    /// Cost in bits of a request at this position for the turn that it takes, by how often the line has shown one there: while
+    /// another is outstanding, that one stays unanswered. Where requests are hardly heard at all, a lone one is as rare.
+    pub fn request_turn_cost(&self, position: FramePosition) -> f32 {
         if position.request_outstanding {
-            let prior = [weights::PRIOR_UNANSWERED_SHARE, weights::PRIOR_UNANSWERED_AFTER_UNFRAMED_SHARE][index];
-            let unanswered = self.unanswered[index];
-            let unsolicited = weights::UNSOLICITED_BITS - 2.0 * log2(unanswered.relative_rest(prior));
-            return TurnCosts { request: -log2(unanswered.with_prior(prior)), unsolicited };
+            let (unanswered, prior) = self.unanswered_at(position);
+            return -log2(unanswered.with_prior(prior));
         }
+        let (unsolicited, prior) = self.unsolicited_at(position);
+        -log2(1.0 - unsolicited.with_prior(prior)) - log2(unsolicited.relative_rest(prior))
+    }
+
+    /// The same of a response that answers nothing.
+    pub fn unsolicited_turn_cost(&self, position: FramePosition) -> f32 {
+        if position.request_outstanding {
+            let (unanswered, prior) = self.unanswered_at(position);
+            return weights::UNSOLICITED_BITS - 2.0 * log2(unanswered.relative_rest(prior));
+        }
+        let (unsolicited, prior) = self.unsolicited_at(position);
+        -log2(unsolicited.with_prior(prior))
+    }
+
+    /// Requests among the frames at such a position while one is outstanding, and their share on other lines.
+    fn unanswered_at(&self, position: FramePosition) -> (LearnedShare, f32) {
+        let index = position.index();
+        let prior = [weights::PRIOR_UNANSWERED_SHARE, weights::PRIOR_UNANSWERED_AFTER_UNFRAMED_SHARE][index];
+        (self.unanswered[index], prior)
+    }
+
+    /// Responses among the frames at such a position while no request is outstanding, and their share on other lines.
+    fn unsolicited_at(&self, position: FramePosition) -> (LearnedShare, f32) {
+        let index = position.index();
         let prior = [weights::PRIOR_UNSOLICITED_SHARE, weights::PRIOR_UNSOLICITED_AFTER_UNFRAMED_SHARE][index];
-        let unsolicited = self.unsolicited[index];
-        let share = unsolicited.with_prior(prior);
-        TurnCosts { request: -log2(1.0 - share) - log2(unsolicited.relative_rest(prior)), unsolicited: -log2(share) }
+        (self.unsolicited[index], prior)
     }
 
     /// How much the times of responses say at this position: 1 where every other request has one at least, 0 where none has.
@@ -128,9 +138,8 @@ impl TrafficModel {
     /// The costs of silence and response of a unit at this position: by what the unit itself has shown and, as long as that is
     /// little, by what the line has.
     pub fn silence_costs(&self, unit: u8, position: FramePosition) -> SilenceCosts {
-        let index = position.index();
-        let prior = [weights::PRIOR_UNANSWERED_SHARE, weights::PRIOR_UNANSWERED_AFTER_UNFRAMED_SHARE][index];
-        let share = self.silences[usize::from(unit)].with_prior(self.unanswered[index].with_prior(prior));
+        let (unanswered, prior) = self.unanswered_at(position);
+        let share = self.silences[usize::from(unit)].with_prior(unanswered.with_prior(prior));
         SilenceCosts { silent: -log2(share), answered: -log2(1.0 - share) }
     }
 

@@ -6,8 +6,10 @@
 
 mod byte_information;
 mod frame_costs;
+mod learning_run;
 
 pub use frame_costs::{EchoCosts, SilenceCosts};
+pub use learning_run::LearningRun;
 
 use crate::damage::kind::DamageKind;
 use crate::framer::rtu::answerable::{fingerprint, Fingerprint};
@@ -316,7 +318,8 @@ impl TrafficModel {
 
     /// Learns from unframed bytes whether the driver delivers XON and XOFF, or takes them out as flow control.
     pub fn learn_flow_control(&mut self, unframed: &[u8]) {
-        let is_delivered = unframed.iter().any(|byte| FLOW_CONTROL_BYTES.contains(byte));
+        let [xon, xoff] = FLOW_CONTROL_BYTES;
+        let is_delivered = memchr::memchr2(xon, xoff, unframed).is_some();
         let more = if is_delivered { usize::MAX } else { unframed.len() };
         self.unframed_since_flow_control_loss = self.unframed_since_flow_control_loss.saturating_add(more);
     }

@@ -134,7 +134,7 @@ complete -c modlens -n '__fish_seen_subcommand_from export' -l baud -x -d 'baud 
 complete -c modlens -n '__fish_seen_subcommand_from export' -l bits -x -d 'with --baud: data bits (default: 8, or 7 with --mode ascii)'
 complete -c modlens -n '__fish_seen_subcommand_from export' -l parity -x -d 'with --baud: parity, N none, E even, O odd, M mark, S space (default: E)'
 complete -c modlens -n '__fish_seen_subcommand_from export' -l stop -x -d 'with --baud: stop bits, 1, 1.5 or 2 (default: 1)'
-complete -c modlens -n '__fish_seen_subcommand_from export' -l threads -x -d 'recordings exported side by side with --style partitions; without it, two write the rows of large files while the next ones are decoded (default: one for each processor core)'
+complete -c modlens -n '__fish_seen_subcommand_from export' -l threads -x -d 'recordings exported side by side with --style partitions; without it, threads that share the work on large files, of which more than four gain nothing (default: one for each processor core)'
 complete -c modlens -n '__fish_seen_subcommand_from export' -l bus-names -x -a 'folder stem path' -d 'how to name a bus that its recording does not name: after the recording\'s folder in the archive (default), its file name without suffix (stem), or its path'
 complete -c modlens -n '__fish_seen_subcommand_from show' -s h -l help -d 'show this help message and exit'
 complete -c modlens -n '__fish_seen_subcommand_from show' -l frame -x -d 'show this frame of the recording'

@@ -35,7 +35,8 @@ impl Search {
         };
         match state.wait() {
             Some((until, only_new_hypothesis_matters)) => {
-                let may_change_at_once = !only_new_hypothesis_matters && self.is_order_settling();
+                let stays_unframed = first == ROOT && self.root_leads_for_good(score);
+                let may_change_at_once = !only_new_hypothesis_matters && !stays_unframed && self.is_order_settling();
                 self.skip.next_decision_at = if may_change_at_once { 0 } else { until };
                 None
             }
@@ -48,6 +49,16 @@ impl Search {
     fn is_order_settling(&self) -> bool {
         let last = &self.lattice[self.lattice.len() - 1];
         self.lattice.len() > 1 && self.scanned_to < last.end + weights::SETTLED_BEHIND_BYTES
+    }
+
+    /// Whether the path without a frame, the best one now with this score, stays the best one while the hypotheses are the same.
+    /// All others have ended later, so bytes behind them cost them no less from here on than they cost this one.
+    ///
+    /// Where noise has made so many hypotheses that they are pruned, they do not stay the same.
+    fn root_leads_for_good(&self, score: f32) -> bool {
+        let mut others = self.lattice[ROOT + 1..].iter();
+        let falls_behind = |other: &Hypothesis| score > self.current_score(other) + weights::ROUNDING_BITS;
+        self.lattice.len() < 2 * weights::BEAM_HYPOTHESES && others.all(falls_behind)
     }
 
     /// The state while the best path has no frame: final if closed, or if no frame can begin any more in the first piece of

@@ -51,6 +51,12 @@ impl Search {
         });
         let unseen = if found.is_some() { 0..0 } else { starts.start.max(self.skip.no_rival_before)..starts.end };
         for start in unseen {
+            // Said at once for most starts, for which `rival_at` would say it, too.
+            let is_over = |ahead: FrameAhead<'_>| ahead.bytes.len() >= 2 && self.is_over(context, &ahead);
+            if !filter.may_be_due_at(start) && is_over(self.frame_ahead(input, start)) {
+                self.skip.no_rival_before = start + 1;
+                continue;
+            }
             match self.rival_at(input, context, start, bar, &filter) {
                 RivalAt::Found(rival) => {
                     found = Some(rival);

@@ -1,0 +1,47 @@
+//! Exchanges that the fast path emits one behind the other: what is the same for all of them, and what is counted once.
+
+use crate::session::bus::BusState;
+use crate::session::frame_timing::TimingConfig;
+use modlens_protocol::Ns;
+
+/// What one run of the fast path has emitted: the exchanges, and their bytes on all lines.
+#[derive(Default)]
+pub(super) struct BatchTotals {
+    pub exchanges: u64,
+    pub bytes: usize,
+}
+
+/// One run of the fast path over a bus: what stays the same in it, and what it has emitted so far.
+pub(super) struct Run {
+    /// How frames are timed, as it was at the beginning of the run.
+    pub config: TimingConfig,
+    /// Response times below this are left out of rows and statistics: the clock cannot measure them.
+    pub min_measurable_ns: Ns,
+    /// Its exchanges are in a packet each, and become compact ones in place of rows.
+    pub is_compact: bool,
+    /// What it has emitted.
+    pub totals: BatchTotals,
+}
+
+impl Run {
+    /// A run over this bus. `line` is the index of the line whose clock counts.
+    pub(super) fn new(state: &mut BusState, line: usize) -> Self {
+        let config = state.timing_config(line);
+        let min_measurable_ns = 2 * state.coarsest_resolution();
+        Self { config, min_measurable_ns, is_compact: false, totals: BatchTotals::default() }
+    }
+
+    /// Whether frames of the bus have times.
+    pub(super) fn has_clock(&self) -> bool {
+        self.config.has_clock
+    }
+
+    /// The time in ns within which a response on a serial line has to come; endless without a clock.
+    pub(super) fn request_timeout(&self, state: &BusState) -> Ns {
+        if self.config.has_clock {
+            state.pairing.request_timeout(false)
+        } else {
+            Ns::MAX
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! Learning from runs of unambiguous exchanges: what is the same of all is learned once a run.
+//!
+//! Counts are floating-point numbers that are halved at times, so that their additions may be rounded. A run has to leave them
+//! as the same exchanges one by one would, to the bit.
+
+use crate::framer::rtu::side::{REQUEST, RESPONSE};
+use crate::framer::rtu::traffic_model::{LearnedShare, RequestCopy, TrafficModel};
+use crate::weights;
+use modlens_protocol::functions::EXCEPTION_BIT;
+
+/// Frames of an exchange.
+const FRAMES: u32 = 2;
+
+/// Explicit bits of a count's mantissa: its exponent stands above them.
+const MANTISSA_BITS: u32 = f32::MANTISSA_DIGITS - 1;
+
+/// From here on, a count stays as it is: what is added is rounded away.
+const GREATEST_COUNT: f32 = (1 << f32::MANTISSA_DIGITS) as f32;
+
+/// Exchanges of which the model has not learned yet what is the same of all.
+#[derive(Debug, Default)]
+pub struct LearningRun {
+    exchanges: u32,
+    /// Those of them whose response has not the same bytes as the request.
+    first_requests: u32,
+    /// How many more there may be before counts are halved.
+    left: u32,
+}
+
+impl TrafficModel {
+    /// Learns from an exchange what `learn_exchange` learns, some of it only with the next `learn_run`: what is the same of all
+    /// exchanges of a run. `copy` is `First`, or `Unclear` where the response has the same bytes as the request.
+    #[inline]
+    pub fn learn_in_run(&mut self, run: &mut LearningRun, request: &[u8], response: &[u8], copy: RequestCopy) {
+        if run.left == 0 && !self.begin_run(run) {
+            self.learn_exchange(request, response, copy);
+            return;
+        }
+        run.left -= 1;
+        run.exchanges += 1;
+        run.first_requests += u32::from(copy == RequestCopy::First);
+        let (unit, code) = (request[0], request[1]);
+        let seen = &mut self.units[usize::from(unit)];
+        // One frame after the other, since each sum is rounded.
+        *seen += 1.0;
+        *seen += 1.0;
+        for direction in [REQUEST, RESPONSE] {
+            self.functions[direction][usize::from(code & !EXCEPTION_BIT)] += 1.0;
+        }
+        self.poll_cycle.record(request);
+        self.learn_silence(unit, false);
+        self.learn_same_again(request, false);
+    }
+
+    /// Learns the run so far, and finds how many exchanges may follow before counts are halved; false if none may.
+    #[cold]
+    fn begin_run(&mut self, run: &mut LearningRun) -> bool {
+        self.learn_run(run);
+        // One is left out, so that no rounding matters.
+        run.left = ((weights::HALVE_COUNTS_FRAMES - self.unit_total) / FRAMES as f32 - 1.0) as u32;
+        run.left > 0
+    }
+
+    /// Learns from the exchanges of a run what is the same of all of them. The run may go on.
+    pub fn learn_run(&mut self, run: &mut LearningRun) {
+        let exchanges = std::mem::take(&mut run.exchanges);
+        self.unsolicited[0].learn_misses(exchanges);
+        self.unanswered[0].learn_misses(exchanges);
+        add_ones(&mut self.requests, std::mem::take(&mut run.first_requests));
+        self.function_totals.iter_mut().for_each(|total| add_ones(total, exchanges));
+        add_ones(&mut self.unit_total, FRAMES * exchanges);
+        add_ones(&mut self.frames, FRAMES * exchanges);
+    }
+}
+
+impl LearnedShare {
+    /// Counts as many chances without a hit.
+    fn learn_misses(&mut self, mut chances: u32) {
+        while chances > 0 {
+            let until_halved = (weights::HALVE_TURNS_FRAMES - self.all) as u32;
+            let step = until_halved.clamp(1, chances);
+            add_ones(&mut self.all, step - 1);
+            self.learn(false);
+            chances -= step;
+        }
+    }
+}
+
+/// Adds 1 so many times. Between two powers of two nothing is rounded, so that all ones may be added at once.
+#[inline]
+fn add_ones(count: &mut f32, ones: u32) {
+    let sum = *count + ones as f32;
+    if sum.to_bits() >> MANTISSA_BITS == count.to_bits() >> MANTISSA_BITS && sum < GREATEST_COUNT {
+        *count = sum;
+    } else {
+        add_ones_beyond(count, ones);
+    }
+}
+
+/// The same beyond the next power of two.
+#[cold]
+fn add_ones_beyond(count: &mut f32, mut ones: u32) {
+    while ones > 0 && *count < GREATEST_COUNT {
+        let next_power = f32::from_bits(((count.to_bits() >> MANTISSA_BITS) + 1) << MANTISSA_BITS);
+        let step = ((next_power - *count) as u32).clamp(1, ones);
+        *count += step as f32;
+        ones -= step;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn ones_are_added_as_one_by_one(whole in 0u32..40_000, halved in 0i32..24, ones in 0u32..5000) {
+            let mut at_once = whole as f32 * (-halved as f32).exp2();
+            let mut one_by_one = at_once;
+            add_ones(&mut at_once, ones);
+            (0..ones).for_each(|_| one_by_one += 1.0);
+            prop_assert_eq!(at_once.to_bits(), one_by_one.to_bits());
+        }
+
+        #[test]
+        fn misses_are_learned_as_one_by_one(runs in prop::collection::vec((0u32..3000, any::<bool>()), 1..20)) {
+            let (mut at_once, mut one_by_one) = (LearnedShare::default(), LearnedShare::default());
+            for (chances, hit) in runs {
+                at_once.learn_misses(chances);
+                (0..chances).for_each(|_| one_by_one.learn(false));
+                at_once.learn(hit);
+                one_by_one.learn(hit);
+                let bits = |share: LearnedShare| [share.hits.to_bits(), share.all.to_bits()];
+                prop_assert_eq!(bits(at_once), bits(one_by_one));
+            }
+        }
+
+        #[test]
+        fn runs_teach_what_single_exchanges_teach(
+            runs in prop::collection::vec((prop::collection::vec((1u8..5, 1u8..7, 0u8..9), 0..300), any::<bool>()), 1..60),
+        ) {
+            let (mut in_runs, mut one_by_one) = (TrafficModel::default(), TrafficModel::default());
+            for (exchanges, is_silent) in runs {
+                let mut run = LearningRun::default();
+                for (unit, code, address) in exchanges {
+                    let request = [unit, code, 0, address, 0, 1, unit, address];
+                    let copy = if code < 5 { RequestCopy::First } else { RequestCopy::Unclear };
+                    one_by_one.learn_exchange(&request, &[unit, code, 2, 0, 0, 1, 2], copy);
+                    in_runs.learn_in_run(&mut run, &request, &[unit, code, 2, 0, 0, 1, 2], copy);
+                }
+                in_runs.learn_run(&mut run);
+                in_runs.learn_silence(1, is_silent);
+                one_by_one.learn_silence(1, is_silent);
+                prop_assert_eq!(learned(&in_runs), learned(&one_by_one));
+            }
+        }
+    }
+
+    /// All that exchanges teach, as bits.
+    fn learned(model: &TrafficModel) -> Vec<u32> {
+        let shares = [model.unsolicited, model.unanswered].concat();
+        let shares = shares.iter().chain(model.silences.iter()).flat_map(|share| [share.hits, share.all]);
+        let counts = model.units.iter().chain(model.functions.iter().flatten()).chain(&model.function_totals).copied();
+        let others = [model.unit_total, model.frames, model.requests, model.same_again];
+        shares.chain(counts).chain(others).map(f32::to_bits).collect()
+    }
+}

@@ -1,0 +1,98 @@
+//! Compact exchanges as rows of the table of transactions, of which columns read what they show.
+
+use modlens_engine::records::{Batch, Exchange, ExchangeRun, ExchangeTiming, PacketPair, Transaction};
+use modlens_protocol::functions::{FunctionRow, Functions};
+
+use crate::columns::function_rows::functions;
+use crate::columns::transaction_view::TransactionView;
+
+/// A compact exchange of a batch.
+#[derive(Clone, Copy)]
+pub struct ExchangeRef<'a> {
+    pub(super) batch: &'a Batch,
+    run: &'a ExchangeRun,
+    exchange: &'a Exchange,
+    /// Its place in the run.
+    at: usize,
+    /// Where the bytes of the run begin in the arena.
+    run_start: u32,
+    /// On a connection.
+    timing: Option<ExchangeTiming<'a>>,
+    function_row: Option<&'a FunctionRow>,
+}
+
+/// Packets of which all is known.
+static KNOWN_TIMES: PacketPair = PacketPair { starts: [0, 0], gap: Some(0), response_time: Some(0), packet: 0, mbap_id: 0 };
+
+impl<'a> ExchangeRef<'a> {
+    /// Index of its bus.
+    #[inline]
+    pub fn bus(&self) -> u32 {
+        self.run.bus
+    }
+
+    /// Its function code.
+    #[inline]
+    pub fn function(&self) -> u8 {
+        self.exchange.function
+    }
+
+    /// One that has a value in each column in which an exchange of this bus and function may have one: it may lack only times.
+    pub(super) fn with_known_times(&self) -> ExchangeRef<'a> {
+        let known = ExchangeTiming { pair: &KNOWN_TIMES, recording_start: Some(0) };
+        ExchangeRef { timing: self.timing.map(|_| known), ..*self }
+    }
+
+    /// Its row.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // Of the row only what the caller reads is made.
+    pub(super) fn transaction(&self) -> Transaction {
+        self.run.transaction_of(self.exchange, self.at, self.run_start, self.timing)
+    }
+
+    /// Its row as columns read it.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // See `transaction`.
+    pub(super) fn view<'v>(&'v self, row: &'v Transaction) -> TransactionView<'v> {
+        TransactionView::with_function(row, self.function_row)
+    }
+}
+
+/// The compact exchanges of a run.
+pub(super) struct RunRefs<'a> {
+    batch: &'a Batch,
+    run: &'a ExchangeRun,
+    exchanges: &'a [Exchange],
+    functions: &'a Functions,
+}
+
+impl<'a> RunRefs<'a> {
+    pub(super) fn new(batch: &'a Batch, run: &'a ExchangeRun) -> Self {
+        Self { batch, run, exchanges: run.exchanges.of(&batch.exchanges), functions: functions(batch) }
+    }
+
+    /// The exchange at this place of the run.
+    #[inline]
+    pub(super) fn at(&self, at: usize) -> ExchangeRef<'a> {
+        let exchange = &self.exchanges[at];
+        // The body of a request chooses the row for few functions only.
+        let body = match self.functions.leading_bytes(exchange.function) {
+            0 => &[],
+            _ => exchange.request_body(&self.batch.arena, self.run.packets.is_some()),
+        };
+        ExchangeRef {
+            batch: self.batch,
+            run: self.run,
+            exchange,
+            at,
+            run_start: self.exchanges[0].start,
+            timing: self.run.timing(&self.batch.packet_pairs, at),
+            function_row: self.functions.row(exchange.function, body),
+        }
+    }
+
+    /// All of them.
+    pub(super) fn all(&self) -> impl Iterator<Item = ExchangeRef<'a>> + '_ {
+        (0..self.exchanges.len()).map(|at| self.at(at))
+    }
+}

@@ -1,0 +1,169 @@
+//! The rows of a table, one behind the other: as rows, or as compact exchanges, of which whole rows are never made.
+
+use std::ops::Range;
+
+use modlens_engine::records::{Batch, Part, Transaction};
+
+use crate::columns::cell::Cell;
+use crate::columns::exchange_ref::{ExchangeRef, RunRefs};
+use crate::columns::reader::ColumnReader;
+use crate::columns::sink::CellSink;
+use crate::columns::table::{RowRef, Rows, Table};
+
+/// A row of a table.
+#[derive(Clone, Copy)]
+pub enum TableRow<'a> {
+    /// As a row.
+    Whole(&'a RowRef<'a>),
+    /// As a compact exchange.
+    Compact(&'a ExchangeRef<'a>),
+}
+
+/// Some rows of a table.
+#[derive(Clone, Copy)]
+pub enum RowChunk<'a> {
+    /// As rows.
+    Whole(&'a [RowRef<'a>]),
+    /// As compact exchanges.
+    Compact(&'a [ExchangeRef<'a>]),
+}
+
+/// Rows that stand behind each other.
+enum PartRefs<'a> {
+    Whole(&'a [Transaction]),
+    Compact(RunRefs<'a>),
+}
+
+/// Tells whether a column has a value, which is not made for that.
+struct Probe(bool);
+
+impl CellSink for Probe {
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // Reduces the match to one arm in each caller.
+    fn put_cell(&mut self, cell: Cell<'_>) {
+        self.0 = !matches!(cell, Cell::Null);
+    }
+}
+
+/// Whether a column has a value in this row.
+fn is_value(row: &RowRef<'_>, reader: &ColumnReader<Probe>) -> bool {
+    let mut probe = Probe(false);
+    row.emit(reader, &mut probe);
+    probe.0
+}
+
+/// Whether a column has a value in the row of a compact exchange.
+fn is_exchange_value(exchange: &ExchangeRef<'_>, reader: &ColumnReader<Probe>) -> bool {
+    let mut probe = Probe(false);
+    reader.pass_exchanges(std::slice::from_ref(exchange), &mut probe);
+    probe.0
+}
+
+fn refs<'a>(batch: &'a Batch, rows: &'a [Transaction]) -> Vec<RowRef<'a>> {
+    rows.iter().map(|row| RowRef::of_transaction(batch, row)).collect()
+}
+
+/// Rows of a chunk: some twenty kilobytes.
+const CHUNK_ROWS: usize = 64;
+
+impl Table {
+    /// Whether a column has a value in any row.
+    pub fn has_value(&self, column: usize) -> bool {
+        let reader = self.kind.reader(column);
+        if !matches!(self.rows, Rows::AllAndCompact(_)) {
+            return (0..self.len()).any(|row| is_value(&self.row(row), &reader));
+        }
+        let batch = &*self.batch;
+        batch.transactions.iter().any(|row| is_value(&RowRef::of_transaction(batch, row), &reader))
+            || self.has_value_in_exchange(column)
+    }
+
+    /// Whether a column has a value in the row of any compact exchange.
+    fn has_value_in_exchange(&self, column: usize) -> bool {
+        let (batch, reader) = (&*self.batch, self.kind.reader(column));
+        self.has_compact_value(column)
+            && batch
+                .exchange_runs
+                .iter()
+                .map(|run| RunRefs::new(batch, run))
+                .any(|run| run.all().any(|one| is_exchange_value(&one, &reader)))
+    }
+
+    /// Whether a column may have a value in the row of any compact exchange: that follows from the bus and the function, but for
+    /// times, which may be unknown.
+    pub fn has_compact_value(&self, column: usize) -> bool {
+        let (batch, reader) = (&*self.batch, self.kind.reader(column));
+        batch.exchange_kinds().iter().any(|&(run, at)| {
+            let exchange = RunRefs::new(batch, &batch.exchange_runs[run]).at(at);
+            is_exchange_value(&exchange.with_known_times(), &reader)
+        })
+    }
+
+    /// Whether a column has the same value, or none, in the rows of all compact exchanges with the bus and the function of this one.
+    pub fn is_exchange_constant(&self, column: usize, exchange: &ExchangeRef<'_>) -> bool {
+        self.kind.is_constant_per_exchange_kind(column)
+            || !is_exchange_value(&exchange.with_known_times(), &self.kind.reader(column))
+    }
+
+    /// Calls `each` for some rows, one behind the other, until it returns false; gives the index of the row behind the last one.
+    pub fn each_row(&self, rows: Range<usize>, mut each: impl FnMut(TableRow<'_>) -> bool) -> usize {
+        if !matches!(self.rows, Rows::AllAndCompact(_)) {
+            let stops_at = rows.clone().find(|&row| !each(TableRow::Whole(&self.row(row))));
+            return stops_at.map_or(rows.end, |row| row + 1);
+        }
+        let batch = &*self.batch;
+        for (own, part) in self.parts() {
+            for row in rows.start.max(own.start)..rows.end.min(own.end) {
+                let at = row - own.start;
+                let goes_on = match &part {
+                    PartRefs::Whole(transactions) => each(TableRow::Whole(&RowRef::of_transaction(batch, &transactions[at]))),
+                    PartRefs::Compact(run) => each(TableRow::Compact(&run.at(at))),
+                };
+                if !goes_on {
+                    return row + 1;
+                }
+            }
+        }
+        rows.end
+    }
+
+    /// Calls `each` for some rows, as many at a time as the processor has room for at hand.
+    pub fn each_chunk(&self, rows: Range<usize>, mut each: impl FnMut(RowChunk<'_>)) {
+        if !matches!(self.rows, Rows::AllAndCompact(_)) {
+            let mut next = rows.start;
+            while next < rows.end {
+                let end = rows.end.min(next + CHUNK_ROWS);
+                each(RowChunk::Whole(&(next..end).map(|row| self.row(row)).collect::<Vec<_>>()));
+                next = end;
+            }
+            return;
+        }
+        let batch = &*self.batch;
+        for (own, part) in self.parts() {
+            let mut next = rows.start.max(own.start) - own.start;
+            let end = rows.end.min(own.end).saturating_sub(own.start);
+            while next < end {
+                let chunk = next..end.min(next + CHUNK_ROWS);
+                next = chunk.end;
+                match &part {
+                    PartRefs::Whole(transactions) => each(RowChunk::Whole(&refs(batch, &transactions[chunk]))),
+                    PartRefs::Compact(run) => each(RowChunk::Compact(&chunk.map(|at| run.at(at)).collect::<Vec<_>>())),
+                }
+            }
+        }
+    }
+
+    /// The rows of a batch with compact exchanges, in parts, each with the indices of its rows.
+    fn parts(&self) -> impl Iterator<Item = (Range<usize>, PartRefs<'_>)> {
+        let batch = &*self.batch;
+        batch.transaction_parts().scan(0, move |end, part| {
+            let first = *end;
+            let (count, refs) = match part {
+                Part::Rows(rows) => (rows.len(), PartRefs::Whole(rows)),
+                Part::Compact(run) => (run.exchanges.length as usize, PartRefs::Compact(RunRefs::new(batch, run))),
+            };
+            *end += count;
+            Some((first..*end, refs))
+        })
+    }
+}

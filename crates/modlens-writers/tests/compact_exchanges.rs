@@ -1,0 +1,120 @@
+//! Compact exchanges are written as the rows that they stand for: the same line, with frames wanted and without.
+
+use std::sync::Arc;
+
+use modlens_engine::records::{Batch, Part};
+use modlens_engine::session::{BusOptions, Session, WantedTables};
+use modlens_protocol::checksum::crc16;
+use modlens_protocol::framing::Mode;
+use modlens_readers::chunk::Chunk;
+use modlens_tables::columns::{Table, TableKind};
+use modlens_tables::overview::Overview;
+use modlens_writers::{csv, jsonl};
+use proptest::prelude::*;
+
+fn framed(adu: &[u8]) -> Vec<u8> {
+    [adu, &crc16(adu).to_le_bytes()].concat()
+}
+
+/// A read of bits or registers, or a write of one or several, with its response.
+fn exchange(unit: u8, function: u8, address: u16, quantity: u8, value: u8) -> [Vec<u8>; 2] {
+    let head = [unit, function, (address >> 8) as u8, address as u8];
+    let data = |count: u8| (0..count).map(|at| value.wrapping_add(at)).collect::<Vec<u8>>();
+    let (request, response) = match function {
+        // The bits of the last byte that were not asked for are 0.
+        1 | 2 => ([&head[..], &[0, 8]].concat(), vec![unit, function, 1, value]),
+        3 | 4 => ([&head[..], &[0, quantity]].concat(), [&[unit, function, 2 * quantity], &data(2 * quantity)[..]].concat()),
+        5 => ([&head[..], &[0xFF, 0]].concat(), [&head[..], &[0xFF, 0]].concat()),
+        6 => ([&head[..], &[0, value]].concat(), [&head[..], &[0, value]].concat()),
+        15 => ([&head[..], &[0, 8, 1, value]].concat(), [&head[..], &[0, 8]].concat()),
+        _ => ([&head[..], &[0, quantity, 2 * quantity], &data(2 * quantity)].concat(), [&head[..], &[0, quantity]].concat()),
+    };
+    [framed(&request), framed(&response)]
+}
+
+/// A polled line; one exchange in nine has no response, is refused, or is damaged.
+fn line() -> impl Strategy<Value = Vec<u8>> {
+    let function = prop_oneof![Just(1u8), Just(2), Just(3), Just(4), Just(5), Just(6), Just(15), Just(16)];
+    let polls = proptest::collection::vec((1u8..4, function, prop_oneof![0u16..4, Just(0x300u16)], 1u8..5), 1..6);
+    (polls, proptest::collection::vec((0u8..27, any::<u8>()), 4..120)).prop_map(|(polls, turns)| {
+        let mut bytes = Vec::new();
+        for (turn, (accident, value)) in turns.into_iter().enumerate() {
+            let (unit, function, address, quantity) = polls[turn % polls.len()];
+            let [request, mut response] = exchange(unit, function, address, quantity, value);
+            match accident {
+                0 => response.clear(),
+                1 => response = framed(&[unit, function | 0x80, 2]),
+                2 => *response.last_mut().expect("a response has bytes") ^= 1,
+                _ => {}
+            }
+            bytes.extend([request, response].concat());
+        }
+        bytes
+    })
+}
+
+/// The batch of an RTU line without a clock, with compact exchanges, or rows alone.
+fn batch(bytes: &[u8], compact: bool) -> Batch {
+    let mut session =
+        Session::new(Arc::default(), WantedTables { frames: true, transactions: true, findings: true }, false, None);
+    if compact {
+        session.emit_compact();
+    }
+    let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("line") });
+    session.feed(bus, &Chunk { bytes, ..Chunk::default() });
+    session.flush();
+    session.take()
+}
+
+fn csv_of(table: &Table, columns: &[usize]) -> String {
+    let mut text = Vec::new();
+    csv::rows(table, columns, &mut text);
+    String::from_utf8(text).expect("CSV is UTF-8")
+}
+
+fn jsonl_of(table: &Table, columns: &[usize]) -> String {
+    let mut text = Vec::new();
+    jsonl::rows(table, columns, &mut text);
+    String::from_utf8(text).expect("JSON is UTF-8")
+}
+
+// The other tests would pass if there were none.
+#[test]
+fn a_polled_line_has_compact_exchanges() {
+    let [request, response] = exchange(17, 3, 0x6B, 3, 7);
+    let batch = batch(&[request, response].concat().repeat(100), true);
+    assert!(batch.exchanges.len() > 90, "{} of 100", batch.exchanges.len());
+    assert!(batch.transaction_parts().any(|part| matches!(part, Part::Compact(_))));
+}
+
+proptest! {
+    #[test]
+    fn every_column_is_that_of_the_row(bytes in line()) {
+        let [compact, rows] = [true, false].map(|compact| Table::new(Arc::new(batch(&bytes, compact)), TableKind::Transactions));
+        let count = TableKind::Transactions.columns().len();
+        for column in 0..count {
+            prop_assert_eq!(csv_of(&compact, &[column]), csv_of(&rows, &[column]));
+            prop_assert_eq!(compact.has_value(column), rows.has_value(column));
+        }
+        let all: Vec<usize> = (0..count).collect();
+        prop_assert_eq!(csv_of(&compact, &all), csv_of(&rows, &all));
+        prop_assert_eq!(jsonl_of(&compact, &all), jsonl_of(&rows, &all));
+        prop_assert_eq!(modlens_arrow::batch::batch(&compact), modlens_arrow::batch::batch(&rows));
+    }
+
+    #[test]
+    fn the_overview_is_that_of_the_rows(bytes in line()) {
+        let of = |mut overview: Overview, compact| {
+            overview.observe(&batch(&bytes, compact));
+            overview.json(&[])
+        };
+        let rows = of(Overview::default(), false);
+        prop_assert_eq!(&of(Overview::default(), true), &rows);
+        // What the text of `stats` shows is part of it.
+        let courses = of(Overview::of_courses(), true);
+        for (bus, whole) in courses["buses"].as_array().unwrap().iter().zip(rows["buses"].as_array().unwrap()) {
+            prop_assert_eq!(&bus["line"], &whole["line"]);
+            prop_assert_eq!(&bus["requests"], &whole["requests"]);
+        }
+    }
+}

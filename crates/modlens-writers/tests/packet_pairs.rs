@@ -1,0 +1,185 @@
+//! Connections in a packet a message: exchanges that are matched as they come, and compact ones, give the rows, findings and
+//! statistics of the general way.
+
+use std::sync::Arc;
+
+use etherparse::PacketBuilder;
+use modlens_engine::records::Batch;
+use modlens_engine::session::{CaptureOptions, Session, WantedTables};
+use modlens_protocol::functions::Functions;
+use modlens_readers::pcap::Ports;
+use modlens_tables::columns::{Table, TableKind};
+use proptest::prelude::*;
+
+/// Less than any packet has, so that each is decided when it comes: a request takes the slow path, without its response.
+const SMALL_BLOCK: usize = 60;
+
+/// What becomes of a request.
+#[derive(Clone, Copy, Debug)]
+enum Outcome {
+    Answer,
+    Exception,
+    Silence,
+    /// The answer has the identifier of another request.
+    WrongIdentifier,
+    /// The answer comes in two packets.
+    Split,
+    /// The next request comes before the answer does.
+    Pipelined,
+}
+
+#[derive(Clone, Debug)]
+struct Poll {
+    connection: u8,
+    function: u8,
+    address: u16,
+    outcome: Outcome,
+    /// Microseconds before the request, and from there to the answer.
+    times: [u64; 2],
+}
+
+fn polls() -> impl Strategy<Value = Vec<Poll>> {
+    use Outcome::{Answer, Exception, Pipelined, Silence, Split, WrongIdentifier};
+    let outcome = prop_oneof![
+        20 => Just(Answer),
+        1 => prop::sample::select(vec![Exception, Silence, Silence, WrongIdentifier, Split, Pipelined]),
+    ];
+    let pause = prop_oneof![8 => 1u64..30_000, 1 => Just(0), 1 => 900_000u64..2_000_000, 1 => Just(31_000_000)];
+    let connection = prop_oneof![6 => Just(0u8), 1 => 0u8..3];
+    let function = prop::sample::select(vec![1u8, 3, 3, 4, 6, 16]);
+    let poll = (connection, function, 0u16..4, outcome, (pause, 0u64..40_000)).prop_map(
+        |(connection, function, address, outcome, times)| Poll { connection, function, address, outcome, times: times.into() },
+    );
+    prop::collection::vec(poll, 1..160)
+}
+
+fn message(id: u16, pdu: &[u8]) -> Vec<u8> {
+    let mut out = id.to_be_bytes().to_vec();
+    out.extend([0, 0, 0, 1 + pdu.len() as u8, 7]);
+    out.extend(pdu);
+    out
+}
+
+/// The PDUs of a request and of its answer.
+fn pdus(function: u8, address: u16) -> [Vec<u8>; 2] {
+    let [high, low] = address.to_be_bytes();
+    let head = |more: &[u8]| [&[function, high, low], more].concat();
+    match function {
+        1 => [head(&[0, 9]), vec![1, 2, low, 1]],
+        6 => [head(&[1, 2]), head(&[1, 2])],
+        16 => [head(&[0, 2, 4, 1, 2, 3, low]), head(&[0, 2])],
+        _ => [head(&[0, 2]), vec![function, 4, 0, low, 1, high]],
+    }
+}
+
+/// A capture of these polls; the connections are known by the client's port.
+struct Network {
+    file: Vec<u8>,
+    now: u64,
+    sequences: [[u32; 2]; 3],
+    packets: u16,
+}
+
+impl Network {
+    fn send(&mut self, connection: u8, from_client: bool, bytes: &[u8]) {
+        let (client, server) = (([10, 0, 0, 1], 50_000 + u16::from(connection)), ([10, 0, 0, 2], 502));
+        let (from, to) = if from_client { (client, server) } else { (server, client) };
+        let side = usize::from(!from_client);
+        let numbers = &mut self.sequences[usize::from(connection)];
+        self.packets += 1;
+        let ip = etherparse::Ipv4Header {
+            identification: self.packets,
+            ..etherparse::Ipv4Header::new(0, 64, etherparse::ip_number::TCP, from.0, to.0).unwrap()
+        };
+        let mut packet = Vec::new();
+        PacketBuilder::ethernet2([2, 0, 0, 0, 0, 1], [2, 0, 0, 0, 0, 2])
+            .ip(etherparse::IpHeaders::Ipv4(ip, etherparse::Ipv4Extensions::default()))
+            .tcp(from.1, to.1, numbers[side], 8192)
+            .ack(numbers[1 - side])
+            .psh()
+            .write(&mut packet, bytes)
+            .unwrap();
+        numbers[side] = numbers[side].wrapping_add(bytes.len() as u32);
+        let length = packet.len() as u32;
+        for word in [1_700_000_000 + (self.now / 1_000_000) as u32, (self.now % 1_000_000) as u32, length, length] {
+            self.file.extend(word.to_le_bytes());
+        }
+        self.file.extend(packet);
+    }
+}
+
+fn capture(polls: &[Poll]) -> Vec<u8> {
+    let head = [0xA1B2_C3D4, 0x0004_0002, 0, 0, 262_144, 1u32].into_iter().flat_map(u32::to_le_bytes).collect();
+    let mut network = Network { file: head, now: 0, sequences: [[1000, u32::MAX - 50]; 3], packets: 0 };
+    let mut late: Vec<(u8, Vec<u8>)> = Vec::new();
+    for (poll, id) in polls.iter().zip(1u16..) {
+        let [request, answer] = pdus(poll.function, poll.address);
+        network.now += poll.times[0];
+        network.send(poll.connection, true, &message(id, &request));
+        network.now += poll.times[1];
+        for (connection, bytes) in late.drain(..) {
+            network.send(connection, false, &bytes);
+        }
+        let answer = message(id, &answer);
+        match poll.outcome {
+            Outcome::Answer => network.send(poll.connection, false, &answer),
+            Outcome::Exception => network.send(poll.connection, false, &message(id, &[poll.function | 0x80, 2])),
+            Outcome::Silence => {}
+            Outcome::WrongIdentifier => network.send(poll.connection, false, &message(id ^ 0x100, &answer[7..])),
+            Outcome::Split => answer.chunks(8).for_each(|part| network.send(poll.connection, false, part)),
+            Outcome::Pipelined => late.push((poll.connection, answer)),
+        }
+    }
+    network.file
+}
+
+/// Rows with all columns and statistics, of blocks of this size; rows are taken behind each if `takes_each`.
+fn decoded(file: &[u8], block: usize, frames: bool, takes_each: bool) -> (Vec<String>, usize) {
+    let wanted = WantedTables { frames, transactions: true, findings: true };
+    let mut session = Session::new(Arc::new(Functions::default()), wanted, false, None);
+    let source = String::from("file");
+    let capture = session.add_capture(CaptureOptions { source, ports: Ports::default(), mode: None, line: None, rule: None });
+    let (mut texts, mut compact) = (vec![Vec::new(); 3], 0);
+    let mut add = |batch: Batch| {
+        let batch = Arc::new(batch);
+        compact += batch.exchanges.len();
+        for (kind, out) in [TableKind::Transactions, TableKind::Findings, TableKind::Connections].into_iter().zip(&mut texts) {
+            let columns: Vec<usize> = (0..kind.columns().len()).collect();
+            modlens_writers::csv::rows(&Table::new(Arc::clone(&batch), kind), &columns, out);
+        }
+    };
+    for part in file.chunks(block) {
+        session.feed_capture(capture, part, false);
+        if takes_each {
+            add(session.take());
+        }
+    }
+    session.feed_capture(capture, &[], true);
+    session.flush();
+    add(session.take());
+    let statistics = session.stats_json().to_string();
+    (texts.into_iter().map(|text| String::from_utf8(text).unwrap()).chain([statistics]).collect(), compact)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(96))]
+
+    #[test]
+    fn packets_in_pairs_give_the_rows_of_the_general_way(polls in polls(), block in 61usize..3000) {
+        let file = capture(&polls);
+        let (general, _) = decoded(&file, SMALL_BLOCK, true, false);
+        for (block, frames, takes_each) in [(file.len(), true, false), (file.len(), false, false), (block, false, true), (block, true, true)] {
+            let (rows, _) = decoded(&file, block, frames, takes_each);
+            prop_assert_eq!(&rows, &general);
+        }
+    }
+}
+
+#[test]
+fn a_connection_without_frames_becomes_compact() {
+    let poll = |at: u16| Poll { connection: 0, function: 3, address: 1 + at % 3, outcome: Outcome::Answer, times: [5000, 2000] };
+    let file = capture(&(0..100).map(poll).collect::<Vec<_>>());
+    let ((rows, none), (compact_rows, compact)) = (decoded(&file, 1 << 18, true, false), decoded(&file, 1 << 18, false, false));
+    assert_eq!((rows, none), (compact_rows, 0));
+    assert!(compact > 95, "only {compact} of 100 are compact");
+}
