@@ -5,9 +5,11 @@
     python -m bench.threads line.bin plant.pcap
 
 `make bench-threads`. A line for each recording and format: the medians of the wall time of one
-thread and of several, their ratio, the CPU seconds of both, the peak memory of both, and whether
-the bytes are equal (status 1 if not). Seconds of wall mean something only on a machine that does
-nothing else: the load average stands behind each line.
+thread and of several, their ratio, and beside it what the machine gives at best: how much more is
+done in the same time when as many processes of one thread export the recording side by side, which
+share caches and memory, but wait for nobody. Then the CPU seconds of both, the peak memory of both,
+and whether the bytes are equal (status 1 if not). Seconds of wall mean something only on a machine
+that does nothing else: the load average stands behind each line.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from bench.support.processes import timed
+from bench.support.processes import side_by_side, timed
 from bench.support.workload import Workload
 
 MEGABYTE = 1 << 20
@@ -50,13 +52,20 @@ def say(line: str) -> None:
 
 def compare(path: Path, suffix: str, folder: Path, options: argparse.Namespace) -> bool:
     """Print the line of a recording; whether the bytes are equal."""
+
+    def export(threads: int, out: str) -> list[str]:
+        words = [sys.executable, "-m", "analyzer", "export", str(path), "--columns", COLUMNS]
+        return [*words, "-o", str(folder / f"{out}{suffix}"), "--threads", str(threads)]
+
     costs: dict[int, list[tuple[float, float, float]]] = {1: [], options.threads: []}
+    walls_of_processes = []
+    beside = [f"beside{number}" for number in range(options.threads)]
     for _ in range(options.runs):
         for threads, measured in costs.items():
-            words = [sys.executable, "-m", "analyzer", "export", str(path), "--columns", COLUMNS]
-            out = folder / f"{threads}{suffix}"
-            words += ["-o", str(out), "--threads", str(threads)]
-            measured.append(timed(words))
+            measured.append(timed(export(threads, str(threads))))
+        walls_of_processes.append(side_by_side([export(1, name) for name in beside]))
+    for name in beside:
+        (folder / f"{name}{suffix}").unlink()
     one, other = (folder / f"{threads}{suffix}" for threads in costs)
     is_equal = filecmp.cmp(one, other, shallow=False)
     one.unlink()
@@ -65,8 +74,10 @@ def compare(path: Path, suffix: str, folder: Path, options: argparse.Namespace) 
         tuple(map(statistics.median, zip(*measured, strict=True))) for measured in costs.values()
     )
     peak, peak_of_all = (max(it[2] for it in measured) for measured in costs.values())
+    best = options.threads * wall / statistics.median(walls_of_processes)
     say(
         f"{path.name:12} {suffix:8} {wall:8.2f} {wall_of_all:8.2f} s {wall / wall_of_all:5.2f}x"
+        f" of {best:4.2f}x"
         f"  CPU {cpu:6.2f} {cpu_of_all:6.2f} s  peak {peak:4.0f} {peak_of_all:4.0f} MiB"
         f"  {'equal' if is_equal else 'DIFFERENT'}  load {os.getloadavg()[0]:.1f}"
     )

@@ -7,7 +7,7 @@ import subprocess
 import time
 from collections.abc import Mapping, Sequence
 
-__all__ = ["measured", "timed"]
+__all__ = ["measured", "side_by_side", "timed"]
 
 
 def measured(
@@ -30,3 +30,14 @@ def timed(
     if status:
         raise SystemExit(f"{' '.join(command)} failed: {process.returncode}")
     return wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
+
+
+def side_by_side(commands: Sequence[Sequence[str]]) -> float:
+    """The seconds of wall until all of these, begun together, have ended."""
+    quiet = subprocess.DEVNULL
+    begun = time.monotonic()
+    running = [subprocess.Popen(command, stdout=quiet, stderr=quiet) for command in commands]
+    for command, process in zip(commands, running, strict=True):
+        if process.wait():
+            raise SystemExit(f"{' '.join(command)} failed: {process.returncode}")
+    return time.monotonic() - begun
