@@ -117,6 +117,7 @@ impl Session {
             unit: expected.unit,
             function: expected.code,
             confidence: matched.transaction_confidence(),
+            exception: 0,
         };
         let pair = PacketPair { starts: starts.into(), gap: request.gap, response_time, packet: request.origin, mbap_id };
         let (number, frame, recording_start) = (self.next_txn, self.next_frame, self.origin);

@@ -72,6 +72,7 @@ impl Session {
                 unit: expected.unit,
                 function: expected.code,
                 confidence: rtu_transaction_confidence(expected.echoes_request, confidence::of_direction(odds)),
+                exception: 0,
             });
             let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
             if let Some(counters) = counters {
