@@ -202,6 +202,16 @@ impl Stats {
         counts.units[at.unit].functions[at.function].statuses[Status::Ok as usize] += 1;
     }
 
+    /// Counts an exchange without times of the fast path that was refused, and its finding.
+    pub(crate) fn record_refusal(&mut self, bus: usize, key: RequestKey, exception: u8) {
+        let counts = &mut self.buses[bus];
+        counts.requests.record_refusal(key);
+        let function = counts.function(key.unit(), key.function());
+        function.statuses[Status::Exception as usize] += 1;
+        *function.exceptions.entry(exception).or_default() += 1;
+        self.finding(Finding::Exception);
+    }
+
     /// How many transactions with a unit were counted on the bus of this index here, and how many of them with a response.
     fn counts_of(&self, bus: usize, unit: u8) -> (u64, u64) {
         let functions = self.buses[bus].units.get(usize::from(unit)).map_or(&[][..], |counts| &counts.functions);

@@ -167,7 +167,8 @@ fn learn_exchange(state: &mut BusState, matched: &MatchedExchange, request: &Fra
 /// Whether no self-describing register map (`points::sunspec`) can begin in the registers that are read. If one can, the
 /// exchange has to take the slow path, which looks for the map.
 pub(super) fn may_hold_no_map(expected: &ExpectedExchange) -> bool {
-    expected.kind != StandardLayout::ReadRegisters || !may_begin_in(expected.address, usize::from(expected.quantity))
+    let reads_registers = matches!(expected.kind, StandardLayout::ReadRegisters | StandardLayout::ReadWriteRegisters);
+    !reads_registers || !may_begin_in(expected.address, usize::from(expected.quantity))
 }
 
 /// The place of the PDU in the bytes of a binary frame, behind its unit and, on TCP, its MBAP header. `length` is that of unit

@@ -12,13 +12,17 @@ use crate::fast_path::rows::rtu_transaction_confidence;
 use crate::fast_path::rtu_batch::LastExchange;
 use crate::fast_path::rtu_exchange::is_response;
 use crate::fast_path::run::BatchTotals;
+use crate::findings::words;
 use crate::framer::rtu::traffic_model::LearningRun;
 use crate::framer::rtu::RtuFramer;
 use crate::framer::PauseEvidence;
 use crate::records::{Exchange, ExchangeRun, Span};
+use crate::session::rows::FindingPlace;
 use crate::session::Session;
 use crate::stats::{RequestKey, RequestPlace};
+use crate::weights::CERTAIN_DIRECTION_BITS;
 use modlens_protocol::direction::TimeoutLogOdds;
+use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 
@@ -41,27 +45,29 @@ impl Session {
         let (first, arena_start) = (self.batch.exchanges.len(), self.batch.arena.len());
         let answered_before = framer.last_answered();
         let mut run = LearningRun::default();
-        let (mut end, mut first_requests) = (0, 0);
+        let (mut end, mut first_requests, mut refusals) = (0, 0, 0);
         // Where the last request begins, and log2 of the odds of its response's direction.
         let mut last: Option<(usize, f32)> = None;
         loop {
             let known = next_known_read(framer, &state.known_reads, &bytes[end..], plain - end);
             let unknown;
-            let (expected, counters) = if let Some((read, counters)) = known {
-                (&read.expected, Some(counters))
+            let (expected, counters, exception) = if let Some((read, counters)) = known {
+                (&read.expected, Some(counters), 0)
             } else {
                 let answered = last.map_or(answered_before, |(at, _)| Some((bytes[at], bytes[at + 1])));
                 let next = next_exchange(&self.functions, framer, &bytes[end..], plain - end, answered, evidence.timeout);
-                let Some(next) = next else { break };
+                let Some((next, exception)) = next else { break };
                 unknown = next;
-                (&unknown, None)
+                (&unknown, None, exception)
             };
             let lengths = expected.rtu_lengths();
             let (request, response) = bytes[end..end + lengths[0] + lengths[1]].split_at(lengths[0]);
-            if expected.echoes_request {
+            let odds = if expected.echoes_request && exception == 0 {
                 framer.learn_run(&mut run);
-            }
-            let odds = framer.response_odds(expected, false, || evidence);
+                framer.response_odds(expected, false, || evidence)
+            } else {
+                CERTAIN_DIRECTION_BITS
+            };
             framer.learn_in_run(&mut run, request, response, expected.echoes_request);
             first_requests += u64::from(!expected.echoes_request);
             self.batch.exchanges.push(Exchange {
@@ -72,19 +78,24 @@ impl Session {
                 unit: expected.unit,
                 function: expected.code,
                 confidence: rtu_transaction_confidence(expected.echoes_request, confidence::of_direction(odds)),
-                exception: 0,
+                exception,
             });
             let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
             if let Some(counters) = counters {
                 self.stats.record_exchange_at(state.counts, key, counters);
             } else {
-                self.stats.record_exchange(state.counts, (key, None), [None; 2], None);
                 let unit = usize::from(expected.unit);
                 (state.known_units[unit], state.paired_units[unit]) = (true, true);
                 state.pairing.note_answering(expected.unit);
-                if KnownReads::takes(request, expected) {
-                    let expected = *expected;
-                    state.known_reads.add(request, expected, self.stats.place_of(state.counts, key));
+                if exception != 0 {
+                    self.stats.record_refusal(state.counts, key, exception);
+                    refusals += 1;
+                } else {
+                    self.stats.record_exchange(state.counts, (key, None), [None; 2], None);
+                    if KnownReads::takes(request, expected) {
+                        let expected = *expected;
+                        state.known_reads.add(request, expected, self.stats.place_of(state.counts, key));
+                    }
                 }
             }
             last = Some((end, odds));
@@ -95,7 +106,33 @@ impl Session {
         let exchanges = (self.batch.exchanges.len() - first) as u64;
         state.pairing.record_untimed_exchanges(exchanges, first_requests);
         let expected = ExpectedExchange::from_request(&self.functions, Mode::Rtu, &bytes[at..]).expect("it was matched");
+        let is_refused = self.batch.exchanges.last().is_some_and(|exchange| exchange.exception != 0);
+        let expected = if is_refused { expected.refused() } else { expected };
         self.end_compact_run(bus, first, end, LastExchange { expected, odds });
+        if refusals > 0 && self.wanted.findings {
+            self.report_refusals();
+        }
+    }
+
+    /// Adds the rows of the findings on those exchanges of the run emitted last that were refused.
+    fn report_refusals(&mut self) {
+        let Some(run) = self.batch.exchange_runs.last() else { return };
+        for (at, exchange) in run.exchanges.of(&self.batch.exchanges).iter().enumerate() {
+            if exchange.exception == 0 {
+                continue;
+            }
+            let row = run.transaction(&self.batch.exchanges, &[], at);
+            let place = FindingPlace {
+                frame: Some(row.response.frame),
+                txn: Some(row.number),
+                bus: row.bus as usize,
+                start: None,
+                recording_start: self.origin,
+                unit: Some(row.unit),
+                origin: row.origin,
+            };
+            self.batch.findings.push(place.row(Finding::Exception, words::exception(exchange.exception)));
+        }
     }
 
     /// Consumes the bytes of a run, of which `last` is the last exchange, and does what is done once for all of it. `first` is the
@@ -133,8 +170,8 @@ fn next_known_read<'a>(
 }
 
 /// The exchange at the head of these bytes, of which the first `plain` are in one read without times and marks, if
-/// `RtuFramer::next_exchange` would take it, too. `answered`: unit and function of the exchange before; `pause`: what an unknown
-/// silence says for a timeout.
+/// `RtuFramer::next_exchange` would take it, too, or if it is refused without a doubt; with the exception code, or 0. `answered`:
+/// unit and function of the exchange before; `pause`: what an unknown silence says for a timeout.
 #[inline(always)]
 #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
 fn next_exchange(
@@ -144,10 +181,14 @@ fn next_exchange(
     plain: usize,
     answered: Option<(u8, u8)>,
     pause: TimeoutLogOdds,
-) -> Option<ExpectedExchange> {
+) -> Option<(ExpectedExchange, u8)> {
     let expected = ExpectedExchange::from_request(functions, Mode::Rtu, bytes).filter(may_hold_no_map)?;
     let [request_bytes, response_bytes] = expected.rtu_lengths();
     let is_certain = request_bytes + response_bytes <= plain
         && framer.is_certain(&expected, bytes, answered, true, |second| is_response(pause, false, second, request_bytes));
-    is_certain.then_some(expected)
+    if is_certain {
+        return Some((expected, 0));
+    }
+    let exception = framer.refusal_of(&expected, &bytes[..plain], answered)?;
+    Some((expected.refused(), exception))
 }

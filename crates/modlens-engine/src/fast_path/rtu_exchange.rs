@@ -75,10 +75,7 @@ impl RtuFramer {
         is_response: impl Fn(&[u8]) -> bool,
     ) -> bool {
         let [request_bytes, response_bytes] = expected.rtu_lengths();
-        let may_be_repeated = expected.resembles_response || expected.echoes_request;
-        if (may_be_repeated && last_answered == Some((expected.unit, expected.code)))
-            || bytes.len() < request_bytes + response_bytes
-        {
+        if expected.may_repeat_response(last_answered) || bytes.len() < request_bytes + response_bytes {
             return false;
         }
         let (request, rest) = bytes.split_at(request_bytes);
@@ -87,6 +84,20 @@ impl RtuFramer {
             && crc_valid_at(rest, response_bytes)
             && (!checks_request || crc_valid_at(bytes, request_bytes))
             && (!expected.echoes_request || is_response(rest))
+    }
+
+    /// The exception code, if there is no doubt that the request at the head of these bytes, which announces this exchange, is
+    /// refused right behind it: its unit and function are familiar, and both CRCs are valid. `last_answered`: as above.
+    #[cold]
+    pub(super) fn refusal_of(&self, expected: &ExpectedExchange, bytes: &[u8], last_answered: Option<(u8, u8)>) -> Option<u8> {
+        let [request_bytes, response_bytes] = expected.refused().rtu_lengths();
+        let response = bytes.get(request_bytes..)?;
+        let exception = expected.refused_by(response)?;
+        let is_certain = !expected.may_repeat_response(last_answered)
+            && self.search.model.is_familiar(expected.unit, expected.code, REQUEST)
+            && crc_valid_at(response, response_bytes)
+            && crc_valid_at(bytes, request_bytes);
+        is_certain.then_some(exception)
     }
 
     /// Unit and function of the request that was answered last.

@@ -167,7 +167,13 @@ impl RequestTable {
         }
     }
 
-    /// The same for the request at this index of `counts`.
+    /// Counts a request without time of the fast path, which was refused.
+    pub fn record_refusal(&mut self, key: RequestKey) {
+        self.record_exchange(key, None, None);
+        self.previous = Some((key.0, Status::Exception));
+    }
+
+    /// Counts an answered request at this index of `counts`.
     #[inline]
     pub fn record_exchange_at(&mut self, at: usize, key: RequestKey, start: Option<Ns>, taken: Option<Ns>) {
         self.previous = Some((key.0, Status::Ok));
