@@ -184,6 +184,13 @@ impl Stats {
         }
     }
 
+    /// Counts what `record_exchange` counts of an exchange without times, for whose request there is no room (`place_of`).
+    pub(crate) fn record_exchange_without_place(&mut self, bus: usize, key: RequestKey) {
+        let counts = &mut self.buses[bus];
+        counts.requests.note_answered(key);
+        counts.function(key.unit(), key.function()).statuses[Status::Ok as usize] += 1;
+    }
+
     /// Where the counters of a request are, on the bus of this index here; `None` if there is no room for the request.
     pub(crate) fn place_of(&mut self, bus: usize, key: RequestKey) -> Option<RequestPlace> {
         let counts = &mut self.buses[bus];
@@ -195,7 +202,8 @@ impl Stats {
     }
 
     /// Counts what `record_exchange` counts of an exchange without times, whose counters are at this place.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
     pub(crate) fn record_exchange_at(&mut self, bus: usize, key: RequestKey, at: RequestPlace) {
         let counts = &mut self.buses[bus];
         counts.requests.record_exchange_at(at.request, key, None, None);

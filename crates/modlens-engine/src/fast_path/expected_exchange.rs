@@ -173,12 +173,6 @@ impl ExpectedExchange {
         }
     }
 
-    /// Whether the request may be the previous response once more, which was that of `last_answered` (unit and function).
-    #[inline]
-    pub fn may_repeat_response(&self, last_answered: Option<(u8, u8)>) -> bool {
-        (self.resembles_response || self.echoes_request) && last_answered == Some((self.unit, self.code))
-    }
-
     /// Bytes of the request and of the response on an RTU line: with their checksums.
     #[inline]
     pub fn rtu_lengths(&self) -> [usize; 2] {

@@ -49,6 +49,7 @@
 //! - `tests/captures/test_decode.py`: `test_blocks_of_any_size_give_equal_frames`, over every recording in `captures/`.
 
 mod ascii_batch;
+mod compact_run;
 mod emit;
 pub mod expected_exchange;
 pub(crate) mod frame_check;
