@@ -64,25 +64,30 @@ impl CompactRun {
         let of_reads = rtu_transaction_confidence(false, u8::MAX);
         loop {
             let (start, rest) = ((arena_start + self.bytes) as u32, &bytes[self.bytes..]);
-            let taken = if let Some((read, counters)) = next_known_read(known.framer, known.reads, rest) {
-                let lengths = read.expected.rtu_lengths();
-                known.stats.record_exchange_at(known.counts, key_of(&read.expected), counters);
-                known.framer.learn_in_run(&mut self.learned, &read.bytes, &rest[lengths[0]..], false);
+            if let Some((KnownRead { bytes: request, expected, .. }, counters)) = next_known_read(known.framer, known.reads, rest)
+            {
+                known.stats.record_exchange_at(known.counts, key_of(expected), counters);
+                known.framer.learn_in_run(&mut self.learned, request, &rest[request.len()..], false);
                 self.first_requests += 1;
-                self.last = Some((self.bytes, CERTAIN_DIRECTION_BITS));
-                exchange(&read.expected, start, of_reads, 0)
-            } else {
-                let answered = self.last.map_or(answered_before, |(at, _)| Answered::by_exchange(bytes[at], bytes[at + 1]));
-                let Some(decided) = next_exchange(&known, rest, answered, pause) else { break };
-                self.take_decided(&mut known, &decided, rest, start, pause)
-            };
-            self.bytes += usize::from(taken.lengths[0]) + usize::from(taken.lengths[1]);
-            exchanges.push(taken);
+                exchanges.push(exchange(expected, start, of_reads, 0));
+                self.pass(expected, CERTAIN_DIRECTION_BITS);
+                continue;
+            }
+            let answered = self.last.map_or(answered_before, |(at, _)| Answered::by_exchange(bytes[at], bytes[at + 1]));
+            let Some(decided) = next_exchange(&known, rest, answered, pause) else { break };
+            exchanges.push(self.take_decided(&mut known, &decided, rest, start, pause));
         }
         known.framer.learn_run(&mut self.learned);
     }
 
-    /// Learns from an exchange at the head of these bytes that is no read known by all of its bytes; `start` as above.
+    /// Leaves behind an exchange, of which the direction of the response has these odds.
+    #[inline]
+    fn pass(&mut self, expected: &ExpectedExchange, odds: f32) {
+        self.last = Some((self.bytes, odds));
+        self.bytes += expected.rtu_lengths().iter().sum::<usize>();
+    }
+
+    /// Takes an exchange at the head of these bytes that is no read known by all of its bytes; `start` as above.
     #[inline(always)]
     #[allow(clippy::inline_always)] // Called once.
     fn take_decided(
@@ -102,7 +107,7 @@ impl CompactRun {
         };
         known.framer.learn_in_run(&mut self.learned, request, response, expected.echoes_request);
         self.first_requests += u32::from(!expected.echoes_request);
-        self.last = Some((self.bytes, odds));
+        self.pass(expected, odds);
         known.note_unit(expected.unit);
         if *exception == 0 {
             known.count_unknown(request, *expected);
