@@ -63,9 +63,12 @@ impl Clean {
         Some(Self { place, key, hash, writes, written, data, response_time, gap, starts })
     }
 
-    /// What a compact exchange shows; `None` where the table of functions does not say what it is.
+    /// What a compact exchange shows; `None` where it was refused, or the table of functions does not say what it is.
     #[inline]
     pub fn of_compact(batch: &Batch, functions: &Functions, number: u64, row: &Exchange) -> Option<Self> {
+        if row.exception != 0 {
+            return None;
+        }
         let key = RequestKey { unit: row.unit, function: row.function, address: row.address, quantity: row.quantity };
         let hash = key.hash();
         let [request, response] = row.pdus(&batch.arena);

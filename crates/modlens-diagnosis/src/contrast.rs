@@ -113,9 +113,12 @@ impl Contrast {
                 }
                 Part::Compact(run) => {
                     let bus = self.bus(batch, run.bus);
-                    let numbered = run.exchanges.of(&batch.exchanges).iter().zip(run.number..);
-                    let exchanges = numbered.filter_map(|(row, number)| Clean::of_compact(batch, functions, number, row));
-                    exchanges.for_each(|exchange| bus.clean(&exchange));
+                    for (at, row) in run.exchanges.of(&batch.exchanges).iter().enumerate() {
+                        match Clean::of_compact(batch, functions, run.number + at as u64, row) {
+                            Some(exchange) => bus.clean(&exchange),
+                            None => count(bus, batch, functions, &batch.compact_row(run, at)),
+                        }
+                    }
                 }
                 Part::Rows(rows) => {
                     for rows in rows.chunk_by(|row, next| row.bus == next.bus) {

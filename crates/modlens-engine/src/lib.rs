@@ -41,6 +41,7 @@ pub mod findings;
 pub mod framer;
 pub mod input;
 pub mod line_search;
+mod ones;
 pub mod pairing;
 pub mod records;
 pub mod session;

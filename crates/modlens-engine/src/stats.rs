@@ -184,6 +184,13 @@ impl Stats {
         }
     }
 
+    /// Counts what `record_exchange` counts of an exchange without times, for whose request there is no room (`place_of`).
+    pub(crate) fn record_exchange_without_place(&mut self, bus: usize, key: RequestKey) {
+        let counts = &mut self.buses[bus];
+        counts.requests.note_answered(key);
+        counts.function(key.unit(), key.function()).statuses[Status::Ok as usize] += 1;
+    }
+
     /// Where the counters of a request are, on the bus of this index here; `None` if there is no room for the request.
     pub(crate) fn place_of(&mut self, bus: usize, key: RequestKey) -> Option<RequestPlace> {
         let counts = &mut self.buses[bus];
@@ -195,11 +202,22 @@ impl Stats {
     }
 
     /// Counts what `record_exchange` counts of an exchange without times, whose counters are at this place.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
     pub(crate) fn record_exchange_at(&mut self, bus: usize, key: RequestKey, at: RequestPlace) {
         let counts = &mut self.buses[bus];
         counts.requests.record_exchange_at(at.request, key, None, None);
         counts.units[at.unit].functions[at.function].statuses[Status::Ok as usize] += 1;
+    }
+
+    /// Counts an exchange without times of the fast path that was refused, and its finding.
+    pub(crate) fn record_refusal(&mut self, bus: usize, key: RequestKey, exception: u8) {
+        let counts = &mut self.buses[bus];
+        counts.requests.record_refusal(key);
+        let function = counts.function(key.unit(), key.function());
+        function.statuses[Status::Exception as usize] += 1;
+        *function.exceptions.entry(exception).or_default() += 1;
+        self.finding(Finding::Exception);
     }
 
     /// How many transactions with a unit were counted on the bus of this index here, and how many of them with a response.

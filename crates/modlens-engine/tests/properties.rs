@@ -256,7 +256,7 @@ fn framed(body: &[u8]) -> Vec<u8> {
     [body, &crc16(body).to_le_bytes()].concat()
 }
 
-/// A plain read or write request and its response.
+/// A plain read or write request, or both in one, and its response.
 fn exchange(unit: u8, code: u8, address: u16, quantity: u8, value: u8) -> (Vec<u8>, Vec<u8>) {
     let [high, low] = address.to_be_bytes();
     let head = [unit, code, high, low, 0, quantity];
@@ -267,6 +267,10 @@ fn exchange(unit: u8, code: u8, address: u16, quantity: u8, value: u8) -> (Vec<u
         1..=4 => (head.to_vec(), [unit, code, count].into_iter().chain(data).collect()),
         5 => ([unit, 5, high, low, if value > 99 { 0xFF } else { 0 }, value / 200].to_vec(), Vec::new()),
         6 => ([unit, 6, high, low, value, quantity].to_vec(), Vec::new()),
+        23 => {
+            let written = [0, value, 0, 2, 4, value, 0, low, quantity];
+            (head.into_iter().chain(written).collect(), [unit, code, count].into_iter().chain(data).collect())
+        }
         _ => (head.into_iter().chain([count]).chain(data).collect(), head.to_vec()),
     };
     (framed(&request), framed(if response.is_empty() { &request } else { &response }))
@@ -275,8 +279,10 @@ fn exchange(unit: u8, code: u8, address: u16, quantity: u8, value: u8) -> (Vec<u
 /// A poll cycle in which one exchange in five is disturbed: the bytes that each side sends, and the milliseconds of pause
 /// before them. On some lines the adapter echoes each request.
 fn cycle() -> impl Strategy<Value = Vec<(Vec<u8>, u32)>> {
-    let code = prop_oneof![4 => 1u8..5, 1 => prop_oneof![Just(5u8), Just(6), Just(15), Just(16)]];
-    let poll = (1u8..4, code, prop_oneof![0u16..4, 0x2FE..0x301u16], 1u8..20);
+    let code = prop_oneof![4 => 1u8..5, 1 => prop_oneof![Just(5u8), Just(6), Just(15), Just(16), Just(23)]];
+    // From 0x300 on a read has the length of a response, from 0xC00 on one with function 23; from 0xD00 on it is a byte shorter.
+    let address = prop_oneof![8 => 0u16..4, 8 => 0x2FE..0x301u16, 1 => 0xBFF..0xC01u16, 1 => 0xCFF..0xD01u16];
+    let poll = (1u8..4, code, address, 1u8..20);
     let accident = (0u8..60, any::<u8>(), any::<u16>());
     let (polls, turns) = (proptest::collection::vec(poll, 1..5), proptest::collection::vec(accident, 4..60));
     (polls, turns, proptest::bool::weighted(0.2)).prop_map(|(polls, turns, echo)| {
@@ -292,7 +298,7 @@ fn cycle() -> impl Strategy<Value = Vec<(Vec<u8>, u32)>> {
             match accident {
                 0 => continue,
                 1 => bursts.push((request, 400)),
-                2 => response = framed(&[unit, code | 0x80, value % 12]),
+                2 | 13..16 => response = framed(&[unit, code | 0x80, value % 13]),
                 3 => *response.last_mut().unwrap() ^= 1,
                 4 => response.insert(0, value),
                 5 => response.push(value),

@@ -1,4 +1,4 @@
-//! Lines of compact exchanges: of each bus and function, the text between the values that differ is made once.
+//! Lines of compact exchanges: of each bus and kind, the text between the values that differ is made once.
 
 use std::slice;
 
@@ -59,7 +59,7 @@ pub(crate) struct ExchangeLines<F> {
     columns: Vec<usize>,
     /// The bus to which the lines belong.
     bus: Option<u32>,
-    /// By function code.
+    /// By kind (`Exchange::kind`).
     lines: Vec<Option<ExchangeLine<F>>>,
 }
 
@@ -71,14 +71,14 @@ impl<F: LineFormat> ExchangeLines<F> {
     /// Appends the line of an exchange.
     #[inline]
     pub(crate) fn push(&mut self, table: &Table, exchange: &ExchangeRef<'_>, format: &mut F) {
-        let function = usize::from(exchange.function());
+        let kind = exchange.kind();
         if self.bus != Some(exchange.bus()) {
-            (self.bus, self.lines) = (Some(exchange.bus()), (0..256).map(|_| None).collect());
+            (self.bus, self.lines) = (Some(exchange.bus()), Vec::new());
         }
-        if self.lines[function].is_none() {
-            self.lines[function] = Some(self.line(table, exchange, format));
+        if self.lines.get(kind).is_none_or(Option::is_none) {
+            self.add_line(kind, table, exchange, format);
         }
-        let Some(line) = &self.lines[function] else { return };
+        let Some(Some(line)) = self.lines.get(kind) else { return };
         format.begin();
         line.head.push(format.out());
         for step in &line.steps {
@@ -89,8 +89,17 @@ impl<F: LineFormat> ExchangeLines<F> {
         format.end();
     }
 
-    /// How lines of exchanges of this bus and function are made.
+    /// Keeps how lines of exchanges of this bus and kind are made.
     #[cold]
+    fn add_line(&mut self, kind: usize, table: &Table, exchange: &ExchangeRef<'_>, format: &mut F) {
+        let line = self.line(table, exchange, format);
+        if self.lines.len() <= kind {
+            self.lines.resize_with(kind + 1, || None);
+        }
+        self.lines[kind] = Some(line);
+    }
+
+    /// How lines of exchanges of this bus and kind are made.
     fn line(&self, table: &Table, exchange: &ExchangeRef<'_>, format: &mut F) -> ExchangeLine<F> {
         let mut steps: Vec<(usize, ColumnReader<F>)> = Vec::new();
         let mut texts: Vec<FixedText> = Vec::new();

@@ -16,7 +16,7 @@ fn framed(adu: &[u8]) -> Vec<u8> {
     [adu, &crc16(adu).to_le_bytes()].concat()
 }
 
-/// A read of bits or registers, or a write of one or several, with its response.
+/// A read of bits or registers, a write of one or several, or both in one, with its response.
 fn exchange(unit: u8, function: u8, address: u16, quantity: u8, value: u8) -> [Vec<u8>; 2] {
     let head = [unit, function, (address >> 8) as u8, address as u8];
     let data = |count: u8| (0..count).map(|at| value.wrapping_add(at)).collect::<Vec<u8>>();
@@ -27,14 +27,18 @@ fn exchange(unit: u8, function: u8, address: u16, quantity: u8, value: u8) -> [V
         5 => ([&head[..], &[0xFF, 0]].concat(), [&head[..], &[0xFF, 0]].concat()),
         6 => ([&head[..], &[0, value]].concat(), [&head[..], &[0, value]].concat()),
         15 => ([&head[..], &[0, 8, 1, value]].concat(), [&head[..], &[0, 8]].concat()),
+        23 => {
+            let written = [&[0, 9, 0, quantity, 2 * quantity], &data(2 * quantity)[..]].concat();
+            ([&head[..], &[0, quantity], &written].concat(), [&[unit, function, 2 * quantity], &data(2 * quantity)[..]].concat())
+        }
         _ => ([&head[..], &[0, quantity, 2 * quantity], &data(2 * quantity)].concat(), [&head[..], &[0, quantity]].concat()),
     };
     [framed(&request), framed(&response)]
 }
 
-/// A polled line; one exchange in nine has no response, is refused, or is damaged.
+/// A polled line; one exchange in seven has no response, is refused, or is damaged.
 fn line() -> impl Strategy<Value = Vec<u8>> {
-    let function = prop_oneof![Just(1u8), Just(2), Just(3), Just(4), Just(5), Just(6), Just(15), Just(16)];
+    let function = prop_oneof![Just(1u8), Just(2), Just(3), Just(4), Just(5), Just(6), Just(15), Just(16), Just(23)];
     let polls = proptest::collection::vec((1u8..4, function, prop_oneof![0u16..4, Just(0x300u16)], 1u8..5), 1..6);
     (polls, proptest::collection::vec((0u8..27, any::<u8>()), 4..120)).prop_map(|(polls, turns)| {
         let mut bytes = Vec::new();
@@ -43,7 +47,7 @@ fn line() -> impl Strategy<Value = Vec<u8>> {
             let [request, mut response] = exchange(unit, function, address, quantity, value);
             match accident {
                 0 => response.clear(),
-                1 => response = framed(&[unit, function | 0x80, 2]),
+                1 | 3 => response = framed(&[unit, function | 0x80, value % 13]),
                 2 => *response.last_mut().expect("a response has bytes") ^= 1,
                 _ => {}
             }
@@ -82,8 +86,10 @@ fn jsonl_of(table: &Table, columns: &[usize]) -> String {
 #[test]
 fn a_polled_line_has_compact_exchanges() {
     let [request, response] = exchange(17, 3, 0x6B, 3, 7);
-    let batch = batch(&[request, response].concat().repeat(100), true);
+    let refused = [&request[..], &framed(&[17, 0x83, 2])].concat();
+    let batch = batch(&[&[request, response].concat().repeat(9)[..], &refused].concat().repeat(10), true);
     assert!(batch.exchanges.len() > 90, "{} of 100", batch.exchanges.len());
+    assert!(batch.exchanges.iter().filter(|exchange| exchange.exception == 2).count() > 8);
     assert!(batch.transaction_parts().any(|part| matches!(part, Part::Compact(_))));
 }
 

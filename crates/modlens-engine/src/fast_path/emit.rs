@@ -117,6 +117,7 @@ impl Session {
             unit: expected.unit,
             function: expected.code,
             confidence: matched.transaction_confidence(),
+            exception: 0,
         };
         let pair = PacketPair { starts: starts.into(), gap: request.gap, response_time, packet: request.origin, mbap_id };
         let (number, frame, recording_start) = (self.next_txn, self.next_frame, self.origin);
@@ -166,7 +167,8 @@ fn learn_exchange(state: &mut BusState, matched: &MatchedExchange, request: &Fra
 /// Whether no self-describing register map (`points::sunspec`) can begin in the registers that are read. If one can, the
 /// exchange has to take the slow path, which looks for the map.
 pub(super) fn may_hold_no_map(expected: &ExpectedExchange) -> bool {
-    expected.kind != StandardLayout::ReadRegisters || !may_begin_in(expected.address, usize::from(expected.quantity))
+    let reads_registers = matches!(expected.kind, StandardLayout::ReadRegisters | StandardLayout::ReadWriteRegisters);
+    !reads_registers || !may_begin_in(expected.address, usize::from(expected.quantity))
 }
 
 /// The place of the PDU in the bytes of a binary frame, behind its unit and, on TCP, its MBAP header. `length` is that of unit

@@ -1,4 +1,4 @@
-//! A plain read or write request, and what its response has to look like.
+//! A plain read or write request, or both in one, and what its response has to look like.
 //!
 //! Example: the request `11 03 00 6B 00 03` (read three registers) determines a response of nine bytes that begins with
 //! `11 03 06`, and the request `11 05 00 AC FF 00` (write one coil) is its own response. If the bytes behind a request are
@@ -6,9 +6,10 @@
 
 use std::ops::RangeInclusive;
 
+use crate::records::Exchange;
 use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::framing::Mode;
-use modlens_protocol::functions::{Functions, StandardLayout};
+use modlens_protocol::functions::{Functions, StandardLayout, EXCEPTION_BIT};
 
 /// Unit addresses on a serial line that cause no finding (serial line specification, 2.2).
 const UNIT_ADDRESSES: RangeInclusive<u8> = 1..=247;
@@ -21,6 +22,13 @@ const READ_HEADER_BYTES: usize = 3;
 
 /// Bytes in front of the data of a request that writes several values: as above, and a byte count (6.11, 6.12).
 const WRITE_HEADER_BYTES: usize = SHORT_REQUEST_BYTES + 1;
+
+/// Bytes in front of the data of a request that reads registers and writes others: as a short one, then address, quantity and
+/// byte count of what is written (6.17).
+const READ_WRITE_HEADER_BYTES: usize = SHORT_REQUEST_BYTES + 5;
+
+/// Unit, function code and exception code (7).
+const REFUSAL_BYTES: usize = 3;
 
 /// What the response has to look like.
 #[derive(Clone, Copy, Debug)]
@@ -40,9 +48,9 @@ pub struct ExpectedExchange {
     pub code: u8,
     /// Whether it reads or writes, and what.
     pub kind: StandardLayout,
-    /// Address of the first register or bit.
+    /// Address of the first register or bit; that of what is read, if both is done.
     pub address: u16,
-    /// Number of registers or bits.
+    /// Number of these registers or bits.
     pub quantity: u16,
     /// Length of the request in bytes.
     pub request_bytes: usize,
@@ -72,7 +80,7 @@ impl ExpectedExchange {
         let [unit, code, ..] = *request;
         let limits = functions.request_limits(code).filter(|_| mode == Mode::Tcp || UNIT_ADDRESSES.contains(&unit))?;
         let (address, number) = (u16_at(*request, 2), u16_at(*request, 4));
-        if !functions.permits(limits, code, number, &request[2..]) {
+        if !functions.permits(limits, code, number, &bytes[2..]) {
             return None;
         }
         let echoed = Self {
@@ -94,6 +102,7 @@ impl ExpectedExchange {
             StandardLayout::WriteBits => echoed.as_write_of(bit_bytes, bytes),
             StandardLayout::WriteRegisters => echoed.as_write_of(register_bytes, bytes),
             StandardLayout::WriteOne => Some(Self { quantity: 1, ..echoed }),
+            StandardLayout::ReadWriteRegisters => echoed.as_read_write(mode, bytes),
         }
     }
 
@@ -120,6 +129,35 @@ impl ExpectedExchange {
     fn as_write_of(self, count: usize, request: &[u8]) -> Option<Self> {
         let announced = request.get(SHORT_REQUEST_BYTES).copied().map(usize::from);
         (announced == Some(count)).then_some(Self { request_bytes: WRITE_HEADER_BYTES + count, ..self })
+    }
+
+    /// The same as a read of registers with a write of others, which begins with these bytes. `None` unless quantity and byte count
+    /// of what is written are there and agree. On a serial line it may be a response, if it has as many bytes as it says where a
+    /// response has its byte count, or one byte less, which the search would weigh: `None`, too.
+    #[inline(never)]
+    fn as_read_write(self, mode: Mode, request: &[u8]) -> Option<Self> {
+        let header: &[u8; READ_WRITE_HEADER_BYTES] = request.first_chunk()?;
+        let [.., high, low, count] = *header;
+        let request_bytes = READ_WRITE_HEADER_BYTES + usize::from(count);
+        let as_response = READ_HEADER_BYTES + usize::from(header[2]);
+        let resembles_response = mode != Mode::Tcp && (request_bytes..=request_bytes + 1).contains(&as_response);
+        let is_consistent = usize::from(count) == 2 * usize::from(u16::from_be_bytes([high, low]));
+        let count = u8::try_from(2 * u32::from(self.quantity)).ok().filter(|_| is_consistent && !resembles_response)?;
+        let (response_bytes, response) = (READ_HEADER_BYTES + usize::from(count), Response::Block { count, padding: 0 });
+        Some(Self { request_bytes, response_bytes, echoes_request: false, response, ..self })
+    }
+
+    /// The same as the unit refuses it: with an exception in place of the response.
+    pub fn refused(self) -> Self {
+        Self { response_bytes: REFUSAL_BYTES, ..self }
+    }
+
+    /// The exception code with which this response refuses the request; `None` if it does not, or if there is no place for that
+    /// exception in a compact exchange.
+    pub fn refused_by(&self, response: &[u8]) -> Option<u8> {
+        let [unit, code, exception]: [u8; REFUSAL_BYTES] = *response.first_chunk()?;
+        let is_refusal = [unit, code] == [self.unit, self.code | EXCEPTION_BIT] && Exchange::has_place_for(exception);
+        is_refusal.then_some(exception)
     }
 
     /// Whether this response is the expected one. Both slices must have at least the expected lengths.

@@ -18,7 +18,7 @@ pub(crate) struct KnownReads(Vec<Option<KnownRead>>);
 /// One of them.
 #[derive(Clone, Copy)]
 pub(super) struct KnownRead {
-    bytes: [u8; READ_BYTES],
+    pub bytes: [u8; READ_BYTES],
     pub expected: ExpectedExchange,
     /// Where the statistics count it; `None` if they have no room for it.
     pub counters: Option<RequestPlace>,

@@ -11,19 +11,19 @@
 //!   header announces, no long silence or record boundary lies inside, and it is either the response that the outstanding
 //!   request determines, or a request whose unit and function are familiar on this line. A request-like frame that may as
 //!   well be a response (a late one, a repeated one, an echoed write) does not qualify.
-//! - **An exchange** (RTU, ASCII and TCP, [`Session::emit_exchanges`]): a plain read or write (`expected_exchange`) that keeps
+//! - **An exchange** (RTU, ASCII and TCP, [`Session::emit_exchanges`]): a plain read or write, or both in one (`expected_exchange`), that keeps
 //!   the limits of the specification, and right behind it the one response that it determines: equal header and byte count,
 //!   padding bits 0, or the echo. Both are in one read without times, in a read each within the request time-out, or in a
 //!   TCP packet each. And nothing is open: no request outstanding (on a connection, none that the exchange touches), no finding due on an earlier frame, the framer's lattice
 //!   empty, no mark of the receiver, no profile that has to look at the data.
 //!
 //! On an RTU line without times of which nobody wants the frames, exchanges are emitted compact (`rtu_compact`): a run of them in
-//! one loop, without rows. On a connection the exchanges of a recording are emitted compact where nobody wants frames, and packets that
+//! one loop (`compact_run`), without rows, and refusals among them. On a connection the exchanges of a recording are emitted compact where nobody wants frames, and packets that
 //! come in turn are matched before they reach a line (`packet_pairs`).
 //!
 //! Example: `11 03 00 6B 00 03 76 87` and right behind it `11 03 06 02 2B 00 00 00 64 C8 BA` become two frame rows and a
-//! transaction row in one step. With exception `11 83 02 C1 34` behind it, both frames are taken by `rtu_frame` one after the
-//! other and paired by `pairing`; with one bit of the response flipped, the search and `damage` decide.
+//! transaction row in one step. With exception `11 83 02 C1 34` behind it, that is a compact exchange, or both frames are taken by
+//! `rtu_frame` one after the other and paired by `pairing`; with one bit of the response flipped, the search and `damage` decide.
 //!
 //! # Why the rows are those of the slow path
 //!
@@ -49,6 +49,7 @@
 //! - `tests/captures/test_decode.py`: `test_blocks_of_any_size_give_equal_frames`, over every recording in `captures/`.
 
 mod ascii_batch;
+mod compact_run;
 mod emit;
 pub mod expected_exchange;
 pub(crate) mod frame_check;

@@ -93,9 +93,9 @@ impl Pairing {
 
     /// Records a run of answered requests without times, as `record_exchange` does each of them; `first_requests` are those whose
     /// response has not the same bytes. The units are left to `note_answering`.
-    pub fn record_untimed_exchanges(&mut self, exchanges: u64, first_requests: u64) {
-        (0..first_requests).for_each(|_| self.echoes.add_request());
-        self.heard = self.heard.map(|heard| heard + exchanges);
+    pub fn record_untimed_exchanges(&mut self, exchanges: u32, first_requests: u32) {
+        self.echoes.add_requests(first_requests);
+        self.heard = self.heard.map(|heard| heard + u64::from(exchanges));
         self.history.count_answered(exchanges);
     }
 

@@ -5,6 +5,7 @@ use crate::fast_path::emit::{adjacent_spans, may_hold_no_map, ExchangePlaces};
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::known_reads::KnownReads;
 use crate::fast_path::rows::MatchedExchange;
+use crate::fast_path::rtu_exchange::Answered;
 use crate::fast_path::run::{BatchTotals, Run};
 use crate::framer::PauseEvidence;
 use crate::session::bus::BusState;
@@ -24,9 +25,9 @@ pub(super) struct LastExchange {
 }
 
 impl LastExchange {
-    /// Unit and function code of its request.
-    pub fn answered(self) -> (u8, u8) {
-        (self.expected.unit, self.expected.code)
+    /// What a request behind it may be the response to.
+    pub fn answered(self) -> Answered {
+        Answered::by_exchange(self.expected.unit, self.expected.code)
     }
 }
 
@@ -49,14 +50,14 @@ impl Session {
         let mut run = Run::new(state, 0);
         // Where reads have times, an exchange is exactly two of them (`Input::holds_exchange`).
         let is_read_by_read = run.has_clock() && state.lines[0].1.input.has_times;
-        let answered_before = state.lines[0].1.framer.rtu_mut().and_then(|framer| framer.last_answered());
+        let answered_before = state.lines[0].1.framer.rtu_mut().map_or(Answered::default(), |framer| framer.answered());
         let mut last: Option<LastExchange> = None;
         let arena_start = self.batch.arena.len();
         loop {
-            let last_answered = last.map_or(answered_before, |last| Some(last.answered()));
+            let answered = last.map_or(answered_before, LastExchange::answered);
             let state = &mut self.buses[bus];
             let request_timeout = run.request_timeout(state);
-            let Some((matched, odds)) = match_exchange(state, &self.functions, request_timeout, last_answered) else { break };
+            let Some((matched, odds)) = match_exchange(state, &self.functions, request_timeout, answered) else { break };
             // The bytes of all exchanges of this run are copied into the arena at its end, in one piece.
             let wires = adjacent_spans(arena_start + run.totals.bytes, matched.lengths);
             let places = ExchangePlaces { wires, pdus: None };
@@ -105,7 +106,7 @@ impl Session {
 /// The exchange at the head of the only line of a bus, if there is no doubt and no finding about it, with log2 of the odds of its
 /// response's direction. The framer's model and the profile of its unit have learned from it then; its bytes are not consumed.
 ///
-/// `None` where the framer does not take it (`RtuFramer::takes`, with the same `request_timeout` in ns and `last_answered`), where a
+/// `None` where the framer does not take it (`RtuFramer::takes`, with the same `request_timeout` in ns and `answered`), where a
 /// self-describing register map may begin in it, and where it would change the profile of its unit or give a finding there.
 /// Nothing is learned then.
 #[inline(always)]
@@ -114,7 +115,7 @@ fn match_exchange(
     state: &mut BusState,
     functions: &Functions,
     request_timeout: Ns,
-    last_answered: Option<(u8, u8)>,
+    answered: Answered,
 ) -> Option<(MatchedExchange, f32)> {
     let line = &mut state.lines[0].1;
     let framer = line.framer.rtu_mut()?;
@@ -128,7 +129,7 @@ fn match_exchange(
     let counters = known.and_then(|known| known.counters);
     let lengths = expected.rtu_lengths();
     let timeout_log_odds = |index| timing.timeout_log_odds(line.input.pause_before(index));
-    if !framer.takes(&expected, &line.input, last_answered, known.is_none(), request_timeout, timeout_log_odds) {
+    if !framer.takes(&expected, &line.input, answered, known.is_none(), request_timeout, timeout_log_odds) {
         return None;
     }
     let (request, response) = bytes[..lengths[0] + lengths[1]].split_at(lengths[0]);

@@ -16,12 +16,34 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
 
+/// What a request may be in truth: the response to another one, where it looks like it.
+#[derive(Clone, Copy, Default)]
+pub struct Answered {
+    /// Unit and function of the request that was answered last: its response may come once more.
+    header: Option<(u8, u8)>,
+    /// The late response to a superseded request may still come.
+    awaits_late_response: bool,
+}
+
+impl Answered {
+    /// Behind an exchange with this unit and function.
+    pub fn by_exchange(unit: u8, code: u8) -> Self {
+        Self { header: Some((unit, code)), awaits_late_response: false }
+    }
+
+    /// Whether the request of this exchange may be such a response.
+    #[inline]
+    fn may_be_again(self, expected: &ExpectedExchange) -> bool {
+        let resembles_response = expected.resembles_response || expected.echoes_request;
+        resembles_response && (self.header == Some((expected.unit, expected.code)) || self.awaits_late_response)
+    }
+}
+
 impl RtuFramer {
     /// The exchange at the head of the input, if there is no doubt about it: its unit and function are familiar, and its
     /// request and its response follow each other with valid CRCs, in one read without times or within `request_timeout`.
     ///
-    /// May be called only while nothing is open (`Framer::is_settled_at`). `last_answered`: unit and function of the exchange
-    /// before; `request_timeout` in nanoseconds; `pause`: the log2 odds timeout : response of the silence before the byte at an
+    /// May be called only while nothing is open (`Framer::is_settled_at`). `answered`: what came before; `request_timeout` in nanoseconds; `pause`: the log2 odds timeout : response of the silence before the byte at an
     /// index of the input. Consumes and learns nothing: the caller does, if nothing else speaks against the exchange.
     ///
     /// `None` also while bytes of it are missing, where the request may be the previous response once more, where marks of the
@@ -32,12 +54,12 @@ impl RtuFramer {
         &self,
         functions: &Functions,
         input: &Input,
-        last_answered: Option<(u8, u8)>,
+        answered: Answered,
         request_timeout: Ns,
         pause: impl Fn(usize) -> TimeoutLogOdds,
     ) -> Option<ExpectedExchange> {
         let expected = ExpectedExchange::from_request(functions, Mode::Rtu, input.bytes())?;
-        self.takes(&expected, input, last_answered, true, request_timeout, pause).then_some(expected)
+        self.takes(&expected, input, answered, true, request_timeout, pause).then_some(expected)
     }
 
     /// Whether there is no doubt about the exchange that the request at the head of the input announces, as `next_exchange` asks it.
@@ -48,21 +70,21 @@ impl RtuFramer {
         &self,
         expected: &ExpectedExchange,
         input: &Input,
-        last_answered: Option<(u8, u8)>,
+        answered: Answered,
         checks_request: bool,
         request_timeout: Ns,
         pause: impl Fn(usize) -> TimeoutLogOdds,
     ) -> bool {
         let [request_bytes, response_bytes] = expected.rtu_lengths();
         input.holds_exchange(Mode::Rtu, request_bytes, response_bytes, request_timeout)
-            && self.is_certain(expected, input.bytes(), last_answered, checks_request, |second| {
+            && self.is_certain(expected, input.bytes(), answered, checks_request, |second| {
                 is_response(pause(request_bytes), input.has_times, second, request_bytes)
             })
     }
 
     /// Whether there is no doubt about the exchange that the request at the head of these bytes announces, as far as the bytes
     /// say: its unit and function are familiar, the response is the expected one, and the CRCs are valid; that of the request is
-    /// checked if `checks_request`. `last_answered`: as above. `is_response`, asked with the bytes from the second frame on,
+    /// checked if `checks_request`. `answered`: as above. `is_response`, asked with the bytes from the second frame on,
     /// says whether the second of two equal frames is the response to the first. `false` if the bytes end before the response.
     #[inline(always)]
     #[allow(clippy::inline_always)] // Asked of every exchange.
@@ -70,15 +92,12 @@ impl RtuFramer {
         &self,
         expected: &ExpectedExchange,
         bytes: &[u8],
-        last_answered: Option<(u8, u8)>,
+        answered: Answered,
         checks_request: bool,
         is_response: impl Fn(&[u8]) -> bool,
     ) -> bool {
         let [request_bytes, response_bytes] = expected.rtu_lengths();
-        let may_be_repeated = expected.resembles_response || expected.echoes_request;
-        if (may_be_repeated && last_answered == Some((expected.unit, expected.code)))
-            || bytes.len() < request_bytes + response_bytes
-        {
+        if answered.may_be_again(expected) || bytes.len() < request_bytes + response_bytes {
             return false;
         }
         let (request, rest) = bytes.split_at(request_bytes);
@@ -89,10 +108,25 @@ impl RtuFramer {
             && (!expected.echoes_request || is_response(rest))
     }
 
-    /// Unit and function of the request that was answered last.
-    pub fn last_answered(&self) -> Option<(u8, u8)> {
-        let (request, _) = self.search.answerable().last_answered?;
-        Some((request.unit, *request.pdu.first()?))
+    /// The exception code, if there is no doubt that the request at the head of these bytes, which announces this exchange, is
+    /// refused right behind it: its unit and function are familiar, and both CRCs are valid. `answered`: as above.
+    #[cold]
+    pub(super) fn refusal_of(&self, expected: &ExpectedExchange, bytes: &[u8], answered: Answered) -> Option<u8> {
+        let [request_bytes, response_bytes] = expected.refused().rtu_lengths();
+        let response = bytes.get(request_bytes..)?;
+        let exception = expected.refused_by(response)?;
+        let is_certain = !answered.may_be_again(expected)
+            && self.search.model.is_familiar(expected.unit, expected.code, REQUEST)
+            && crc_valid_at(response, response_bytes)
+            && crc_valid_at(bytes, request_bytes);
+        is_certain.then_some(exception)
+    }
+
+    /// What a request may be the response to, behind what was framed so far.
+    pub(super) fn answered(&self) -> Answered {
+        let requests = self.search.answerable();
+        let header = requests.last_answered.and_then(|(request, _)| Some((request.unit, *request.pdu.first()?)));
+        Answered { header, awaits_late_response: requests.superseded.is_some() }
     }
 
     /// Learns from a request and its response, whose CRCs are valid. `echoes_request`: the two have the same bytes.
@@ -106,14 +140,20 @@ impl RtuFramer {
     }
 
     /// Learns what `record_exchange` learns, but in a run: what is the same of all exchanges follows with `learn_run`.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // See `TrafficModel::learn_in_run`.
     pub fn learn_in_run(&mut self, run: &mut LearningRun, request: &[u8], response: &[u8], echoes_request: bool) {
         let copy = if echoes_request { RequestCopy::Unclear } else { RequestCopy::First };
         self.search.model.learn_in_run(run, request, response, copy);
     }
 
-    /// Brings up to date what is learned of a run: before `response_odds` of a response that has the bytes of its request, and
-    /// at the end.
+    /// Brings up to date what is learned of the turns of a run, before `response_odds` of a response that has the bytes of its request.
+    #[inline]
+    pub fn learn_turns(&mut self, run: &mut LearningRun) {
+        self.search.model.learn_turns(run);
+    }
+
+    /// Brings up to date what is learned of a run, at its end.
     #[inline]
     pub fn learn_run(&mut self, run: &mut LearningRun) {
         self.search.model.learn_run(run);

@@ -1,5 +1,7 @@
 //! Whether the adapter of a line echoes its own transmissions, so that every request appears twice.
 
+use crate::ones::add_ones;
+
 /// A line has echo if more than this share of its requests appears twice, and has none if the share is below the other.
 const MIN_SHARE_WITH_ECHO: f32 = 0.65;
 const MAX_SHARE_WITHOUT_ECHO: f32 = 0.5;
@@ -40,12 +42,31 @@ impl EchoStatistics {
         self.last_appeared_twice = Some(false);
     }
 
+    /// Counts as many new requests.
+    pub(crate) fn add_requests(&mut self, mut requests: u32) {
+        while requests > 0 && !self.is_settled() {
+            self.add_request();
+            requests -= 1;
+        }
+        add_ones(&mut self.requests, requests);
+    }
+
+    /// Whether one more request changes nothing but the number of requests: no request has appeared twice for so long that the
+    /// share has become 0.
+    fn is_settled(self) -> bool {
+        self.share == 0.0 && self.last_appeared_twice == Some(false) && self.has_constant_rate()
+    }
+
+    fn has_constant_rate(self) -> bool {
+        self.requests >= 1.0 / ECHO_LEARNING_RATE
+    }
+
     /// The share, the last request included as it is now: a plain mean at first, a running mean later.
     fn share_with_last(self) -> f32 {
         let last = self.last_appeared_twice.map_or(self.share, |twice| f32::from(u8::from(twice)));
         // A division for every request would be measurable, so there is none once the rate is constant.
-        let is_constant = self.requests >= 1.0 / ECHO_LEARNING_RATE;
-        let rate = if is_constant { ECHO_LEARNING_RATE } else { (1.0 / (self.requests + 1.0)).max(ECHO_LEARNING_RATE) };
+        let rate =
+            if self.has_constant_rate() { ECHO_LEARNING_RATE } else { (1.0 / (self.requests + 1.0)).max(ECHO_LEARNING_RATE) };
         self.share + (last - self.share) * rate
     }
 
@@ -53,5 +74,27 @@ impl EchoStatistics {
     pub(super) fn has_echo(self) -> Option<bool> {
         let share = self.share_with_last();
         (share > MIN_SHARE_WITH_ECHO).then_some(true).or((share < MAX_SHARE_WITHOUT_ECHO).then_some(false))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn requests_are_added_as_one_by_one(runs in prop::collection::vec((0u32..2000, any::<bool>()), 1..6)) {
+            let (mut at_once, mut one_by_one) = (EchoStatistics::default(), EchoStatistics::default());
+            for (requests, appears_twice) in runs {
+                at_once.add_requests(requests);
+                (0..requests).for_each(|_| one_by_one.add_request());
+                let bits = |share: EchoStatistics| (share.share.to_bits(), share.requests.to_bits(), share.last_appeared_twice);
+                prop_assert_eq!(bits(at_once), bits(one_by_one));
+                if appears_twice {
+                    (at_once.last_appeared_twice, one_by_one.last_appeared_twice) = (Some(true), Some(true));
+                }
+            }
+        }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use crate::ones::add_ones;
 use crate::pairing::damaged_request::DamagedRequest;
 use crate::pairing::{ObservedFrame, PendingTransaction};
 use modlens_protocol::direction::{match_response, RequestRef, ResponseMatch};
@@ -158,8 +159,8 @@ impl History {
 
     /// Counts answered requests on the fast path, which are no retries. The last response is set by `sync_after_batch`.
     #[inline]
-    pub(crate) fn count_answered(&mut self, requests: u64) {
-        (0..requests).for_each(|_| self.duplicates.occasions += 1.0);
+    pub(crate) fn count_answered(&mut self, requests: u32) {
+        add_ones(&mut self.duplicates.occasions, requests);
     }
 
     /// Sets the last response after a run of the fast path.

@@ -21,7 +21,8 @@ pub struct Batch {
     pub functions: Option<Arc<Functions>>,
     /// The bytes of all rows.
     pub arena: Vec<u8>,
-    /// The findings of all frames and transactions.
+    /// The findings of all frames and transactions. In a batch of a session the first is `Finding::Exception`, to which the rows of
+    /// all compact exchanges that were refused refer.
     pub codes: Vec<Finding>,
     /// Frames.
     pub frames: Vec<Frame>,
@@ -44,7 +45,7 @@ pub struct Batch {
     pub inner_packets: Vec<(u64, u64)>,
     /// All transactions, once somebody has asked for them.
     expanded: OnceLock<Vec<Transaction>>,
-    /// For each bus and function a compact exchange, once somebody has asked.
+    /// For each bus and kind a compact exchange, once somebody has asked.
     kinds: OnceLock<Vec<(usize, usize)>>,
     /// Where its vectors go when it is dropped.
     pub(crate) pool: MemoryPool,
@@ -72,6 +73,7 @@ impl MemoryPool {
             (batch.arena, batch.codes, batch.frames, batch.transactions, batch.findings, exchanges) = memory;
             (batch.exchanges, batch.packet_pairs) = exchanges;
         }
+        batch.codes.push(Finding::Exception);
         batch
     }
 }
@@ -148,14 +150,14 @@ impl Batch {
         run.transaction(&self.exchanges, &self.packet_pairs, at)
     }
 
-    /// A compact exchange for each bus and function: index of its run, and its place there.
+    /// A compact exchange for each bus and kind (`Exchange::kind`): index of its run, and its place there.
     pub fn exchange_kinds(&self) -> &[(usize, usize)] {
         self.kinds.get_or_init(|| {
             let mut kinds = Vec::new();
             for (index, run) in self.exchange_runs.iter().enumerate() {
-                let mut seen = [false; 256];
+                let mut seen = [false; Exchange::KINDS];
                 for (at, exchange) in run.exchanges.of(&self.exchanges).iter().enumerate() {
-                    if !std::mem::replace(&mut seen[usize::from(exchange.function)], true) {
+                    if !std::mem::replace(&mut seen[exchange.kind()], true) {
                         kinds.push((index, at));
                     }
                 }

@@ -9,8 +9,15 @@ use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
+/// Function codes without the exception bit.
+const FUNCTIONS: usize = 128;
+
+/// The highest exception code of the specification (application protocol, 7).
+const MAX_EXCEPTION: u8 = 11;
+
 /// An exchange of an RTU line without a clock, or of a TCP connection in a packet each: a plain request and its good response,
-/// without a finding. Its bytes are in the arena, the response's right behind the request's.
+/// without a finding; or its refusal, whose only finding is the exception. Its bytes are in the arena, the response's right
+/// behind the request's.
 #[derive(Clone, Copy, Debug)]
 pub struct Exchange {
     /// Where the request's bytes begin.
@@ -27,9 +34,37 @@ pub struct Exchange {
     pub function: u8,
     /// Log2 odds that the two belong together, and are what they seem.
     pub confidence: u8,
+    /// The exception code of a refusal, which is one that `has_place_for` takes; 0 of a response with data.
+    pub exception: u8,
 }
 
 impl Exchange {
+    /// Kinds of exchanges (`kind`).
+    pub const KINDS: usize = FUNCTIONS * (MAX_EXCEPTION as usize + 1);
+
+    /// Whether a refusal with this exception code may be a compact exchange. Others than those of the specification are rare,
+    /// and there would be a kind for each.
+    #[inline]
+    pub fn has_place_for(exception: u8) -> bool {
+        (1..=MAX_EXCEPTION).contains(&exception)
+    }
+
+    /// Function and exception code as one number. Exchanges of a kind have values in the same columns.
+    #[inline]
+    pub fn kind(&self) -> usize {
+        usize::from(self.exception) * FUNCTIONS + usize::from(self.function)
+    }
+
+    /// How it ended.
+    #[inline]
+    pub fn status(&self) -> Status {
+        if self.exception == 0 {
+            Status::Ok
+        } else {
+            Status::Exception
+        }
+    }
+
     /// The PDUs of the request and of the response of an RTU line.
     #[inline]
     pub fn pdus<'a>(&self, arena: &'a [u8]) -> [&'a [u8]; 2] {
@@ -141,7 +176,7 @@ impl ExchangeRun {
         first_start: u32,
         timing: Option<ExchangeTiming<'_>>,
     ) -> Transaction {
-        let Exchange { start, lengths, unit, function, confidence, .. } = *exchange;
+        let Exchange { start, lengths, unit, function, confidence, exception, .. } = *exchange;
         let pair = timing.map(|timing| timing.pair);
         let [before, behind] = Exchange::around_pdu(timing.is_some());
         let [request, response] = lengths.map(u32::from);
@@ -158,8 +193,8 @@ impl ExchangeRun {
             elapsed: timing.and_then(|timing| Some(timing.pair.starts[0] - timing.recording_start?)),
             unit,
             function,
-            status: Status::Ok,
-            exception: None,
+            status: exchange.status(),
+            exception: Some(exception).filter(|&code| code != 0),
             confidence,
             unconfirmed: confidence < UNCONFIRMED_TRANSACTION_BITS,
             response_time: pair.and_then(|pair| pair.response_time),
@@ -171,7 +206,8 @@ impl ExchangeRun {
             mbap_id: pair.map(|pair| pair.mbap_id),
             request: frame_ref(frame, start, request, 0),
             response: frame_ref(frame + 1, start + request, response, 1),
-            findings: Span::default(),
+            // The finding of a refusal is the first of each batch.
+            findings: Span { start: 0, length: u32::from(exception != 0) },
             // A bus with profiles has no compact exchanges.
             points: None,
             origin: pair.map_or(self.offset + u64::from(start - first_start), |pair| pair.packet),

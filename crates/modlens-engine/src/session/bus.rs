@@ -82,7 +82,7 @@ pub(crate) struct BusState {
     /// What the responses of units have in common.
     pub(crate) habits: UnitHabits,
     pub(crate) profiles: Profiles,
-    /// Reads of an RTU line that came before.
+    /// Reads that came before.
     pub(crate) known_reads: KnownReads,
     /// What is counted of a connection.
     pub(crate) connection: ConnectionTally,

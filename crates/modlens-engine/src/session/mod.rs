@@ -156,13 +156,14 @@ impl Session {
     /// A session with this table of functions. A `live` one emits transactions in the order of completion, any other in
     /// the order of requests. `timeout` is that of requests; it is learned where `None`.
     pub fn new(functions: Arc<Functions>, wanted: WantedTables, live: bool, timeout: Option<Ns>) -> Self {
+        let pool = MemoryPool::default();
         Self {
             functions,
             buses: Vec::new(),
             open: BTreeSet::new(),
             bus_rows: Arc::default(),
-            batch: Batch::default(),
-            pool: MemoryPool::default(),
+            batch: pool.batch(),
+            pool,
             held: HeldRows::new(live),
             kept: 0,
             wanted,

@@ -25,7 +25,7 @@ pub(super) fn store_frame(batch: &mut Batch, frame: &BufferedFrame) -> FrameRef 
 
 /// What the row of a finding says of the place where it was found.
 #[derive(Clone, Copy)]
-pub(super) struct FindingPlace {
+pub(crate) struct FindingPlace {
     /// Number of the frame.
     pub frame: Option<u64>,
     /// Number of the transaction.
@@ -44,7 +44,7 @@ pub(super) struct FindingPlace {
 
 impl FindingPlace {
     /// The row of a finding at this place.
-    pub(super) fn row(&self, finding: Finding, detail: String) -> FindingRow {
+    pub(crate) fn row(&self, finding: Finding, detail: String) -> FindingRow {
         FindingRow {
             frame: self.frame,
             txn: self.txn,

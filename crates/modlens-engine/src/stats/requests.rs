@@ -161,16 +161,28 @@ impl RequestTable {
     /// Counts a request of the fast path, which was answered.
     #[inline]
     pub fn record_exchange(&mut self, key: RequestKey, start: Option<Ns>, taken: Option<Ns>) {
-        self.previous = Some((key.0, Status::Ok));
+        self.note_answered(key);
         if let Some(at) = self.find_or_add(key) {
             self.record_exchange_at(at, key, start, taken);
         }
     }
 
-    /// The same for the request at this index of `counts`.
+    /// Notes that the last request was answered.
+    #[inline]
+    pub fn note_answered(&mut self, key: RequestKey) {
+        self.previous = Some((key.0, Status::Ok));
+    }
+
+    /// Counts a request without time of the fast path, which was refused.
+    pub fn record_refusal(&mut self, key: RequestKey) {
+        self.record_exchange(key, None, None);
+        self.previous = Some((key.0, Status::Exception));
+    }
+
+    /// Counts an answered request at this index of `counts`.
     #[inline]
     pub fn record_exchange_at(&mut self, at: usize, key: RequestKey, start: Option<Ns>, taken: Option<Ns>) {
-        self.previous = Some((key.0, Status::Ok));
+        self.note_answered(key);
         let counts = &mut self.counts[at];
         counts.add_poll(start);
         counts.taken += taken.unwrap_or(0);

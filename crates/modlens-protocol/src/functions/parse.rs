@@ -199,8 +199,9 @@ fn parse_field(text: &str) -> Result<Field, String> {
 
 /// The standard layout that a row has, if the response can be predicted from the request.
 ///
-/// Three layouts qualify: a read (address and quantity, answered by a byte count and that many bytes), a write of a
-/// block (answered by its address and quantity) and a write of one value (answered by the same bytes). The names of the
+/// Four layouts qualify: a read (address and quantity, answered by a byte count and that many bytes), a write of a
+/// block (answered by its address and quantity), a write of one value (answered by the same bytes), and a read with the
+/// write of a block behind it, both of registers (answered as the read). The names of the
 /// fields are not enough, so the lengths of the layouts are tried with sample bytes.
 fn standard_layout(
     request: &Layout,
@@ -211,7 +212,7 @@ fn standard_layout(
 ) -> Option<StandardLayout> {
     let is_four_bytes = |layout: &Layout| layout.extent(&[0; 4]) == Extent::Exactly(4);
     let has_byte_count_at = |layout: &Layout, at: usize| {
-        let extent = |count: u8| layout.extent(&[&[0u8; 4][..at], &[count]].concat());
+        let extent = |count: u8| layout.extent(&[&[0u8; 8][..at], &[count]].concat());
         [1u8, 2, 250].iter().all(|&count| extent(count) == Extent::Exactly(at + 1 + usize::from(count)))
     };
     // The fast path does not look at the values of a response. So its limits may concern only the byte count, or fields
@@ -231,6 +232,14 @@ fn standard_layout(
             if is_four_bytes(request) && has_byte_count_at(response, 0) && limits_only_byte_count =>
         {
             Some(if bits { StandardLayout::ReadBits } else { StandardLayout::ReadRegisters })
+        }
+        (Some(2), Some((9, false)), Some((1, false)))
+            if (offsets.write_address, offsets.write_quantity) == (Some(4), Some(6))
+                && has_byte_count_at(request, 8)
+                && has_byte_count_at(response, 0)
+                && limits_only_byte_count =>
+        {
+            Some(StandardLayout::ReadWriteRegisters)
         }
         (Some(2), Some((5, bits)), None) if has_byte_count_at(request, 4) && repeats_address_and_number => {
             Some(if bits { StandardLayout::WriteBits } else { StandardLayout::WriteRegisters })

@@ -65,7 +65,7 @@ pub struct Echo {
     pub width: usize,
 }
 
-/// The request and response layouts of the standard functions 1 to 6, 15 and 16. Vendor functions with one of these
+/// The request and response layouts of the standard functions 1 to 6, 15, 16 and 23. Vendor functions with one of these
 /// layouts are handled the same way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StandardLayout {
@@ -81,6 +81,9 @@ pub enum StandardLayout {
     WriteRegisters,
     /// Functions 5 and 6: the request has address and value, and the response repeats both.
     WriteOne,
+    /// Function 23: the request has address and quantity of what is read, then address, quantity, byte count and registers of
+    /// what is written; the response a byte count and registers.
+    ReadWriteRegisters,
 }
 
 /// The limits of a request of a standard read or write, checked with two comparisons on the fast path.

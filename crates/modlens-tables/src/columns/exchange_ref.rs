@@ -31,13 +31,13 @@ impl<'a> ExchangeRef<'a> {
         self.run.bus
     }
 
-    /// Its function code.
+    /// Its function and exception code as one number (`Exchange::kind`).
     #[inline]
-    pub fn function(&self) -> u8 {
-        self.exchange.function
+    pub fn kind(&self) -> usize {
+        self.exchange.kind()
     }
 
-    /// One that has a value in each column in which an exchange of this bus and function may have one: it may lack only times.
+    /// One that has a value in each column in which an exchange of this bus and kind may have one: it may lack only times.
     pub(super) fn with_known_times(&self) -> ExchangeRef<'a> {
         let known = ExchangeTiming { pair: &KNOWN_TIMES, recording_start: Some(0) };
         ExchangeRef { timing: self.timing.map(|_| known), ..*self }

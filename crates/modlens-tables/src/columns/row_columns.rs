@@ -22,9 +22,9 @@ use modlens_protocol::Ns;
 /// Columns that have the same value in every row of a bus. Writers format these once per bus.
 pub(super) const BUS_COLUMNS: [&str; 4] = ["bus", "client", "server", "connection"];
 
-/// Columns that have the same value in the rows of all compact exchanges of a bus and a function.
-pub(super) const EXCHANGE_KIND_COLUMNS: [&str; 8] =
-    ["mode", "function", "function_name", "operation", "register_type", "status", "exception", "findings"];
+/// Columns that have the same value in the rows of all compact exchanges of a bus and a kind (`Exchange::kind`).
+pub(super) const EXCHANGE_KIND_COLUMNS: [&str; 9] =
+    ["mode", "function", "function_name", "operation", "register_type", "status", "exception", "exception_name", "findings"];
 
 /// Reads the value of a column from a row.
 pub(super) type Read<R> = for<'a> fn(&'a Batch, &'a R) -> Cell<'a>;

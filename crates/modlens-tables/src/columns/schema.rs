@@ -126,7 +126,7 @@ impl TableKind {
             && BUS_COLUMNS.contains(&self.columns()[column].key.as_str())
     }
 
-    /// Whether all compact exchanges of a bus and a function have the same value in this column, if they have one.
+    /// Whether all compact exchanges of a bus and a kind have the same value in this column, if they have one.
     pub(super) fn is_constant_per_exchange_kind(self, column: usize) -> bool {
         self.is_constant_per_bus(column) || EXCHANGE_KIND_COLUMNS.contains(&self.columns()[column].key.as_str())
     }

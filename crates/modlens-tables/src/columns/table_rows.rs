@@ -89,7 +89,7 @@ impl Table {
                 .any(|run| run.all().any(|one| is_exchange_value(&one, &reader)))
     }
 
-    /// Whether a column may have a value in the row of any compact exchange: that follows from the bus and the function, but for
+    /// Whether a column may have a value in the row of any compact exchange: that follows from the bus and the kind, but for
     /// times, which may be unknown.
     pub fn has_compact_value(&self, column: usize) -> bool {
         let (batch, reader) = (&*self.batch, self.kind.reader(column));
@@ -99,7 +99,7 @@ impl Table {
         })
     }
 
-    /// Whether a column has the same value, or none, in the rows of all compact exchanges with the bus and the function of this one.
+    /// Whether a column has the same value, or none, in the rows of all compact exchanges with the bus and the kind of this one.
     pub fn is_exchange_constant(&self, column: usize, exchange: &ExchangeRef<'_>) -> bool {
         self.kind.is_constant_per_exchange_kind(column)
             || !is_exchange_value(&exchange.with_known_times(), &self.kind.reader(column))

@@ -39,9 +39,10 @@ impl BusBucket {
         self.bytes += u64::from(lengths[0]) + u64::from(lengths[1]);
     }
 
-    /// Adds a transaction that went well.
-    pub fn exchange(&mut self) {
+    /// Adds a compact exchange.
+    pub fn exchange(&mut self, status: Status) {
         self.transactions += 1;
+        self.exceptions += u64::from(status == Status::Exception);
     }
 
     pub fn transaction(&mut self, row: &Transaction) {
@@ -105,10 +106,11 @@ pub(super) struct RequestBucket {
 }
 
 impl RequestBucket {
-    /// Adds a transaction that went well, without a response time.
-    pub fn exchange(&mut self) {
+    /// Adds a compact exchange, without a response time.
+    pub fn exchange(&mut self, status: Status) {
         self.transactions += 1;
-        self.ok += 1;
+        self.ok += u64::from(status == Status::Ok);
+        self.exceptions += u64::from(status == Status::Exception);
     }
 
     pub fn transaction(&mut self, row: &Transaction) {

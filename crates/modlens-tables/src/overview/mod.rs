@@ -213,9 +213,9 @@ impl Overview {
         let bus = &mut self.buses[at];
         for (exchange, number) in run.exchanges.of(&batch.exchanges).iter().zip(run.number..) {
             let position = bus.place(RowKind::Transaction, None, Some(number));
-            bus.line.at(position, line).exchange();
+            bus.line.at(position, line).exchange(exchange.status());
             match bus.requests_of((exchange.unit, exchange.function), &mut requests) {
-                Some(of_function) => of_function.series.at(position, of_requests).exchange(),
+                Some(of_function) => of_function.series.at(position, of_requests).exchange(exchange.status()),
                 None => self.left_out.transactions += 1,
             }
         }

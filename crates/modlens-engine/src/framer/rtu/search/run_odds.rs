@@ -38,7 +38,7 @@ impl Search {
         pause: PauseEvidence,
     ) -> f32 {
         let place = if context.is_multi_line { None } else { self.place_in_run(context, frame, direction, answers_outstanding) };
-        let odds = place.map_or(MAX_ODDS, |place| self.odds_at(place, frame[0], pause));
+        let odds = place.map_or(MAX_ODDS, |place| self.odds_at(place, self.silence_costs(frame[0]), pause));
         self.run_odds = odds.clamp(MIN_ODDS, MAX_ODDS);
         self.run_odds
     }
@@ -50,9 +50,10 @@ impl Search {
 
     /// The same for a response that equals its request and that the fast path found. `is_last`: no third copy follows.
     pub fn mirrored_response_odds(&self, unit: u8, pause: PauseEvidence, is_last: bool) -> f32 {
-        let odds = self.odds_at(PlaceInRun::Response, unit, pause);
+        let costs = self.silence_costs(unit);
+        let odds = self.odds_at(PlaceInRun::Response, costs, pause);
         // Else the retry would have had no response either.
-        let no_response = if is_last { self.silence_costs(unit).silent } else { 0.0 };
+        let no_response = if is_last { costs.silent } else { 0.0 };
         (odds + no_response).clamp(MIN_ODDS, MAX_ODDS)
     }
 
@@ -84,16 +85,16 @@ impl Search {
         self.model.silence_costs(unit, FramePosition { request_outstanding: true, unframed_bytes: 0 })
     }
 
-    /// The odds of a frame at this place: against what else it may be, and against an error before it.
-    fn odds_at(&self, place: PlaceInRun, unit: u8, pause: PauseEvidence) -> f32 {
-        let SilenceCosts { silent, answered } = self.silence_costs(unit);
+    /// The odds of a frame at this place: against what else it may be, and against an error before it. The costs are those of its
+    /// unit.
+    fn odds_at(&self, place: PlaceInRun, SilenceCosts { silent, answered }: SilenceCosts, pause: PauseEvidence) -> f32 {
         // The frame as the response, against the frame as the next request.
-        let response_bits = self.model.same_again_cost() - answered - pause.poll;
+        let response_bits = || self.model.same_again_cost() - answered - pause.poll;
         let retry_cost = silent + weights::RETRY_CHOICE_BITS;
         match place {
             PlaceInRun::Response if self.run_odds >= MAX_ODDS => retry_cost - answered - pause.timeout,
-            PlaceInRun::Response => both(retry_cost - answered - pause.timeout, self.run_odds + response_bits),
-            PlaceInRun::Again => both(weights::COPIED_RESPONSE_BITS - response_bits, self.run_odds - response_bits),
+            PlaceInRun::Response => both(retry_cost - answered - pause.timeout, self.run_odds + response_bits()),
+            PlaceInRun::Again => both(weights::COPIED_RESPONSE_BITS - response_bits(), self.run_odds - response_bits()),
             PlaceInRun::LaterCopy => pause.timeout - retry_cost + answered,
             PlaceInRun::SecondCopy => {
                 let EchoCosts { twice, once } = self.model.echo_costs();

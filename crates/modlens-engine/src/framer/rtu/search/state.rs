@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::fast_path::frame_check::{expected_response, FrameLength};
-use crate::framer::rtu::answerable::{Answerable, AnswerableRequests, Fingerprint, HeldRequest, RequestPool};
+use crate::framer::rtu::answerable::{AnswerableRequests, Fingerprint, HeldRequest, RequestPool};
 use crate::framer::rtu::crc_scan::CrcScanner;
 use crate::framer::rtu::frame_bytes::FrameBytes;
 use crate::framer::rtu::lone_frames::LoneFrames;
@@ -92,10 +92,11 @@ impl Search {
         self.lattice.len() == 1 && (!self.is_scanning || self.scanned_to == self.committed_offset())
     }
 
-    /// Whether no byte behind this stream offset was scanned, and no request may be answered there.
+    /// Whether no byte behind this stream offset was scanned, and no request is outstanding there. The late response to a
+    /// superseded one may still come.
     pub fn is_settled_at(&self, offset: u64) -> bool {
-        let Answerable { outstanding, superseded, .. } = self.lattice[ROOT].answerable;
-        self.lattice.len() == 1 && self.committed_offset() == offset && outstanding.is_none() && superseded.is_none()
+        let has_outstanding = self.lattice[ROOT].answerable.outstanding.is_some();
+        self.lattice.len() == 1 && self.committed_offset() == offset && !has_outstanding
     }
 
     /// The direction of the frame committed last.

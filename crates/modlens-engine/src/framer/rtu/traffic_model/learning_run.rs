@@ -5,22 +5,19 @@
 
 use crate::framer::rtu::side::{REQUEST, RESPONSE};
 use crate::framer::rtu::traffic_model::{LearnedShare, RequestCopy, TrafficModel};
+use crate::ones::add_ones;
 use crate::weights;
 use modlens_protocol::functions::EXCEPTION_BIT;
 
 /// Frames of an exchange.
 const FRAMES: u32 = 2;
 
-/// Explicit bits of a count's mantissa: its exponent stands above them.
-const MANTISSA_BITS: u32 = f32::MANTISSA_DIGITS - 1;
-
-/// From here on, a count stays as it is: what is added is rounded away.
-const GREATEST_COUNT: f32 = (1 << f32::MANTISSA_DIGITS) as f32;
-
 /// Exchanges of which the model has not learned yet what is the same of all.
 #[derive(Debug, Default)]
 pub struct LearningRun {
     exchanges: u32,
+    /// Those of them of which it has learned the turns.
+    turns: u32,
     /// Those of them whose response has not the same bytes as the request.
     first_requests: u32,
     /// How many more there may be before counts are halved.
@@ -29,8 +26,9 @@ pub struct LearningRun {
 
 impl TrafficModel {
     /// Learns from an exchange what `learn_exchange` learns, some of it only with the next `learn_run`: what is the same of all
-    /// exchanges of a run. `copy` is `First`, or `Unclear` where the response has the same bytes as the request.
-    #[inline]
+    /// exchanges of a run. `copy` is `First`, or `Unclear` where the response may have the same bytes as the request.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // Of a read that came before, the length is known to the caller.
     pub fn learn_in_run(&mut self, run: &mut LearningRun, request: &[u8], response: &[u8], copy: RequestCopy) {
         if run.left == 0 && !self.begin_run(run) {
             self.learn_exchange(request, response, copy);
@@ -61,11 +59,19 @@ impl TrafficModel {
         run.left > 0
     }
 
+    /// Learns from the exchanges of a run whose turn it was.
+    pub fn learn_turns(&mut self, run: &mut LearningRun) {
+        let turns = run.exchanges - run.turns;
+        run.turns = run.exchanges;
+        self.unsolicited[0].learn_misses(turns);
+        self.unanswered[0].learn_misses(turns);
+    }
+
     /// Learns from the exchanges of a run what is the same of all of them. The run may go on.
     pub fn learn_run(&mut self, run: &mut LearningRun) {
+        self.learn_turns(run);
         let exchanges = std::mem::take(&mut run.exchanges);
-        self.unsolicited[0].learn_misses(exchanges);
-        self.unanswered[0].learn_misses(exchanges);
+        run.turns = 0;
         add_ones(&mut self.requests, std::mem::take(&mut run.first_requests));
         self.function_totals.iter_mut().for_each(|total| add_ones(total, exchanges));
         add_ones(&mut self.unit_total, FRAMES * exchanges);
@@ -86,43 +92,12 @@ impl LearnedShare {
     }
 }
 
-/// Adds 1 so many times. Between two powers of two nothing is rounded, so that all ones may be added at once.
-#[inline]
-fn add_ones(count: &mut f32, ones: u32) {
-    let sum = *count + ones as f32;
-    if sum.to_bits() >> MANTISSA_BITS == count.to_bits() >> MANTISSA_BITS && sum < GREATEST_COUNT {
-        *count = sum;
-    } else {
-        add_ones_beyond(count, ones);
-    }
-}
-
-/// The same beyond the next power of two.
-#[cold]
-fn add_ones_beyond(count: &mut f32, mut ones: u32) {
-    while ones > 0 && *count < GREATEST_COUNT {
-        let next_power = f32::from_bits(((count.to_bits() >> MANTISSA_BITS) + 1) << MANTISSA_BITS);
-        let step = ((next_power - *count) as u32).clamp(1, ones);
-        *count += step as f32;
-        ones -= step;
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
 
     proptest! {
-        #[test]
-        fn ones_are_added_as_one_by_one(whole in 0u32..40_000, halved in 0i32..24, ones in 0u32..5000) {
-            let mut at_once = whole as f32 * (-halved as f32).exp2();
-            let mut one_by_one = at_once;
-            add_ones(&mut at_once, ones);
-            (0..ones).for_each(|_| one_by_one += 1.0);
-            prop_assert_eq!(at_once.to_bits(), one_by_one.to_bits());
-        }
-
         #[test]
         fn misses_are_learned_as_one_by_one(runs in prop::collection::vec((0u32..3000, any::<bool>()), 1..20)) {
             let (mut at_once, mut one_by_one) = (LearnedShare::default(), LearnedShare::default());
