@@ -88,7 +88,7 @@ impl Session {
                 (state.known_units[unit], state.paired_units[unit]) = (true, true);
                 state.pairing.note_answering(expected.unit);
                 if exception != 0 {
-                    self.stats.record_refusal(state.counts, key, exception);
+                    self.stats.record_refusal(state.counts, (key, exception), None, None);
                     refusals += 1;
                 } else {
                     self.stats.record_exchange(state.counts, (key, None), [None; 2], None);

@@ -108,6 +108,7 @@ impl Session {
     }
 
     /// Handles an event that is neither a time nor bytes of a connection.
+    #[cold]
     fn handle_rare_event(&mut self, state: &mut CaptureState, event: Event<'_>) {
         self.decide_waiting();
         match event {
@@ -133,6 +134,7 @@ impl Session {
 
     /// Notes whether the server's side of a connection is recorded, which its next bytes depend on. A change has what was fed
     /// before decided first.
+    #[inline]
     fn note_recorded_side(&mut self, bus: usize, is_recorded: bool) {
         if self.buses[bus].pairing.response_side_recorded != is_recorded {
             self.decide_waiting();
@@ -161,6 +163,7 @@ impl Session {
     /// the metadata of the port say if modlens wrote the capture, else by whether the time is a date. Its step is the
     /// coarsest of all interfaces so far. The recording begins with the first packet, unless modlens wrote the capture: then
     /// the metadata say when it began.
+    #[inline]
     fn note_time(&mut self, state: &mut CaptureState, time: Ns, interface: &Interface) {
         if state.clock == Clock::None {
             let by_time = if time < MIN_DATE_NS { Clock::Relative } else { Clock::Utc };
@@ -174,6 +177,7 @@ impl Session {
 
     /// Gives up the requests of all connections whose waiting time is over, once in `SWEEP_NS`: a connection on which nothing
     /// happens any more must not hold back the rows of the others.
+    #[inline]
     fn sweep_connections(&mut self, state: &mut CaptureState, now: Ns) {
         if !self.live && state.last_sweep.is_none_or(|last| (now - last).abs() >= SWEEP_NS) {
             self.sweep_all_connections(state, now);
@@ -181,6 +185,7 @@ impl Session {
     }
 
     /// The same at once.
+    #[cold]
     fn sweep_all_connections(&mut self, state: &mut CaptureState, now: Ns) {
         state.last_sweep = Some(now);
         // A request that is not decided yet has no deadline.
