@@ -2,8 +2,7 @@
 //! they come, without the inputs and reads of their lines.
 //!
 //! A request is kept in hand until the next packet of its connection. If that is its response, the exchange is emitted as
-//! `tcp_batch` emits one at the heads of the lines; if it is its refusal, the exchange is a compact one, too, where nobody wants
-//! rows of findings. Once at the end of the run, both lines are left as if the packets had come and been consumed, and
+//! `tcp_batch` emits one at the heads of the lines; where exchanges are compact, a refusal is a response, too. Once at the end of the run, both lines are left as if the packets had come and been consumed, and
 //! what is counted is counted. In any other case both packets take the general way, in their order, as does all of a connection on
 //! which something is undecided. That a packet is decided earlier than there changes nothing: a block of the capture may end
 //! behind any packet.
@@ -11,11 +10,14 @@
 use crate::fast_path::emit::{compact_exchange, ExchangePlaces};
 use crate::fast_path::packet_run::PacketRun;
 use crate::fast_path::tcp_batch::{keep_read, match_packets, match_refusal, KnownOfBus};
+use crate::findings::words;
 use crate::records::PacketPair;
 use crate::session::bus::{learn_sides, BusState};
 use crate::session::held_exchanges::ExchangeStart;
+use crate::session::rows::FindingPlace;
 use crate::session::Session;
 use crate::stats::RequestKey;
+use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
@@ -63,6 +65,7 @@ impl Session {
 
     /// Emits the exchange of the request in hand and this packet of the server as a compact one, if they are one without a doubt.
     /// What is the same for all of a run is left to its end.
+    #[inline(never)] // So that a request does not save what only a response needs.
     fn take_compact(&mut self, answered: &[u8], answered_at: Ns) -> bool {
         let Some(current) = self.packet_run.as_deref_mut() else { return false };
         let (asked, times) = (current.request.place(), [current.request.time, answered_at]);
@@ -71,7 +74,6 @@ impl Session {
         let known = known_of(state, current);
         let (matched, exception) = match match_packets(&self.functions, known, packets, times, [0, 1]) {
             Some(matched) => (matched, 0),
-            None if self.wanted.findings => return false,
             None => match match_refusal(&self.functions, known_of(state, current), packets, times) {
                 Some(refused) => refused,
                 None => return false,
@@ -92,6 +94,18 @@ impl Session {
             self.stats.count_exchange(state.counts, (key, matched.counters), (Some(times[0]), Some(taken)), response_time);
         } else {
             self.stats.record_refusal(state.counts, (key, exception), Some(times), response_time);
+            if self.wanted.findings {
+                let place = FindingPlace {
+                    frame: Some(self.next_frame + 1),
+                    txn: Some(self.next_txn),
+                    bus: current.bus,
+                    start: Some(times[0]),
+                    recording_start: self.origin,
+                    unit: Some(expected.unit),
+                    origin: current.request.packet,
+                };
+                self.batch.findings.push(place.row(Finding::Exception, words::exception(exception)));
+            }
         }
         if matched.counters.is_none() && exception == 0 {
             keep_read(&mut state.known_reads, &mut self.stats, state.counts, packets[0], &matched);
@@ -102,8 +116,12 @@ impl Session {
             let (packet, mbap_id) = (current.request.packet, matched.mbap_id.unwrap_or_default());
             let pair = PacketPair { starts: times, gap, response_time, packet, mbap_id };
             let (bus, number, frame) = (current.bus as u32, self.next_txn, self.next_frame);
-            let start = ExchangeStart { bus, number, frame, recording_start: self.origin };
-            self.held.exchanges.push(exchange, pair, &start);
+            if current.run.totals.exchanges > 0 {
+                self.held.exchanges.push_next(exchange, pair);
+            } else {
+                let start = ExchangeStart { bus, number, frame, recording_start: self.origin };
+                self.held.exchanges.push(exchange, pair, &start);
+            }
         }
         current.run.totals.exchanges += 1;
         current.run.totals.bytes += matched.lengths[0] + matched.lengths[1];

@@ -83,6 +83,11 @@ impl PacketRun {
         Some(time) > self.latest && !self.sides.iter().any(is_silent)
     }
 
+    /// Whether the request in hand may be given up by now.
+    pub(crate) fn is_due(&self, now: Ns) -> bool {
+        self.request.length > 0 && now - self.request.time >= self.request_timeout
+    }
+
     /// Notes an exchange of packets with these lengths and times, of which the response is at this place in the arena.
     #[inline]
     pub(super) fn pass(&mut self, lengths: [usize; 2], times: [Ns; 2], response: u32) {

@@ -84,7 +84,8 @@ impl Session {
     ///
     /// The end of a connection flushes its bus, which a later connection takes once no row names it any more. That one side
     /// ends it comes before: behind all bytes of that side, and while requests are still open.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // Where a packet is like the one before, it is known which event it is.
     pub(super) fn handle_event(&mut self, state: &mut CaptureState, event: Event<'_>) {
         match event {
             Event::Time(time, interface) => {
@@ -95,15 +96,21 @@ impl Session {
                 if let Some(bus) = state.slot(slot).bus {
                     self.note_recorded_side(bus, server_side_recorded);
                     if is_whole_message || !self.take_packet(bus, from_client, &chunk) {
-                        self.feed_stream(bus, from_client, &chunk, is_whole_message);
-                        // So that the packets behind it can be matched as they come.
-                        if !is_whole_message && !from_client && self.may_match_packets(bus) {
-                            self.decide_waiting();
-                        }
+                        self.feed_packet(bus, from_client, &chunk, is_whole_message);
                     }
                 }
             }
             other => self.handle_rare_event(state, other),
+        }
+    }
+
+    /// Feeds the bytes of a packet that is not matched as it comes.
+    #[cold]
+    fn feed_packet(&mut self, bus: usize, from_client: bool, chunk: &StreamChunk<'_>, is_whole_message: bool) {
+        self.feed_stream(bus, from_client, chunk, is_whole_message);
+        // So that the packets behind it can be matched as they come.
+        if !is_whole_message && !from_client && self.may_match_packets(bus) {
+            self.decide_waiting();
         }
     }
 
@@ -189,10 +196,13 @@ impl Session {
     fn sweep_all_connections(&mut self, state: &mut CaptureState, now: Ns) {
         state.last_sweep = Some(now);
         // A request that is not decided yet has no deadline.
-        self.decide_waiting();
+        if self.waiting.is_some() || self.packet_run.as_ref().is_some_and(|run| run.is_due(now)) {
+            self.decide_waiting();
+        }
         let is_due = |session: &Self, bus: usize| session.buses[bus].pairing.deadline().is_some_and(|due| due <= now);
         for bus in state.slots.iter().filter_map(|slot| slot.bus) {
             if is_due(self, bus) {
+                self.decide_waiting();
                 self.advance_pairing(bus, now);
             }
         }

@@ -80,7 +80,7 @@ mod tests {
     use crate::session::held_exchanges::ExchangeStart;
 
     const EXCHANGE: Exchange =
-        Exchange { start: 0, lengths: [12, 11], address: 0, quantity: 1, unit: 1, function: 3, confidence: 0 };
+        Exchange { start: 0, lengths: [12, 11], address: 0, quantity: 1, unit: 1, function: 3, confidence: 0, exception: 0 };
     const PAIR: PacketPair = PacketPair { starts: [0, 1], gap: None, response_time: None, packet: 1, mbap_id: 0 };
 
     fn row(number: u64) -> Transaction {

@@ -133,7 +133,8 @@ impl ConnectionTable {
     /// Takes a plain segment, if it is the next one of a connection of Modbus that is known by now and at which nothing waits;
     /// gives its bytes, if it has any. `None`, with nothing changed, if it is not: then `take` has to take it, which would have
     /// done the same.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // Called for every packet, which the caller takes apart at once.
     pub fn take_plain<'a>(
         &mut self,
         functions: &Functions,
