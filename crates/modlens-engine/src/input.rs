@@ -251,19 +251,19 @@ impl Input {
     }
 
     /// Whether packets may be passed by (`pass`): none is here, and those before them had times and several bytes, as all of a
-    /// connection do, and no marks.
+    /// connection do, and no marks; and a packet takes no time.
     pub fn takes_packets(&self) -> bool {
-        self.reads.is_empty() && self.has_times && self.has_multibyte_reads && !self.has_marks
+        let is_timed = self.has_times && self.char_ns.is_none();
+        self.reads.is_empty() && is_timed && self.has_multibyte_reads && !self.has_marks
     }
 
-    /// What `push` and `consume` do with a packet, which is this read of so many bytes, where `takes_packets` holds. Its bytes are
-    /// no `consumed_bytes`.
-    #[inline]
-    pub fn pass(&mut self, packet: &Read, length: usize) {
+    /// What `push` and `consume` do with packets, of which the last one has this time and ends at this stream offset and the longest
+    /// one has so many bytes, where `takes_packets` holds. Their bytes are no `consumed_bytes`.
+    pub fn pass(&mut self, end: u64, time: Ns, longest: usize) {
         (self.is_paused, self.is_closed, self.is_ended) = (false, false, false);
-        self.longest_read_bytes = self.longest_read_bytes.max(length);
-        (self.offset, self.first_read_start) = (packet.end, packet.end);
-        self.time_before_reads = Some(packet.time);
+        self.longest_read_bytes = self.longest_read_bytes.max(longest);
+        (self.offset, self.first_read_start) = (end, end);
+        self.time_before_reads = Some(time);
     }
 
     /// Removes marks in front of the first unframed byte.

@@ -161,16 +161,29 @@ impl Stats {
     pub(crate) fn record_exchange(
         &mut self,
         bus: usize,
-        (key, known): (RequestKey, Option<RequestPlace>),
+        request: (RequestKey, Option<RequestPlace>),
         spans: [Option<(Ns, Ns)>; 2],
         response_time: Option<Ns>,
     ) {
-        let counts = &mut self.buses[bus];
         for span in spans {
-            counts.add_bus_time(span);
+            self.buses[bus].add_bus_time(span);
         }
         let start = spans[0].map(|(start, _)| start);
         let taken = spans[0].zip(spans[1]).map(|(request, response)| response.1 - request.0);
+        self.count_exchange(bus, request, (start, taken), response_time);
+    }
+
+    /// The same without the times of its frames, which are those of its start and of its end, as long as it has `taken`.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
+    pub(crate) fn count_exchange(
+        &mut self,
+        bus: usize,
+        (key, known): (RequestKey, Option<RequestPlace>),
+        (start, taken): (Option<Ns>, Option<Ns>),
+        response_time: Option<Ns>,
+    ) {
+        let counts = &mut self.buses[bus];
         let function = if let Some(at) = known {
             counts.requests.record_exchange_at(at.request, key, start, taken);
             &mut counts.units[at.unit].functions[at.function]
@@ -210,14 +223,30 @@ impl Stats {
         counts.units[at.unit].functions[at.function].statuses[Status::Ok as usize] += 1;
     }
 
-    /// Counts an exchange without times of the fast path that was refused, and its finding.
-    pub(crate) fn record_refusal(&mut self, bus: usize, key: RequestKey, exception: u8) {
+    /// Counts an exchange of the fast path that was refused, and its finding. `times`: those of request and response, each of which
+    /// took none, where there is a clock.
+    pub(crate) fn record_refusal(
+        &mut self,
+        bus: usize,
+        (key, exception): (RequestKey, u8),
+        times: Option<[Ns; 2]>,
+        response_time: Option<Ns>,
+    ) {
         let counts = &mut self.buses[bus];
-        counts.requests.record_refusal(key);
+        counts.requests.record_refusal(key, times);
         let function = counts.function(key.unit(), key.function());
         function.statuses[Status::Exception as usize] += 1;
         *function.exceptions.entry(exception).or_default() += 1;
+        if let Some(time) = response_time {
+            function.response_times.add(time);
+        }
         self.finding(Finding::Exception);
+    }
+
+    /// Notes the times of a run of the fast path whose frames took none: the first and the last one.
+    pub(crate) fn record_run_times(&mut self, bus: usize, first: Ns, last: Ns) {
+        self.buses[bus].add_bus_time(Some((first, first)));
+        self.buses[bus].add_bus_time(Some((last, last)));
     }
 
     /// How many transactions with a unit were counted on the bus of this index here, and how many of them with a response.

@@ -18,7 +18,12 @@ const SMALL_BLOCK: usize = 60;
 #[derive(Clone, Copy, Debug)]
 enum Outcome {
     Answer,
-    Exception,
+    /// It is refused, with this code.
+    Exception(u8),
+    /// An exception comes that is of another function.
+    ExceptionOfAnother,
+    /// A byte stands behind the exception.
+    LongException,
     Silence,
     /// The answer has the identifier of another request.
     WrongIdentifier,
@@ -39,14 +44,15 @@ struct Poll {
 }
 
 fn polls() -> impl Strategy<Value = Vec<Poll>> {
-    use Outcome::{Answer, Exception, Pipelined, Silence, Split, WrongIdentifier};
+    use Outcome::{Answer, Exception, ExceptionOfAnother, LongException, Pipelined, Silence, Split, WrongIdentifier};
     let outcome = prop_oneof![
         20 => Just(Answer),
-        1 => prop::sample::select(vec![Exception, Silence, Silence, WrongIdentifier, Split, Pipelined]),
+        2 => prop::sample::select(vec![1u8, 2, 4, 11, 0, 12, 0x40]).prop_map(Exception),
+        1 => prop::sample::select(vec![ExceptionOfAnother, LongException, Silence, Silence, WrongIdentifier, Split, Pipelined]),
     ];
     let pause = prop_oneof![8 => 1u64..30_000, 1 => Just(0), 1 => 900_000u64..2_000_000, 1 => Just(31_000_000)];
     let connection = prop_oneof![6 => Just(0u8), 1 => 0u8..3];
-    let function = prop::sample::select(vec![1u8, 3, 3, 4, 6, 16]);
+    let function = prop::sample::select(vec![1u8, 3, 3, 4, 6, 16, 23]);
     let poll = (connection, function, 0u16..4, outcome, (pause, 0u64..40_000)).prop_map(
         |(connection, function, address, outcome, times)| Poll { connection, function, address, outcome, times: times.into() },
     );
@@ -68,6 +74,7 @@ fn pdus(function: u8, address: u16) -> [Vec<u8>; 2] {
         1 => [head(&[0, 9]), vec![1, 2, low, 1]],
         6 => [head(&[1, 2]), head(&[1, 2])],
         16 => [head(&[0, 2, 4, 1, 2, 3, low]), head(&[0, 2])],
+        23 => [head(&[0, 2, 0, low, 0, 1, 2, 3, 4]), vec![function, 4, 0, low, 1, high]],
         _ => [head(&[0, 2]), vec![function, 4, 0, low, 1, high]],
     }
 }
@@ -123,7 +130,9 @@ fn capture(polls: &[Poll]) -> Vec<u8> {
         let answer = message(id, &answer);
         match poll.outcome {
             Outcome::Answer => network.send(poll.connection, false, &answer),
-            Outcome::Exception => network.send(poll.connection, false, &message(id, &[poll.function | 0x80, 2])),
+            Outcome::Exception(code) => network.send(poll.connection, false, &message(id, &[poll.function | 0x80, code])),
+            Outcome::ExceptionOfAnother => network.send(poll.connection, false, &message(id, &[0x85, 2])),
+            Outcome::LongException => network.send(poll.connection, false, &message(id, &[poll.function | 0x80, 2, 2])),
             Outcome::Silence => {}
             Outcome::WrongIdentifier => network.send(poll.connection, false, &message(id ^ 0x100, &answer[7..])),
             Outcome::Split => answer.chunks(8).for_each(|part| network.send(poll.connection, false, part)),
@@ -177,7 +186,13 @@ proptest! {
 
 #[test]
 fn a_connection_without_frames_becomes_compact() {
-    let poll = |at: u16| Poll { connection: 0, function: 3, address: 1 + at % 3, outcome: Outcome::Answer, times: [5000, 2000] };
+    let poll = |at: u16| Poll {
+        connection: 0,
+        function: [3, 23, 6][usize::from(at % 3)],
+        address: 1 + at % 5,
+        outcome: if at % 4 == 3 { Outcome::Exception(2) } else { Outcome::Answer },
+        times: [5000, 2000],
+    };
     let file = capture(&(0..100).map(poll).collect::<Vec<_>>());
     let ((rows, none), (compact_rows, compact)) = (decoded(&file, 1 << 18, true, false), decoded(&file, 1 << 18, false, false));
     assert_eq!((rows, none), (compact_rows, 0));

@@ -112,7 +112,7 @@ impl CompactRun {
         if *exception == 0 {
             known.count_unknown(request, *expected);
         } else {
-            known.stats.record_refusal(known.counts, key_of(expected), *exception);
+            known.stats.record_refusal(known.counts, (key_of(expected), *exception), None, None);
             self.refusals += 1;
         }
         exchange(expected, start, rtu_transaction_confidence(expected.echoes_request, confidence::of_direction(odds)), *exception)

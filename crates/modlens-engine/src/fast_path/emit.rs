@@ -3,7 +3,6 @@
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rows::{ExchangeRows, MatchedExchange};
 use crate::fast_path::run::Run;
-use crate::input::Read;
 use crate::records::{Exchange, PacketPair, Span};
 use crate::session::bus::{learn_side, BusState};
 use crate::session::frame_timing::{FrameTiming, TimingConfig};
@@ -108,20 +107,10 @@ impl Session {
         if !self.wanted.transactions {
             return;
         }
-        let expected = &matched.expected;
-        let exchange = Exchange {
-            start,
-            lengths: matched.lengths.map(|length| length as u16),
-            address: expected.address,
-            quantity: expected.quantity,
-            unit: expected.unit,
-            function: expected.code,
-            confidence: matched.transaction_confidence(),
-            exception: 0,
-        };
         let pair = PacketPair { starts: starts.into(), gap: request.gap, response_time, packet: request.origin, mbap_id };
         let (number, frame, recording_start) = (self.next_txn, self.next_frame, self.origin);
-        self.held.exchanges.push(exchange, pair, &ExchangeStart { bus: bus as u32, number, frame, recording_start });
+        let of_run = ExchangeStart { bus: bus as u32, number, frame, recording_start };
+        self.held.exchanges.push(compact_exchange(matched, start, 0), pair, &of_run);
     }
 
     /// Appends the rows of an exchange to the tables that are wanted: its two frames to the batch, and its transaction to
@@ -149,6 +138,23 @@ impl Session {
     }
 }
 
+/// An exchange in a packet each whose bytes begin at `start` in the arena, with the exception code if it was refused, else 0.
+#[inline(always)]
+#[allow(clippy::inline_always)] // As above.
+pub(super) fn compact_exchange(matched: &MatchedExchange, start: u32, exception: u8) -> Exchange {
+    let expected = &matched.expected;
+    Exchange {
+        start,
+        lengths: matched.lengths.map(|length| length as u16),
+        address: expected.address,
+        quantity: expected.quantity,
+        unit: expected.unit,
+        function: expected.code,
+        confidence: matched.transaction_confidence(),
+        exception,
+    }
+}
+
 /// Learns from an exchange what the recording's words for a sender mean, what pairing learns, and that its unit is known and was
 /// paired. Returns the time from the end of the request to the start of the response; `None` without a clock.
 #[inline(always)]
@@ -158,9 +164,8 @@ fn learn_exchange(state: &mut BusState, matched: &MatchedExchange, request: &Fra
     learn_side(&mut state.side_votes, request.side, Direction::Request);
     learn_side(&mut state.side_votes, response.side, Direction::Response);
     let response_time = state.pairing.measurable_interval(request.end, response.start, response.clean_start);
-    state.pairing.record_exchange(expected.unit, *mbap_id, expected.echoes_request, request.gap, response_time);
-    let unit = usize::from(expected.unit);
-    (state.known_units[unit], state.paired_units[unit]) = (true, true);
+    state.pairing.record_exchange(*mbap_id, expected.echoes_request, request.gap, response_time);
+    state.note_paired(expected.unit);
     response_time
 }
 
@@ -182,18 +187,6 @@ fn pdu_span(mode: Mode, wire: Span, length: usize) -> Span {
 pub(super) fn adjacent_spans(start: usize, [request_length, response_length]: [usize; 2]) -> [Span; 2] {
     let span = |start: usize, length: usize| Span { start: start as u32, length: length as u32 };
     [span(start, request_length), span(start + request_length, response_length)]
-}
-
-/// Notes a packet that is exactly a frame at a line without other bytes, as if it had come and been consumed; returns when and where
-/// it was. `read` ends where the packet does.
-#[inline(always)]
-#[allow(clippy::inline_always)] // The result is large, and `Session::emit_timed` takes it apart at once.
-pub(super) fn pass(line: &mut LineState, read: &Read, length: usize, run: &Run) -> FrameTiming {
-    let config = TimingConfig { last_end: line.last_end, ..run.config };
-    let frame = FrameTiming::of_timed_read(&line.input, read, length, &config);
-    line.input.pass(read, length);
-    line.last_end = frame.end;
-    frame
 }
 
 /// Consumes the first `length` bytes of a line as a frame; returns when and where it was. The end of the frame before, which the

@@ -63,32 +63,37 @@ impl Pairing {
 
     /// Records that a unit has answered a request after `response_time`; `pause` is the silence before the request.
     /// `echoes_request`: the response has the same bytes as the request, so that neither the number of copies nor the time can
-    /// be learned from it.
+    /// be learned from it. That the unit answers is left to `note_answering`.
     #[inline]
-    pub fn record_exchange(
-        &mut self,
-        unit: u8,
-        mbap_id: Option<u16>,
-        echoes_request: bool,
-        pause: Option<Ns>,
-        response_time: Option<Ns>,
-    ) {
+    pub fn record_exchange(&mut self, mbap_id: Option<u16>, echoes_request: bool, pause: Option<Ns>, response_time: Option<Ns>) {
         if mbap_id.is_some() {
             self.note_same_identifiers();
         } else if !echoes_request {
             self.echoes.add_request();
         }
         self.heard = self.heard.map(|heard| heard + 1);
-        if let Some(pause) = pause.filter(|_| echoes_request && self.open.is_empty()) {
+        self.history.count_answered(1);
+        self.learn_times(pause.filter(|_| echoes_request), response_time, echoes_request);
+    }
+
+    /// Learns the silence before a request whose response, if it is none refused, has the same bytes; and the time to a response,
+    /// which has (`is_mirrored`) or has not.
+    #[inline]
+    pub fn learn_times(&mut self, poll_pause: Option<Ns>, response_time: Option<Ns>, is_mirrored: bool) {
+        if let Some(pause) = poll_pause.filter(|_| self.open.is_empty()) {
             self.timing.record_poll_pause(pause);
         }
-        self.history.count_answered(1);
-        self.note_answering(unit);
         match response_time {
-            Some(time) if echoes_request => self.timing.record_mirrored_response_time(time),
+            Some(time) if is_mirrored => self.timing.record_mirrored_response_time(time),
             Some(time) => self.timing.record_response_time(time),
             None => {}
         }
+    }
+
+    /// Records a run of answered requests of a connection, but for their times and units.
+    pub fn record_exchanges_by_id(&mut self, exchanges: u32) {
+        self.note_same_identifiers();
+        self.record_untimed_exchanges(exchanges, 0);
     }
 
     /// Records a run of answered requests without times, as `record_exchange` does each of them; `first_requests` are those whose

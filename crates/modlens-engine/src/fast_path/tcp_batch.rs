@@ -13,6 +13,7 @@ use crate::stats::{RequestKey, Stats};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
+use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
 /// Where in a message the length is that its header announces (messaging on TCP/IP, 3.1.3); behind it come unit and PDU.
@@ -73,15 +74,8 @@ pub(super) fn match_packets(
         Some(known) => known.expected,
         None => ExpectedExchange::from_request(functions, Mode::Tcp, request).filter(may_hold_no_map)?,
     };
-    let id = u16::from_be_bytes([header[0], header[1]]);
-    let is_whole = request.len() == expected.request_bytes && response.len() == expected.response_bytes;
-    let is_in_turn = requested_at < answered_at && answered_at - requested_at < of_bus.request_timeout;
-    if !(is_whole && is_in_turn && of_bus.open.are_left_by(id, [requested_at, answered_at])) {
-        return None;
-    }
-    let are_framed = mbap_prefix(*header) == mbap_prefix(framed(id, expected.request_bytes))
-        && mbap_prefix(*response_header) == mbap_prefix(framed(id, expected.response_bytes));
-    if !(are_framed && expected.is_answered_by(request, response)) {
+    let id = of_bus.undoubted_id(&expected, ([header, response_header], [request, response]), [requested_at, answered_at])?;
+    if !expected.is_answered_by(request, response) {
         return None;
     }
     let counters = known.and_then(|known| known.counters);
@@ -89,6 +83,49 @@ pub(super) fn match_packets(
     let is_settled = of_bus.profiles.learn_on_fast_path(functions, request, expected.read_data(response));
     let (mode, mbap_id, response_bits) = (Mode::Tcp, Some(id), u8::MAX);
     is_settled.then_some(MatchedExchange { expected, mode, mbap_id, lines, lengths, response_bits, counters })
+}
+
+/// The exchange of which these are the packets of the client and of the server, if that refuses the request without a doubt, on a
+/// bus without profiles; with the exception code. What is asked of it is what `match_packets` asks.
+#[cold]
+pub(super) fn match_refusal(
+    functions: &Functions,
+    of_bus: KnownOfBus<'_>,
+    [asked, answered]: [&[u8]; 2],
+    times: [Ns; 2],
+) -> Option<(MatchedExchange, u8)> {
+    let (header, request) = asked.split_first_chunk::<MBAP_PREFIX_BYTES>()?;
+    let (response_header, response) = answered.split_first_chunk::<MBAP_PREFIX_BYTES>()?;
+    let expected = ExpectedExchange::from_request(functions, Mode::Tcp, request).filter(may_hold_no_map)?.refused();
+    let exception = expected.refused_by(response)?;
+    let id = of_bus.undoubted_id(&expected, ([header, response_header], [request, response]), times)?;
+    let (lines, lengths) = ([0, 1], [asked.len(), answered.len()]);
+    let (mode, mbap_id, response_bits, counters) = (Mode::Tcp, Some(id), u8::MAX, None);
+    Some((MatchedExchange { expected, mode, mbap_id, lines, lengths, response_bits, counters }, exception))
+}
+
+impl KnownOfBus<'_> {
+    /// The transaction identifier of an exchange whose two packets have these headers and, behind them, unit and PDU; `None` if
+    /// their lengths or headers are not the expected ones, the response is out of its time, or a request that is still
+    /// outstanding would not stay as it is.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
+    fn undoubted_id(
+        &self,
+        expected: &ExpectedExchange,
+        ([header, response_header], [request, response]): ([&[u8; MBAP_PREFIX_BYTES]; 2], [&[u8]; 2]),
+        [requested_at, answered_at]: [Ns; 2],
+    ) -> Option<u16> {
+        let id = u16::from_be_bytes([header[0], header[1]]);
+        let is_whole = request.len() == expected.request_bytes && response.len() == expected.response_bytes;
+        let is_in_turn = requested_at < answered_at && answered_at - requested_at < self.request_timeout;
+        if !(is_whole && is_in_turn && self.open.are_left_by(id, [requested_at, answered_at])) {
+            return None;
+        }
+        let are_framed = mbap_prefix(*header) == mbap_prefix(framed(id, expected.request_bytes))
+            && mbap_prefix(*response_header) == mbap_prefix(framed(id, expected.response_bytes));
+        are_framed.then_some(id)
+    }
 }
 
 /// The MBAP header in front of the unit (messaging on TCP/IP, 3.1.3): identifier, protocol 0, and the number of bytes of unit and
@@ -123,7 +160,7 @@ impl Session {
         loop {
             let state = &mut self.buses[bus];
             let Some((matched, times)) = match_exchange(state, &self.functions, &open, lines) else { break };
-            state.connection.note_exchange(self.next_txn, matched.mbap_id, times, &state.pairing);
+            state.connection.note_exchange(self.next_txn, Status::Ok, matched.mbap_id, times, &state.pairing);
             let [asked, answered] = [0, 1].map(|at| &state.lines[lines[at]].1.input.bytes()[..matched.lengths[at]]);
             let wires = [self.batch.store(asked), self.batch.store(answered)];
             self.emit_exchange::<true>(bus, &matched, &ExchangePlaces { wires, pdus: None }, &mut run);

@@ -228,9 +228,17 @@ impl BusState {
         }
     }
 
+    /// Notes that a unit has answered a request.
+    #[inline]
+    pub(crate) fn note_paired(&mut self, unit: u8) {
+        self.pairing.note_answering(unit);
+        let unit = usize::from(unit);
+        (self.known_units[unit], self.paired_units[unit]) = (true, true);
+    }
+
     /// Whether a time is behind that of all bytes of a connection, and not behind a silence that would end a frame of either side.
     #[inline]
-    pub(crate) fn is_in_order(&self, time: Ns) -> bool {
+    fn is_in_order(&self, time: Ns) -> bool {
         let is_silent = |line: &LineState| line.input.last_byte_time().is_some_and(|last| time - last >= line.input.break_ns);
         Some(time) > self.latest && !self.lines.iter().any(|(_, line)| is_silent(line))
     }
@@ -340,6 +348,13 @@ pub(crate) fn learn_side(side_votes: &mut [i32; 2], side: Option<Side>, directio
     };
     let slot = &mut side_votes[usize::from(side == Side::Received)];
     *slot = (*slot + vote).clamp(-MAX_SIDE_VOTES, MAX_SIDE_VOTES);
+}
+
+/// Learns what `learn_side` learns of the requests of the recording's client and of as many responses of its server.
+pub(crate) fn learn_sides(side_votes: &mut [i32; 2], exchanges: u64) {
+    let votes = exchanges.min(2 * MAX_SIDE_VOTES.unsigned_abs() as u64) as i32;
+    side_votes[0] = (side_votes[0] + votes).min(MAX_SIDE_VOTES);
+    side_votes[1] = (side_votes[1] - votes).max(-MAX_SIDE_VOTES);
 }
 
 /// Learns from a good frame which units there are, and what the log's words mean.

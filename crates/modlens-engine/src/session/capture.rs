@@ -84,7 +84,8 @@ impl Session {
     ///
     /// The end of a connection flushes its bus, which a later connection takes once no row names it any more. That one side
     /// ends it comes before: behind all bytes of that side, and while requests are still open.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // Where a packet is like the one before, it is known which event it is.
     pub(super) fn handle_event(&mut self, state: &mut CaptureState, event: Event<'_>) {
         match event {
             Event::Time(time, interface) => {
@@ -95,11 +96,7 @@ impl Session {
                 if let Some(bus) = state.slot(slot).bus {
                     self.note_recorded_side(bus, server_side_recorded);
                     if is_whole_message || !self.take_packet(bus, from_client, &chunk) {
-                        self.feed_stream(bus, from_client, &chunk, is_whole_message);
-                        // So that the packets behind it can be matched as they come.
-                        if !is_whole_message && !from_client && self.may_match_packets(bus) {
-                            self.decide_waiting();
-                        }
+                        self.feed_packet(bus, from_client, &chunk, is_whole_message);
                     }
                 }
             }
@@ -107,7 +104,18 @@ impl Session {
         }
     }
 
+    /// Feeds the bytes of a packet that is not matched as it comes.
+    #[cold]
+    fn feed_packet(&mut self, bus: usize, from_client: bool, chunk: &StreamChunk<'_>, is_whole_message: bool) {
+        self.feed_stream(bus, from_client, chunk, is_whole_message);
+        // So that the packets behind it can be matched as they come.
+        if !is_whole_message && !from_client && self.may_match_packets(bus) {
+            self.decide_waiting();
+        }
+    }
+
     /// Handles an event that is neither a time nor bytes of a connection.
+    #[cold]
     fn handle_rare_event(&mut self, state: &mut CaptureState, event: Event<'_>) {
         self.decide_waiting();
         match event {
@@ -133,6 +141,7 @@ impl Session {
 
     /// Notes whether the server's side of a connection is recorded, which its next bytes depend on. A change has what was fed
     /// before decided first.
+    #[inline]
     fn note_recorded_side(&mut self, bus: usize, is_recorded: bool) {
         if self.buses[bus].pairing.response_side_recorded != is_recorded {
             self.decide_waiting();
@@ -161,6 +170,7 @@ impl Session {
     /// the metadata of the port say if modlens wrote the capture, else by whether the time is a date. Its step is the
     /// coarsest of all interfaces so far. The recording begins with the first packet, unless modlens wrote the capture: then
     /// the metadata say when it began.
+    #[inline]
     fn note_time(&mut self, state: &mut CaptureState, time: Ns, interface: &Interface) {
         if state.clock == Clock::None {
             let by_time = if time < MIN_DATE_NS { Clock::Relative } else { Clock::Utc };
@@ -174,6 +184,7 @@ impl Session {
 
     /// Gives up the requests of all connections whose waiting time is over, once in `SWEEP_NS`: a connection on which nothing
     /// happens any more must not hold back the rows of the others.
+    #[inline]
     fn sweep_connections(&mut self, state: &mut CaptureState, now: Ns) {
         if !self.live && state.last_sweep.is_none_or(|last| (now - last).abs() >= SWEEP_NS) {
             self.sweep_all_connections(state, now);
@@ -181,13 +192,17 @@ impl Session {
     }
 
     /// The same at once.
+    #[cold]
     fn sweep_all_connections(&mut self, state: &mut CaptureState, now: Ns) {
         state.last_sweep = Some(now);
         // A request that is not decided yet has no deadline.
-        self.decide_waiting();
+        if self.waiting.is_some() || self.packet_run.as_ref().is_some_and(|run| run.is_due(now)) {
+            self.decide_waiting();
+        }
         let is_due = |session: &Self, bus: usize| session.buses[bus].pairing.deadline().is_some_and(|due| due <= now);
         for bus in state.slots.iter().filter_map(|slot| slot.bus) {
             if is_due(self, bus) {
+                self.decide_waiting();
                 self.advance_pairing(bus, now);
             }
         }

@@ -35,14 +35,14 @@ impl ConnectionTally {
         }
     }
 
-    /// Counts an exchange of the fast path: a request with its number, identifier and time, and the time of its answer.
+    /// Counts an exchange of the fast path: a request with its number, status, identifier and time, and the time of its answer.
     #[inline]
-    pub(crate) fn note_exchange(&mut self, txn: u64, id: Option<u16>, times: [Ns; 2], pairing: &Pairing) {
+    pub(crate) fn note_exchange(&mut self, txn: u64, status: Status, id: Option<u16>, times: [Ns; 2], pairing: &Pairing) {
         self.requests += 1;
         self.answered += 1;
         self.has_response = true;
         if self.first.is_none() {
-            self.note_outcome(txn, Status::Ok);
+            self.note_outcome(txn, status);
         }
         self.in_flight.exchange(id, times, |waited| !pairing.is_before_timeout(waited));
     }

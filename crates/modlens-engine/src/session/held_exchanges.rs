@@ -52,6 +52,16 @@ impl HeldExchanges {
         self.pairs.push(pair);
     }
 
+    /// Adds the exchange that goes on right behind the one added last: with the next number, frames and bytes of the same bus.
+    #[inline]
+    pub(crate) fn push_next(&mut self, exchange: Exchange, pair: PacketPair) {
+        if let Some(run) = self.runs.back_mut() {
+            run.exchanges.length += 1;
+            self.exchanges.push(exchange);
+            self.pairs.push(pair);
+        }
+    }
+
     /// Moves those whose number is less than `oldest` behind the compact exchanges of a batch.
     pub(super) fn give_out(&mut self, oldest: u64, to: &mut Batch) {
         let (first, first_pair) = (to.exchanges.len() as u32, to.packet_pairs.len() as u32);

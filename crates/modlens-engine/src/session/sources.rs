@@ -63,6 +63,7 @@ pub(super) struct SlotState {
 
 impl CaptureState {
     /// The connection in this slot, which is added if it is new.
+    #[inline]
     pub(super) fn slot(&mut self, slot: usize) -> &mut SlotState {
         if self.slots.len() <= slot {
             self.slots.resize(slot + 1, SlotState::default());

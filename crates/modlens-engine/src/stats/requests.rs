@@ -173,9 +173,9 @@ impl RequestTable {
         self.previous = Some((key.0, Status::Ok));
     }
 
-    /// Counts a request without time of the fast path, which was refused.
-    pub fn record_refusal(&mut self, key: RequestKey) {
-        self.record_exchange(key, None, None);
+    /// Counts a request of the fast path, which was refused; with the times of request and response, where there is a clock.
+    pub fn record_refusal(&mut self, key: RequestKey, times: Option<[Ns; 2]>) {
+        self.record_exchange(key, times.map(|[asked, _]| asked), times.map(|[asked, refused]| refused - asked));
         self.previous = Some((key.0, Status::Exception));
     }
 

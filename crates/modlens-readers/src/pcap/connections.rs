@@ -130,29 +130,26 @@ impl ConnectionTable {
         }
     }
 
-    /// Takes a plain segment, if it is the next one of a connection of Modbus that is known by now and at which nothing waits.
-    /// `false`, with nothing changed, if it is not: then `take` has to take it, which would have done the same.
-    pub fn take_plain(
+    /// Takes a plain segment, if it is the next one of a connection of Modbus that is known by now and at which nothing waits;
+    /// gives its bytes, if it has any. `None`, with nothing changed, if it is not: then `take` has to take it, which would have
+    /// done the same.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // Called for every packet, which the caller takes apart at once.
+    pub fn take_plain<'a>(
         &mut self,
         functions: &Functions,
-        it: &PlainSegment<'_>,
+        it: &PlainSegment<'a>,
         (packet, time): (u64, Option<Ns>),
-        skipped: &mut SkipCounts,
-        each: &mut dyn FnMut(Event<'_>),
-    ) -> bool {
-        let Some((at, side)) = self.known.find(it.addresses, it.ports) else { return false };
-        let Some(connection) = self.slots[at].as_mut().filter(|it| it.conversation.is_settled()) else { return false };
-        let Some(has_data) = connection.stream.take_next(side, it, time) else { return false };
+    ) -> Option<Option<Event<'a>>> {
+        let (at, side) = self.known.find(it.addresses, it.ports)?;
+        let connection = self.slots[at].as_mut().filter(|it| it.conversation.is_settled())?;
+        if !connection.stream.take_next(side, it, time) {
+            return None;
+        }
         connection.last_packet = packet;
         connection.packets += 1;
-        let conversation = &mut connection.conversation;
-        conversation.side_recorded[side] = true;
-        if has_data {
-            let chunk = StreamChunk { side, bytes: it.payload, packet, time, missing: 0, cut: false };
-            conversation.take_settled(chunk, &mut CaptureContext { functions, skipped, each });
-        }
-        conversation.note_plain_segment(side, has_data, time);
-        true
+        let chunk = StreamChunk { side, bytes: it.payload, packet, time, missing: 0, cut: false };
+        Some(connection.conversation.take_plain(functions, chunk))
     }
 
     /// Ends all connections, because the capture has ended.

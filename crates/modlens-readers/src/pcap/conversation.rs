@@ -116,12 +116,19 @@ impl Conversation {
         matches!(self.state, ConversationState::Modbus) && self.is_expected && self.history.is_some()
     }
 
-    /// Notes a plain segment of a settled conversation (`ConnectionHistory::note_plain_segment`).
+    /// Notes a plain segment of a settled conversation, which the stream has taken as the next one; gives the event of its
+    /// bytes, if it has any.
     #[inline]
-    pub(super) fn note_plain_segment(&mut self, side: usize, has_data: bool, time: Option<Ns>) {
+    pub(super) fn take_plain<'a>(&mut self, functions: &Functions, chunk: StreamChunk<'a>) -> Option<Event<'a>> {
+        let has_data = !chunk.bytes.is_empty();
         if let Some(history) = &mut self.history {
-            history.note_plain_segment(side == self.client, has_data, time);
+            if has_data {
+                history.note_bytes(functions, &chunk);
+            }
+            history.note_plain_segment(chunk.side == self.client, has_data, chunk.time);
         }
+        self.side_recorded[chunk.side] = true;
+        has_data.then(|| self.event_of(chunk))
     }
 
     /// Notes the sides that have finished by now, as far as `stream` has delivered everything before their FIN; where the
@@ -189,7 +196,9 @@ impl Conversation {
             (self.has_begun, self.has_ended) = (false, false);
             self.begin(chunk.packet, chunk.time, context);
         }
-        self.note_bytes(&chunk, context);
+        if let Some(history) = &mut self.history {
+            history.note_bytes(context.functions, &chunk);
+        }
         match self.state {
             ConversationState::Modbus => self.deliver(chunk, context),
             ConversationState::Other => context.skipped.not_modbus += 1,
@@ -205,20 +214,6 @@ impl Conversation {
                 });
                 self.decide(false, context);
             }
-        }
-    }
-
-    /// Takes bytes in order, where the conversation is settled: they are delivered.
-    #[inline]
-    pub(super) fn take_settled(&mut self, chunk: StreamChunk<'_>, context: &mut CaptureContext<'_, '_>) {
-        self.note_bytes(&chunk, context);
-        self.deliver(chunk, context);
-    }
-
-    #[inline]
-    fn note_bytes(&mut self, chunk: &StreamChunk<'_>, context: &CaptureContext<'_, '_>) {
-        if let Some(history) = &mut self.history {
-            history.note_bytes(context.functions, chunk);
         }
     }
 
@@ -258,19 +253,22 @@ impl Conversation {
     }
 
     /// Reports bytes of a Modbus connection.
-    #[inline]
     fn deliver(&mut self, chunk: StreamChunk<'_>, context: &mut CaptureContext<'_, '_>) {
         context.skipped.missing += u64::from(chunk.missing);
         context.skipped.cut += u64::from(chunk.cut);
-        let from_client = chunk.side == self.client;
-        let server_side_recorded = self.side_recorded[1 - self.client];
-        (context.each)(Event::Bytes {
+        (context.each)(self.event_of(chunk));
+    }
+
+    /// Bytes of a Modbus connection as they are reported.
+    #[inline]
+    fn event_of<'a>(&self, chunk: StreamChunk<'a>) -> Event<'a> {
+        Event::Bytes {
             slot: self.slot,
-            from_client,
+            from_client: chunk.side == self.client,
             chunk,
             is_whole_message: self.key.is_udp,
-            server_side_recorded,
-        });
+            server_side_recorded: self.side_recorded[1 - self.client],
+        }
     }
 
     /// Decides with what there is, and closes a connection that has been reported.

@@ -151,6 +151,9 @@ impl CaptureFile {
             block = rest;
         }
         while !block.is_empty() && self.damage.is_none() {
+            if let FileFormat::Classic { is_big_endian, is_modified: false } = self.format {
+                block = self.push_classic(block, is_big_endian, each);
+            }
             match self.record_length(block) {
                 Err(what) => return self.stop_at_damage(what),
                 Ok(record_length) if record_length > block.len() => {
@@ -164,6 +167,26 @@ impl CaptureFile {
                 }
             }
         }
+    }
+
+    /// Takes the packets of pcap at the head of a block that are whole in it; gives what is behind them, which is less than a
+    /// record, or damage.
+    fn push_classic<'a>(
+        &mut self,
+        mut block: &'a [u8],
+        is_big_endian: bool,
+        each: &mut impl FnMut(CapturedPacket<'_>),
+    ) -> &'a [u8] {
+        let before = block.len();
+        while let Some((header, behind)) = block.split_first_chunk() {
+            let [seconds, fraction, kept, length] = numbers_of_header(header, is_big_endian);
+            let kept = kept as usize;
+            let Some((data, rest)) = behind.split_at_checked(kept).filter(|_| kept <= MAX_RECORD_BYTES) else { break };
+            self.deliver_classic_packet([seconds, fraction, length], data, each);
+            block = rest;
+        }
+        self.position += (before - block.len()) as u64;
+        block
     }
 
     /// The bytes of a record that is not complete; at the end of the file they are lost.
@@ -222,7 +245,8 @@ impl CaptureFile {
             }
             FileFormat::Classic { is_big_endian, .. } => {
                 if let Some((header, data)) = record.split_first_chunk() {
-                    self.deliver_classic_packet(numbers_of_header(header, is_big_endian), data, each);
+                    let [seconds, fraction, _, length] = numbers_of_header(header, is_big_endian);
+                    self.deliver_classic_packet([seconds, fraction, length], data, each);
                 }
             }
         }
@@ -355,9 +379,9 @@ impl Interface {
 /// The header of a packet of pcap: seconds, their fraction, bytes that were kept, and bytes on the wire.
 pub(super) const RECORD_HEADER_BYTES: usize = 16;
 
-/// The numbers of such a header but for the third, which `record_length` has read.
+/// The numbers of such a header: seconds, their fraction, the bytes that are kept, and those on the wire.
 #[inline]
-pub(super) fn numbers_of_header(header: &[u8; RECORD_HEADER_BYTES], is_big_endian: bool) -> [u32; 3] {
+pub(super) fn numbers_of_header(header: &[u8; RECORD_HEADER_BYTES], is_big_endian: bool) -> [u32; 4] {
     let word = |at: usize| {
         let word = [header[at], header[at + 1], header[at + 2], header[at + 3]];
         if is_big_endian {
@@ -366,7 +390,7 @@ pub(super) fn numbers_of_header(header: &[u8; RECORD_HEADER_BYTES], is_big_endia
             u32::from_le_bytes(word)
         }
     };
-    [word(0), word(4), word(12)]
+    [word(0), word(4), word(8), word(12)]
 }
 
 /// Checks the length that a block announces; an impossible one means that the file is damaged.

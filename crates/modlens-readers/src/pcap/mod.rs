@@ -70,32 +70,44 @@ impl Capture {
     }
 
     /// Takes the next block of the file, cut anywhere; `each` is called with everything that it shows.
-    pub fn push(&mut self, functions: &Functions, block: &[u8], each: &mut dyn FnMut(Event<'_>)) {
-        let Self { file, fragments, table, skipped, parts, unknown_link_type, plain, is_general } = self;
+    pub fn push(&mut self, functions: &Functions, block: &[u8], each: &mut impl FnMut(Event<'_>)) {
+        // What is left of the reader takes packets while this cuts them out of the block.
+        let mut file = std::mem::take(&mut self.file);
         file.push(block, &mut |packet| {
             if let Some(time) = packet.time {
                 each(Event::Time(time, packet.by));
             }
-            let at = (packet.number, packet.time);
-            let segment = plain::segment(packet.by.link, packet.data).filter(|_| !*is_general);
-            if segment.is_some_and(|segment| table.take_plain(functions, &segment, at, skipped, each)) {
-                *plain += 1;
-                return;
-            }
-            if net::is_known_link(packet.by.link) {
-                let mut has_segment = false;
-                net::segments(packet.by.link, packet.data, fragments, &mut |segment| {
-                    has_segment = true;
-                    table.take(functions, segment, at, skipped, each);
-                });
-                skipped.other += u64::from(!has_segment);
-            } else if serial::is_known_link(packet.by.link) {
-                read_serial_packet(functions, (&mut *table, &mut *parts), &packet, skipped, each);
-            } else {
-                skipped.unknown_link += 1;
-                *unknown_link_type = Some(packet.by.link);
+            let segment = plain::segment(packet.by.link, packet.data).filter(|_| !self.is_general);
+            match segment.and_then(|it| self.table.take_plain(functions, &it, (packet.number, packet.time))) {
+                Some(bytes) => {
+                    self.plain += 1;
+                    if let Some(event) = bytes {
+                        each(event);
+                    }
+                }
+                None => self.take_packet(functions, &packet, each),
             }
         });
+        self.file = file;
+    }
+
+    /// Takes a packet that is not plain.
+    #[cold]
+    fn take_packet(&mut self, functions: &Functions, packet: &CapturedPacket<'_>, each: &mut dyn FnMut(Event<'_>)) {
+        let Self { fragments, table, skipped, parts, .. } = self;
+        if net::is_known_link(packet.by.link) {
+            let mut has_segment = false;
+            net::segments(packet.by.link, packet.data, fragments, &mut |segment| {
+                has_segment = true;
+                table.take(functions, segment, (packet.number, packet.time), skipped, each);
+            });
+            skipped.other += u64::from(!has_segment);
+        } else if serial::is_known_link(packet.by.link) {
+            read_serial_packet(functions, (table, parts), packet, skipped, each);
+        } else {
+            skipped.unknown_link += 1;
+            self.unknown_link_type = Some(packet.by.link);
+        }
     }
 
     /// Ends all connections, because the file has ended.

@@ -106,6 +106,8 @@ struct StreamDirection {
     recent: [SegmentFingerprint; RECENT_SEGMENTS],
     /// Index in `recent` of the next one to be replaced.
     oldest: usize,
+    /// How many of the last ones in `recent` stand right one behind the other up to `next`, so that none begins there.
+    in_turn: usize,
 }
 
 /// A segment that waits for bytes before it.
@@ -178,29 +180,31 @@ impl Stream {
     }
 
     /// Takes a segment with all of its payload that `take` would deliver as it is and at once: it is the next one of its side
-    /// and new, nothing waits or is missing, and no side has finished. `None`, with nothing changed, if it is not, else
-    /// whether it has a payload, which the caller delivers.
+    /// and new, nothing waits or is missing, and no side has finished. `false`, with nothing changed, if it is not. The caller
+    /// delivers the payload.
     #[inline]
-    pub fn take_next(&mut self, side: usize, it: &PlainSegment<'_>, time: Option<Ns>) -> Option<bool> {
+    pub fn take_next(&mut self, side: usize, it: &PlainSegment<'_>, time: Option<Ns>) -> bool {
         let is_plain = self.waiting.is_empty() && self.sides.iter().all(|side| side.end.is_none());
         let direction = &self.sides[side];
         let is_next = direction.next == Some(it.sequence) && direction.missing == 0;
         if !is_plain || !is_next || self.is_blocked(side, Some(it.acknowledged)) {
-            return None;
+            return false;
         }
         let length = it.payload.len() as u32;
         if length == 0 {
-            return Some(false);
+            return true;
         }
         let direction = &mut self.sides[side];
-        if direction.recent.iter().any(|old| old.start == it.sequence) {
-            return None;
+        if direction.in_turn < RECENT_SEGMENTS && direction.recent.iter().any(|old| old.start == it.sequence) {
+            return false;
         }
         direction.next = Some(it.sequence.wrapping_add(length));
         direction.losses_without_data = 0;
         let ident = Some(it.ident).filter(|&ident| ident != 0);
+        let in_turn = direction.in_turn;
         direction.remember(SegmentFingerprint { start: it.sequence, length, ident, time });
-        Some(true)
+        direction.in_turn = (in_turn + 1).min(RECENT_SEGMENTS);
+        true
     }
 
     /// Delivers what waits, because no further segment comes.
@@ -310,7 +314,7 @@ impl Stream {
             let other = &mut self.sides[1 - side];
             other.losses_without_data = other.losses_without_data.saturating_add(1);
             if other.losses_without_data >= MAX_LOSSES_WITHOUT_DATA {
-                other.next = None;
+                (other.next, other.in_turn) = (None, 0);
             }
         }
     }
@@ -351,6 +355,7 @@ impl StreamDirection {
     fn remember(&mut self, this: SegmentFingerprint) -> SegmentOutcome {
         self.recent[self.oldest] = this;
         self.oldest = (self.oldest + 1) % RECENT_SEGMENTS;
+        self.in_turn = 0;
         SegmentOutcome::New
     }
 }

@@ -220,7 +220,7 @@ proptest! {
         let record = [[seconds, fraction, data.len() as u32, length].map(bytes).concat(), data].concat();
         let expected = if is_big_endian { parse_pcap_frame_be(&record) } else { parse_pcap_frame(&record) }.unwrap().1;
         let (header, rest) = record.split_first_chunk().unwrap();
-        prop_assert_eq!(numbers_of_header(header, is_big_endian), [expected.ts_sec, expected.ts_usec, expected.origlen]);
+        prop_assert_eq!(numbers_of_header(header, is_big_endian), [expected.ts_sec, expected.ts_usec, expected.caplen, expected.origlen]);
         prop_assert_eq!(rest, expected.data);
     }
 }
