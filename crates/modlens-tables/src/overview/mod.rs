@@ -118,7 +118,8 @@ struct Requests {
 }
 
 impl Overview {
-    /// One that collects the courses of lines and requests alone: without values of registers and without examples.
+    /// One that collects the courses of lines and units alone: without values of registers, without examples, and without rows for
+    /// the requests of each function.
     pub fn of_courses() -> Self {
         Self { is_of_courses: true, ..Self::default() }
     }
@@ -312,8 +313,9 @@ impl Overview {
         let line = range.within(self.bus_resolution());
         let of_requests = bus.common(bus.requests.values().filter_map(|one| one.series.range()), self.request_resolution());
         let of_values = bus.common(bus.registers.range().into_iter(), self.value_resolution());
-        let requests: Vec<Json> = bus
-            .sorted_requests()
+        // The text of the courses draws units only; these rows would be most of the document.
+        let shown = if self.is_of_courses { BTreeMap::new() } else { bus.sorted_requests() };
+        let requests: Vec<Json> = shown
             .into_iter()
             .map(|((unit, function), counts)| {
                 let mut row = json!({"unit": unit, "function": function});
