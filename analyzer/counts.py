@@ -8,8 +8,6 @@
 
 from __future__ import annotations
 
-import re
-
 __all__ = ["bytes_of", "count_of"]
 
 
@@ -19,7 +17,7 @@ def count_of(number: int, noun: str) -> str:
 
 
 def _plural(noun: str) -> str:
-    if re.search(r"[^aeiou]y$", noun):
+    if noun.endswith("y") and noun[-2:-1] not in "aeiou":
         return f"{noun[:-1]}ies"
     return f"{noun}{'es' if noun.endswith(('s', 'x', 'ch')) else 's'}"
 

@@ -41,7 +41,7 @@ class Settings:
     - `bus_name`: of buses that would be named after their recording, which is one of several; None
       names them so
     - `overview`: what to collect of what reports draw; the `courses` have neither values of
-      registers nor examples
+      registers nor examples nor rows by function
     """
 
     line: Line | None = None

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any, Literal
 
 from analyzer.cli.chosen_settings import settings
@@ -13,7 +12,6 @@ from analyzer.cli.messages import Messages
 from analyzer.cli.segmentation import report_silence_limits
 from analyzer.cli.standard_streams import print_text
 from analyzer.cli.stop_signals import StopSignals
-from analyzer.report.document import complete
 from analyzer.session import FileRun, RecordingStatus
 from dissectors.errors import SourceError
 
@@ -54,7 +52,14 @@ class RecordingDocument:
     @cached_property
     def document(self) -> dict[str, Any]:
         """The document; docs/stats.schema.json describes it."""
-        return complete(self._files.document(), self._statuses, self._settings.functions)
+        from analyzer.report.document import complete  # noqa: PLC0415
+
+        return complete(self.counted, self._statuses, self._settings.functions)
+
+    @cached_property
+    def counted(self) -> dict[str, Any]:
+        """What the core has counted: all of the document that `modlens stats` shows as text."""
+        return self._files.document()
 
     @property
     def unreadable(self) -> int:
@@ -71,6 +76,8 @@ def write_page(name: str, content: bytes) -> None:
     if name == "-":
         print_text(content.decode())
         return
+    from pathlib import Path  # noqa: PLC0415
+
     target = Path(name)
     partial = target.with_name(f"{target.name}.partial")
     try:

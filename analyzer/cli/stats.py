@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
-import re
 from collections.abc import Mapping
 from typing import Any, Literal
 
@@ -43,15 +41,15 @@ def run(options: argparse.Namespace) -> int:
     with StopSignals() as stop_signals:
         drawn: Literal["courses", "all"] = "courses" if options.to is None else "all"
         recording = RecordingDocument(options, messages, stop_signals, overview=drawn)
-        document = recording.document
-        stats, found = document["statistics"], document["doctor"]
+        counted = recording.counted
+        stats, found = counted["statistics"], counted["doctor"]
         if options.to is None:
             show_verdict(found, stdout())
             stdout().line("")
             show_stats(stats, stdout(), found)
-            show_courses(document["overview"], stdout())
+            show_courses(counted["overview"], stdout())
         else:
-            print_text(_json(document))
+            print_text(_json(recording.document))
         if stop_signals.signal is not None:
             return SIGNALLED + stop_signals.signal
     if recording.unreadable:
@@ -59,10 +57,11 @@ def run(options: argparse.Namespace) -> int:
     return DAMAGED if options.strict and (damaged(stats) or messages.unparsed_lines) else 0
 
 
-_COLUMN = re.compile(r"\[\s+((?:[-+.\w]+,\s+)*[-+.\w]+)\s+\]")
-
-
 def _json(document: Mapping[str, Any]) -> str:
     """The document as indented JSON; lists of numbers, which are long, on a line each."""
+    import json  # noqa: PLC0415
+    import re  # noqa: PLC0415
+
     text = json.dumps(document, indent=2, ensure_ascii=False)
-    return _COLUMN.sub(lambda found: f"[{' '.join(found[1].split())}]", text) + "\n"
+    column = r"\[\s+((?:[-+.\w]+,\s+)*[-+.\w]+)\s+\]"
+    return re.sub(column, lambda found: f"[{' '.join(found[1].split())}]", text) + "\n"

@@ -5,7 +5,6 @@ A file inside an archive is called `archive!member`. Nothing is written to disk.
 
 from __future__ import annotations
 
-import glob
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
@@ -45,6 +44,8 @@ def expand(names: list[str], *, unpack: bool = True) -> list[RecordingName]:
         if os.path.isdir(name):
             paths = sorted(_walk(name))
         elif any(mark in name for mark in "*?[") and not os.path.lexists(name):
+            import glob  # noqa: PLC0415
+
             paths = sorted(glob.glob(name, recursive=True))
         if not paths:
             raise SourceError(f"{name}: no files; check the path")

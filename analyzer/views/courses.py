@@ -20,7 +20,7 @@ _VALUE_COLUMNS = 18
 
 def show_courses(overview: Mapping[str, Any], screen: Screen) -> None:
     """Print load, failures and each unit's response times over time."""
-    buses = overview["buses"]
+    buses = [bus for bus in overview["buses"] if bus is not None]
     short = cells.labels([bus["bus"] for bus in buses])
     width = max(min(screen.width - _NAME_COLUMNS - _VALUE_COLUMNS, MOST_COLUMNS), 10)
     for bus in buses:

@@ -287,16 +287,26 @@ const COMPARED_BYTES: usize = 4;
 #[inline]
 pub(crate) fn data(block: &[u8], bits: bool) -> Data {
     let register = |at: usize| block.get(at..at + 2).map_or(0, |pair| u16::from_be_bytes([pair[0], pair[1]]));
-    let head = if bits { [0, 0] } else { [register(0), register(2)] };
-    let last = register(block.len().saturating_sub(2));
-    let is_all = |byte: u8| !bits && block.first() == Some(&byte) && block.iter().all(|other| *other == byte);
+    let opening: Option<[u8; COMPARED_BYTES]> = block.first_chunk().copied();
+    let head = match opening {
+        _ if bits => [0, 0],
+        Some([one, two, three, four]) => [u16::from_be_bytes([one, two]), u16::from_be_bytes([three, four])],
+        None => [register(0), 0],
+    };
+    let last = block.last_chunk().map_or(0, |pair| u16::from_be_bytes(*pair));
+    let touches = [head[0] == 0xFFFF || last == 0xFFFF, head[0] == 0 || last == 0];
+    // All bytes are looked at only where a register may be one of many alike; a single byte is none.
+    let is_all = |byte: u8, touches: bool| {
+        let may_be = !bits && (touches || block.len() == 1);
+        may_be && !block.is_empty() && block.iter().all(|other| *other == byte)
+    };
     Data {
         is_present: true,
         head,
-        touches: [head[0] == 0xFFFF || last == 0xFFFF, head[0] == 0 || last == 0],
-        all_ones: is_all(0xFF),
-        all_zeros: is_all(0),
-        opening: block.first_chunk().copied(),
+        touches,
+        all_ones: is_all(0xFF, touches[0]),
+        all_zeros: is_all(0, touches[1]),
+        opening,
         length: block.len() as u16,
     }
 }
@@ -373,6 +383,35 @@ impl FrameObservation {
             gap: row.gap,
             pauses: row.pauses,
             damage: damage::damaged_request(row, wire),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        // As the words of `Data` say it, register by register.
+        #[test]
+        fn data_are_what_their_registers_say(
+            block in prop::collection::vec(prop_oneof![Just(0u8), Just(0xFF), any::<u8>()], 0..9),
+            is_long_and_plain in any::<bool>(),
+            bits in any::<bool>(),
+        ) {
+            let plain = block.first().map_or(Vec::new(), |first| vec![*first; block.len()]);
+            let block = if is_long_and_plain { plain } else { block };
+            let register = |at: usize| block.get(at..at + 2).map_or(0, |pair| u16::from(pair[0]) << 8 | u16::from(pair[1]));
+            let (last, head) = (register(block.len().saturating_sub(2)), [register(0), register(2)]);
+            let head = if bits { [0, 0] } else { head };
+            let is_all = |byte: u8| !bits && !block.is_empty() && block.iter().all(|other| *other == byte);
+            let seen = data(&block, bits);
+            prop_assert_eq!((seen.all_ones, seen.all_zeros), (is_all(0xFF), is_all(0)));
+            prop_assert_eq!(seen.head, head);
+            prop_assert_eq!(seen.touches, [0xFFFF, 0].map(|edge| head[0] == edge || last == edge));
+            prop_assert_eq!(seen.opening.is_some(), block.len() >= COMPARED_BYTES);
+            prop_assert_eq!(usize::from(seen.length), block.len());
         }
     }
 }

@@ -110,17 +110,34 @@ proptest! {
 
     #[test]
     fn the_overview_is_that_of_the_rows(bytes in line()) {
-        let of = |mut overview: Overview, compact| {
-            overview.observe(&batch(&bytes, compact));
-            overview.json(&[])
-        };
-        let rows = of(Overview::default(), false);
-        prop_assert_eq!(&of(Overview::default(), true), &rows);
-        // What the text of `stats` shows is part of it.
-        let courses = of(Overview::of_courses(), true);
-        for (bus, whole) in courses["buses"].as_array().unwrap().iter().zip(rows["buses"].as_array().unwrap()) {
-            prop_assert_eq!(&bus["line"], &whole["line"]);
-            prop_assert_eq!(&bus["requests"], &whole["requests"]);
+        overview_is_that_of_the_rows(&bytes)?;
+    }
+}
+
+/// The overview of compact exchanges, and the courses alone, show what that of whole rows shows.
+fn overview_is_that_of_the_rows(bytes: &[u8]) -> Result<(), TestCaseError> {
+    let of = |mut overview: Overview, compact| {
+        overview.observe(&batch(bytes, compact));
+        overview.json(&[])
+    };
+    let rows = of(Overview::default(), false);
+    prop_assert_eq!(&of(Overview::default(), true), &rows);
+    // What the text of `stats` shows is part of it.
+    let courses = of(Overview::of_courses(), true);
+    for (bus, whole) in courses["buses"].as_array().unwrap().iter().zip(rows["buses"].as_array().unwrap()) {
+        prop_assert_eq!(&bus["line"], &whole["line"]);
+        for key in ["steps", "units"] {
+            prop_assert_eq!(&bus["requests"][key], &whole["requests"][key]);
         }
     }
+    Ok(())
+}
+
+// A run that lies in many buckets, which become wider on the way.
+#[test]
+fn the_courses_of_a_long_run_are_those_of_the_rows() {
+    let cycle: Vec<u8> = (1..4).flat_map(|unit| exchange(unit, 3, 0x6B, 3 + unit, 7).concat()).collect();
+    let bytes = cycle.repeat(1500);
+    assert!(batch(&bytes, true).exchange_runs.iter().any(|run| run.exchanges.length > 2048));
+    overview_is_that_of_the_rows(&bytes).unwrap();
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import sys
 
 import pytest
 from hypothesis import given
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 from rich.cells import cell_len
 
 from analyzer.views.screen import Screen, fit, visible, width_of
+from analyzer.visible import for_terminal
 
 
 class Terminal(io.StringIO):
@@ -82,6 +84,16 @@ def test_control_characters_are_spelled_out(text: str, shown: str) -> None:
 def test_what_is_visible_is_printable(text: str) -> None:
     """No control character is left, whatever the recording held."""
     assert not set(visible(text)) & {chr(code) for code in (*range(32), *range(127, 160))}
+
+
+def test_what_is_escaped_is_not_printable_to_python() -> None:
+    """`visible` asks Python first, character by character the same as the table would say."""
+    every = [chr(code) for code in range(sys.maxunicode + 1)]
+    escaped = {one for one in every if visible(f"{one}\x1b") != f"{one}\\x1b"}
+    assert {one for one in every if visible(one) != one} == escaped
+    lines = {one for one in every if for_terminal(one) != one}
+    assert lines == escaped - {"\t", "\n"}
+    assert for_terminal("a\r\nb\n\tc\r") == "a\r\nb\n\tc\\r"
 
 
 @given(st.text(), st.integers(1, 30))

@@ -265,7 +265,7 @@ impl BusContrast {
         }
         (self.transactions_seen, self.is_pending) = (self.transactions_seen + 1, true);
         let before = self.context.before(Some(seen.key), seen.starts[0]);
-        clean.count(seen, &before);
+        clean.count(seen.key.function, &before);
         let has_times = seen.place.time.is_some() || seen.gap.is_some() || seen.response_time.is_some();
         if has_times || seen.starts[1].is_some() || before.previous.is_some_and(|(_, was_silent)| was_silent) {
             self.units.entry(seen.key.unit).or_default().count_clean_times(*seen, before);

@@ -2,7 +2,6 @@
 //! that most of them change.
 
 use super::before::Before;
-use crate::clean::Clean;
 
 /// Unit numbers.
 const UNITS: usize = 256;
@@ -29,43 +28,43 @@ pub(super) struct CleanCounts {
     /// Those of them with a write among the transactions before.
     pub behind_writes: u64,
     /// By the unit before; this and what follows is not set back with `good`.
-    pub by_previous: Few<u8>,
+    pub by_previous: Few,
     /// By function.
-    pub by_function: Few<u8>,
+    pub by_function: Few,
     /// Those behind a transaction, by whether that failed.
     pub after_failure: [u64; 2],
 }
 
-/// Counts by a few different keys, the same one mostly many times on end.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Few<K> {
+/// Counts by unit or function, of which there are a few.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Few {
     /// The keys with their counts.
-    pub counts: Vec<(K, u64)>,
-    last: usize,
+    pub counts: Vec<(u8, u64)>,
+    /// By the last bits of a key: which of the counts is probably its own.
+    likely: [u8; LIKELY],
 }
 
-impl<K> Default for Few<K> {
-    fn default() -> Self {
-        Self { counts: Vec::new(), last: 0 }
-    }
-}
+/// Likely places: a power of two.
+const LIKELY: usize = 16;
 
-impl<K: PartialEq> Few<K> {
+impl Few {
     #[inline]
-    fn count(&mut self, key: K) {
-        match self.counts.get_mut(self.last) {
-            Some((last, count)) if *last == key => *count += 1,
-            _ => self.count_other(key),
+    fn count(&mut self, key: u8) {
+        let likely = self.likely[usize::from(key) % LIKELY];
+        match self.counts.get_mut(usize::from(likely)) {
+            Some((own, count)) if *own == key => *count += 1,
+            _ => self.count_elsewhere(key),
         }
     }
 
-    /// Counts a key that is not the last one.
-    fn count_other(&mut self, key: K) {
-        self.last = self.counts.iter().position(|(other, _)| *other == key).unwrap_or(self.counts.len());
-        if self.last == self.counts.len() {
+    /// Counts a key that is not at its likely place.
+    fn count_elsewhere(&mut self, key: u8) {
+        let at = self.counts.iter().position(|(other, _)| *other == key).unwrap_or(self.counts.len());
+        if at == self.counts.len() {
             self.counts.push((key, 0));
         }
-        self.counts[self.last].1 += 1;
+        self.counts[at].1 += 1;
+        self.likely[usize::from(key) % LIKELY] = at as u8;
     }
 }
 
@@ -94,9 +93,9 @@ impl CleanUnits {
 impl CleanCounts {
     /// Counts one whose unit `is_open`. What its times tell is counted by `UnitCounts::count_clean_times`.
     #[inline]
-    pub fn count(&mut self, seen: &Clean, before: &Before) {
+    pub fn count(&mut self, function: u8, before: &Before) {
         self.good += 1;
-        self.by_function.count(seen.key.function);
+        self.by_function.count(function);
         self.behind_writes += u64::from(before.written);
         if let Some((unit, was_silent)) = before.previous {
             self.after_failure[usize::from(before.failed)] += 1;

@@ -1,6 +1,6 @@
 //! What happened on a bus, and with the requests of one function to one unit, in one bucket of time.
 
-use modlens_engine::records::{Frame, Transaction};
+use modlens_engine::records::{Exchange, Frame, Transaction};
 use modlens_protocol::framing::Verdict;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
@@ -33,16 +33,16 @@ impl BusBucket {
         self.silence = self.silence.max(row.gap.unwrap_or(0));
     }
 
-    /// Adds good frames of these lengths, without silences.
-    pub fn good_frames(&mut self, lengths: [u32; 2]) {
-        self.frames += 2;
-        self.bytes += u64::from(lengths[0]) + u64::from(lengths[1]);
+    /// Adds the frames of exchanges, without silences.
+    pub fn good_frames(&mut self, exchanges: &[Exchange]) {
+        self.frames += 2 * exchanges.len() as u64;
+        self.bytes += exchanges.iter().map(|one| u64::from(one.lengths[0]) + u64::from(one.lengths[1])).sum::<u64>();
     }
 
-    /// Adds a compact exchange.
-    pub fn exchange(&mut self, status: Status) {
-        self.transactions += 1;
-        self.exceptions += u64::from(status == Status::Exception);
+    /// Adds compact exchanges.
+    pub fn exchanges(&mut self, exchanges: &[Exchange]) {
+        self.transactions += exchanges.len() as u64;
+        self.exceptions += exchanges.iter().filter(|one| one.status() == Status::Exception).count() as u64;
     }
 
     pub fn transaction(&mut self, row: &Transaction) {

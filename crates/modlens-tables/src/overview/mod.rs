@@ -16,7 +16,7 @@ use std::borrow::Borrow;
 use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
-use modlens_engine::records::{Batch, Bus, Connection, End, ExchangeRun, Frame, Part, Transaction};
+use modlens_engine::records::{Batch, Bus, Connection, End, Exchange, ExchangeRun, Frame, Part, Transaction};
 use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::Clock;
 use modlens_protocol::timestamp::time_text;
@@ -104,8 +104,8 @@ struct BusOverview {
     /// Where the last frame and the last transaction were, for rows without a time.
     last: [i64; 2],
     line: Series<BusBucket>,
-    /// By unit and function.
-    requests: HashMap<(u8, u8), Requests, foldhash::fast::FixedState>,
+    /// By unit and function, as one number: it is looked up for each transaction.
+    requests: HashMap<u16, Requests, foldhash::fast::FixedState>,
     registers: Registers,
 }
 
@@ -118,7 +118,8 @@ struct Requests {
 }
 
 impl Overview {
-    /// One that collects the courses of lines and requests alone: without values of registers and without examples.
+    /// One that collects the courses of lines and units alone: without values of registers, without examples, and without rows for
+    /// the requests of each function.
     pub fn of_courses() -> Self {
         Self { is_of_courses: true, ..Self::default() }
     }
@@ -211,9 +212,13 @@ impl Overview {
         let (line, of_requests, mut requests) = (self.bus_resolution(), self.request_resolution(), self.requests());
         let Some(at) = self.bus_at(batch, run.bus, false) else { return };
         let bus = &mut self.buses[at];
-        for (exchange, number) in run.exchanges.of(&batch.exchanges).iter().zip(run.number..) {
-            let position = bus.place(RowKind::Transaction, None, Some(number));
-            bus.line.at(position, line).exchange(exchange.status());
+        let exchanges = run.exchanges.of(&batch.exchanges);
+        bus.each_bucket(RowKind::Transaction, run.number, exchanges, line, |bucket, exchanges| {
+            bucket.exchanges(exchanges);
+        });
+        let is_numbered = bus.axis == Axis::Transactions;
+        for (exchange, number) in exchanges.iter().zip(run.number..) {
+            let position = if is_numbered { number as i64 } else { bus.last[RowKind::Transaction as usize] };
             match bus.requests_of((exchange.unit, exchange.function), &mut requests) {
                 Some(of_function) => of_function.series.at(position, of_requests).exchange(exchange.status()),
                 None => self.left_out.transactions += 1,
@@ -275,13 +280,14 @@ impl Overview {
         own.last = later.last;
         own.line.merge(&later.line, line);
         // In order: which ones there is room for must not depend on that of a hash map.
-        for (key, counts) in later.sorted_requests() {
-            if let Some(own) = own.requests.get_mut(key) {
+        for ((unit, function), counts) in later.sorted_requests() {
+            let key = u16::from_be_bytes([unit, function]);
+            if let Some(own) = own.requests.get_mut(&key) {
                 own.series.merge(&counts.series, of_requests);
                 own.examples.iter_mut().zip(counts.examples).for_each(|(own, more)| *own = (*own).min(more));
             } else if requests < MAX_REQUESTS {
                 requests += 1;
-                own.requests.insert(*key, counts.clone());
+                own.requests.insert(key, counts.clone());
             }
         }
         self.left_out.values += own.registers.merge(&later.registers, of_values, room) as u64;
@@ -307,8 +313,9 @@ impl Overview {
         let line = range.within(self.bus_resolution());
         let of_requests = bus.common(bus.requests.values().filter_map(|one| one.series.range()), self.request_resolution());
         let of_values = bus.common(bus.registers.range().into_iter(), self.value_resolution());
-        let requests: Vec<Json> = bus
-            .sorted_requests()
+        // The text of the courses draws units only; these rows would be most of the document.
+        let shown = if self.is_of_courses { BTreeMap::new() } else { bus.sorted_requests() };
+        let requests: Vec<Json> = shown
             .into_iter()
             .map(|((unit, function), counts)| {
                 let mut row = json!({"unit": unit, "function": function});
@@ -412,8 +419,8 @@ impl BusOverview {
 
     /// The requests of one function to one unit; `None` if there is no room for them. `count` is how many there are of all buses.
     #[inline]
-    fn requests_of(&mut self, key: (u8, u8), count: &mut usize) -> Option<&mut Requests> {
-        match self.requests.entry(key) {
+    fn requests_of(&mut self, (unit, function): (u8, u8), count: &mut usize) -> Option<&mut Requests> {
+        match self.requests.entry(u16::from_be_bytes([unit, function])) {
             Entry::Occupied(found) => Some(found.into_mut()),
             Entry::Vacant(_) if *count == MAX_REQUESTS => None,
             Entry::Vacant(place) => {
@@ -433,13 +440,41 @@ impl BusOverview {
 
     /// Adds the frames of compact exchanges.
     fn compact_frames(&mut self, batch: &Batch, run: &ExchangeRun, most: usize) {
-        for (exchange, number) in run.exchanges.of(&batch.exchanges).iter().zip(run.number..) {
-            let position = self.place(RowKind::Frame, None, Some(number));
-            let lengths = exchange.lengths.map(u32::from);
-            self.line.at(position, most).good_frames(lengths);
-            for length in lengths {
-                self.busy(position, length, most);
-            }
+        let exchanges = run.exchanges.of(&batch.exchanges);
+        self.each_bucket(RowKind::Frame, run.number, exchanges, most, BusBucket::good_frames);
+        if self.axis == Axis::Transactions || self.settings.is_none() {
+            return;
+        }
+        let position = self.last[RowKind::Frame as usize];
+        for length in exchanges.iter().flat_map(|exchange| exchange.lengths) {
+            self.busy(position, length.into(), most);
+        }
+    }
+
+    /// Adds consecutive exchanges without times, the first of which has this number, to the buckets of the line: as many at a
+    /// time as lie in one.
+    fn each_bucket(
+        &mut self,
+        rows: RowKind,
+        number: u64,
+        exchanges: &[Exchange],
+        most: usize,
+        add: impl Fn(&mut BusBucket, &[Exchange]),
+    ) {
+        let (mut number, mut rest) = (number, exchanges);
+        while !rest.is_empty() {
+            let position = self.place(rows, None, Some(number));
+            // Room is made before it is known where the bucket ends: it may become wider.
+            self.line.at(position, most);
+            // Without numbers, all of them are where the last row was.
+            let count = match self.axis {
+                Axis::Transactions => rest.len().min((self.line.bucket_end(position) - position) as usize),
+                _ => rest.len(),
+            };
+            let (own, others) = rest.split_at(count);
+            add(self.line.at(position, most), own);
+            self.place(rows, None, Some(number + count as u64 - 1));
+            (number, rest) = (number + count as u64, others);
         }
     }
 
@@ -472,8 +507,8 @@ impl BusOverview {
     }
 
     /// The requests by unit and function, so that output does not depend on the order of a hash map.
-    fn sorted_requests(&self) -> BTreeMap<&(u8, u8), &Requests> {
-        self.requests.iter().collect()
+    fn sorted_requests(&self) -> BTreeMap<(u8, u8), &Requests> {
+        self.requests.iter().map(|(key, counts)| (key.to_be_bytes().into(), counts)).collect()
     }
 
     /// The 95th percentile of each unit's response times, all functions taken together.
@@ -481,9 +516,9 @@ impl BusOverview {
         let mut units: BTreeMap<u8, Vec<RequestBucket>> = BTreeMap::new();
         for ((unit, _), counts) in self.sorted_requests() {
             let more = counts.series.cut_to(range);
-            match units.get_mut(unit) {
+            match units.get_mut(&unit) {
                 Some(own) => own.iter_mut().zip(&more).for_each(|(own, more)| own.merge(more)),
-                None => drop(units.insert(*unit, more)),
+                None => drop(units.insert(unit, more)),
             }
         }
         units.iter().map(|(unit, buckets)| json!({"unit": unit, "p95_us": p95_column(buckets)})).collect()

@@ -41,6 +41,11 @@ impl<B: Bucket> Series<B> {
         1 << self.shift
     }
 
+    /// The first position behind the bucket of this one.
+    pub fn bucket_end(&self, position: i64) -> i64 {
+        ((position >> self.shift) + 1) << self.shift
+    }
+
     /// First and last number of its buckets, and their power of two; `None` without any.
     pub fn range(&self) -> Option<Range> {
         let count = self.buckets.len() as i64;
