@@ -316,9 +316,8 @@ class Table:
         columns: Sequence[str],
         *,
         header: bool = False,
-        block_bytes: int = ...,
     ) -> Pieces:
-        """Rows as lines of text, in pieces of about `block_bytes` that end with a row.
+        """Rows as lines of text, in pieces of about 128 KiB that end with a row.
 
         `csv`: RFC 4180, lists joined by single spaces, null is empty; `header` puts the names of
         the columns in front. `jsonl`: a JSON object a line, null omitted. ValueError for others.

@@ -13,9 +13,6 @@ from analyzer import exports
 
 __all__ = ["Format"]
 
-_BLOCK_OF_THREADS = 1 << 18
-"""Bytes of a block where several threads work: after each, they wait for Python's lock."""
-
 
 class Format(exports.Format):
     """CSV of some columns of one table."""
@@ -29,9 +26,7 @@ class Format(exports.Format):
     def encoder(self) -> Callable[[_modlens.Table], Iterable[bytes]]:
         """What encodes the next rows; the first one puts the line of column names before them."""
         header = self._begin()
-        return lambda table: table.lines(
-            self.name, self.options.columns, header=header, block_bytes=_BLOCK_OF_THREADS
-        )
+        return lambda table: table.lines(self.name, self.options.columns, header=header)
 
     def encode_blocks(self, table: _modlens.Table) -> Iterable[bytes]:
         """Encode rows, the first time with the line of column names."""

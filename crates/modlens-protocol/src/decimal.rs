@@ -13,22 +13,33 @@ pub fn push_int(value: i64, out: &mut Vec<u8>) {
 
 #[inline(never)]
 fn push_long(value: i64, out: &mut Vec<u8>) {
-    if let value @ 10_000..100_000_000 = value as u64 {
-        // Up to eight digits fit into one number of eight bytes.
-        let table = decimal_texts();
-        let high = u64::from_le_bytes(table[(value / 10_000) as usize]);
-        let length = high >> 56;
-        let digits = high & ((1 << (8 * length)) - 1);
-        let end = out.len() + length as usize + 4;
-        let low = u64::from(u32::from_le_bytes(last_four_digits(value % 10_000)));
-        out.extend_from_slice(&(digits | low << (8 * length)).to_le_bytes());
-        out.truncate(end);
-        return;
+    match value as u64 {
+        value @ 10_000..100_000_000 => return push_eight_digits(value, out),
+        value @ 100_000_000..1_000_000_000_000 => {
+            // What is left of microseconds of days, once eight digits are off, is in the table.
+            push_entry(decimal_texts()[(value / 100_000_000) as usize], out);
+            let [high, low] = [value / 10_000 % 10_000, value % 10_000].map(|four| u32::from_le_bytes(last_four_digits(four)));
+            out.extend_from_slice(&(u64::from(high) | u64::from(low) << 32).to_le_bytes());
+            return;
+        }
+        _ => {}
     }
     if value < 0 {
         out.push(b'-');
     }
     push_unsigned(value.unsigned_abs(), out);
+}
+
+/// Appends a number of five to eight digits, which fit into one of eight bytes.
+#[inline]
+fn push_eight_digits(value: u64, out: &mut Vec<u8>) {
+    let high = u64::from_le_bytes(decimal_texts()[(value / 10_000) as usize]);
+    let length = high >> 56;
+    let digits = high & ((1 << (8 * length)) - 1);
+    let end = out.len() + length as usize + 4;
+    let low = u64::from(u32::from_le_bytes(last_four_digits(value % 10_000)));
+    out.extend_from_slice(&(digits | low << (8 * length)).to_le_bytes());
+    out.truncate(end);
 }
 
 /// Appends a non-negative integer four digits at a time, from a table.
@@ -180,6 +191,13 @@ mod tests {
                 }
             }
             value = value.saturating_mul(7);
+        }
+        for power in 0..19 {
+            for near in [10i64.pow(power) - 1, 10i64.pow(power), 10i64.pow(power) + 10_000] {
+                let mut out = Vec::new();
+                push_int(near, &mut out);
+                assert_eq!(String::from_utf8(out).unwrap(), near.to_string());
+            }
         }
         let mut out = Vec::new();
         push_int(i64::MIN, &mut out);

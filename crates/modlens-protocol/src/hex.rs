@@ -78,32 +78,41 @@ pub fn hex(bytes: &[u8]) -> String {
     String::from_utf8(text).unwrap_or_default()
 }
 
-/// Appends the bytes as lower-case hex digits.
+/// Appends the bytes as lower-case hex digits: sixteen at a time, and the last ones once more with those before them, so that no
+/// copy has a length that is not known to the compiler.
 #[inline]
 pub fn push_hex(bytes: &[u8], out: &mut Vec<u8>) {
     let end = out.len() + 2 * bytes.len();
-    out.reserve(2 * bytes.len() + 16);
-    let (eights, rest) = bytes.as_chunks::<8>();
-    for eight in eights {
-        out.extend_from_slice(hex_digits_of(*eight).as_flattened());
+    if let Some(last) = bytes.last_chunk::<16>() {
+        for group in bytes.as_chunks::<16>().0 {
+            push_digits_of(group, out);
+        }
+        out.truncate(end - 2 * last.len());
+        push_digits_of(last, out);
+    } else if let (Some(first), Some(last)) = (bytes.first_chunk::<8>(), bytes.last_chunk::<8>()) {
+        push_digits_of(first, out);
+        out.truncate(end - 2 * last.len());
+        push_digits_of(last, out);
+    } else {
+        let mut few = [0; 8];
+        few.iter_mut().zip(bytes).for_each(|(to, &byte)| *to = byte);
+        push_digits_of(&few, out);
+        out.truncate(end);
     }
-    let mut last = [0; 8];
-    for (to, &byte) in last.iter_mut().zip(rest) {
-        *to = byte;
-    }
-    out.extend_from_slice(hex_digits_of(last).as_flattened());
-    out.truncate(end);
 }
 
-/// The hex digits of eight bytes. It uses no table, so that the compiler converts all of them at once: each byte becomes a number
-/// of 16 bits, whose halves become its two digits.
-#[inline]
-fn hex_digits_of(bytes: [u8; 8]) -> [[u8; 2]; 8] {
-    bytes.map(|byte| {
+/// Appends the hex digits of some bytes. It uses no table, and is a loop, so that the compiler converts all of them at once: each byte
+/// becomes a number of 16 bits, whose halves become its two digits.
+#[inline(always)]
+#[allow(clippy::inline_always)] // A dozen instructions for eight bytes.
+fn push_digits_of<const BYTES: usize>(bytes: &[u8; BYTES], out: &mut Vec<u8>) {
+    let mut digits = [[0; 2]; BYTES];
+    for (to, &byte) in digits.iter_mut().zip(bytes) {
         let halves = (u16::from(byte) >> 4 | u16::from(byte) << 8) & 0x0F0F;
         let is_letter = ((halves + 0x0606) >> 4) & 0x0101;
-        (halves + 0x3030 + is_letter * u16::from(b'a' - b'0' - 10)).to_le_bytes()
-    })
+        *to = (halves + 0x3030 + is_letter * u16::from(b'a' - b'0' - 10)).to_le_bytes();
+    }
+    out.extend_from_slice(digits.as_flattened());
 }
 
 /// Decodes hex digits; white space between them is ignored. `None` for an odd number of digits or another character.
@@ -123,6 +132,9 @@ mod tests {
             let bytes: Vec<u8> = (0..length).map(|at| at.wrapping_mul(37)).collect();
             let expected: Vec<String> = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
             assert_eq!(hex(&bytes), expected.concat());
+            let mut out = b"before".to_vec();
+            push_hex(&bytes, &mut out);
+            assert_eq!(out, ["before", &expected.concat()].concat().as_bytes());
         }
     }
 }

@@ -17,7 +17,7 @@ use pyo3::IntoPyObjectExt;
 
 use crate::arguments::value_error;
 use crate::capsule::stream_capsule;
-use crate::lines::{as_bytes, Pieces, BLOCK_BYTES};
+use crate::lines::{as_bytes, Pieces};
 
 /// A compiled filter for one table.
 #[pyclass(frozen, module = "_modlens")]
@@ -87,9 +87,9 @@ impl Table {
         Ok(py.detach(|| columns.into_iter().map(|column| self.core.has_value(column)).collect()))
     }
 
-    #[pyo3(signature = (format, columns, *, header=false, block_bytes=BLOCK_BYTES))]
-    fn lines(&self, format: &str, columns: Vec<String>, header: bool, block_bytes: usize) -> PyResult<Pieces> {
-        Pieces::new(&self.core, format, &columns, header, block_bytes)
+    #[pyo3(signature = (format, columns, *, header=false))]
+    fn lines(&self, format: &str, columns: Vec<String>, header: bool) -> PyResult<Pieces> {
+        Pieces::new(&self.core, format, &columns, header)
     }
 
     #[pyo3(signature = (columns, start=0, count=usize::MAX))]

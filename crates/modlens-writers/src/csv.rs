@@ -47,6 +47,11 @@ impl LineFormat for Csv {
     #[inline]
     fn column(&mut self, _: usize) {}
 
+    fn push_key(&mut self, _: usize) {}
+
+    #[inline]
+    fn column_behind_key(&mut self, _: usize) {}
+
     #[inline]
     fn end_value(&mut self) {
         self.out.push(b',');

@@ -2,7 +2,8 @@
 
 use std::slice;
 
-use modlens_tables::columns::{ColumnReader, ExchangeRef, Table};
+use modlens_protocol::decimal::push_int;
+use modlens_tables::columns::{ColumnReader, ExchangeNumber, ExchangeRef, Table};
 
 use crate::line_format::LineFormat;
 
@@ -47,11 +48,17 @@ struct ExchangeLine<F> {
 
 /// A value that differs from line to line.
 struct Step<F> {
-    /// The index of its column.
-    at: usize,
-    reader: ColumnReader<F>,
-    /// The text between it and the next one.
+    value: StepValue<F>,
+    /// The text between it and the next one, with what stands before that one.
     behind: FixedText,
+}
+
+/// How the value is written.
+enum StepValue<F> {
+    /// As digits, in every format.
+    Number(ExchangeNumber),
+    /// By the reader of the column with this index.
+    Cell(usize, ColumnReader<F>),
 }
 
 /// Writes compact exchanges of one table as lines.
@@ -82,8 +89,13 @@ impl<F: LineFormat> ExchangeLines<F> {
         format.begin();
         line.head.push(format.out());
         for step in &line.steps {
-            format.column(step.at);
-            step.reader.pass_exchanges(slice::from_ref(exchange), format);
+            match &step.value {
+                StepValue::Number(number) => push_int(exchange.number(*number), format.out()),
+                StepValue::Cell(at, reader) => {
+                    format.column_behind_key(*at);
+                    reader.pass_exchanges(slice::from_ref(exchange), format);
+                }
+            }
             step.behind.push(format.out());
         }
         format.end();
@@ -101,7 +113,7 @@ impl<F: LineFormat> ExchangeLines<F> {
 
     /// How lines of exchanges of this bus and kind are made.
     fn line(&self, table: &Table, exchange: &ExchangeRef<'_>, format: &mut F) -> ExchangeLine<F> {
-        let mut steps: Vec<(usize, ColumnReader<F>)> = Vec::new();
+        let mut values: Vec<StepValue<F>> = Vec::new();
         let mut texts: Vec<FixedText> = Vec::new();
         let start = format.out().len();
         let take_text = |format: &mut F| {
@@ -111,19 +123,21 @@ impl<F: LineFormat> ExchangeLines<F> {
         };
         for (at, &column) in self.columns.iter().enumerate() {
             let reader = table.kind.reader(column);
+            let number = ExchangeNumber::of_column(&table.kind.columns()[column].key);
             if table.is_exchange_constant(column, exchange) {
                 format.column(at);
                 reader.pass_exchanges(slice::from_ref(exchange), format);
             } else {
+                format.push_key(at);
                 texts.push(take_text(format));
-                steps.push((at, reader));
+                values.push(number.map_or(StepValue::Cell(at, reader), StepValue::Number));
             }
             format.end_value();
         }
         texts.push(take_text(format));
         let mut texts = texts.into_iter();
         let head = texts.next().expect("at least one text");
-        let steps = steps.into_iter().zip(texts).map(|((at, reader), behind)| Step { at, reader, behind }).collect();
+        let steps = values.into_iter().zip(texts).map(|(value, behind)| Step { value, behind }).collect();
         ExchangeLine { head, steps }
     }
 }

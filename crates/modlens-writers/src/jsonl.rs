@@ -25,6 +25,8 @@ pub struct Jsonl {
     keys: Vec<KeyText>,
     /// The index of the current column.
     at: usize,
+    /// Whether its key is written already.
+    has_key: bool,
     /// Where the current line begins in `out`.
     start: usize,
 }
@@ -60,7 +62,20 @@ impl LineFormat for Jsonl {
 
     #[inline]
     fn column(&mut self, at: usize) {
-        self.at = at;
+        (self.at, self.has_key) = (at, false);
+    }
+
+    #[inline]
+    fn push_key(&mut self, at: usize) {
+        let KeyText { bytes, length } = self.keys[at];
+        let end = self.out.len() + length;
+        self.out.extend_from_slice(&bytes);
+        self.out.truncate(end);
+    }
+
+    #[inline]
+    fn column_behind_key(&mut self, at: usize) {
+        (self.at, self.has_key) = (at, true);
     }
 
     #[inline]
@@ -88,13 +103,15 @@ impl CellSink for Jsonl {
     fn put_cell(&mut self, cell: Cell<'_>) {
         let cell = ManuallyDrop::new(cell);
         if matches!(*cell, Cell::Null) {
+            if self.has_key {
+                self.out.truncate(self.out.len() - self.keys[self.at].length);
+            }
             return;
         }
+        if !self.has_key {
+            self.push_key(self.at);
+        }
         let out = &mut self.out;
-        let KeyText { bytes, length } = self.keys[self.at];
-        let end = out.len() + length;
-        out.extend_from_slice(&bytes);
-        out.truncate(end);
         match *cell {
             Cell::Int(n) => push_int(n, out),
             Cell::Us(ns) => push_us(ns, out),

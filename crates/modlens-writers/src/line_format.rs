@@ -13,6 +13,13 @@ pub trait LineFormat: CellSink + Default + 'static {
     /// Announces the column (by index) of the next value.
     fn column(&mut self, at: usize);
 
+    /// Appends what stands before a value of a column.
+    fn push_key(&mut self, at: usize);
+
+    /// Announces the column of the next value like `column`, where `push_key` has been called for it. If there is no value, what
+    /// that has appended is taken off again.
+    fn column_behind_key(&mut self, at: usize);
+
     /// Ends a value.
     fn end_value(&mut self);
 

@@ -100,6 +100,7 @@ proptest! {
         let count = TableKind::Transactions.columns().len();
         for column in 0..count {
             prop_assert_eq!(csv_of(&compact, &[column]), csv_of(&rows, &[column]));
+            prop_assert_eq!(jsonl_of(&compact, &[column]), jsonl_of(&rows, &[column]));
             prop_assert_eq!(compact.has_value(column), rows.has_value(column));
         }
         let all: Vec<usize> = (0..count).collect();

@@ -148,13 +148,19 @@ fn decoded(file: &[u8], block: usize, frames: bool, takes_each: bool) -> (Vec<St
     let mut session = Session::new(Arc::new(Functions::default()), wanted, false, None);
     let source = String::from("file");
     let capture = session.add_capture(CaptureOptions { source, ports: Ports::default(), mode: None, line: None, rule: None });
-    let (mut texts, mut compact) = (vec![Vec::new(); 3], 0);
+    let (mut texts, mut compact) = (vec![Vec::new(); 5], 0);
     let mut add = |batch: Batch| {
         let batch = Arc::new(batch);
         compact += batch.exchanges.len();
         for (kind, out) in [TableKind::Transactions, TableKind::Findings, TableKind::Connections].into_iter().zip(&mut texts) {
             let columns: Vec<usize> = (0..kind.columns().len()).collect();
             modlens_writers::csv::rows(&Table::new(Arc::clone(&batch), kind), &columns, out);
+        }
+        // In JSON lines a column without a value has no key, either; so has the first one, and the only one.
+        let kind = TableKind::Transactions;
+        let may_be_null = ["gap_us", "response_time_us"].map(|key| kind.column(key).unwrap());
+        for (columns, out) in [(0..kind.columns().len()).collect(), may_be_null.to_vec()].iter().zip(&mut texts[3..]) {
+            modlens_writers::jsonl::rows(&Table::new(Arc::clone(&batch), kind), columns, out);
         }
     };
     for part in file.chunks(block) {

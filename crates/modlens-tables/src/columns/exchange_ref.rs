@@ -21,6 +21,44 @@ pub struct ExchangeRef<'a> {
     function_row: Option<&'a FunctionRow>,
 }
 
+/// A number that compact exchanges hold as a column shows it, so that nothing of the row has to be made for it.
+#[derive(Clone, Copy, Debug)]
+pub enum ExchangeNumber {
+    /// That of the transaction.
+    Txn,
+    /// The unit.
+    Unit,
+    /// Address of the first register or bit that is read or written.
+    Address,
+    /// How many are read or written.
+    Quantity,
+    /// The confidence.
+    Confidence,
+    /// The identifier in the MBAP headers.
+    MbapId,
+    /// The number of the request's frame.
+    RequestFrame,
+    /// The number of the response's frame.
+    ResponseFrame,
+}
+
+impl ExchangeNumber {
+    /// The number that a column of transactions shows, where it has a value; `None` if it shows something else.
+    pub fn of_column(key: &str) -> Option<Self> {
+        Some(match key {
+            "txn" => Self::Txn,
+            "unit" => Self::Unit,
+            "address" | "write_address" => Self::Address,
+            "quantity" | "write_quantity" => Self::Quantity,
+            "confidence" => Self::Confidence,
+            "mbap_id" => Self::MbapId,
+            "request_frame" => Self::RequestFrame,
+            "response_frame" => Self::ResponseFrame,
+            _ => return None,
+        })
+    }
+}
+
 /// Packets of which all is known.
 static KNOWN_TIMES: PacketPair = PacketPair { starts: [0, 0], gap: Some(0), response_time: Some(0), packet: 0, mbap_id: 0 };
 
@@ -41,6 +79,22 @@ impl<'a> ExchangeRef<'a> {
     pub(super) fn with_known_times(&self) -> ExchangeRef<'a> {
         let known = ExchangeTiming { pair: &KNOWN_TIMES, recording_start: Some(0) };
         ExchangeRef { timing: self.timing.map(|_| known), ..*self }
+    }
+
+    /// One of its numbers. Only for columns that have a value in it.
+    #[inline]
+    pub fn number(&self, of: ExchangeNumber) -> i64 {
+        let frame = self.run.frame + 2 * self.at as u64;
+        match of {
+            ExchangeNumber::Txn => (self.run.number + self.at as u64) as i64,
+            ExchangeNumber::Unit => i64::from(self.exchange.unit),
+            ExchangeNumber::Address => i64::from(self.exchange.address),
+            ExchangeNumber::Quantity => i64::from(self.exchange.quantity),
+            ExchangeNumber::Confidence => i64::from(self.exchange.confidence),
+            ExchangeNumber::MbapId => self.timing.map_or(0, |timing| i64::from(timing.pair.mbap_id)),
+            ExchangeNumber::RequestFrame => frame as i64,
+            ExchangeNumber::ResponseFrame => frame as i64 + 1,
+        }
     }
 
     /// Its row.

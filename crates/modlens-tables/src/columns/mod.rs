@@ -21,7 +21,7 @@ mod table_rows;
 mod transaction_view;
 
 pub use cell::{Cell, Items};
-pub use exchange_ref::ExchangeRef;
+pub use exchange_ref::{ExchangeNumber, ExchangeRef};
 pub use fields::Fields;
 pub use function_rows::{functions, row_of};
 pub use reader::ColumnReader;
