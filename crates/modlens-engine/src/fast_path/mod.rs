@@ -58,6 +58,7 @@ pub(crate) mod packet_run;
 mod pairing;
 mod rows;
 mod rtu_batch;
+pub mod rtu_chain;
 mod rtu_compact;
 pub(crate) mod rtu_exchange;
 pub(crate) mod rtu_frame;

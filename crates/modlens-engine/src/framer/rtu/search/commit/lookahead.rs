@@ -17,7 +17,7 @@ use crate::framer::rtu::side::REQUEST;
 use crate::framer::rtu::{header_score, score, side};
 use crate::framer::FramerContext;
 use crate::input::Input;
-use crate::weights;
+use crate::weights::{self, MAX_SKIPPED_STRAY_BYTES};
 use modlens_protocol::checksum::{crc_valid_at, first_valid_length};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
@@ -254,6 +254,10 @@ impl Search {
         length: usize,
     ) -> FrameCheck {
         for at in 0..stray_bytes {
+            // So far into bytes that are no frame, only what is known may begin another one.
+            if at > MAX_SKIPPED_STRAY_BYTES && !context.known_units[usize::from(input.bytes()[at])] {
+                continue;
+            }
             // Asked first, because nearly always no such frame is complete.
             let found = complete_frame_at(input, context, at, stray_bytes + length);
             let to_frame_end = &input.bytes()[at..stray_bytes + length];
