@@ -37,24 +37,32 @@ pub struct ProvenFrame {
 /// Why no chain proves a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unproven {
-    /// There is none.
+    /// No frame begins there.
+    NoFrame,
+    /// A frame may begin there, but nothing proves it.
     NoChain,
     /// More bytes are needed to tell.
     NeedsMoreBytes,
 }
 
 /// The first frame of the input that a chain proves, behind fewer bytes than the longest frame has. The first place decides at
-/// which there is one, or may be once more bytes are there. Changes nothing.
+/// which there may be a frame. Changes nothing.
 pub fn first_proven_frame(search: &Search, input: &Input, context: &FramerContext<'_>) -> Result<ProvenFrame, Unproven> {
     let outstanding = search.outstanding_request().filter(|request| !request.is_unconfirmed && !request.is_damaged);
     let chain = Chain { search, input, context, outstanding };
-    for at in 0..MAX_CANDIDATE_BYTES {
+    let bytes = input.bytes();
+    let asked_unit = outstanding.map(|request| request.unit);
+    for (at, &unit) in bytes.iter().enumerate().take(MAX_CANDIDATE_BYTES) {
+        // Most bytes are no unit of this line.
+        if !search.model.is_familiar_unit(unit) && asked_unit != Some(unit) {
+            continue;
+        }
         match chain.proven_frame_at(at) {
-            Err(Unproven::NoChain) => {}
+            Err(Unproven::NoFrame) => {}
             found => return found,
         }
     }
-    Err(Unproven::NoChain)
+    Err(if bytes.len() < MAX_CANDIDATE_BYTES { chain.lack() } else { Unproven::NoFrame })
 }
 
 /// What chains are looked for in.
@@ -70,16 +78,16 @@ impl<'a> Chain<'a> {
     /// The frame that begins at this index of the input, if a chain proves it.
     #[inline]
     fn proven_frame_at(&self, at: usize) -> Result<ProvenFrame, Unproven> {
-        let &[unit, code] = self.bytes(at, 2)?.first_chunk().ok_or(Unproven::NoChain)?;
+        let &[unit, code] = self.bytes(at, 2)?.first_chunk().ok_or(Unproven::NoFrame)?;
         let answers = |request: &&HeldRequest| request.matches(unit, code);
         if let Some(request) = self.outstanding.filter(answers) {
             match self.proven_response(request, at) {
-                Err(Unproven::NoChain) => {}
+                Err(Unproven::NoFrame) => {}
                 end => return end.map(|end| ProvenFrame { range: at..end, direction: RESPONSE }),
             }
         }
         if code & EXCEPTION_BIT != 0 || !self.search.model.is_familiar(unit, code, REQUEST) {
-            return Err(Unproven::NoChain);
+            return Err(Unproven::NoFrame);
         }
         self.proven_request(at).map(|end| ProvenFrame { range: at..end, direction: REQUEST })
     }
@@ -91,12 +99,12 @@ impl<'a> Chain<'a> {
             return self.determined_response(row, request.as_request_ref(), at);
         }
         let is_near = at <= MAX_SKIPPED_STRAY_BYTES;
-        let end = if is_near { self.open_response(at)? } else { return Err(Unproven::NoChain) };
+        let end = if is_near { self.open_response(at)? } else { return Err(Unproven::NoFrame) };
         let (frame, pdu) = (&self.input.bytes()[at..end], &self.input.bytes()[at + 1..end - CRC_BYTES]);
         // The same request again, or another one to the same unit.
         let may_be_request = request.pdu == pdu || self.search.model.poll_cycle.contains(frame);
         if may_be_request {
-            Err(Unproven::NoChain)
+            Err(Unproven::NoFrame)
         } else {
             Ok(end)
         }
@@ -115,20 +123,20 @@ impl<'a> Chain<'a> {
     /// The end of the request of the poll cycle at this index, whose function has this row.
     fn polled_request(&self, at: usize, row: &FunctionRow) -> Result<usize, Unproven> {
         let body = &self.input.bytes()[at + 2..];
-        let Extent::Exactly(length) = row.request.extent(body) else { return Err(Unproven::NoChain) };
+        let Extent::Exactly(length) = row.request.extent(body) else { return Err(Unproven::NoFrame) };
         let end = self.valid_frame(at, Some(length + ENVELOPE_BYTES).filter(|&length| length <= MAX_POLL_REQUEST_BYTES))?;
         let frame = &self.input.bytes()[at..end];
         let is_polled = is_permitted_request(frame, self.context) && self.search.model.poll_cycle.contains(frame);
         if is_polled {
             Ok(end)
         } else {
-            Err(Unproven::NoChain)
+            Err(Unproven::NoFrame)
         }
     }
 
     /// The end of the response at this index that this request, whose function has this row, determines to the byte count.
     fn determined_response(&self, row: &FunctionRow, request: RequestRef<'_>, at: usize) -> Result<usize, Unproven> {
-        let (count, length) = expected_response(row, request.pdu).ok_or(Unproven::NoChain)?;
+        let (count, length) = expected_response(row, request.pdu).ok_or(Unproven::NoFrame)?;
         let header = self.bytes(at, ENVELOPE_BYTES)?;
         let is_response = header[..3] == [request.unit, request.pdu[0], count];
         self.valid_frame(at, Some(length).filter(|_| is_response))
@@ -141,15 +149,15 @@ impl<'a> Chain<'a> {
         let (unit, code) = (bytes[0], bytes[1]);
         let is_idle = self.search.outstanding_request().is_none() && !may_answer_earlier_request(self.search, unit, code);
         if at > MAX_SKIPPED_STRAY_BYTES || !is_idle {
-            return Err(Unproven::NoChain);
+            return Err(Unproven::NoFrame);
         }
         let end = self.open_frame(at)?;
         self.behind_strays(end, |place| {
             let header = self.bytes(place, ENVELOPE_BYTES)?;
             let is_response = header[..2] == [unit, code];
-            let end = if is_response { self.open_response(place)? } else { return Err(Unproven::NoChain) };
+            let end = if is_response { self.open_response(place)? } else { return Err(Unproven::NoFrame) };
             if self.input.bytes()[place..end] == bytes[..end - place] {
-                Err(Unproven::NoChain)
+                Err(Unproven::NoFrame)
             } else {
                 Ok(end)
             }
@@ -166,7 +174,7 @@ impl<'a> Chain<'a> {
             let next = self.bytes(place, ENVELOPE_BYTES)?;
             let row = self.context.functions.row(next[1], &self.input.bytes()[place + 2..]);
             let is_other = next[..2] != *header && self.search.model.is_familiar(next[0], next[1], REQUEST);
-            self.polled_request(place, row.filter(|_| is_other).ok_or(Unproven::NoChain)?)
+            self.polled_request(place, row.filter(|_| is_other).ok_or(Unproven::NoFrame)?)
         })?;
         Ok(end)
     }
@@ -178,27 +186,29 @@ impl<'a> Chain<'a> {
         let is_open = self.context.functions.row(bytes[1], &bytes[2..]).is_none();
         let found = first_valid_length(&bytes[..max_length.min(bytes.len())], ENVELOPE_BYTES).filter(|_| is_open);
         match found {
+            // With zeros behind it, a frame has a valid CRC, too: they may belong to it.
+            Some(length) if self.bytes(at, length + 1).is_ok_and(|bytes| bytes[length] == 0) => Err(Unproven::NoChain),
             Some(length) => self.valid_frame(at, Some(length)),
             None if is_open && max_length > bytes.len() => Err(self.lack()),
-            None => Err(Unproven::NoChain),
+            None => Err(Unproven::NoFrame),
         }
     }
 
-    /// The first of these ends, at one of the places at which a frame may begin behind index `end`.
+    /// The end of the next frame of a chain, which `at` finds at one of the places where it may begin behind index `end`.
     fn behind_strays(&self, end: usize, at: impl Fn(usize) -> Result<usize, Unproven>) -> Result<usize, Unproven> {
         let places = end..=end + MAX_SKIPPED_STRAY_BYTES;
-        places.map(at).find(|result| *result != Err(Unproven::NoChain)).unwrap_or(Err(Unproven::NoChain))
+        places.map(at).find(|result| *result != Err(Unproven::NoFrame)).unwrap_or(Err(Unproven::NoChain))
     }
 
     /// The end of the frame of this length at this index, if there is one, with a valid CRC and no boundary inside.
     fn valid_frame(&self, at: usize, length: Option<usize>) -> Result<usize, Unproven> {
-        let length = length.ok_or(Unproven::NoChain)?;
+        let length = length.ok_or(Unproven::NoFrame)?;
         let is_valid = crc_valid_at(self.bytes(at, length)?, length)
             && self.input.boundary_after(at, at + length - 1, self.input.break_ns).is_none();
         if is_valid {
             Ok(at + length)
         } else {
-            Err(Unproven::NoChain)
+            Err(Unproven::NoFrame)
         }
     }
 
@@ -211,7 +221,7 @@ impl<'a> Chain<'a> {
     /// What the lack of bytes means: that more have to come, unless the input is closed.
     fn lack(&self) -> Unproven {
         if self.input.is_closed {
-            Unproven::NoChain
+            Unproven::NoFrame
         } else {
             Unproven::NeedsMoreBytes
         }

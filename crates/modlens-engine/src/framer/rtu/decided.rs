@@ -62,7 +62,7 @@ impl RtuFramer {
         match self.next_proven(input, context) {
             Ok(decision) => return Some(decision),
             Err(Unproven::NeedsMoreBytes) => return None,
-            Err(Unproven::NoChain) => {}
+            Err(Unproven::NoFrame | Unproven::NoChain) => {}
         }
         let committed = self.search.committed_offset();
         let held_back = input.is_closed && committed > input.offset();

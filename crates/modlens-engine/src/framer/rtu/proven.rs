@@ -11,14 +11,14 @@ use crate::input::Input;
 impl RtuFramer {
     /// Commits the next frame if a chain proves it and nothing before it has to be weighed.
     ///
-    /// `NoChain` is remembered, as `try_fast_path` remembers `NoFrame`, unless the question does not arise
+    /// That there is none is remembered, as `try_fast_path` remembers `NoFrame`, unless the question does not arise
     /// (`is_plain_recording`).
     pub(super) fn next_proven(&mut self, input: &Input, context: &FramerContext<'_>) -> Result<Decision, Unproven> {
         if self.no_chain_behind == Some(input.offset()) || !self.is_plain_recording(input, context) {
             return Err(Unproven::NoChain);
         }
         let found = self.find_proven(input, context);
-        if found.as_ref().is_err_and(|why| *why == Unproven::NoChain) {
+        if found.as_ref().is_err_and(|why| *why != Unproven::NeedsMoreBytes) {
             self.no_chain_behind = Some(input.offset());
         }
         Ok(self.search.commit_proven_frame(input, context, &found?))
