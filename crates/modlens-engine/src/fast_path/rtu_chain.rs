@@ -1,15 +1,16 @@
-//! Frames in a recording that need no search, because a chain proves them: what stands behind a frame shows what it is.
+//! Frames in a recording that need no search, because they are known, or a chain proves them: what stands behind a frame shows what it
+//! is.
 //!
 //! `rtu_frame` finds what is beyond doubt by itself, behind three stray bytes at most. Here the bytes before a frame may be any,
 //! such as a damaged frame, another request may be outstanding, and its function may have frames of any length:
 //!
-//! - a request of the poll cycle with the response that it determines behind it;
+//! - a request of the poll cycle that cannot be its own response;
 //! - the response that the outstanding request determines, to the byte count;
 //! - a response of open length to the outstanding request, with a request of the poll cycle to another unit or function behind it;
 //! - a request of open length, with such a response behind it.
 //!
-//! Each frame of a chain has a valid CRC, and stands no more than `MAX_SKIPPED_STRAY_BYTES` behind the one before it. Whether the
-//! bytes before the chain hide a frame is left to the caller.
+//! Each frame has a valid CRC. Those of a chain stand no more than `MAX_SKIPPED_STRAY_BYTES` one behind the other. Whether the bytes before
+//! them hide a frame is left to the caller.
 
 use crate::fast_path::frame_check::expected_response;
 use crate::fast_path::rtu_frame::{is_permitted_request, may_answer_earlier_request};
@@ -94,17 +95,15 @@ impl<'a> Chain<'a> {
 
     /// The end of the response at this index to the outstanding request, whose unit and function it has.
     fn proven_response(&self, request: &HeldRequest, at: usize) -> Result<usize, Unproven> {
-        let row = self.context.functions.row(request.pdu[0], &request.pdu[1..]);
-        if let Some(row) = row.filter(|_| at > 0) {
+        if let Some(row) = self.context.functions.row(request.pdu[0], &request.pdu[1..]) {
             return self.determined_response(row, request.as_request_ref(), at);
         }
-        let is_near = at <= MAX_SKIPPED_STRAY_BYTES;
-        let end = if is_near { self.open_response(at)? } else { return Err(Unproven::NoFrame) };
+        let end = self.open_response(at)?;
         let (frame, pdu) = (&self.input.bytes()[at..end], &self.input.bytes()[at + 1..end - CRC_BYTES]);
         // The same request again, or another one to the same unit.
         let may_be_request = request.pdu == pdu || self.search.model.poll_cycle.contains(frame);
         if may_be_request {
-            Err(Unproven::NoFrame)
+            Err(Unproven::NoChain)
         } else {
             Ok(end)
         }
@@ -113,33 +112,38 @@ impl<'a> Chain<'a> {
     /// The end of the request at this index, whose unit and function are familiar.
     fn proven_request(&self, at: usize) -> Result<usize, Unproven> {
         let bytes = self.bytes(at, ENVELOPE_BYTES)?;
-        let Some(row) = self.context.functions.row(bytes[1], &bytes[2..]) else { return self.open_request(at) };
-        let end = self.polled_request(at, row)?;
-        let request = RequestRef { unit: bytes[0], pdu: &self.input.bytes()[at + 1..end - CRC_BYTES] };
-        self.behind_strays(end, |place| self.determined_response(row, request, place))?;
-        Ok(end)
+        match self.context.functions.row(bytes[1], &bytes[2..]) {
+            Some(row) => self.polled_request(at, row),
+            None => self.open_request(at),
+        }
     }
 
-    /// The end of the request of the poll cycle at this index, whose function has this row.
+    /// The end of the request of the poll cycle at this index, whose function has this row, and which cannot be its own response.
     fn polled_request(&self, at: usize, row: &FunctionRow) -> Result<usize, Unproven> {
-        let body = &self.input.bytes()[at + 2..];
-        let Extent::Exactly(length) = row.request.extent(body) else { return Err(Unproven::NoFrame) };
-        let end = self.valid_frame(at, Some(length + ENVELOPE_BYTES).filter(|&length| length <= MAX_POLL_REQUEST_BYTES))?;
+        let Extent::Exactly(length) = row.request.extent(&self.input.bytes()[at + 2..]) else { return Err(Unproven::NoFrame) };
+        let end = self.valid_frame(at, length + ENVELOPE_BYTES)?;
         let frame = &self.input.bytes()[at..end];
-        let is_polled = is_permitted_request(frame, self.context) && self.search.model.poll_cycle.contains(frame);
-        if is_polled {
+        let is_polled = || is_permitted_request(frame, self.context) && self.search.model.poll_cycle.contains(frame);
+        let differs_from_response = expected_response(row, &frame[1..frame.len() - CRC_BYTES]).is_some();
+        if differs_from_response && frame.len() <= MAX_POLL_REQUEST_BYTES && is_polled() {
             Ok(end)
         } else {
-            Err(Unproven::NoFrame)
+            Err(Unproven::NoChain)
         }
     }
 
     /// The end of the response at this index that this request, whose function has this row, determines to the byte count.
     fn determined_response(&self, row: &FunctionRow, request: RequestRef<'_>, at: usize) -> Result<usize, Unproven> {
-        let (count, length) = expected_response(row, request.pdu).ok_or(Unproven::NoFrame)?;
         let header = self.bytes(at, ENVELOPE_BYTES)?;
-        let is_response = header[..3] == [request.unit, request.pdu[0], count];
-        self.valid_frame(at, Some(length).filter(|_| is_response))
+        match expected_response(row, request.pdu) {
+            Some((count, length)) if header[2] == count => self.valid_frame(at, length),
+            Some(_) => Err(Unproven::NoFrame),
+            // A response that has its length, but that nothing proves.
+            None => match row.response.extent(&self.input.bytes()[at + 2..]) {
+                Extent::Exactly(length) => self.valid_frame(at, length + ENVELOPE_BYTES).and(Err(Unproven::NoChain)),
+                Extent::AtLeast(_) | Extent::Open(_) => Err(Unproven::NoFrame),
+            },
+        }
     }
 
     /// The end of the request of open length at this index, whose unit and function are familiar: a response of these stands
@@ -148,7 +152,7 @@ impl<'a> Chain<'a> {
         let bytes = &self.input.bytes()[at..];
         let (unit, code) = (bytes[0], bytes[1]);
         let is_idle = self.search.outstanding_request().is_none() && !may_answer_earlier_request(self.search, unit, code);
-        if at > MAX_SKIPPED_STRAY_BYTES || !is_idle {
+        if !is_idle {
             return Err(Unproven::NoFrame);
         }
         let end = self.open_frame(at)?;
@@ -186,9 +190,12 @@ impl<'a> Chain<'a> {
         let is_open = self.context.functions.row(bytes[1], &bytes[2..]).is_none();
         let found = first_valid_length(&bytes[..max_length.min(bytes.len())], ENVELOPE_BYTES).filter(|_| is_open);
         match found {
-            // With zeros behind it, a frame has a valid CRC, too: they may belong to it.
-            Some(length) if self.bytes(at, length + 1).is_ok_and(|bytes| bytes[length] == 0) => Err(Unproven::NoChain),
-            Some(length) => self.valid_frame(at, Some(length)),
+            Some(length) => match bytes.get(length) {
+                // With zeros behind it, a frame has a valid CRC, too: they may belong to it.
+                Some(0) => Err(Unproven::NoChain),
+                None if !self.input.is_closed => Err(Unproven::NeedsMoreBytes),
+                _ => self.valid_frame(at, length),
+            },
             None if is_open && max_length > bytes.len() => Err(self.lack()),
             None => Err(Unproven::NoFrame),
         }
@@ -201,8 +208,10 @@ impl<'a> Chain<'a> {
     }
 
     /// The end of the frame of this length at this index, if there is one, with a valid CRC and no boundary inside.
-    fn valid_frame(&self, at: usize, length: Option<usize>) -> Result<usize, Unproven> {
-        let length = length.ok_or(Unproven::NoFrame)?;
+    fn valid_frame(&self, at: usize, length: usize) -> Result<usize, Unproven> {
+        if length > MAX_CANDIDATE_BYTES {
+            return Err(Unproven::NoFrame);
+        }
         let is_valid = crc_valid_at(self.bytes(at, length)?, length)
             && self.input.boundary_after(at, at + length - 1, self.input.break_ns).is_none();
         if is_valid {

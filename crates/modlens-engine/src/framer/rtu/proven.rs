@@ -1,41 +1,36 @@
-//! Frames that a chain proves: in a recording, they need no search whatever stands before them.
+//! Frames that need no search in a recording, whatever stands before them, and damaged ones before these.
 
-use crate::fast_path::frame_check::FrameLength;
-use crate::fast_path::rtu_chain::{first_proven_frame, ProvenFrame, Unproven};
-use crate::framer::rtu::search::Decision;
-use crate::framer::rtu::side::REQUEST;
+use crate::fast_path::rtu_chain::{first_proven_frame, Unproven};
+use crate::framer::rtu::search::{BeforeProven, Decision};
 use crate::framer::rtu::RtuFramer;
 use crate::framer::FramerContext;
 use crate::input::Input;
 
 impl RtuFramer {
-    /// Commits the next frame if a chain proves it and nothing before it has to be weighed.
+    /// Commits the next frame if it is proven and nothing before it has to be weighed; or else the damaged frame before it.
     ///
-    /// That there is none is remembered, as `try_fast_path` remembers `NoFrame`, unless the question does not arise
-    /// (`is_plain_recording`).
+    /// That there is none is remembered, as `try_fast_path` remembers `NoFrame`, unless the question does not arise: where the
+    /// search has frames in mind, or the recording is no plain one.
     pub(super) fn next_proven(&mut self, input: &Input, context: &FramerContext<'_>) -> Result<Decision, Unproven> {
-        if self.no_chain_behind == Some(input.offset()) || !self.is_plain_recording(input, context) {
+        let has_failed = self.no_chain_behind == Some(input.offset());
+        if has_failed || !self.search.has_no_hypotheses() || !self.is_plain_recording(input, context) {
             return Err(Unproven::NoChain);
         }
-        let found = self.find_proven(input, context);
-        if found.as_ref().is_err_and(|why| *why != Unproven::NeedsMoreBytes) {
+        let decision = self.find_proven(input, context);
+        if decision.is_err_and(|why| why != Unproven::NeedsMoreBytes) {
             self.no_chain_behind = Some(input.offset());
         }
-        Ok(self.search.commit_proven_frame(input, context, &found?))
+        decision
     }
 
-    /// The next frame, if a chain proves it, no boundary stands before its end, the search has no other frame in mind, and
-    /// nothing before it has to be weighed.
-    fn find_proven(&mut self, input: &Input, context: &FramerContext<'_>) -> Result<ProvenFrame, Unproven> {
+    fn find_proven(&mut self, input: &Input, context: &FramerContext<'_>) -> Result<Decision, Unproven> {
         let frame = first_proven_frame(&self.search, input, context)?;
-        let length = FrameLength::exactly(frame.range.len());
-        let length = if frame.direction == REQUEST { length.as_request() } else { length };
-        let is_allowed = self.search.allows_fast_path(frame.range.start, length)
-            && input.boundary_after(0, frame.range.end - 1, input.break_ns).is_none();
-        if !is_allowed {
+        if input.boundary_after(0, frame.range.end - 1, input.break_ns).is_some() {
             return Err(Unproven::NoChain);
         }
-        self.search.check_before_proven(input, context, &frame)?;
-        Ok(frame)
+        Ok(match self.search.look_before_proven(input, context, &frame)? {
+            BeforeProven::Nothing => self.search.commit_without_search(input, context, &frame, true),
+            BeforeProven::Damaged(damaged) => self.search.commit_without_search(input, context, &damaged, false),
+        })
     }
 }

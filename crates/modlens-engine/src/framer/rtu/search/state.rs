@@ -95,6 +95,11 @@ impl Search {
         self.lattice.len() == 1 && (!self.is_scanning || self.scanned_to == self.committed_offset())
     }
 
+    /// Whether nothing is in mind behind the root.
+    pub fn has_no_hypotheses(&self) -> bool {
+        self.lattice.len() == 1
+    }
+
     /// Whether no byte behind this stream offset was scanned, and no request may be answered there.
     pub fn is_settled_at(&self, offset: u64) -> bool {
         let Answerable { outstanding, superseded, .. } = self.lattice[ROOT].answerable;

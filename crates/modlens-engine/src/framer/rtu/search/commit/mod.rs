@@ -47,4 +47,5 @@ mod state;
 
 pub use emit::is_held_back;
 pub use frame_ahead::max_frame_length;
+pub use proven::BeforeProven;
 pub use state::{Decision, SkipAhead};

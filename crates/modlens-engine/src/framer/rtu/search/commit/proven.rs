@@ -7,46 +7,71 @@ use crate::framer::rtu::score;
 use crate::framer::rtu::search::commit::state::Decision;
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::state::Search;
-use crate::framer::rtu::side::{self, RESPONSE};
+use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
 use crate::framer::FramerContext;
 use crate::input::Input;
-use crate::weights::{MIN_DAMAGED_FRAME_BYTES, PROVEN_LEAD_BITS};
+use crate::weights::{DAMAGED_LEAD_BITS, MIN_DAMAGED_FRAME_BYTES, PROVEN_LEAD_BITS, UNANSWERED_BITS};
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 
+/// What stands before a proven frame.
+pub enum BeforeProven {
+    /// Nothing that has to be weighed.
+    Nothing,
+    /// A damaged frame of the announced length, right behind the root.
+    Damaged(ProvenFrame),
+}
+
 impl Search {
-    /// Whether no other frame begins in the bytes before a proven one, so that the search has nothing to weigh: no substring of them has a
-    /// valid CRC, none is a rival (`rival_in_stray_bytes`), and none is a damaged frame of the announced length right behind the
-    /// root.
-    pub fn check_before_proven(
+    /// What stands before a proven frame; an error if the search has to weigh it, or if more bytes are needed to tell. It has to where
+    /// a substring of these bytes has a valid CRC, where a frame that is a rival begins in them (`rival_in_stray_bytes`), or where
+    /// they may as well be a damaged frame as none.
+    pub fn look_before_proven(
         &mut self,
         input: &Input,
         context: &FramerContext<'_>,
         frame: &ProvenFrame,
-    ) -> Result<(), Unproven> {
+    ) -> Result<BeforeProven, Unproven> {
         let unframed = &input.bytes()[..frame.range.start];
-        if self.announces_damaged_frame(context, unframed) || self.has_valid_substring(input.offset(), unframed) {
+        let damaged = self.announced_damaged_frame(context, unframed, frame)?;
+        if self.has_valid_substring(input.offset(), unframed) {
             return Err(Unproven::NoChain);
         }
         match self.rival_in_stray_bytes(input, context, unframed.len(), frame.range.len()) {
-            FrameCheck::NoFrame => Ok(()),
+            FrameCheck::NoFrame => Ok(damaged.map_or(BeforeProven::Nothing, BeforeProven::Damaged)),
             FrameCheck::NeedsMoreBytes => Err(Unproven::NeedsMoreBytes),
             FrameCheck::Frame(_) => Err(Unproven::NoChain),
         }
     }
 
-    /// Whether these bytes behind the root begin with a damaged frame of exactly the length that it announces.
-    fn announces_damaged_frame(&self, context: &FramerContext<'_>, unframed: &[u8]) -> bool {
+    /// The damaged frame of the announced length with which these bytes before a proven frame begin, if its path leads the one without
+    /// it by `DAMAGED_LEAD_BITS`; `None` if it is behind by as much, and an error in between, or if its length is announced in
+    /// both directions.
+    fn announced_damaged_frame(
+        &self,
+        context: &FramerContext<'_>,
+        unframed: &[u8],
+        proven: &ProvenFrame,
+    ) -> Result<Option<ProvenFrame>, Unproven> {
         if (unframed.len() as u64) < MIN_DAMAGED_FRAME_BYTES || unframed[1] & EXCEPTION_BIT != 0 {
-            return false;
+            return Ok(None);
         }
-        announced_lengths(context, unframed).into_iter().flatten().any(|(direction, extent)| {
-            let Extent::Exactly(length) = extent else { return false };
-            let frame = unframed.get(..length);
-            let score = |frame| {
-                score::damaged_frame_score(&self.model, context, self.outstanding_request(), frame, side::index_of(direction))
-            };
-            frame.and_then(score).is_some()
-        })
+        let mut found = announced_lengths(context, unframed).into_iter().flatten().filter_map(|(direction, extent)| {
+            let Extent::Exactly(length) = extent else { return None };
+            let direction = side::index_of(direction);
+            let score = |frame| score::damaged_frame_score(&self.model, context, self.outstanding_request(), frame, direction);
+            Some((ProvenFrame { range: 0..length, direction }, unframed.get(..length).and_then(score)?))
+        });
+        let (Some((damaged, score)), None) = (found.next(), found.next()) else { return Ok(None) };
+        let strays = unframed.len() - damaged.range.end;
+        let lead = score + self.model.unframed_cost(unframed.len() as u64) - self.model.unframed_cost(strays as u64);
+        match (damaged.direction, proven.direction) {
+            _ if lead <= -DAMAGED_LEAD_BITS => Ok(None),
+            // It would answer the request that the proven frame answers, too; or a request would stand between the two.
+            (_, RESPONSE) => Err(Unproven::NoChain),
+            (RESPONSE, _) if lead >= DAMAGED_LEAD_BITS - UNANSWERED_BITS => Ok(Some(damaged)),
+            (REQUEST, _) if lead >= DAMAGED_LEAD_BITS + UNANSWERED_BITS => Ok(Some(damaged)),
+            _ => Err(Unproven::NoChain),
+        }
     }
 
     /// Whether any substring of these bytes, which begin at this stream offset, has a valid CRC and may be a frame.
@@ -63,17 +88,21 @@ impl Search {
         is_found
     }
 
-    /// Commits a proven frame behind the root, and what is unframed before it, as if all bytes up to its end had been scanned and
-    /// it were the only hypothesis. Others are dropped.
-    pub fn commit_proven_frame(&mut self, input: &Input, context: &FramerContext<'_>, frame: &ProvenFrame) -> Decision {
-        self.lattice.truncate(1);
+    /// Commits a frame behind the root, and what is unframed before it, as if all bytes up to its end had been scanned and it
+    /// were the only hypothesis: proven ones have a valid CRC, damaged ones before them have not.
+    pub fn commit_without_search(
+        &mut self,
+        input: &Input,
+        context: &FramerContext<'_>,
+        frame: &ProvenFrame,
+        is_crc_valid: bool,
+    ) -> Decision {
         let [start, end] = [frame.range.start, frame.range.end].map(|index| input.offset() + index as u64);
         (self.scanned_to, self.is_scanning) = (end, false);
         self.reserve_request();
-        let answers_outstanding = frame.direction == RESPONSE;
+        let (bytes, answers_outstanding) = (&input.bytes()[frame.range.clone()], frame.direction == RESPONSE);
         let before = self.lattice[ROOT].answerable;
-        let answerable =
-            self.requests.after(before, &input.bytes()[frame.range.clone()], frame.direction, answers_outstanding, true);
+        let answerable = self.requests.after(before, bytes, frame.direction, answers_outstanding, is_crc_valid);
         let score = self.current_score(&self.lattice[ROOT]) + PROVEN_LEAD_BITS;
         self.lattice.push(Hypothesis {
             start,
@@ -84,6 +113,7 @@ impl Search {
             first_on_path: ROOT + 1,
             next_damaged_end_at: end + MIN_DAMAGED_FRAME_BYTES,
             answers_outstanding,
+            is_crc_valid,
             answerable,
             ..Hypothesis::root()
         });
