@@ -156,8 +156,8 @@ fn response_length(request: &HeldRequest, input: &Input, context: &FramerContext
             MirroredFrame::NeedsMoreBytes => return Some(FrameLength::at_least(bytes.len() + 1)),
         }
     }
-    let is_determined =
-        agrees_with_request(row, request, body) || (!context.is_multi_line && has_length_of_response(row, bytes, length));
+    let is_determined = agrees_with_request(row, request, body)
+        || (context.may_look_ahead && !context.is_multi_line && has_length_of_response(row, bytes, length));
     let is_certain = is_determined && length.bytes() <= MAX_CANDIDATE_BYTES;
     is_certain.then_some(length)
 }

@@ -10,10 +10,10 @@ impl RtuFramer {
     /// Commits the next frame if it is proven and nothing before it has to be weighed; or else the damaged frame before it.
     ///
     /// That there is none is remembered, as `try_fast_path` remembers `NoFrame`, unless the question does not arise: where the
-    /// search has frames in mind, or the recording is no plain one.
+    /// search has frames in mind, where the recording is no plain one, or where its times say more than the bytes.
     pub(super) fn next_proven(&mut self, input: &Input, context: &FramerContext<'_>) -> Result<Decision, Unproven> {
         let has_failed = self.no_chain_behind == Some(input.offset());
-        if has_failed || !self.search.has_no_hypotheses() || !self.is_plain_recording(input, context) {
+        if has_failed || input.has_times || !self.search.has_no_hypotheses() || !self.is_plain_recording(input, context) {
             return Err(Unproven::NoChain);
         }
         let decision = self.find_proven(input, context);

@@ -17,7 +17,7 @@ use crate::framer::rtu::side::REQUEST;
 use crate::framer::rtu::{header_score, score, side};
 use crate::framer::FramerContext;
 use crate::input::Input;
-use crate::weights::{self, MAX_SKIPPED_STRAY_BYTES};
+use crate::weights;
 use modlens_protocol::checksum::{crc_valid_at, first_valid_length};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
@@ -254,10 +254,6 @@ impl Search {
         length: usize,
     ) -> FrameCheck {
         for at in 0..stray_bytes {
-            // So far into bytes that are no frame, only what is known may begin another one.
-            if at > MAX_SKIPPED_STRAY_BYTES && !context.known_units[usize::from(input.bytes()[at])] {
-                continue;
-            }
             // Asked first, because nearly always no such frame is complete.
             let found = complete_frame_at(input, context, at, stray_bytes + length);
             let to_frame_end = &input.bytes()[at..stray_bytes + length];
@@ -291,7 +287,7 @@ impl Search {
 /// A length that the header leaves open counts only for a unit that took part in a sound frame (`known_units`), and only if the
 /// frame ends at index `to` (its end excluded) or behind it; a least length is not looked up. `NeedsMoreBytes` as soon as one
 /// admitted length cannot be judged yet.
-fn complete_frame_at(input: &Input, context: &FramerContext<'_>, at: usize, to: usize) -> FrameCheck {
+pub(super) fn complete_frame_at(input: &Input, context: &FramerContext<'_>, at: usize, to: usize) -> FrameCheck {
     let bytes = &input.bytes()[at..];
     let is_known = context.known_units[usize::from(bytes[0])];
     for (_, extent) in announced_lengths(context, bytes).into_iter().flatten() {

@@ -4,13 +4,14 @@ use crate::fast_path::frame_check::FrameCheck;
 use crate::fast_path::rtu_chain::{ProvenFrame, Unproven};
 use crate::framer::rtu::announced_length::{announced_lengths, ENVELOPE_BYTES};
 use crate::framer::rtu::score;
+use crate::framer::rtu::search::commit::lookahead::complete_frame_at;
 use crate::framer::rtu::search::commit::state::Decision;
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::state::Search;
 use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
 use crate::framer::FramerContext;
 use crate::input::Input;
-use crate::weights::{DAMAGED_LEAD_BITS, MIN_DAMAGED_FRAME_BYTES, PROVEN_LEAD_BITS, UNANSWERED_BITS};
+use crate::weights::{DAMAGED_LEAD_BITS, MAX_SKIPPED_STRAY_BYTES, MIN_DAMAGED_FRAME_BYTES, PROVEN_LEAD_BITS, UNANSWERED_BITS};
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 
 /// What stands before a proven frame.
@@ -23,8 +24,8 @@ pub enum BeforeProven {
 
 impl Search {
     /// What stands before a proven frame; an error if the search has to weigh it, or if more bytes are needed to tell. It has to where
-    /// a substring of these bytes has a valid CRC, where a frame that is a rival begins in them (`rival_in_stray_bytes`), or where
-    /// they may as well be a damaged frame as none.
+    /// a substring of these bytes has a valid CRC, where a frame that begins in them contains the proven one, or where they may as
+    /// well be a damaged frame as none. So far into bytes that are no frame, only a unit that is known may begin another one.
     pub fn look_before_proven(
         &mut self,
         input: &Input,
@@ -36,11 +37,15 @@ impl Search {
         if self.has_valid_substring(input.offset(), unframed) {
             return Err(Unproven::NoChain);
         }
-        match self.rival_in_stray_bytes(input, context, unframed.len(), frame.range.len()) {
-            FrameCheck::NoFrame => Ok(damaged.map_or(BeforeProven::Nothing, BeforeProven::Damaged)),
-            FrameCheck::NeedsMoreBytes => Err(Unproven::NeedsMoreBytes),
-            FrameCheck::Frame(_) => Err(Unproven::NoChain),
+        let is_asked = |&at: &usize| at <= MAX_SKIPPED_STRAY_BYTES || context.known_units[usize::from(unframed[at])];
+        for at in (0..unframed.len()).filter(is_asked) {
+            match complete_frame_at(input, context, at, frame.range.end) {
+                FrameCheck::NoFrame => {}
+                FrameCheck::NeedsMoreBytes => return Err(Unproven::NeedsMoreBytes),
+                FrameCheck::Frame(_) => return Err(Unproven::NoChain),
+            }
         }
+        Ok(damaged.map_or(BeforeProven::Nothing, BeforeProven::Damaged))
     }
 
     /// The damaged frame of the announced length with which these bytes before a proven frame begin, if its path leads the one without
