@@ -137,3 +137,12 @@ fn a_damaged_frame_of_its_announced_length_is_a_row_before_the_next_request() {
     assert_eq!(found[1], (request.len() as u64, response.len(), Direction::Response, Verdict::BadChecksum));
     assert_eq!(found[2].3, Verdict::Ok);
 }
+
+#[test]
+fn a_response_once_more_with_a_zero_behind_it_is_no_request() {
+    // Without the zero it is the response to the second poll; with it, it has the length of a request.
+    let (request, response) = &polls()[1];
+    let found = behind_traffic(&[&request[..], &[0xF1; 6], response, response, &[0]].concat());
+    assert_eq!(found[2], (14, response.len(), Direction::Response, Verdict::Ok));
+    assert_eq!(found[3], (14 + response.len() as u64, response.len(), Direction::Response, Verdict::Ok), "{found:?}");
+}

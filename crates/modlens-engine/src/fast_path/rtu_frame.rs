@@ -233,6 +233,11 @@ fn request_length(search: &Search, bytes: &[u8], context: &FramerContext<'_>) ->
     if cuts_response && bytes.get(..length.bytes()).is_some_and(|frame| !is_permitted_request(frame, context)) {
         return None;
     }
+    // A shorter response with zeros behind it has a valid CRC, too.
+    let ends_in_zero = bytes.get(length.bytes() - 1) == Some(&0);
+    if ends_in_zero && (1..length.bytes()).contains(&other) && crc_valid_at(bytes, other) {
+        return None;
+    }
     // If a response would have the same length, this may be the last response once more, or a late one.
     let may_be_response =
         other == length.bytes() && !has_odd_registers(row, body) && may_answer_earlier_request(search, unit, code);
