@@ -1,7 +1,7 @@
 //! Requests that came before, with all that follows from their bytes alone.
 
 use crate::fast_path::expected_exchange::ExpectedExchange;
-use crate::stats::RequestPlace;
+use crate::stats::{RequestKey, RequestPlace, Stats};
 
 /// The bytes that tell a plain read from others: all of it on an RTU line; on TCP the length that the header says, and what
 /// follows.
@@ -40,14 +40,23 @@ impl KnownReads {
 
     /// Whether a request is a read that cannot be taken for a response, and so may be kept.
     #[inline]
-    pub(super) fn takes(request: &[u8], expected: &ExpectedExchange) -> bool {
+    fn takes(request: &[u8], expected: &ExpectedExchange) -> bool {
         request.len() == READ_BYTES && !expected.echoes_request && !expected.resembles_response
+    }
+
+    /// Keeps a request that has just been counted under `counts`, if it is a plain read.
+    #[inline]
+    pub(super) fn keep(&mut self, stats: &mut Stats, counts: usize, request: &[u8], expected: &ExpectedExchange) {
+        if Self::takes(request, expected) {
+            let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
+            self.add(request, *expected, stats.place_of(counts, key));
+        }
     }
 
     /// Keeps a request that it takes, which is valid. If there is another one at its place, there come to be more places, or at
     /// last it takes that place.
     #[cold]
-    pub(super) fn add(&mut self, request: &[u8], expected: ExpectedExchange, counters: Option<RequestPlace>) {
+    fn add(&mut self, request: &[u8], expected: ExpectedExchange, counters: Option<RequestPlace>) {
         let Ok(bytes) = <[u8; READ_BYTES]>::try_from(request) else { return };
         let new = KnownRead { bytes, expected, counters };
         if self.0.is_empty() {

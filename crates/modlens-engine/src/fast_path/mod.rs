@@ -19,7 +19,7 @@
 //!
 //! On an RTU line without times of which nobody wants the frames, exchanges are emitted compact (`rtu_compact`): a run of them in
 //! one loop, without rows. On a connection the exchanges of a recording are emitted compact where nobody wants frames, and packets that
-//! come in turn are matched before they reach a line (`packet_pairs`).
+//! come in turn are matched before they reach a line (`packet_pairs`), and so are the lines of a log with times (`line_pairs`).
 //!
 //! Example: `11 03 00 6B 00 03 76 87` and right behind it `11 03 06 02 2B 00 00 00 64 C8 BA` become two frame rows and a
 //! transaction row in one step. With exception `11 83 02 C1 34` behind it, both frames are taken by `rtu_frame` one after the
@@ -53,6 +53,7 @@ mod emit;
 pub mod expected_exchange;
 pub(crate) mod frame_check;
 pub(crate) mod known_reads;
+pub(crate) mod line_pairs;
 mod packet_pairs;
 pub(crate) mod packet_run;
 mod pairing;

@@ -9,7 +9,7 @@
 use crate::fast_path::emit::{pass, ExchangePlaces};
 use crate::fast_path::packet_run::{PacketRun, RequestInHand};
 use crate::fast_path::run::Run;
-use crate::fast_path::tcp_batch::{keep_read, match_packets, KnownOfBus};
+use crate::fast_path::tcp_batch::{match_packets, KnownOfBus, LENGTH_AT};
 use crate::framer::Framer;
 use crate::input::{Input, Read};
 use crate::records::Span;
@@ -32,14 +32,14 @@ fn lines_of_pairs(state: &BusState) -> Option<[usize; 2]> {
     (is_open && state.lines.iter().all(is_ready)).then_some([server_first, 1 - server_first])
 }
 
-/// A packet as the read of its line that it would become.
+/// A packet, or a line of a log, as the read of its line that it would become.
 #[inline]
-fn read_of(input: &Input, length: usize, time: Ns, origin: u64, side: Side) -> Read {
+pub(super) fn read_of(input: &Input, length: usize, time: Ns, origin: u64, side: Option<Side>) -> Read {
     Read {
         end: input.offset() + length as u64,
         time,
         origin,
-        side: Some(side),
+        side,
         starts_record: false,
         has_line_error: false,
         lacks_checksum: false,
@@ -113,7 +113,7 @@ impl Session {
         let wires = [self.batch.store(asked), self.batch.store(answered)];
         let mut passed = |line: usize, length: usize, time: Ns, packet: u64, side: Side| {
             let line = &mut state.lines[line].1;
-            let read = read_of(&line.input, length, time, packet, side);
+            let read = read_of(&line.input, length, time, packet, Some(side));
             pass(line, &read, length, run)
         };
         let timings = [
@@ -124,7 +124,7 @@ impl Session {
         self.emit_timed(*bus, &matched, &ExchangePlaces { wires, pdus: None }, timings, run);
         if matched.counters.is_none() {
             let state = &mut self.buses[*bus];
-            keep_read(&mut state.known_reads, &mut self.stats, state.counts, asked, &matched);
+            state.known_reads.keep(&mut self.stats, state.counts, &asked[LENGTH_AT..], &matched.expected);
         }
         let prefix = MBAP_PREFIX_BYTES as u32;
         *last_response = Some(Span { start: wires[1].start + prefix, length: wires[1].length - prefix });

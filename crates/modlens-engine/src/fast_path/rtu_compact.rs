@@ -82,10 +82,8 @@ impl Session {
                 let unit = usize::from(expected.unit);
                 (state.known_units[unit], state.paired_units[unit]) = (true, true);
                 state.pairing.note_answering(expected.unit);
-                if KnownReads::takes(request, expected) {
-                    let expected = *expected;
-                    state.known_reads.add(request, expected, self.stats.place_of(state.counts, key));
-                }
+                let expected = *expected;
+                state.known_reads.keep(&mut self.stats, state.counts, request, &expected);
             }
             last = Some((end, odds));
             end += lengths[0] + lengths[1];
@@ -104,6 +102,7 @@ impl Session {
         let input = &mut self.buses[bus].lines[0].1.input;
         let offset = input.offset();
         input.consume(bytes);
+        self.batch.arena.extend_from_slice(input.consumed_bytes(bytes));
         let count = self.batch.exchanges.len() - first;
         let exchanges = Span { start: first as u32, length: count as u32 };
         let (number, frame) = (self.next_txn, self.next_frame);
@@ -128,7 +127,7 @@ fn next_known_read<'a>(
     let counters = read.counters?;
     // Its request is valid, and no response: nothing else of the line decides.
     let is_certain = read.expected.rtu_lengths().iter().sum::<usize>() <= plain
-        && framer.is_certain(&read.expected, bytes, None, false, |_| true);
+        && framer.is_certain(&read.expected, bytes, None, [false, true], |_| true);
     is_certain.then_some((read, counters))
 }
 
@@ -148,6 +147,6 @@ fn next_exchange(
     let expected = ExpectedExchange::from_request(functions, Mode::Rtu, bytes).filter(may_hold_no_map)?;
     let [request_bytes, response_bytes] = expected.rtu_lengths();
     let is_certain = request_bytes + response_bytes <= plain
-        && framer.is_certain(&expected, bytes, answered, true, |second| is_response(pause, false, second, request_bytes));
+        && framer.is_certain(&expected, bytes, answered, [true; 2], |second| is_response(pause, false, second, request_bytes));
     is_certain.then_some(expected)
 }
