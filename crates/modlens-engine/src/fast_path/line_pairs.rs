@@ -9,6 +9,7 @@ use crate::fast_path::emit::{adjacent_spans, pass, ExchangePlaces};
 use crate::fast_path::packet_pairs::read_of;
 use crate::fast_path::rtu_batch::{match_exchange, KnownOfLine, LastExchange};
 use crate::fast_path::run::Run;
+use crate::framer::rtu::traffic_model::LearningRun;
 use crate::framer::Framer;
 use crate::session::bus::BusState;
 use crate::session::line::LineState;
@@ -26,6 +27,8 @@ pub(crate) struct LineRun {
     /// Unit and function of the exchange before the run.
     answered_before: Option<(u8, u8)>,
     last: Option<LastExchange>,
+    /// What the framer has still to learn of the run.
+    learning: LearningRun,
     /// A request whose response is still to come: its line, and how many bytes it has, which are the last ones of the arena.
     request: Option<(LogEntry, usize)>,
 }
@@ -110,7 +113,8 @@ impl Session {
         };
         run.is_compact = is_compact;
         let answered_before = state.lines[0].1.framer.rtu_mut().and_then(|framer| framer.last_answered());
-        self.line_run = Some(Box::new(LineRun { bus, run, answered_before, last: None, request: None }));
+        self.line_run =
+            Some(Box::new(LineRun { bus, run, answered_before, last: None, learning: LearningRun::default(), request: None }));
         true
     }
 
@@ -124,7 +128,7 @@ impl Session {
         (request, requested_at, asked): (&LogEntry, Ns, usize),
         (response, answered_at, bytes): (&LogEntry, Ns, &[u8]),
     ) -> bool {
-        let LineRun { bus, run, answered_before, last, request: in_hand } = current;
+        let LineRun { bus, run, answered_before, last, learning, request: in_hand } = current;
         let start = self.batch.arena.len() - asked;
         self.batch.arena.extend_from_slice(bytes);
         let state = &mut self.buses[*bus];
@@ -133,6 +137,7 @@ impl Session {
         let Some(framer) = framer.rtu_mut() else { return false };
         let known = KnownOfLine {
             framer,
+            learning,
             reads: &state.known_reads,
             profiles: &mut state.profiles,
             timing: &state.pairing.timing,
@@ -148,10 +153,11 @@ impl Session {
             return false;
         };
         let line = &mut state.lines[0].1;
-        let timings = [(request, requested_at, asked), (response, answered_at, bytes.len())].map(|(entry, time, length)| {
+        let mut passed = |entry: &LogEntry, time: Ns, length: usize| {
             let read = read_of(&line.input, length, time, entry.number, entry.side);
             pass(line, &read, length, run)
-        });
+        };
+        let timings = [passed(request, requested_at, asked), passed(response, answered_at, bytes.len())];
         (state.newest, state.latest) = (Some(answered_at), state.latest.max(Some(answered_at)));
         let places = ExchangePlaces { wires: adjacent_spans(start, matched.lengths), pdus: None };
         self.emit_timed(*bus, &matched, &places, timings, run);
@@ -174,10 +180,13 @@ impl Session {
     }
 
     #[cold]
-    fn end_lines(&mut self, ended: LineRun) {
+    fn end_lines(&mut self, mut ended: LineRun) {
         let in_hand = ended.request.map(|(entry, length)| (entry, self.batch.arena.split_off(self.batch.arena.len() - length)));
         self.line_tries.note_run(ended.run.totals.exchanges);
         if let Some(last) = ended.last {
+            if let Some(framer) = self.buses[ended.bus].lines[0].1.framer.rtu_mut() {
+                framer.learn_run(&mut ended.learning);
+            }
             self.end_rtu_run(ended.bus, &ended.run.totals, last);
             self.decide(ended.bus, self.buses[ended.bus].newest);
         }

@@ -7,6 +7,7 @@ use crate::fast_path::known_reads::KnownReads;
 use crate::fast_path::rows::MatchedExchange;
 use crate::fast_path::rtu_exchange::is_response;
 use crate::fast_path::run::{BatchTotals, Run};
+use crate::framer::rtu::traffic_model::LearningRun;
 use crate::framer::rtu::RtuFramer;
 use crate::framer::PauseEvidence;
 use crate::pairing::TimingModel;
@@ -56,12 +57,16 @@ impl Session {
         let state = &mut self.buses[bus];
         let answered_before = state.lines[0].1.framer.rtu_mut().and_then(|framer| framer.last_answered());
         let mut last: Option<LastExchange> = None;
+        let mut learning = LearningRun::default();
         let arena_start = self.batch.arena.len();
         loop {
             let last_answered = last.map_or(answered_before, |last| Some(last.answered()));
             let state = &mut self.buses[bus];
             let request_timeout = run.request_timeout(state);
-            let Some((matched, odds)) = next_exchange(state, &self.functions, request_timeout, last_answered) else { break };
+            let Some((matched, odds)) = next_exchange(state, &self.functions, &mut learning, request_timeout, last_answered)
+            else {
+                break;
+            };
             // The bytes of all exchanges of this run are copied into the arena at its end, in one piece.
             let wires = adjacent_spans(arena_start + run.totals.bytes, matched.lengths);
             let places = ExchangePlaces { wires, pdus: None };
@@ -80,6 +85,9 @@ impl Session {
         }
         if let Some(last) = last {
             self.batch.arena.extend_from_slice(self.buses[bus].lines[0].1.input.consumed_bytes(run.totals.bytes));
+            if let Some(framer) = self.buses[bus].lines[0].1.framer.rtu_mut() {
+                framer.learn_run(&mut learning);
+            }
             self.end_rtu_run(bus, &run.totals, last);
         }
     }
@@ -106,12 +114,14 @@ impl Session {
 fn next_exchange(
     state: &mut BusState,
     functions: &Functions,
+    learning: &mut LearningRun,
     request_timeout: Ns,
     last_answered: Option<(u8, u8)>,
 ) -> Option<(MatchedExchange, f32)> {
     let LineState { input, framer, .. } = &mut state.lines[0].1;
     let known = KnownOfLine {
         framer: framer.rtu_mut()?,
+        learning,
         reads: &state.known_reads,
         profiles: &mut state.profiles,
         timing: &state.pairing.timing,
@@ -126,6 +136,8 @@ fn next_exchange(
 /// What is known of an RTU line, by which a request and its response are matched.
 pub(super) struct KnownOfLine<'a> {
     pub framer: &'a mut RtuFramer,
+    /// What the framer has still to learn of the run so far.
+    pub learning: &'a mut LearningRun,
     pub reads: &'a KnownReads,
     pub profiles: &'a mut Profiles,
     pub timing: &'a TimingModel,
@@ -138,7 +150,8 @@ pub(super) struct KnownOfLine<'a> {
 }
 
 /// The exchange at the head of these bytes, if there is no doubt and no finding about it, with log2 of the odds of its response's
-/// direction. The framer's model and the profile of its unit have learned from it then; its bytes are not consumed.
+/// direction. The framer's model, which learns in a run, and the profile of its unit have learned from it then; its bytes are not
+/// consumed.
 ///
 /// `has_place` says whether a request and a response of these lengths are in reads in which nothing else decides, `silence` what
 /// silence was before the byte at an index.
@@ -179,8 +192,11 @@ pub(super) fn match_exchange(
         let (timeout, poll) = (timing.timeout_log_odds(silence), timing.poll_log_odds(silence));
         PauseEvidence { timeout, poll, ..PauseEvidence::default() }
     };
+    if expected.echoes_request {
+        framer.learn_run(line.learning);
+    }
     let odds = framer.response_odds(&expected, has_times, pause_evidence);
-    framer.record_exchange(request, response, expected.echoes_request);
+    framer.learn_in_run(line.learning, request, response, expected.echoes_request);
     let response_bits = confidence::of_direction(odds);
     Some((MatchedExchange { expected, mode: Mode::Rtu, mbap_id: None, lines: [0, 0], lengths, response_bits, counters }, odds))
 }
