@@ -129,12 +129,12 @@ impl Session {
         (response, answered_at, bytes): (&LogEntry, Ns, &[u8]),
     ) -> bool {
         let LineRun { bus, run, answered_before, last, learning, request: in_hand } = current;
-        let start = self.batch.arena.len() - asked;
-        self.batch.arena.extend_from_slice(bytes);
         let state = &mut self.buses[*bus];
         let request_timeout = run.request_timeout(state);
         let LineState { input, framer, .. } = &mut state.lines[0].1;
         let Some(framer) = framer.rtu_mut() else { return false };
+        let start = self.batch.arena.len() - asked;
+        self.batch.arena.extend_from_slice(bytes);
         let known = KnownOfLine {
             framer,
             learning,
