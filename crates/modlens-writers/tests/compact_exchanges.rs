@@ -67,6 +67,12 @@ fn batch(bytes: &[u8], compact: bool) -> Batch {
     session.take()
 }
 
+/// A line of a log: the time, in milliseconds, and a frame in hex.
+fn log_line(ms: u64, frame: &[u8]) -> String {
+    let pairs: Vec<String> = frame.iter().map(|byte| format!("{byte:02x}")).collect();
+    format!("{}.{:03} {}\n", ms / 1000, ms % 1000, pairs.join(" "))
+}
+
 /// The same traffic as a log with times and a frame a line; one exchange in nine has no response, is refused, or is damaged.
 fn log() -> impl Strategy<Value = String> {
     let function = prop_oneof![Just(1u8), Just(2), Just(3), Just(4), Just(5), Just(6), Just(15), Just(16)];
@@ -76,8 +82,7 @@ fn log() -> impl Strategy<Value = String> {
         let (mut text, mut now) = (String::new(), 1_697_041_234_000);
         let mut add = |pause: u64, frame: &[u8]| {
             now += pause;
-            let pairs: Vec<String> = frame.iter().map(|byte| format!("{byte:02x}")).collect();
-            text += &format!("{}.{:03} {}\n", now / 1000, now % 1000, pairs.join(" "));
+            text.push_str(&log_line(now, frame));
         };
         for (turn, (accident, value, pause, wait)) in turns.into_iter().enumerate() {
             let (unit, function, address, quantity) = polls[turn % polls.len()];
@@ -147,8 +152,7 @@ fn a_log_with_times_has_compact_exchanges() {
     let mut log = String::new();
     for turn in 0..100u8 {
         for (at, frame) in exchange(17, 3, 0x6B, 3, turn).iter().enumerate() {
-            let pairs: Vec<String> = frame.iter().map(|byte| format!("{byte:02x}")).collect();
-            log += &format!("{}.{:03} {}\n", 1_697_041_234 + u32::from(turn), 10 * at, pairs.join(" "));
+            log.push_str(&log_line(1_697_041_234_000 + 1000 * u64::from(turn) + 10 * at as u64, frame));
         }
     }
     let (rows, compact) = rows_of_log(&log, false, 1 << 18);
