@@ -188,8 +188,9 @@ fn exchanges(framer: &mut FixedFramer, functions: &Functions, input: &mut Input)
         input.consume(asked + answered);
         (count, last) = (count + 2, Some(known));
     }
-    if let Some(last) = last {
-        rtu.sync_after_batch(input, &last, 60.0);
+    if let Some([asked, answered]) = last.map(|last| last.rtu_lengths()) {
+        let (request, response) = input.consumed_bytes(asked + answered).split_at(asked);
+        rtu.sync_after_batch(request, response, input.offset(), 60.0);
     }
     count
 }

@@ -251,10 +251,9 @@ impl Input {
     }
 
     /// Whether packets may be passed by (`pass`): none is here, and those before them had times and several bytes, as all of a
-    /// connection do, and no marks; and a packet takes no time.
+    /// connection and lines of a log do, and no marks.
     pub fn takes_packets(&self) -> bool {
-        let is_timed = self.has_times && self.char_ns.is_none();
-        self.reads.is_empty() && is_timed && self.has_multibyte_reads && !self.has_marks
+        self.reads.is_empty() && self.has_times && self.has_multibyte_reads && !self.has_marks
     }
 
     /// What `push` and `consume` do with packets, of which the last one has this time and ends at this stream offset and the longest

@@ -196,7 +196,16 @@ fn rows_without_frames(data: &[u8], piece: usize) -> Vec<String> {
 
 /// All rows of a log with one record a line, given `lines` lines at a time.
 fn all_rows_of_log(log: &[String], mode: Mode, lines: usize) -> Vec<String> {
-    let mut session = Session::default();
+    rows_of_log(Session::default(), log, mode, lines)
+}
+
+/// The same without frames.
+fn rows_of_log_without_frames(log: &[String], mode: Mode, lines: usize) -> Vec<String> {
+    let wanted = WantedTables { frames: false, transactions: true, findings: true };
+    rows_of_log(Session::new(Arc::default(), wanted, false, None), log, mode, lines)
+}
+
+fn rows_of_log(mut session: Session, log: &[String], mode: Mode, lines: usize) -> Vec<String> {
     let bus = session.add_bus(BusOptions { mode: Some(mode), ..BusOptions::named("bus") });
     let dialect = if mode == Mode::Ascii { "ascii-lines" } else { "hex" };
     let rows = Dialects::embedded().named(dialect).unwrap();
@@ -425,6 +434,10 @@ proptest! {
             prop_assert_eq!(&all_rows_of_log(&log, mode, usize::MAX), &slow);
             prop_assert_eq!(&all_rows_of_log(&log, mode, lines), &slow);
             prop_assert_eq!(&all_rows_read_ahead(&log, mode, lines, 3), &slow);
+            let without_frames: Vec<String> = slow.into_iter().filter(|row| !row.contains(" Frame {")).collect();
+            for lines in [1, lines, usize::MAX] {
+                prop_assert_eq!(&rows_of_log_without_frames(&log, mode, lines), &without_frames);
+            }
         }
     }
 

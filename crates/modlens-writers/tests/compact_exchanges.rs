@@ -7,6 +7,7 @@ use modlens_engine::session::{BusOptions, Session, WantedTables};
 use modlens_protocol::checksum::crc16;
 use modlens_protocol::framing::Mode;
 use modlens_readers::chunk::Chunk;
+use modlens_readers::text::{Dialects, Reader};
 use modlens_tables::columns::{Table, TableKind};
 use modlens_tables::overview::Overview;
 use modlens_writers::{csv, jsonl};
@@ -70,6 +71,65 @@ fn batch(bytes: &[u8], compact: bool) -> Batch {
     session.take()
 }
 
+/// A line of a log: the time, in milliseconds, and a frame in hex.
+fn log_line(ms: u64, frame: &[u8]) -> String {
+    let pairs: Vec<String> = frame.iter().map(|byte| format!("{byte:02x}")).collect();
+    format!("{}.{:03} {}\n", ms / 1000, ms % 1000, pairs.join(" "))
+}
+
+/// The same traffic as a log with times and a frame a line; one exchange in nine has no response, is refused, or is damaged.
+fn log() -> impl Strategy<Value = String> {
+    let function = prop_oneof![Just(1u8), Just(2), Just(3), Just(4), Just(5), Just(6), Just(15), Just(16)];
+    let polls = proptest::collection::vec((1u8..4, function, prop_oneof![0u16..4, Just(0x300u16)], 1u8..5), 1..6);
+    let turn = (0u8..27, any::<u8>(), prop_oneof![8 => 1u64..30, 1 => Just(0), 1 => 900u64..2000], 0u64..40);
+    (polls, proptest::collection::vec(turn, 4..120)).prop_map(|(polls, turns)| {
+        let (mut text, mut now) = (String::new(), 1_697_041_234_000);
+        let mut add = |pause: u64, frame: &[u8]| {
+            now += pause;
+            text.push_str(&log_line(now, frame));
+        };
+        for (turn, (accident, value, pause, wait)) in turns.into_iter().enumerate() {
+            let (unit, function, address, quantity) = polls[turn % polls.len()];
+            let [request, mut response] = exchange(unit, function, address, quantity, value);
+            add(pause, &request);
+            match accident {
+                0 => continue,
+                1 => response = framed(&[unit, function | 0x80, 2]),
+                2 => *response.last_mut().expect("a response has bytes") ^= 1,
+                _ => {}
+            }
+            add(wait, &response);
+        }
+        text
+    })
+}
+
+/// The rows of such a log, taken behind each block of `block` bytes, with frames or without; and how many are compact.
+fn rows_of_log(log: &str, frames: bool, block: usize) -> (Vec<String>, usize) {
+    let mut session = Session::new(Arc::default(), WantedTables { frames, transactions: true, findings: true }, false, None);
+    let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("log") });
+    session.open_text(bus, Reader::new(Dialects::embedded().named("hex").unwrap(), None, Arc::default()), b"");
+    let count = TableKind::Transactions.columns().len();
+    let (mut texts, mut compact) = (vec![String::new(); 2 * count], 0);
+    let mut add = |batch: Batch| {
+        compact += batch.exchanges.len();
+        let table = Table::new(Arc::new(batch), TableKind::Transactions);
+        for column in 0..count {
+            texts[column] += &csv_of(&table, &[column]);
+            texts[count + column] += &jsonl_of(&table, &[column]);
+        }
+    };
+    for part in log.as_bytes().chunks(block) {
+        session.feed_text(bus, part, false);
+        add(session.take());
+    }
+    session.feed_text(bus, b"", true);
+    session.flush();
+    add(session.take());
+    texts.push(session.stats_json().to_string());
+    (texts, compact)
+}
+
 fn csv_of(table: &Table, columns: &[usize]) -> String {
     let mut text = Vec::new();
     csv::rows(table, columns, &mut text);
@@ -93,7 +153,29 @@ fn a_polled_line_has_compact_exchanges() {
     assert!(batch.transaction_parts().any(|part| matches!(part, Part::Compact(_))));
 }
 
+#[test]
+fn a_log_with_times_has_compact_exchanges() {
+    let mut log = String::new();
+    for turn in 0..100u8 {
+        for (at, frame) in exchange(17, 3, 0x6B, 3, turn).iter().enumerate() {
+            log.push_str(&log_line(1_697_041_234_000 + 1000 * u64::from(turn) + 10 * at as u64, frame));
+        }
+    }
+    let (rows, compact) = rows_of_log(&log, false, 1 << 18);
+    assert!(compact > 90, "{compact} of 100");
+    assert_eq!((rows, 0), rows_of_log(&log, true, 1 << 18));
+}
+
 proptest! {
+    // A block of less than a line decides each line when it comes, in the general way.
+    #[test]
+    fn a_log_with_times_has_the_rows_of_the_general_way(log in log(), block in 60usize..3000) {
+        let (general, _) = rows_of_log(&log, true, 20);
+        for (frames, block) in [(true, log.len()), (false, log.len()), (false, block), (false, 20)] {
+            prop_assert_eq!(&rows_of_log(&log, frames, block).0, &general);
+        }
+    }
+
     #[test]
     fn every_column_is_that_of_the_row(bytes in line()) {
         let [compact, rows] = [true, false].map(|compact| Table::new(Arc::new(batch(&bytes, compact)), TableKind::Transactions));

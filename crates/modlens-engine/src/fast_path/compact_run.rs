@@ -149,7 +149,7 @@ fn next_known_read<'a>(framer: &RtuFramer, reads: &'a KnownReads, bytes: &[u8]) 
     let read = reads.get(bytes)?;
     let counters = read.counters?;
     // Its request is valid, and no response: nothing else of the line decides.
-    framer.is_certain(&read.expected, bytes, Answered::default(), false, |_| true).then_some((read, counters))
+    framer.is_certain(&read.expected, bytes, Answered::default(), [false, true], |_| true).then_some((read, counters))
 }
 
 /// The exchange at the head of these bytes, if `RtuFramer::next_exchange` would take it, too, or if it is refused without a
@@ -160,7 +160,7 @@ fn next_exchange(known: &Known<'_>, bytes: &[u8], answered: Answered, pause: Pau
     let expected = ExpectedExchange::from_request(known.functions, Mode::Rtu, bytes).filter(may_hold_no_map)?;
     let request_bytes = expected.rtu_lengths()[0];
     let is_followed_by_response = |second: &[u8]| is_response(pause.timeout, false, second, request_bytes);
-    if known.framer.is_certain(&expected, bytes, answered, true, is_followed_by_response) {
+    if known.framer.is_certain(&expected, bytes, answered, [true; 2], is_followed_by_response) {
         return Some(Decided { expected, exception: 0 });
     }
     let exception = known.framer.refusal_of(&expected, bytes, answered)?;

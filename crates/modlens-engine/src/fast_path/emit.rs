@@ -91,7 +91,7 @@ impl Session {
         self.next_frame += 2;
     }
 
-    /// Appends an exchange in a packet each to `held`, as a compact one, if transactions are wanted. `start`: where its bytes
+    /// Appends an exchange in a packet or a line each to `held`, as a compact one, if transactions are wanted. `start`: where its bytes
     /// begin in the arena.
     #[inline(always)]
     #[allow(clippy::inline_always)] // As above.
@@ -103,13 +103,14 @@ impl Session {
         [request, response]: [&FrameTiming; 2],
         response_time: Option<Ns>,
     ) {
-        let (Some(starts), Some(mbap_id)) = (request.start.zip(response.start), matched.mbap_id) else { return };
+        let Some(starts) = request.start.zip(response.start) else { return };
         if !self.wanted.transactions {
             return;
         }
+        let mbap_id = matched.mbap_id.unwrap_or(0);
         let pair = PacketPair { starts: starts.into(), gap: request.gap, response_time, packet: request.origin, mbap_id };
-        let (number, frame, recording_start) = (self.next_txn, self.next_frame, self.origin);
-        let of_run = ExchangeStart { bus: bus as u32, number, frame, recording_start };
+        let (number, frame, recording_start, mode) = (self.next_txn, self.next_frame, self.origin, matched.mode);
+        let of_run = ExchangeStart { bus: bus as u32, number, frame, recording_start, mode };
         self.held.exchanges.push(compact_exchange(matched, start, 0), pair, &of_run);
     }
 

@@ -1,7 +1,7 @@
 //! Requests that came before, with all that follows from their bytes alone.
 
 use crate::fast_path::expected_exchange::ExpectedExchange;
-use crate::stats::RequestPlace;
+use crate::stats::{RequestKey, RequestPlace, Stats};
 
 /// The bytes that tell a plain read from others: all of it on an RTU line; on TCP the length that the header says, and what
 /// follows.
@@ -42,6 +42,15 @@ impl KnownReads {
     #[inline]
     pub(super) fn takes(request: &[u8], expected: &ExpectedExchange) -> bool {
         request.len() == READ_BYTES && !expected.echoes_request && !expected.resembles_response
+    }
+
+    /// Keeps a request that has just been counted under `counts`, if it is a plain read.
+    #[inline]
+    pub(super) fn keep(&mut self, stats: &mut Stats, counts: usize, request: &[u8], expected: &ExpectedExchange) {
+        if Self::takes(request, expected) {
+            let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
+            self.add(request, *expected, stats.place_of(counts, key));
+        }
     }
 
     /// Keeps a request that it takes, which is valid. If there is another one at its place, there come to be more places, or at

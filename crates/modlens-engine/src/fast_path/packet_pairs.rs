@@ -9,7 +9,7 @@
 
 use crate::fast_path::emit::{compact_exchange, ExchangePlaces};
 use crate::fast_path::packet_run::PacketRun;
-use crate::fast_path::tcp_batch::{keep_read, match_packets, match_refusal, KnownOfBus};
+use crate::fast_path::tcp_batch::{match_packets, match_refusal, KnownOfBus, LENGTH_AT};
 use crate::findings::words;
 use crate::records::PacketPair;
 use crate::session::bus::{learn_sides, BusState};
@@ -108,7 +108,7 @@ impl Session {
             }
         }
         if matched.counters.is_none() && exception == 0 {
-            keep_read(&mut state.known_reads, &mut self.stats, state.counts, packets[0], &matched);
+            state.known_reads.keep(&mut self.stats, state.counts, &packets[0][LENGTH_AT..], &matched.expected);
         }
         let response = self.batch.store(answered);
         if self.wanted.transactions {
@@ -119,7 +119,7 @@ impl Session {
             if current.run.totals.exchanges > 0 {
                 self.held.exchanges.push_next(exchange, pair);
             } else {
-                let start = ExchangeStart { bus, number, frame, recording_start: self.origin };
+                let start = ExchangeStart { bus, number, frame, recording_start: self.origin, mode: Mode::Tcp };
                 self.held.exchanges.push(exchange, pair, &start);
             }
         }
@@ -155,7 +155,7 @@ impl Session {
         self.emit_timed(current.bus, &matched, &ExchangePlaces { wires, pdus: None }, timings, &mut current.run);
         if matched.counters.is_none() {
             let state = &mut self.buses[current.bus];
-            keep_read(&mut state.known_reads, &mut self.stats, state.counts, asked.of(&self.batch.arena), &matched);
+            state.known_reads.keep(&mut self.stats, state.counts, &asked.of(&self.batch.arena)[LENGTH_AT..], &matched.expected);
         }
         current.pass(matched.lengths, times, wires[1].start);
         true

@@ -53,8 +53,11 @@ pub(super) struct PacketSide {
 impl PacketRun {
     /// A run on this bus, of compact exchanges or of rows; `None` if anything on it is undecided, or if it is no connection with a clock.
     pub(super) fn begin(bus: usize, state: &mut BusState, is_compact: bool) -> Option<Self> {
-        let is_ready =
-            |(_, line): &(u8, LineState)| line.input.takes_packets() && line.is_settled() && line.framer.mode() == Mode::Tcp;
+        // The times of a run (`PacketSide`) are those of packets, which take none themselves.
+        let is_ready = |(_, line): &(u8, LineState)| {
+            let takes_packets = line.input.takes_packets() && line.input.char_ns.is_none();
+            takes_packets && line.is_settled() && line.framer.mode() == Mode::Tcp
+        };
         let [(first, _), _] = &state.lines[..] else { return None };
         let server_first = usize::from(*first == FROM_SERVER);
         if state.clock_jumped || !state.pairing.is_idle_but_for_open() || !state.lines.iter().all(is_ready) {

@@ -5,13 +5,16 @@ use crate::fast_path::emit::{adjacent_spans, may_hold_no_map, ExchangePlaces};
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::known_reads::KnownReads;
 use crate::fast_path::rows::MatchedExchange;
-use crate::fast_path::rtu_exchange::Answered;
+use crate::fast_path::rtu_exchange::{is_response, Answered};
 use crate::fast_path::run::{BatchTotals, Run};
+use crate::framer::rtu::traffic_model::LearningRun;
+use crate::framer::rtu::RtuFramer;
 use crate::framer::PauseEvidence;
+use crate::pairing::TimingModel;
 use crate::session::bus::BusState;
+use crate::session::line::LineState;
+use crate::session::profiles::Profiles;
 use crate::session::Session;
-use crate::stats::RequestKey;
-use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
@@ -50,14 +53,20 @@ impl Session {
         let mut run = Run::new(state, 0);
         // Where reads have times, an exchange is exactly two of them (`Input::holds_exchange`).
         let is_read_by_read = run.has_clock() && state.lines[0].1.input.has_times;
+        run.is_compact = is_read_by_read && self.emits_compact_lines(bus);
+        let state = &mut self.buses[bus];
         let answered_before = state.lines[0].1.framer.rtu_mut().map_or(Answered::default(), |framer| framer.answered());
         let mut last: Option<LastExchange> = None;
+        let mut learning = LearningRun::default();
         let arena_start = self.batch.arena.len();
         loop {
             let answered = last.map_or(answered_before, LastExchange::answered);
             let state = &mut self.buses[bus];
             let request_timeout = run.request_timeout(state);
-            let Some((matched, odds)) = match_exchange(state, &self.functions, request_timeout, answered) else { break };
+            let Some((matched, odds)) = next_exchange(state, &self.functions, &mut learning, request_timeout, answered)
+            else {
+                break;
+            };
             // The bytes of all exchanges of this run are copied into the arena at its end, in one piece.
             let wires = adjacent_spans(arena_start + run.totals.bytes, matched.lengths);
             let places = ExchangePlaces { wires, pdus: None };
@@ -67,82 +76,127 @@ impl Session {
                 self.emit_exchange::<false>(bus, &matched, &places, &mut run);
             }
             if matched.counters.is_none() {
-                self.keep_rtu_read(bus, &matched);
+                let state = &mut self.buses[bus];
+                let wire = state.lines[0].1.input.consumed_bytes(matched.lengths.iter().sum());
+                let request = &wire[..matched.lengths[0]];
+                state.known_reads.keep(&mut self.stats, state.counts, request, &matched.expected);
             }
             last = Some(LastExchange { expected: matched.expected, odds });
         }
         if let Some(last) = last {
+            self.batch.arena.extend_from_slice(self.buses[bus].lines[0].1.input.consumed_bytes(run.totals.bytes));
+            if let Some(framer) = self.buses[bus].lines[0].1.framer.rtu_mut() {
+                framer.learn_run(&mut learning);
+            }
             self.end_rtu_run(bus, &run.totals, last);
         }
     }
 
-    /// Keeps what follows from the request of this exchange, which has just been consumed, if it is a plain read.
-    fn keep_rtu_read(&mut self, bus: usize, matched: &MatchedExchange) {
-        let state = &mut self.buses[bus];
-        let [request_bytes, response_bytes] = matched.lengths;
-        let request = &state.lines[0].1.input.consumed_bytes(request_bytes + response_bytes)[..request_bytes];
-        let expected = matched.expected;
-        if KnownReads::takes(request, &expected) {
-            let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
-            state.known_reads.add(request, expected, self.stats.place_of(state.counts, key));
-        }
-    }
-
-    /// Does what is done once for a whole run, the exchanges of which have just been consumed.
+    /// Does what is done once for a whole run, the exchanges of which have just been consumed; the arena ends with the last one.
     pub(super) fn end_rtu_run(&mut self, bus: usize, totals: &BatchTotals, last: LastExchange) {
         let state = &mut self.buses[bus];
-        let line = &mut state.lines[0].1;
-        self.batch.arena.extend_from_slice(line.input.consumed_bytes(totals.bytes));
         self.stats.record_batch(state.counts, Mode::Rtu, totals.exchanges, totals.bytes as u64);
+        let [request_bytes, response_bytes] = last.expected.rtu_lengths();
+        let start = self.batch.arena.len() - request_bytes - response_bytes;
+        let (request, response) = self.batch.arena[start..].split_at(request_bytes);
+        let line = &mut state.lines[0].1;
         if let Some(framer) = line.framer.rtu_mut() {
-            framer.sync_after_batch(&line.input, &last.expected, last.odds);
+            framer.sync_after_batch(request, response, line.input.offset(), last.odds);
         }
-        let response_bytes = last.expected.response_bytes;
-        let response = &line.input.consumed_bytes(response_bytes + CRC_BYTES)[..response_bytes];
-        state.pairing.sync_after_batch(response[0], &response[1..]);
+        state.pairing.sync_after_batch(response[0], &response[1..last.expected.response_bytes]);
     }
 }
 
-/// The exchange at the head of the only line of a bus, if there is no doubt and no finding about it, with log2 of the odds of its
-/// response's direction. The framer's model and the profile of its unit have learned from it then; its bytes are not consumed.
-///
-/// `None` where the framer does not take it (`RtuFramer::takes`, with the same `request_timeout` in ns and `answered`), where a
-/// self-describing register map may begin in it, and where it would change the profile of its unit or give a finding there.
-/// Nothing is learned then.
+/// The exchange at the head of the only line of a bus, if it is in reads in which nothing else decides (`Input::holds_exchange`), and
+/// `match_exchange` takes it.
 #[inline(always)]
 #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
-fn match_exchange(
+fn next_exchange(
     state: &mut BusState,
     functions: &Functions,
+    learning: &mut LearningRun,
     request_timeout: Ns,
     answered: Answered,
 ) -> Option<(MatchedExchange, f32)> {
-    let line = &mut state.lines[0].1;
-    let framer = line.framer.rtu_mut()?;
-    let timing = &state.pairing.timing;
-    let bytes = line.input.bytes();
-    let known = state.known_reads.get(bytes);
+    let LineState { input, framer, .. } = &mut state.lines[0].1;
+    let known = KnownOfLine {
+        framer: framer.rtu_mut()?,
+        learning,
+        reads: &state.known_reads,
+        profiles: &mut state.profiles,
+        timing: &state.pairing.timing,
+        answered,
+        has_times: input.has_times,
+        has_proven_lines: false,
+    };
+    let has_place = |[request, response]: [usize; 2]| input.holds_exchange(Mode::Rtu, request, response, request_timeout);
+    match_exchange(functions, known, input.bytes(), has_place, |index| input.pause_before(index))
+}
+
+/// What is known of an RTU line, by which a request and its response are matched.
+pub(super) struct KnownOfLine<'a> {
+    pub framer: &'a mut RtuFramer,
+    /// What the framer has still to learn of the run so far.
+    pub learning: &'a mut LearningRun,
+    pub reads: &'a KnownReads,
+    pub profiles: &'a mut Profiles,
+    pub timing: &'a TimingModel,
+    /// What came before.
+    pub answered: Answered,
+    /// Reads have times.
+    pub has_times: bool,
+    /// Request and response are a line of a log each, whose checksums the reader has found valid.
+    pub has_proven_lines: bool,
+}
+
+/// The exchange at the head of these bytes, if there is no doubt and no finding about it, with log2 of the odds of its response's
+/// direction. The framer's model, which learns in a run, and the profile of its unit have learned from it then; its bytes are not
+/// consumed.
+///
+/// `has_place` says whether a request and a response of these lengths are in reads in which nothing else decides, `silence` what
+/// silence was before the byte at an index.
+///
+/// `None` where the framer has a doubt (`RtuFramer::is_certain`), where a self-describing register map may begin in it, and where it
+/// would change the profile of its unit or give a finding there. Nothing is learned then.
+#[inline(always)]
+#[allow(clippy::inline_always)] // As above.
+pub(super) fn match_exchange(
+    functions: &Functions,
+    line: KnownOfLine<'_>,
+    bytes: &[u8],
+    has_place: impl Fn([usize; 2]) -> bool,
+    silence: impl Fn(usize) -> Option<Ns>,
+) -> Option<(MatchedExchange, f32)> {
+    let KnownOfLine { framer, timing, has_times, .. } = line;
+    let known = line.reads.get(bytes);
     let expected = match known {
         Some(known) => known.expected,
         None => ExpectedExchange::from_request(functions, Mode::Rtu, bytes).filter(may_hold_no_map)?,
     };
     let counters = known.and_then(|known| known.counters);
     let lengths = expected.rtu_lengths();
-    let timeout_log_odds = |index| timing.timeout_log_odds(line.input.pause_before(index));
-    if !framer.takes(&expected, &line.input, answered, known.is_none(), request_timeout, timeout_log_odds) {
+    let checks = if line.has_proven_lines { [false; 2] } else { [known.is_none(), true] };
+    let is_certain = has_place(lengths)
+        && framer.is_certain(&expected, bytes, line.answered, checks, |second| {
+            is_response(timing.timeout_log_odds(silence(lengths[0])), has_times, second, lengths[0])
+        });
+    if !is_certain {
         return None;
     }
     let (request, response) = bytes[..lengths[0] + lengths[1]].split_at(lengths[0]);
-    if !state.profiles.learn_on_fast_path(functions, request, expected.read_data(&response[..expected.response_bytes])) {
+    if !line.profiles.learn_on_fast_path(functions, request, expected.read_data(&response[..expected.response_bytes])) {
         return None;
     }
     let pause_evidence = || {
-        let silence = line.input.pause_before(lengths[0]);
+        let silence = silence(lengths[0]);
         let (timeout, poll) = (timing.timeout_log_odds(silence), timing.poll_log_odds(silence));
         PauseEvidence { timeout, poll, ..PauseEvidence::default() }
     };
-    let odds = framer.response_odds(&expected, line.input.has_times, pause_evidence);
-    framer.record_exchange(request, response, expected.echoes_request);
+    if expected.echoes_request {
+        framer.learn_run(line.learning);
+    }
+    let odds = framer.response_odds(&expected, has_times, pause_evidence);
+    framer.learn_in_run(line.learning, request, response, expected.echoes_request);
     let response_bits = confidence::of_direction(odds);
     Some((MatchedExchange { expected, mode: Mode::Rtu, mbap_id: None, lines: [0, 0], lengths, response_bits, counters }, odds))
 }

@@ -54,6 +54,7 @@ impl Session {
         let input = &mut state.lines[0].1.input;
         let (offset, bytes) = (input.offset(), run.bytes);
         input.consume(bytes);
+        self.batch.arena.extend_from_slice(input.consumed_bytes(bytes));
         let count = (self.batch.exchanges.len() - first) as u32;
         state.pairing.record_untimed_exchanges(count, run.first_requests);
         let exchanges = Span { start: first as u32, length: count };

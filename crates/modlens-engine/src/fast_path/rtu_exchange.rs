@@ -59,32 +59,17 @@ impl RtuFramer {
         pause: impl Fn(usize) -> TimeoutLogOdds,
     ) -> Option<ExpectedExchange> {
         let expected = ExpectedExchange::from_request(functions, Mode::Rtu, input.bytes())?;
-        self.takes(&expected, input, answered, true, request_timeout, pause).then_some(expected)
-    }
-
-    /// Whether there is no doubt about the exchange that the request at the head of the input announces, as `next_exchange` asks it.
-    /// `checks_request`: the checksum of the request has to be looked at.
-    #[inline(always)]
-    #[allow(clippy::inline_always)] // Asked of every exchange.
-    pub(super) fn takes(
-        &self,
-        expected: &ExpectedExchange,
-        input: &Input,
-        answered: Answered,
-        checks_request: bool,
-        request_timeout: Ns,
-        pause: impl Fn(usize) -> TimeoutLogOdds,
-    ) -> bool {
         let [request_bytes, response_bytes] = expected.rtu_lengths();
-        input.holds_exchange(Mode::Rtu, request_bytes, response_bytes, request_timeout)
-            && self.is_certain(expected, input.bytes(), answered, checks_request, |second| {
+        let is_taken = input.holds_exchange(Mode::Rtu, request_bytes, response_bytes, request_timeout)
+            && self.is_certain(&expected, input.bytes(), answered, [true; 2], |second| {
                 is_response(pause(request_bytes), input.has_times, second, request_bytes)
-            })
+            });
+        is_taken.then_some(expected)
     }
 
     /// Whether there is no doubt about the exchange that the request at the head of these bytes announces, as far as the bytes
-    /// say: its unit and function are familiar, the response is the expected one, and the CRCs are valid; that of the request is
-    /// checked if `checks_request`. `answered`: as above. `is_response`, asked with the bytes from the second frame on,
+    /// say: its unit and function are familiar, the response is the expected one, and the CRCs are valid; those of request and
+    /// response are checked if `checks` says so. `answered`: as above. `is_response`, asked with the bytes from the second frame on,
     /// says whether the second of two equal frames is the response to the first. `false` if the bytes end before the response.
     #[inline(always)]
     #[allow(clippy::inline_always)] // Asked of every exchange.
@@ -93,7 +78,7 @@ impl RtuFramer {
         expected: &ExpectedExchange,
         bytes: &[u8],
         answered: Answered,
-        checks_request: bool,
+        checks: [bool; 2],
         is_response: impl Fn(&[u8]) -> bool,
     ) -> bool {
         let [request_bytes, response_bytes] = expected.rtu_lengths();
@@ -103,8 +88,8 @@ impl RtuFramer {
         let (request, rest) = bytes.split_at(request_bytes);
         self.search.model.is_familiar(expected.unit, expected.code, REQUEST)
             && expected.is_answered_by(request, rest)
-            && crc_valid_at(rest, response_bytes)
-            && (!checks_request || crc_valid_at(bytes, request_bytes))
+            && (!checks[1] || crc_valid_at(rest, response_bytes))
+            && (!checks[0] || crc_valid_at(bytes, request_bytes))
             && (!expected.echoes_request || is_response(rest))
     }
 
@@ -171,13 +156,11 @@ impl RtuFramer {
         }
     }
 
-    /// Brings the search up to date behind a run of such exchanges. `expected` is the last one, whose bytes have just been
-    /// consumed, and `odds` are those of its response.
-    pub fn sync_after_batch(&mut self, input: &Input, expected: &ExpectedExchange, odds: f32) {
-        let lengths = expected.rtu_lengths();
-        let (request, response) = input.consumed_bytes(lengths.iter().sum()).split_at(lengths[0]);
+    /// Brings the search up to date behind a run of such exchanges. `request` and `response` are the last one, which ends at the
+    /// stream offset `end`; `odds` are those of its response.
+    pub fn sync_after_batch(&mut self, request: &[u8], response: &[u8], end: u64, odds: f32) {
         self.last_was_damaged = false;
-        self.search.sync_after_batch(request, response, input.offset(), odds);
+        self.search.sync_after_batch(request, response, end, odds);
     }
 }
 

@@ -17,7 +17,7 @@ pub(super) struct Run {
     pub config: TimingConfig,
     /// Response times below this are left out of rows and statistics: the clock cannot measure them.
     pub min_measurable_ns: Ns,
-    /// Its exchanges are in a packet each, and become compact ones in place of rows.
+    /// Its exchanges are in a packet or a line each, and become compact ones in place of rows.
     pub is_compact: bool,
     /// What it has emitted.
     pub totals: BatchTotals,

@@ -9,7 +9,6 @@ use crate::fast_path::run::Run;
 use crate::session::bus::BusState;
 use crate::session::profiles::Profiles;
 use crate::session::Session;
-use crate::stats::{RequestKey, Stats};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
@@ -17,7 +16,7 @@ use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
 /// Where in a message the length is that its header announces (messaging on TCP/IP, 3.1.3); behind it come unit and PDU.
-const LENGTH_AT: usize = 4;
+pub(super) const LENGTH_AT: usize = 4;
 
 /// The exchange at the heads of the two lines of a connection, with the times of its two packets, if both are plain, the client's
 /// next packet comes behind the response, and `match_packets` takes it. `lines`: indices of the client's line and of the
@@ -167,7 +166,7 @@ impl Session {
             if matched.counters.is_none() {
                 let state = &mut self.buses[bus];
                 let asked = state.lines[client].1.input.consumed_bytes(matched.lengths[0]);
-                keep_read(&mut state.known_reads, &mut self.stats, state.counts, asked, &matched);
+                state.known_reads.keep(&mut self.stats, state.counts, &asked[LENGTH_AT..], &matched.expected);
             }
             last_response_bytes = Some(matched.expected.response_bytes);
         }
@@ -176,14 +175,5 @@ impl Session {
         self.stats.record_batch(state.counts, Mode::Tcp, run.totals.exchanges, run.totals.bytes as u64);
         let response = state.lines[server].1.input.consumed_bytes(response_bytes);
         state.pairing.sync_after_batch(response[0], &response[1..]);
-    }
-}
-
-/// Keeps what follows from the request of this exchange, which has just been counted, if it is a plain read. `asked`: its packet.
-pub(super) fn keep_read(reads: &mut KnownReads, stats: &mut Stats, counts: usize, asked: &[u8], matched: &MatchedExchange) {
-    let (request, expected) = (&asked[LENGTH_AT..], matched.expected);
-    if KnownReads::takes(request, &expected) {
-        let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
-        reads.add(request, expected, stats.place_of(counts, key));
     }
 }

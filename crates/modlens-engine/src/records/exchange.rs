@@ -15,7 +15,7 @@ const FUNCTIONS: usize = 128;
 /// The highest exception code of the specification (application protocol, 7).
 const MAX_EXCEPTION: u8 = 11;
 
-/// An exchange of an RTU line without a clock, or of a TCP connection in a packet each: a plain request and its good response,
+/// An exchange of an RTU line, or of a TCP connection in a packet each: a plain request and its good response,
 /// without a finding; or its refusal, whose only finding is the exception. Its bytes are in the arena, the response's right
 /// behind the request's.
 #[derive(Clone, Copy, Debug)]
@@ -76,8 +76,8 @@ impl Exchange {
 
     /// The numbers of bytes in front of a PDU and behind it, on a connection and on an RTU line.
     #[inline]
-    fn around_pdu(has_packets: bool) -> [u32; 2] {
-        if has_packets {
+    fn around_pdu(mode: Mode) -> [u32; 2] {
+        if mode == Mode::Tcp {
             [MBAP_PREFIX_BYTES as u32 + 1, 0]
         } else {
             [1, CRC_BYTES as u32]
@@ -86,14 +86,14 @@ impl Exchange {
 
     /// The body of the request's PDU, on a connection or on an RTU line.
     #[inline]
-    pub fn request_body<'a>(&self, arena: &'a [u8], has_packets: bool) -> &'a [u8] {
-        let [before, behind] = Self::around_pdu(has_packets).map(|bytes| bytes as usize);
+    pub fn request_body<'a>(&self, arena: &'a [u8], mode: Mode) -> &'a [u8] {
+        let [before, behind] = Self::around_pdu(mode).map(|bytes| bytes as usize);
         let frame = &arena[self.start as usize..][..usize::from(self.lengths[0])];
         &frame[before + 1..frame.len() - behind]
     }
 }
 
-/// What a compact exchange of a connection has beside its bytes: the times and the place of its packets.
+/// What a compact exchange with times has beside its bytes: the times and the place of its packets, or of its lines in a log.
 #[derive(Clone, Copy, Debug)]
 pub struct PacketPair {
     /// Start of the request and of the response.
@@ -102,9 +102,9 @@ pub struct PacketPair {
     pub gap: Option<Ns>,
     /// From the end of the request to the start of the response; `None` if the clock cannot measure it.
     pub response_time: Option<Ns>,
-    /// Number of the request's packet.
+    /// Number of the request's packet or line.
     pub packet: u64,
-    /// Transaction identifier of both MBAP headers.
+    /// Transaction identifier of both MBAP headers, on a connection.
     pub mbap_id: u16,
 }
 
@@ -117,27 +117,29 @@ pub struct ExchangeRun {
     pub number: u64,
     /// Number of the first frame; each exchange has two.
     pub frame: u64,
-    /// Stream offset of the first byte; of no use on a connection.
+    /// Stream offset of the first byte; of no use where there are times.
     pub offset: u64,
     /// Which of `Batch::exchanges`; at least one.
     pub exchanges: Span,
-    /// On a connection, where their packets are; `None` on an RTU line.
+    /// Where there are times, those of their packets or lines; `None` on a line without a clock.
     pub packets: Option<PacketsOfRun>,
 }
 
-/// The packets of a run on a connection.
+/// The packets of a run on a connection, or the lines of one in a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PacketsOfRun {
     /// Index of the first of its exchanges in `Batch::packet_pairs`.
     pub first: u32,
     /// When the recording began.
     pub recording_start: Option<Ns>,
+    /// Framing: Modbus/TCP on a connection, else RTU.
+    pub mode: Mode,
 }
 
 /// The times of a compact exchange.
 #[derive(Clone, Copy, Debug)]
 pub struct ExchangeTiming<'a> {
-    /// Those of its packets.
+    /// Those of its packets or lines.
     pub pair: &'a PacketPair,
     /// When the recording began.
     pub recording_start: Option<Ns>,
@@ -158,10 +160,16 @@ impl ExchangeRun {
         self.transaction_of(&of_run[at], at, of_run[0].start, self.timing(pairs, at))
     }
 
-    /// The times of the exchange at this place, on a connection.
+    /// Framing.
+    #[inline]
+    pub fn mode(&self) -> Mode {
+        self.packets.map_or(Mode::Rtu, |packets| packets.mode)
+    }
+
+    /// The times of the exchange at this place, if there are any.
     #[inline]
     pub fn timing<'a>(&self, pairs: &'a [PacketPair], at: usize) -> Option<ExchangeTiming<'a>> {
-        let PacketsOfRun { first, recording_start } = self.packets?;
+        let PacketsOfRun { first, recording_start, .. } = self.packets?;
         Some(ExchangeTiming { pair: &pairs[first as usize + at], recording_start })
     }
 
@@ -178,7 +186,7 @@ impl ExchangeRun {
     ) -> Transaction {
         let Exchange { start, lengths, unit, function, confidence, exception, .. } = *exchange;
         let pair = timing.map(|timing| timing.pair);
-        let [before, behind] = Exchange::around_pdu(timing.is_some());
+        let [before, behind] = Exchange::around_pdu(self.mode());
         let [request, response] = lengths.map(u32::from);
         let frame = self.frame + 2 * at as u64;
         let frame_ref = |frame: u64, begin: u32, length: u32, side: usize| {
@@ -188,7 +196,7 @@ impl ExchangeRun {
         Transaction {
             number: self.number + at as u64,
             bus: self.bus,
-            mode: if pair.is_some() { Mode::Tcp } else { Mode::Rtu },
+            mode: self.mode(),
             start: pair.map(|pair| pair.starts[0]),
             elapsed: timing.and_then(|timing| Some(timing.pair.starts[0] - timing.recording_start?)),
             unit,
@@ -203,7 +211,7 @@ impl ExchangeRun {
             retry_of: None,
             late_response_to: None,
             gap: pair.and_then(|pair| pair.gap),
-            mbap_id: pair.map(|pair| pair.mbap_id),
+            mbap_id: pair.filter(|_| self.mode() == Mode::Tcp).map(|pair| pair.mbap_id),
             request: frame_ref(frame, start, request, 0),
             response: frame_ref(frame + 1, start + request, response, 1),
             // The finding of a refusal is the first of each batch.

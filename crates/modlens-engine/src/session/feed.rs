@@ -24,6 +24,7 @@ impl Session {
     #[inline]
     pub(super) fn feed_later(&mut self, bus: usize, chunk: &Chunk<'_>) {
         self.end_packet_run();
+        self.end_line_run();
         if self.waiting.is_some_and(|waiting| waiting != bus) {
             self.decide_waiting();
         }
@@ -40,6 +41,7 @@ impl Session {
     /// in hand for its response.
     pub(crate) fn decide_waiting(&mut self) {
         self.end_packet_run();
+        self.end_line_run();
         if let Some(bus) = self.waiting.take() {
             self.decide(bus, self.buses[bus].newest);
         }

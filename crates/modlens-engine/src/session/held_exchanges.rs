@@ -1,8 +1,9 @@
-//! Compact exchanges of connections that wait for older transactions, as rows do (`held_rows`).
+//! Compact exchanges with times that wait for older transactions, as rows do (`held_rows`).
 
 use std::collections::VecDeque;
 
 use crate::records::{Batch, Exchange, ExchangeRun, PacketPair, PacketsOfRun, Span};
+use modlens_protocol::framing::Mode;
 use modlens_protocol::Ns;
 
 /// Compact exchanges, in the order of their numbers.
@@ -32,6 +33,7 @@ impl HeldExchanges {
             run.bus == of_run.bus
                 && run.end() == of_run.number
                 && run.frame + 2 * u64::from(run.exchanges.length) == of_run.frame
+                && run.mode() == of_run.mode
                 && run.packets.is_some_and(|packets| packets.recording_start == of_run.recording_start)
                 && begins_at == exchange.start
         });
@@ -45,7 +47,7 @@ impl HeldExchanges {
                 frame: of_run.frame,
                 offset: 0,
                 exchanges: Span { start: first, length: 1 },
-                packets: Some(PacketsOfRun { first, recording_start: of_run.recording_start }),
+                packets: Some(PacketsOfRun { first, recording_start: of_run.recording_start, mode: of_run.mode }),
             });
         }
         self.exchanges.push(exchange);
@@ -121,4 +123,6 @@ pub(crate) struct ExchangeStart {
     pub(crate) frame: u64,
     /// When the recording began.
     pub(crate) recording_start: Option<Ns>,
+    /// Framing.
+    pub(crate) mode: Mode,
 }

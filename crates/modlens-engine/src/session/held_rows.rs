@@ -12,7 +12,7 @@ pub(crate) struct HeldRows {
     rows: VecDeque<Transaction>,
     /// Those that are older than others that came before. A request without a response is known as such when the next ones are.
     late: Vec<Transaction>,
-    /// Those that are compact exchanges of connections.
+    /// Those that are compact exchanges with times.
     pub(crate) exchanges: HeldExchanges,
     /// Rows are given out as they come.
     live: bool,
@@ -78,6 +78,7 @@ mod tests {
     use super::*;
     use crate::records::{Exchange, ExchangeRun, PacketPair, Span};
     use crate::session::held_exchanges::ExchangeStart;
+    use modlens_protocol::framing::Mode;
 
     const EXCHANGE: Exchange =
         Exchange { start: 0, lengths: [12, 11], address: 0, quantity: 1, unit: 1, function: 3, confidence: 0, exception: 0 };
@@ -90,7 +91,13 @@ mod tests {
 
     fn push(held: &mut HeldRows, number: u64, is_compact: bool) {
         if is_compact {
-            let start = ExchangeStart { bus: number as u32 % 3 / 2, number, frame: 2 * number, recording_start: Some(0) };
+            let start = ExchangeStart {
+                bus: number as u32 % 3 / 2,
+                number,
+                frame: 2 * number,
+                recording_start: Some(0),
+                mode: Mode::Tcp,
+            };
             held.exchanges.push(
                 Exchange { start: 23 * number as u32, ..EXCHANGE },
                 PacketPair { packet: number, ..PAIR },

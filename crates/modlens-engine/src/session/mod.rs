@@ -48,6 +48,7 @@ mod unit_habits;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use crate::fast_path::line_pairs::{LineRun, LineTries};
 use crate::fast_path::packet_run::PacketRun;
 use crate::findings::Found;
 use crate::framer::Framer;
@@ -138,6 +139,10 @@ pub struct Session {
     connections: Connections,
     /// The connection of which packets are matched as they come.
     pub(crate) packet_run: Option<Box<PacketRun>>,
+    /// The log of which lines are matched as they come.
+    pub(crate) line_run: Option<Box<LineRun>>,
+    /// When to look again whether they may be.
+    pub(crate) line_tries: LineTries,
     /// The bus with bytes that `feed_later` has left undecided.
     pub(crate) waiting: Option<usize>,
     /// The buses of raw recordings, each with the segment that was read last.
@@ -186,6 +191,8 @@ impl Session {
             free: Vec::new(),
             connections: Connections::default(),
             packet_run: None,
+            line_run: None,
+            line_tries: LineTries::default(),
             waiting: None,
             recorded: Vec::new(),
             bus_name: None,
@@ -218,6 +225,12 @@ impl Session {
         let state = &self.buses[bus];
         let is_of_packets = state.options.bus.network.is_some() && state.options.bus.place == Place::Packet;
         !self.wanted.frames && !self.live && is_of_packets && state.profiles.are_none()
+    }
+
+    /// Whether RTU exchanges of this bus in a line of a log each, with times, are emitted compact: under the same conditions.
+    pub(crate) fn emits_compact_lines(&self, bus: usize) -> bool {
+        let state = &self.buses[bus];
+        !self.wanted.frames && !self.live && state.options.bus.place == Place::Line && state.profiles.are_none()
     }
 
     /// Gives a name to buses that would be named after their source: the file is one of several of a bus. A recording that

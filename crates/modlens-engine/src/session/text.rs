@@ -36,11 +36,14 @@ impl Session {
         let to = self.device_bus(bus, entry, keys);
         let is_stated = self.buses[bus].options.resolution.is_some();
         let stamps = if is_stated { self.buses[to].stamps_resolution } else { resolution };
-        if self.buses[to].stamps_resolution != stamps || !self.has_clock_of(to, entry) {
+        let has_clock = self.has_clock_of(to, entry);
+        if self.buses[to].stamps_resolution != stamps || !has_clock {
             self.decide_waiting();
         }
         self.buses[to].stamps_resolution = stamps;
-        self.feed_entry(to, entry, bytes);
+        if !(has_clock && self.take_line(to, entry, bytes)) {
+            self.feed_entry(to, entry, bytes);
+        }
     }
 
     /// Decides what the reader and the framer hold back for text that may follow, because none has come for a while: on the
@@ -68,7 +71,7 @@ impl Session {
 
     /// Feeds one record with its bytes to a bus, which first gets the clock of the record if it has another.
     #[inline]
-    fn feed_entry(&mut self, bus: usize, entry: &LogEntry, bytes: &[u8]) {
+    pub(crate) fn feed_entry(&mut self, bus: usize, entry: &LogEntry, bytes: &[u8]) {
         if !self.has_clock_of(bus, entry) {
             self.describe_bus(bus, entry.clock, Place::Line);
         }

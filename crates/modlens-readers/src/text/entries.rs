@@ -327,7 +327,8 @@ impl EntryAssembler {
 
     /// Makes an entry of a line of plain hex that is a whole frame, as `take` would, but gives it back at once: no entry
     /// waits to be fetched. `None` if the bytes are skipped.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // Called once, for nearly every line; the entry is large.
     pub fn take_frame(
         &mut self,
         bytes: &[u8],
@@ -348,7 +349,8 @@ impl EntryAssembler {
 
     /// The entry of these bytes, which are not empty, with its place in the stream of its device; `None` if they are skipped.
     /// The arguments are those of `log_entry`, and what `check_frame` says of the bytes.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // Where much is known of the bytes, little of it is done.
     fn place(&mut self, entry_bytes: &EntryBytes<'_>, (is_whole_frame, framing): (bool, Option<Mode>)) -> Option<LogEntry> {
         while self.streams.len() <= entry_bytes.key {
             self.streams.push(DeviceStream::default());

@@ -16,7 +16,7 @@ pub struct ExchangeRef<'a> {
     at: usize,
     /// Where the bytes of the run begin in the arena.
     run_start: u32,
-    /// On a connection.
+    /// If it has times.
     timing: Option<ExchangeTiming<'a>>,
     function_row: Option<&'a FunctionRow>,
 }
@@ -132,7 +132,7 @@ impl<'a> RunRefs<'a> {
         // The body of a request chooses the row for few functions only.
         let body = match self.functions.leading_bytes(exchange.function) {
             0 => &[],
-            _ => exchange.request_body(&self.batch.arena, self.run.packets.is_some()),
+            _ => exchange.request_body(&self.batch.arena, self.run.mode()),
         };
         ExchangeRef {
             batch: self.batch,
