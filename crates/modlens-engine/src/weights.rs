@@ -420,10 +420,6 @@ weights! {
         /// The longest request that is accepted while another one is outstanding. Requests of a poll cycle are short, so nobody
         /// has to wait long for the rest of one.
         MAX_POLL_REQUEST_BYTES: usize = 16;
-        /// Lead that is counted for a frame that a chain proves: nothing was searched, so the least that proven ones had.
-        PROVEN_LEAD_BITS: f32 = 40.0;
-        /// Lead of a damaged frame before a proven one that spares the search, or lead over it.
-        DAMAGED_LEAD_BITS: f32 = 6.0;
     }
 
     "Noise or a damaged frame" {

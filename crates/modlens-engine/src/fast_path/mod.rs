@@ -11,7 +11,6 @@
 //!   header announces, no long silence or record boundary lies inside, and it is either the response that the outstanding
 //!   request determines, or a request whose unit and function are familiar on this line. A request-like frame that may as
 //!   well be a response (a late one, a repeated one, an echoed write) does not qualify.
-//!   In a recording without times, `rtu_chain` goes further: what stands before a frame may be any bytes that hide none.
 //! - **An exchange** (RTU, ASCII and TCP, [`Session::emit_exchanges`]): a plain read or write, or both in one (`expected_exchange`), that keeps
 //!   the limits of the specification, and right behind it the one response that it determines: equal header and byte count,
 //!   padding bits 0, or the echo. Both are in one read without times, in a read each within the request time-out, or in a
@@ -62,7 +61,6 @@ pub(crate) mod packet_run;
 mod pairing;
 mod rows;
 mod rtu_batch;
-pub mod rtu_chain;
 mod rtu_compact;
 pub(crate) mod rtu_exchange;
 pub(crate) mod rtu_frame;

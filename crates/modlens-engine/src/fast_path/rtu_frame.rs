@@ -70,7 +70,7 @@ fn check_against_strays(
 ///
 /// Otherwise it may be a response whose request is missing, followed by zero bytes: appending zeros to a frame with a
 /// valid CRC keeps the CRC valid.
-pub fn is_permitted_request(frame: &[u8], context: &FramerContext<'_>) -> bool {
+fn is_permitted_request(frame: &[u8], context: &FramerContext<'_>) -> bool {
     let body = &frame[2..frame.len() - 2];
     let row = context.functions.row(frame[1], body);
     let is_permitted = row.is_some_and(|row| row.field_limits[REQUEST].iter().all(|limits| limits.violated_by(body).is_none()));
@@ -156,9 +156,7 @@ fn response_length(request: &HeldRequest, input: &Input, context: &FramerContext
             MirroredFrame::NeedsMoreBytes => return Some(FrameLength::at_least(bytes.len() + 1)),
         }
     }
-    let is_determined = agrees_with_request(row, request, body)
-        || (context.may_look_ahead && !context.is_multi_line && has_length_of_response(row, bytes, length));
-    let is_certain = is_determined && length.bytes() <= MAX_CANDIDATE_BYTES;
+    let is_certain = agrees_with_request(row, request, body) && length.bytes() <= MAX_CANDIDATE_BYTES;
     is_certain.then_some(length)
 }
 
@@ -174,18 +172,6 @@ fn agrees_with_request(row: &FunctionRow, request: &HeldRequest, body: &[u8]) ->
     match expected_data_bytes(row, &request.pdu) {
         Some(block) => body.first().is_some_and(|&count| usize::from(count) == block),
         None => !row.echo.is_empty() && (body.len() < 4 || body.get(..4) == request.pdu.get(1..5)),
-    }
-}
-
-/// Whether the header announces exactly this length for a response, and another one for a request, where the request says nothing
-/// of its response. A shorter request with zeros behind it has a valid CRC, too, and is none.
-fn has_length_of_response(row: &FunctionRow, bytes: &[u8], length: FrameLength) -> bool {
-    match FrameLength::of(row.request.extent(&bytes[2..])) {
-        Some(request) if request.is_exact() && length.is_exact() => {
-            request.bytes() > length.bytes()
-                || (request.bytes() < length.bytes() && bytes.len() >= request.bytes() && !crc_valid_at(bytes, request.bytes()))
-        }
-        _ => false,
     }
 }
 
@@ -233,11 +219,6 @@ fn request_length(search: &Search, bytes: &[u8], context: &FramerContext<'_>) ->
     if cuts_response && bytes.get(..length.bytes()).is_some_and(|frame| !is_permitted_request(frame, context)) {
         return None;
     }
-    // A shorter response with zeros behind it has a valid CRC, too.
-    let ends_in_zero = bytes.get(length.bytes() - 1) == Some(&0);
-    if ends_in_zero && (1..length.bytes()).contains(&other) && crc_valid_at(bytes, other) {
-        return None;
-    }
     // If a response would have the same length, this may be the last response once more, or a late one.
     let may_be_response =
         other == length.bytes() && !has_odd_registers(row, body) && may_answer_earlier_request(search, unit, code);
@@ -253,7 +234,7 @@ fn has_odd_registers(row: &FunctionRow, body: &[u8]) -> bool {
 
 /// Whether a frame of this unit and function may answer the request that was answered last, once more, or the superseded one,
 /// late.
-pub fn may_answer_earlier_request(search: &Search, unit: u8, code: u8) -> bool {
+fn may_answer_earlier_request(search: &Search, unit: u8, code: u8) -> bool {
     let requests = search.answerable();
     requests.last_answered.is_some_and(|(request, _)| request.matches(unit, code))
         || requests.superseded.is_some_and(|request| request.matches(unit, code))

@@ -2,7 +2,6 @@
 
 use crate::damage::recovery::{damaged_hypothesis, Surroundings};
 use crate::fast_path::frame_check::FrameCheck;
-use crate::fast_path::rtu_chain::Unproven;
 use crate::framer::rtu::announced_length::announced_lengths;
 use crate::framer::rtu::search::{is_held_back, Decision};
 use crate::framer::rtu::RtuFramer;
@@ -50,7 +49,7 @@ impl RtuFramer {
         }
     }
 
-    /// What is decided next, by the fast path behind stray bytes or by a chain, else by the search; `None` if more bytes, a silence or the end
+    /// What is decided next, by the fast path behind stray bytes, else by the search; `None` if more bytes, a silence or the end
     /// are needed. Once the input is closed, committed unframed bytes that were held back are a decision, as no frame will
     /// follow them.
     fn next_decision(&mut self, input: &Input, context: &FramerContext<'_>) -> Option<Decision> {
@@ -58,11 +57,6 @@ impl RtuFramer {
             FrameCheck::Frame(_) => return self.decision,
             FrameCheck::NeedsMoreBytes => return None,
             FrameCheck::NoFrame => {}
-        }
-        match self.next_proven(input, context) {
-            Ok(decision) => return Some(decision),
-            Err(Unproven::NeedsMoreBytes) => return None,
-            Err(Unproven::NoFrame | Unproven::NoChain) => {}
         }
         let committed = self.search.committed_offset();
         let held_back = input.is_closed && committed > input.offset();

@@ -23,7 +23,6 @@ pub(crate) mod side;
 pub(crate) mod traffic_model;
 
 mod decided;
-mod proven;
 mod unambiguous;
 
 use crate::damage::recovery::DamageRecovery;
@@ -46,8 +45,6 @@ pub struct RtuFramer {
     fast_path_failed_at: Option<u64>,
     /// The stream offset of bytes behind which, taken as stray bytes, the fast path found no frame.
     fast_path_failed_after_strays_at: Option<u64>,
-    /// The stream offset behind which no chain proves a frame.
-    no_chain_behind: Option<u64>,
     /// What was found in the unframed bytes before the decision.
     recovery: DamageRecovery,
     /// The last frame given out was damaged.
@@ -65,7 +62,6 @@ impl RtuFramer {
             decision: None,
             fast_path_failed_at: None,
             fast_path_failed_after_strays_at: None,
-            no_chain_behind: None,
             recovery: DamageRecovery::default(),
             last_was_damaged: false,
             frame_gap_ns: line.map_or(COARSE_MIN_GAP_NS, LineSettings::t35_ns),

@@ -57,20 +57,16 @@ impl RtuFramer {
         }
     }
 
-    /// Whether a frame behind stray bytes is looked for at the first byte: in a plain recording, with a sound outstanding request
-    /// or none, and not where it has failed before.
+    /// Whether a frame behind stray bytes is looked for at the first byte: in a recording of a single line, with nothing that
+    /// declares a direction or starts a record there, with all committed bytes given out, with a sound outstanding request or
+    /// none, and not where it has failed before.
     fn may_follow_strays(&self, input: &Input, context: &FramerContext<'_>) -> bool {
-        let has_failed = self.fast_path_failed_after_strays_at == Some(input.offset());
-        !has_failed && self.is_plain_recording(input, context) && self.search.has_sound_outstanding_request()
-    }
-
-    /// Whether this is a recording of a single line, with nothing that declares a direction or starts a record at the first byte,
-    /// and with all committed bytes given out.
-    pub(super) fn is_plain_recording(&self, input: &Input, context: &FramerContext<'_>) -> bool {
         let is_single_line = context.line_direction.is_none() && context.connection_side.is_none() && !context.is_multi_line;
-        let is_plain_read = || input.first_read().is_some_and(|read| read.side.is_none() && !read.starts_record);
+        let is_plain_read = input.first_read().is_some_and(|read| read.side.is_none() && !read.starts_record);
+        let has_failed = self.fast_path_failed_after_strays_at == Some(input.offset());
         let all_is_given_out = self.search.committed_offset() == input.offset();
-        context.may_look_ahead && is_single_line && all_is_given_out && is_plain_read()
+        let is_possible = context.may_look_ahead && is_single_line && is_plain_read && !has_failed && all_is_given_out;
+        is_possible && self.search.has_sound_outstanding_request()
     }
 
     /// Whether the unambiguous frame behind these stray bytes needs no search: a request is outstanding or its unit took part

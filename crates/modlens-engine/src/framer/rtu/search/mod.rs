@@ -17,5 +17,5 @@ mod run_odds;
 mod scan;
 mod state;
 
-pub use commit::{is_held_back, max_frame_length, BeforeProven, Decision};
+pub use commit::{is_held_back, Decision};
 pub use state::Search;

@@ -22,8 +22,6 @@ pub struct Search {
     /// The frame hypotheses behind the last frame committed, which is the root. Parents stand before their children.
     pub(super) lattice: Vec<Hypothesis>,
     pub(super) scanner: CrcScanner,
-    /// Scans the bytes before a frame that a chain proves, while `scanner` keeps its place.
-    pub(super) stray_scanner: CrcScanner,
     /// Starts of the valid substrings that end at the last byte scanned.
     pub(super) valid_starts: Vec<u64>,
     /// By index of a hypothesis, its new one: only used while some are dropped, and kept so that nothing is allocated.
@@ -62,7 +60,6 @@ impl Default for Search {
         Self {
             lattice: vec![Hypothesis::root()],
             scanner: CrcScanner::default(),
-            stray_scanner: CrcScanner::default(),
             valid_starts: Vec::new(),
             new_indices: Vec::new(),
             rejected: RejectedSubstrings::default(),
@@ -93,11 +90,6 @@ impl Search {
     /// Whether no byte behind the committed ones was scanned.
     pub fn is_idle(&self) -> bool {
         self.lattice.len() == 1 && (!self.is_scanning || self.scanned_to == self.committed_offset())
-    }
-
-    /// Whether nothing is in mind behind the root.
-    pub fn has_no_hypotheses(&self) -> bool {
-        self.lattice.len() == 1
     }
 
     /// Whether no byte behind this stream offset was scanned, and no request is outstanding there. The late response to a

@@ -39,14 +39,9 @@ impl TrafficModel {
         self.functions[direction][usize::from(code & !EXCEPTION_BIT)]
     }
 
-    /// Whether this unit is common on this line.
-    pub fn is_familiar_unit(&self, unit: u8) -> bool {
-        self.unit_count(unit) >= weights::FAMILIAR_FRAMES
-    }
-
     /// Whether unit and function are both common on this line, so that such a header needs no further proof.
     pub fn is_familiar(&self, unit: u8, code: u8, direction: usize) -> bool {
-        self.is_familiar_unit(unit) && self.function_count(code, direction) >= weights::FAMILIAR_FRAMES
+        self.unit_count(unit) >= weights::FAMILIAR_FRAMES && self.function_count(code, direction) >= weights::FAMILIAR_FRAMES
     }
 
     /// Whether this unit has been seen.

@@ -74,7 +74,7 @@ pub(super) fn has_valid_length(bytes: &[u8], min_length: usize, max_length: usiz
 
 /// The most bytes that a frame at this index of the input can have: none crosses a break or a record's start, and none has more
 /// than `MAX_CANDIDATE_BYTES`, whether these have come or not.
-pub fn max_frame_length(input: &Input, at: usize) -> usize {
+pub(super) fn max_frame_length(input: &Input, at: usize) -> usize {
     let rest = input.bytes().len() - at;
     let edge = input.boundary_after(at, at + rest.min(MAX_CANDIDATE_BYTES) - 1, input.break_ns);
     edge.map_or(MAX_CANDIDATE_BYTES, |edge| edge - at)

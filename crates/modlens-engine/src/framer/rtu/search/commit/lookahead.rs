@@ -287,7 +287,7 @@ impl Search {
 /// A length that the header leaves open counts only for a unit that took part in a sound frame (`known_units`), and only if the
 /// frame ends at index `to` (its end excluded) or behind it; a least length is not looked up. `NeedsMoreBytes` as soon as one
 /// admitted length cannot be judged yet.
-pub(super) fn complete_frame_at(input: &Input, context: &FramerContext<'_>, at: usize, to: usize) -> FrameCheck {
+fn complete_frame_at(input: &Input, context: &FramerContext<'_>, at: usize, to: usize) -> FrameCheck {
     let bytes = &input.bytes()[at..];
     let is_known = context.known_units[usize::from(bytes[0])];
     for (_, extent) in announced_lengths(context, bytes).into_iter().flatten() {

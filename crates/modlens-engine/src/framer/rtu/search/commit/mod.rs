@@ -41,11 +41,8 @@ mod decide;
 mod emit;
 mod frame_ahead;
 mod lookahead;
-mod proven;
 mod rival;
 mod state;
 
 pub use emit::is_held_back;
-pub use frame_ahead::max_frame_length;
-pub use proven::BeforeProven;
 pub use state::{Decision, SkipAhead};
