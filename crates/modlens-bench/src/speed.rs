@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use modlens_engine::fast_path::rtu_exchange::Answered;
 use modlens_engine::framer::fixed::FixedFramer;
 use modlens_engine::framer::{Framer, FramerContext};
 use modlens_engine::input::Input;
@@ -179,9 +180,9 @@ fn framing(bytes: &[u8]) -> u64 {
 fn exchanges(framer: &mut FixedFramer, functions: &Functions, input: &mut Input) -> u64 {
     let settled = framer.is_settled_at(input.offset());
     let Some(rtu) = framer.rtu_mut().filter(|_| settled) else { return 0 };
-    let (mut count, mut last, mut before) = (0, None, rtu.last_answered());
+    let (mut count, mut last, mut before) = (0, None, rtu.answered());
     while let Some(known) = rtu.next_exchange(functions, input, before, i64::MAX, |_| 0.0) {
-        before = Some((known.unit, known.code));
+        before = Answered::by_exchange(known.unit, known.code);
         let [asked, answered] = known.rtu_lengths();
         let (request, behind) = input.bytes().split_at(asked);
         rtu.record_exchange(request, &behind[..answered], known.echoes_request);

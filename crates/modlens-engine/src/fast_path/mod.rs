@@ -62,7 +62,7 @@ mod pairing;
 mod rows;
 mod rtu_batch;
 mod rtu_compact;
-pub(crate) mod rtu_exchange;
+pub mod rtu_exchange;
 pub(crate) mod rtu_frame;
 mod run;
 mod tcp_batch;

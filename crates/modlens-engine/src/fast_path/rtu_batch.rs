@@ -63,8 +63,7 @@ impl Session {
             let answered = last.map_or(answered_before, LastExchange::answered);
             let state = &mut self.buses[bus];
             let request_timeout = run.request_timeout(state);
-            let Some((matched, odds)) = next_exchange(state, &self.functions, &mut learning, request_timeout, answered)
-            else {
+            let Some((matched, odds)) = next_exchange(state, &self.functions, &mut learning, request_timeout, answered) else {
                 break;
             };
             // The bytes of all exchanges of this run are copied into the arena at its end, in one piece.

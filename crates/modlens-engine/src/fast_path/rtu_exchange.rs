@@ -108,7 +108,7 @@ impl RtuFramer {
     }
 
     /// What a request may be the response to, behind what was framed so far.
-    pub(super) fn answered(&self) -> Answered {
+    pub fn answered(&self) -> Answered {
         let requests = self.search.answerable();
         let header = requests.last_answered.and_then(|(request, _)| Some((request.unit, *request.pdu.first()?)));
         Answered { header, awaits_late_response: requests.superseded.is_some() }
