@@ -148,6 +148,7 @@ impl ExpectedExchange {
     }
 
     /// The same as the unit refuses it: with an exception in place of the response.
+    #[must_use]
     pub fn refused(self) -> Self {
         Self { response_bytes: REFUSAL_BYTES, ..self }
     }
