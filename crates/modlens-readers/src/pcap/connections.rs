@@ -131,25 +131,30 @@ impl ConnectionTable {
     }
 
     /// Takes a plain segment, if it is the next one of a connection of Modbus that is known by now and at which nothing waits;
-    /// gives its bytes, if it has any. `None`, with nothing changed, if it is not: then `take` has to take it, which would have
-    /// done the same.
+    /// `each` is called with its bytes, if it has any. `false`, with nothing changed, if it is not: then `take` has to take it,
+    /// which would have done the same.
     #[inline(always)]
-    #[allow(clippy::inline_always)] // Called for every packet, which the caller takes apart at once.
-    pub fn take_plain<'a>(
+    #[allow(clippy::inline_always)] // Called for every packet; an event is large.
+    pub fn take_plain(
         &mut self,
         functions: &Functions,
-        it: &PlainSegment<'a>,
+        it: &PlainSegment<'_>,
         (packet, time): (u64, Option<Ns>),
-    ) -> Option<Option<Event<'a>>> {
-        let (at, side) = self.known.find(it.addresses, it.ports)?;
-        let connection = self.slots[at].as_mut().filter(|it| it.conversation.is_settled())?;
+        each: &mut impl FnMut(Event<'_>),
+    ) -> bool {
+        let Some((at, side)) = self.known.find(it.addresses, it.ports) else { return false };
+        let Some(connection) = self.slots[at].as_mut().filter(|it| it.conversation.is_settled()) else { return false };
         if !connection.stream.take_next(side, it, time) {
-            return None;
+            return false;
         }
         connection.last_packet = packet;
         connection.packets += 1;
         let chunk = StreamChunk { side, bytes: it.payload, packet, time, missing: 0, cut: false };
-        Some(connection.conversation.take_plain(functions, chunk))
+        connection.conversation.note_plain(functions, &chunk);
+        if !chunk.bytes.is_empty() {
+            each(connection.conversation.event_of(chunk));
+        }
+        true
     }
 
     /// Ends all connections, because the capture has ended.

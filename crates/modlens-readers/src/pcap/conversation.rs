@@ -116,19 +116,17 @@ impl Conversation {
         matches!(self.state, ConversationState::Modbus) && self.is_expected && self.history.is_some()
     }
 
-    /// Notes a plain segment of a settled conversation, which the stream has taken as the next one; gives the event of its
-    /// bytes, if it has any.
+    /// Notes a plain segment of a settled conversation, which the stream has taken as the next one.
     #[inline]
-    pub(super) fn take_plain<'a>(&mut self, functions: &Functions, chunk: StreamChunk<'a>) -> Option<Event<'a>> {
+    pub(super) fn note_plain(&mut self, functions: &Functions, chunk: &StreamChunk<'_>) {
         let has_data = !chunk.bytes.is_empty();
         if let Some(history) = &mut self.history {
             if has_data {
-                history.note_bytes(functions, &chunk);
+                history.note_bytes(functions, chunk);
             }
             history.note_plain_segment(chunk.side == self.client, has_data, chunk.time);
         }
         self.side_recorded[chunk.side] = true;
-        has_data.then(|| self.event_of(chunk))
     }
 
     /// Notes the sides that have finished by now, as far as `stream` has delivered everything before their FIN; where the
@@ -261,7 +259,7 @@ impl Conversation {
 
     /// Bytes of a Modbus connection as they are reported.
     #[inline]
-    fn event_of<'a>(&self, chunk: StreamChunk<'a>) -> Event<'a> {
+    pub(super) fn event_of<'a>(&self, chunk: StreamChunk<'a>) -> Event<'a> {
         Event::Bytes {
             slot: self.slot,
             from_client: chunk.side == self.client,

@@ -78,14 +78,11 @@ impl Capture {
                 each(Event::Time(time, packet.by));
             }
             let segment = plain::segment(packet.by.link, packet.data).filter(|_| !self.is_general);
-            match segment.and_then(|it| self.table.take_plain(functions, &it, (packet.number, packet.time))) {
-                Some(bytes) => {
-                    self.plain += 1;
-                    if let Some(event) = bytes {
-                        each(event);
-                    }
-                }
-                None => self.take_packet(functions, &packet, each),
+            let at = (packet.number, packet.time);
+            if segment.is_some_and(|it| self.table.take_plain(functions, &it, at, each)) {
+                self.plain += 1;
+            } else {
+                self.take_packet(functions, &packet, each);
             }
         });
         self.file = file;
