@@ -29,7 +29,8 @@ fn exchange(unit: u8, function: u8, address: u16, quantity: u8, value: u8) -> [V
         6 => ([&head[..], &[0, value]].concat(), [&head[..], &[0, value]].concat()),
         15 => ([&head[..], &[0, 8, 1, value]].concat(), [&head[..], &[0, 8]].concat()),
         23 => {
-            let written = [&[0, 9, 0, quantity, 2 * quantity], &data(2 * quantity)[..]].concat();
+            let count = quantity % 4 + 1;
+            let written = [&[0, 9, 0, count, 2 * count], &data(2 * count)[..]].concat();
             ([&head[..], &[0, quantity], &written].concat(), [&[unit, function, 2 * quantity], &data(2 * quantity)[..]].concat())
         }
         _ => ([&head[..], &[0, quantity, 2 * quantity], &data(2 * quantity)].concat(), [&head[..], &[0, quantity]].concat()),
@@ -79,7 +80,7 @@ fn log_line(ms: u64, frame: &[u8]) -> String {
 
 /// The same traffic as a log with times and a frame a line; one exchange in nine has no response, is refused, or is damaged.
 fn log() -> impl Strategy<Value = String> {
-    let function = prop_oneof![Just(1u8), Just(2), Just(3), Just(4), Just(5), Just(6), Just(15), Just(16)];
+    let function = prop_oneof![Just(1u8), Just(2), Just(3), Just(4), Just(5), Just(6), Just(15), Just(16), Just(23)];
     let polls = proptest::collection::vec((1u8..4, function, prop_oneof![0u16..4, Just(0x300u16)], 1u8..5), 1..6);
     let turn = (0u8..27, any::<u8>(), prop_oneof![8 => 1u64..30, 1 => Just(0), 1 => 900u64..2000], 0u64..40);
     (polls, proptest::collection::vec(turn, 4..120)).prop_map(|(polls, turns)| {

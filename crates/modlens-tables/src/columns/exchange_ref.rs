@@ -43,13 +43,14 @@ pub enum ExchangeNumber {
 }
 
 impl ExchangeNumber {
-    /// The number that a column of transactions shows, where it has a value; `None` if it shows something else.
+    /// The number that a column of transactions shows, where it has a value; `None` if it shows something else. What is written
+    /// is left out: a request to read and write (function 23) has an address and a quantity for either.
     pub fn of_column(key: &str) -> Option<Self> {
         Some(match key {
             "txn" => Self::Txn,
             "unit" => Self::Unit,
-            "address" | "write_address" => Self::Address,
-            "quantity" | "write_quantity" => Self::Quantity,
+            "address" => Self::Address,
+            "quantity" => Self::Quantity,
             "confidence" => Self::Confidence,
             "mbap_id" => Self::MbapId,
             "request_frame" => Self::RequestFrame,
