@@ -256,8 +256,8 @@ impl Input {
         self.reads.is_empty() && self.has_times && self.has_multibyte_reads && !self.has_marks
     }
 
-    /// What `push` and `consume` do with packets, of which the last one has this time and ends at this stream offset and the longest
-    /// one has so many bytes, where `takes_packets` holds. Their bytes are no `consumed_bytes`.
+    /// What `push` and `consume` do with packets, of which the last one has this time and ends at this stream offset and the
+    /// longest one has so many bytes, where `takes_packets` holds. Their bytes are no `consumed_bytes`.
     pub fn pass(&mut self, end: u64, time: Ns, longest: usize) {
         (self.is_paused, self.is_closed, self.is_ended) = (false, false, false);
         self.longest_read_bytes = self.longest_read_bytes.max(longest);
@@ -327,8 +327,8 @@ impl Input {
         first.end == request_end && self.first_read_start == self.offset && second.is_some_and(is_timely)
     }
 
-    /// How many of the unframed bytes are in one read without time, side and marks, in which exchanges of this framing are decided
-    /// by their bytes alone, as `holds_exchange` says of each of them; 0 if the first read is none.
+    /// How many of the unframed bytes are in one read without time, side and marks, in which exchanges of this framing are
+    /// decided by their bytes alone, as `holds_exchange` says of each of them; 0 if the first read is none.
     pub fn plain_untimed_bytes(&self, mode: Mode) -> usize {
         let is_plain = |read: &&Read| {
             let proves_no_other = read.proven_framing.is_none_or(|proven| proven == mode);

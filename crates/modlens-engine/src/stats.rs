@@ -223,8 +223,8 @@ impl Stats {
         counts.units[at.unit].functions[at.function].statuses[Status::Ok as usize] += 1;
     }
 
-    /// Counts an exchange of the fast path that was refused, and its finding. `times`: those of request and response, each of which
-    /// took none, where there is a clock.
+    /// Counts an exchange of the fast path that was refused, and its finding. `times`: those of request and response, each of
+    /// which took none, where there is a clock.
     pub(crate) fn record_refusal(
         &mut self,
         bus: usize,

@@ -66,7 +66,8 @@ const GROUP_BYTES: usize = 6 * GROUP;
 
 /// Appends numbers of 16 bits, the high byte first, each with the separator behind it.
 ///
-/// Most values in tables are registers, and each of these costs one look-up and one copy of fixed size, without a check of the room.
+/// Most values in tables are registers, and each of these costs one look-up and one copy of fixed size, without a check of the
+/// room.
 pub fn push_words<const SEPARATOR: u8>(bytes: &[u8], out: &mut Vec<u8>) {
     let table = decimal_texts();
     let (words, _) = bytes.as_chunks::<2>();

@@ -101,8 +101,8 @@ pub fn push_hex(bytes: &[u8], out: &mut Vec<u8>) {
     }
 }
 
-/// Appends the hex digits of some bytes. It uses no table, and is a loop, so that the compiler converts all of them at once: each byte
-/// becomes a number of 16 bits, whose halves become its two digits.
+/// Appends the hex digits of some bytes. It uses no table, and is a loop, so that the compiler converts all of them at once:
+/// each byte becomes a number of 16 bits, whose halves become its two digits.
 #[inline(always)]
 #[allow(clippy::inline_always)] // A dozen instructions for eight bytes.
 fn push_digits_of<const BYTES: usize>(bytes: &[u8; BYTES], out: &mut Vec<u8>) {

@@ -169,8 +169,8 @@ impl UnframedRegion<'_, '_> {
         }
     }
 
-    /// The bytes of a gap that may be the frame, up to the next pause and without what a line driver leaves at either end, and how
-    /// many stray bytes stand in front of them behind the last pause: none or a few.
+    /// The bytes of a gap that may be the frame, up to the next pause and without what a line driver leaves at either end, and
+    /// how many stray bytes stand in front of them behind the last pause: none or a few.
     fn bursts<'a>(&'a self, gap: &'a Gap<'_>) -> impl Iterator<Item = (usize, Range<usize>)> + 'a {
         let Range { start, end } = gap.range;
         (start..end).filter(move |&at| at == start || self.has_pause(at)).flat_map(move |at| {

@@ -79,8 +79,8 @@ fn decode_exchange(functions: &Functions, text: &[u8], adus: &mut [Vec<u8>; 2]) 
     (is_whole && expected.is_answered_by(request, response)).then_some((expected, [request_length, response_length]))
 }
 
-/// Whether a response that equals its request, which has this many characters, may be a retry of it: the recording declares one of
-/// the two otherwise, or the silence between them fits a timeout better than a response time.
+/// Whether a response that equals its request, which has this many characters, may be a retry of it: the recording declares one
+/// of the two otherwise, or the silence between them fits a timeout better than a response time.
 fn may_be_retry(state: &BusState, request_length: usize) -> bool {
     let input = &state.lines[0].1.input;
     let declared = |index| input.read(index).and_then(|read| read.side).map(|side| declared_direction(state.side_votes, side));

@@ -91,8 +91,8 @@ impl Session {
         self.next_frame += 2;
     }
 
-    /// Appends an exchange in a packet or a line each to `held`, as a compact one, if transactions are wanted. `start`: where its bytes
-    /// begin in the arena.
+    /// Appends an exchange in a packet or a line each to `held`, as a compact one, if transactions are wanted. `start`: where
+    /// its bytes begin in the arena.
     #[inline(always)]
     #[allow(clippy::inline_always)] // As above.
     fn push_compact(

@@ -131,9 +131,9 @@ impl ExpectedExchange {
         (announced == Some(count)).then_some(Self { request_bytes: WRITE_HEADER_BYTES + count, ..self })
     }
 
-    /// The same as a read of registers with a write of others, which begins with these bytes. `None` unless quantity and byte count
-    /// of what is written are there and agree. On a serial line it may be a response, if it has as many bytes as it says where a
-    /// response has its byte count, or one byte less, which the search would weigh: `None`, too.
+    /// The same as a read of registers with a write of others, which begins with these bytes. `None` unless quantity and byte
+    /// count of what is written are there and agree. On a serial line it may be a response, if it has as many bytes as it says
+    /// where a response has its byte count, or one byte less, which the search would weigh: `None`, too.
     #[inline(never)]
     fn as_read_write(self, mode: Mode, request: &[u8]) -> Option<Self> {
         let header: &[u8; READ_WRITE_HEADER_BYTES] = request.first_chunk()?;

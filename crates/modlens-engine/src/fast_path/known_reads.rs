@@ -7,7 +7,8 @@ use crate::stats::{RequestKey, RequestPlace, Stats};
 /// follows.
 const READ_BYTES: usize = 8;
 
-/// Places for requests at first, and at most: powers of two. A capture may have thousands of connections with a few requests each.
+/// Places for requests at first, and at most: powers of two. A capture may have thousands of connections with a few requests
+/// each.
 const FIRST_PLACES: usize = 16;
 const MAX_PLACES: usize = 1024;
 

@@ -1,8 +1,8 @@
-//! The fast path on a log with times whose lines are a whole RTU frame each: requests and responses are matched as their lines come,
-//! without an input and its reads.
+//! The fast path on a log with times whose lines are a whole RTU frame each: requests and responses are matched as their lines
+//! come, without an input and its reads.
 //!
-//! A request is kept in hand until the next line. If that is its response, the exchange is emitted as `rtu_batch` emits one at the
-//! head of the bus's only line, which is left as if both had come and been consumed. In any other case both take the general
+//! A request is kept in hand until the next line. If that is its response, the exchange is emitted as `rtu_batch` emits one at
+//! the head of the bus's only line, which is left as if both had come and been consumed. In any other case both take the general
 //! way, in their order. That a line is decided earlier than there changes nothing: a block of the log may end behind any line.
 
 use crate::fast_path::emit::{adjacent_spans, ExchangePlaces};
@@ -35,8 +35,8 @@ pub(crate) struct LineRun {
     request: Option<(LogEntry, usize)>,
 }
 
-/// How long lines take the general way before a run is tried again: to begin one, what waits has to be decided, which is cheaper for
-/// many lines at once where none can begin.
+/// How long lines take the general way before a run is tried again: to begin one, what waits has to be decided, which is cheaper
+/// for many lines at once where none can begin.
 #[derive(Default)]
 pub(crate) struct LineTries {
     /// Runs since the last exchange that could not begin, or had none.

@@ -11,30 +11,31 @@
 //!   header announces, no long silence or record boundary lies inside, and it is either the response that the outstanding
 //!   request determines, or a request whose unit and function are familiar on this line. A request-like frame that may as
 //!   well be a response (a late one, a repeated one, an echoed write) does not qualify.
-//! - **An exchange** (RTU, ASCII and TCP, [`Session::emit_exchanges`]): a plain read or write, or both in one (`expected_exchange`), that keeps
-//!   the limits of the specification, and right behind it the one response that it determines: equal header and byte count,
-//!   padding bits 0, or the echo. Both are in one read without times, in a read each within the request time-out, or in a
-//!   TCP packet each. And nothing is open: no request outstanding (on a connection, none that the exchange touches), no finding due on an earlier frame, the framer's lattice
-//!   empty, no mark of the receiver, no profile that has to look at the data.
+//! - **An exchange** (RTU, ASCII and TCP, [`Session::emit_exchanges`]): a plain read or write, or both in one
+//!   (`expected_exchange`), that keeps the limits of the specification, and right behind it the one response that it determines:
+//!   equal header and byte count, padding bits 0, or the echo. Both are in one read without times, in a read each within the
+//!   request time-out, or in a TCP packet each. And nothing is open: no request outstanding (on a connection, none that the
+//!   exchange touches), no finding due on an earlier frame, the framer's lattice empty, no mark of the receiver, no profile that
+//!   has to look at the data.
 //!
 //! On an RTU line without times of which nobody wants the frames, exchanges are emitted compact (`rtu_compact`): a run of them in
-//! one loop (`compact_run`), without rows, and refusals among them. On a connection the exchanges of a recording are emitted compact
-//! where nobody wants frames, and packets that come in turn are matched before they reach a line (`packet_pairs`), and so are the
-//! lines of a log with times (`line_pairs`).
+//! one loop (`compact_run`), without rows, and refusals among them. On a connection the exchanges of a recording are emitted
+//! compact where nobody wants frames, and packets that come in turn are matched before they reach a line (`packet_pairs`), and
+//! so are the lines of a log with times (`line_pairs`).
 //!
 //! Example: `11 03 00 6B 00 03 76 87` and right behind it `11 03 06 02 2B 00 00 00 64 C8 BA` become two frame rows and a
-//! transaction row in one step. With exception `11 83 02 C1 34` behind it, that is a compact exchange, or both frames are taken by
-//! `rtu_frame` one after the other and paired by `pairing`; with one bit of the response flipped, the search and `damage` decide.
+//! transaction row in one step. With exception `11 83 02 C1 34` behind it, that is a compact exchange, or both frames are taken
+//! by `rtu_frame` one after the other and paired by `pairing`; with one bit of the response flipped, the search and `damage`
+//! decide.
 //!
 //! # Why the rows are those of the slow path
 //!
 //! The slow path is the oracle. For what qualifies, its decision is known without executing it: the search would have a
 //! single hypothesis without a rival, pairing would have one open request and its full match, and no check would find
 //! anything. What remains is what the slow path *learns* from each frame, and every file here records exactly that:
-//! `rtu_exchange` in the framer's traffic model (`record_exchange`, or `learn_in_run` and `learn_run`; and `sync_after_batch` once at
-//! the end of a run),
-//! `pairing` in the pairing's statistics and history, `emit` in the statistics and what is known of units and sides. Whoever
-//! lets the slow path learn something new has to add it here, or the tests below fail.
+//! `rtu_exchange` in the framer's traffic model (`record_exchange`, or `learn_in_run` and `learn_run`; and `sync_after_batch`
+//! once at the end of a run), `pairing` in the pairing's statistics and history, `emit` in the statistics and what is known of
+//! units and sides. Whoever lets the slow path learn something new has to add it here, or the tests below fail.
 //!
 //! # The tests that compare the two
 //!
@@ -76,8 +77,9 @@ impl Session {
     /// Emits the exchanges at the heads of the lines of the bus with this index, as long as each of them qualifies for the
     /// fast path. The caller goes on frame by frame behind them.
     ///
-    /// Does nothing if the bus's clock went back, if one side of a connection has no bytes, if a request is outstanding (but for a
-    /// connection, where each exchange has to leave it alone) or anything else of an earlier frame is undecided, or if the bus is neither a single RTU or ASCII line nor a TCP connection with a line for each side.
+    /// Does nothing if the bus's clock went back, if one side of a connection has no bytes, if a request is outstanding (but for
+    /// a connection, where each exchange has to leave it alone) or anything else of an earlier frame is undecided, or if the bus
+    /// is neither a single RTU or ASCII line nor a TCP connection with a line for each side.
     pub(crate) fn emit_exchanges(&mut self, bus: usize) {
         let state = &self.buses[bus];
         let is_connection = state.options.bus.network.is_some() && state.lines.len() == 2;

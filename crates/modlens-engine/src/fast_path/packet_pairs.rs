@@ -1,11 +1,11 @@
-//! The fast path on a TCP connection whose requests and responses come one behind the other, in a packet each: they are matched as
-//! they come, without the inputs and reads of their lines.
+//! The fast path on a TCP connection whose requests and responses come one behind the other, in a packet each: they are matched
+//! as they come, without the inputs and reads of their lines.
 //!
 //! A request is kept in hand until the next packet of its connection. If that is its response, the exchange is emitted as
-//! `tcp_batch` emits one at the heads of the lines; where exchanges are compact, a refusal is a response, too. Once at the end of the run, both lines are left as if the packets had come and been consumed, and
-//! what is counted is counted. In any other case both packets take the general way, in their order, as does all of a connection on
-//! which something is undecided. That a packet is decided earlier than there changes nothing: a block of the capture may end
-//! behind any packet.
+//! `tcp_batch` emits one at the heads of the lines; where exchanges are compact, a refusal is a response, too. Once at the end
+//! of the run, both lines are left as if the packets had come and been consumed, and what is counted is counted. In any other
+//! case both packets take the general way, in their order, as does all of a connection on which something is undecided. That a
+//! packet is decided earlier than there changes nothing: a block of the capture may end behind any packet.
 
 use crate::fast_path::emit::{compact_exchange, ExchangePlaces};
 use crate::fast_path::packet_run::PacketRun;

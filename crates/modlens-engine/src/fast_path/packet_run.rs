@@ -51,7 +51,8 @@ pub(super) struct PacketSide {
 }
 
 impl PacketRun {
-    /// A run on this bus, of compact exchanges or of rows; `None` if anything on it is undecided, or if it is no connection with a clock.
+    /// A run on this bus, of compact exchanges or of rows; `None` if anything on it is undecided, or if it is no connection with
+    /// a clock.
     pub(super) fn begin(bus: usize, state: &mut BusState, is_compact: bool) -> Option<Self> {
         // The times of a run (`PacketSide`) are those of packets, which take none themselves.
         let is_ready = |(_, line): &(u8, LineState)| {

@@ -106,8 +106,8 @@ impl Session {
     }
 }
 
-/// The exchange at the head of the only line of a bus, if it is in reads in which nothing else decides (`Input::holds_exchange`), and
-/// `match_exchange` takes it.
+/// The exchange at the head of the only line of a bus, if it is in reads in which nothing else decides
+/// (`Input::holds_exchange`), and `match_exchange` takes it.
 #[inline(always)]
 #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
 fn next_exchange(
@@ -155,8 +155,8 @@ pub(super) struct KnownOfLine<'a> {
 /// `has_place` says whether a request and a response of these lengths are in reads in which nothing else decides, `silence` what
 /// silence was before the byte at an index.
 ///
-/// `None` where the framer has a doubt (`RtuFramer::is_certain`), where a self-describing register map may begin in it, and where it
-/// would change the profile of its unit or give a finding there. Nothing is learned then.
+/// `None` where the framer has a doubt (`RtuFramer::is_certain`), where a self-describing register map may begin in it, and
+/// where it would change the profile of its unit or give a finding there. Nothing is learned then.
 #[inline(always)]
 #[allow(clippy::inline_always)] // As above.
 pub(super) fn match_exchange(

@@ -1,7 +1,8 @@
 //! The fast path on an RTU line without a clock, for compact exchanges: a run of them in one loop over the bytes (`compact_run`).
 //!
 //! It takes the exchanges that `rtu_batch` takes there, and refusals, and leaves the session as that does. What follows from the
-//! bytes of a request alone is found once: the requests of a poll cycle come again and again, byte by byte the same. Of these only what differs from one to the next is learned at once, the rest at the end of a run of them.
+//! bytes of a request alone is found once: the requests of a poll cycle come again and again, byte by byte the same. Of these
+//! only what differs from one to the next is learned at once, the rest at the end of a run of them.
 
 use crate::fast_path::compact_run::{CompactRun, Known};
 use crate::fast_path::expected_exchange::ExpectedExchange;
@@ -15,8 +16,8 @@ use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 
 impl Session {
-    /// Emits the RTU exchanges at the head of the only line of the bus with this index as compact exchanges, until one does not qualify. The
-    /// caller has made sure that `emits_compact` holds, and that nothing is open.
+    /// Emits the RTU exchanges at the head of the only line of the bus with this index as compact exchanges, until one does not
+    /// qualify. The caller has made sure that `emits_compact` holds, and that nothing is open.
     ///
     /// The framer learns the units, functions and requests of a run one by one, and what is the same of all exchanges at once.
     pub(super) fn emit_compact_rtu_exchanges(&mut self, bus: usize) {
@@ -47,8 +48,8 @@ impl Session {
         }
     }
 
-    /// Consumes the bytes of a run, of which `last` is the last exchange, and does what is done once for all of it. `first` is the
-    /// index of its first exchange in the batch.
+    /// Consumes the bytes of a run, of which `last` is the last exchange, and does what is done once for all of it. `first` is
+    /// the index of its first exchange in the batch.
     fn end_compact_run(&mut self, bus: usize, first: usize, run: &CompactRun, last: LastExchange) {
         let state = &mut self.buses[bus];
         let input = &mut state.lines[0].1.input;

@@ -43,8 +43,9 @@ impl RtuFramer {
     /// The exchange at the head of the input, if there is no doubt about it: its unit and function are familiar, and its
     /// request and its response follow each other with valid CRCs, in one read without times or within `request_timeout`.
     ///
-    /// May be called only while nothing is open (`Framer::is_settled_at`). `answered`: what came before; `request_timeout` in nanoseconds; `pause`: the log2 odds timeout : response of the silence before the byte at an
-    /// index of the input. Consumes and learns nothing: the caller does, if nothing else speaks against the exchange.
+    /// May be called only while nothing is open (`Framer::is_settled_at`). `answered`: what came before; `request_timeout` in
+    /// nanoseconds; `pause`: the log2 odds timeout : response of the silence before the byte at an index of the input. Consumes
+    /// and learns nothing: the caller does, if nothing else speaks against the exchange.
     ///
     /// `None` also while bytes of it are missing, where the request may be the previous response once more, where marks of the
     /// receiver or records forbid it (`Input::holds_exchange`), and where the response equals its request and may be a retry.
@@ -69,8 +70,9 @@ impl RtuFramer {
 
     /// Whether there is no doubt about the exchange that the request at the head of these bytes announces, as far as the bytes
     /// say: its unit and function are familiar, the response is the expected one, and the CRCs are valid; those of request and
-    /// response are checked if `checks` says so. `answered`: as above. `is_response`, asked with the bytes from the second frame on,
-    /// says whether the second of two equal frames is the response to the first. `false` if the bytes end before the response.
+    /// response are checked if `checks` says so. `answered`: as above. `is_response`, asked with the bytes from the second frame
+    /// on, says whether the second of two equal frames is the response to the first. `false` if the bytes end before the
+    /// response.
     #[inline(always)]
     #[allow(clippy::inline_always)] // Asked of every exchange.
     pub(super) fn is_certain(
@@ -132,7 +134,8 @@ impl RtuFramer {
         self.search.model.learn_in_run(run, request, response, copy);
     }
 
-    /// Brings up to date what is learned of the turns of a run, before `response_odds` of a response that has the bytes of its request.
+    /// Brings up to date what is learned of the turns of a run, before `response_odds` of a response that has the bytes of its
+    /// request.
     #[inline]
     pub fn learn_turns(&mut self, run: &mut LearningRun) {
         self.search.model.learn_turns(run);

@@ -49,8 +49,8 @@ pub(super) struct KnownOfBus<'a> {
     pub request_timeout: Ns,
 }
 
-/// The exchange of which these are the packets of the client and of the server, and these their times, if there is no doubt and no
-/// finding about it.
+/// The exchange of which these are the packets of the client and of the server, and these their times, if there is no doubt and
+/// no finding about it.
 ///
 /// `None` unless the request is a plain read or write in which no self-describing register map can begin, requests that are
 /// still outstanding stay as they are (`OpenRequests::are_left_by`), the response comes behind the request, within the request

@@ -21,8 +21,8 @@ pub struct Batch {
     pub functions: Option<Arc<Functions>>,
     /// The bytes of all rows.
     pub arena: Vec<u8>,
-    /// The findings of all frames and transactions. In a batch of a session the first is `Finding::Exception`, to which the rows of
-    /// all compact exchanges that were refused refer.
+    /// The findings of all frames and transactions. In a batch of a session the first is `Finding::Exception`, to which the rows
+    /// of all compact exchanges that were refused refer.
     pub codes: Vec<Finding>,
     /// Frames.
     pub frames: Vec<Frame>,

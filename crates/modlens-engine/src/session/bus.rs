@@ -236,7 +236,8 @@ impl BusState {
         (self.known_units[unit], self.paired_units[unit]) = (true, true);
     }
 
-    /// Whether a time is behind that of all bytes of a connection, and not behind a silence that would end a frame of either side.
+    /// Whether a time is behind that of all bytes of a connection, and not behind a silence that would end a frame of either
+    /// side.
     #[inline]
     fn is_in_order(&self, time: Ns) -> bool {
         let is_silent = |line: &LineState| line.input.last_byte_time().is_some_and(|last| time - last >= line.input.break_ns);

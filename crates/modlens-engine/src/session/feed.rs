@@ -37,8 +37,8 @@ impl Session {
         }
     }
 
-    /// Decides the bytes that `feed_later` has left undecided, if there are any, as of the last chunk's time; and a request that is
-    /// in hand for its response.
+    /// Decides the bytes that `feed_later` has left undecided, if there are any, as of the last chunk's time; and a request that
+    /// is in hand for its response.
     pub(crate) fn decide_waiting(&mut self) {
         self.end_packet_run();
         self.end_line_run();

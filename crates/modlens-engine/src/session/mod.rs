@@ -206,8 +206,8 @@ impl Session {
     }
 
     /// Whether this bus emits compact exchanges from now on: in a recording of one RTU line without times, where a
-    /// frame is known by its offset. With another bus open, a transaction may have to wait for an older one while exchanges behind it
-    /// are given out.
+    /// frame is known by its offset. With another bus open, a transaction may have to wait for an older one while exchanges
+    /// behind it are given out.
     pub(crate) fn emits_compact(&self, bus: usize) -> bool {
         let state = &self.buses[bus];
         (self.always_compact || !self.wanted.frames)

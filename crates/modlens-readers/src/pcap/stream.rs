@@ -20,8 +20,8 @@ const MAX_WAIT_NS: Ns = 5_000_000_000;
 /// A sequence number this far from the expected one belongs to another connection between the same ports.
 const MAX_SEQUENCE_DISTANCE: i32 = 1 << 24;
 
-/// Where the IP header has no identification, a segment or datagram that is repeated within this time was captured twice: no sender
-/// retransmits so quickly.
+/// Where the IP header has no identification, a segment or datagram that is repeated within this time was captured twice: no
+/// sender retransmits so quickly.
 pub(super) const MAX_DUPLICATE_DELAY_NS: Ns = 2_000_000;
 
 /// After so many runs of missing bytes without any data between them, a side counts as not captured, and its sequence

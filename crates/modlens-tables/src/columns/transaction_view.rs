@@ -143,7 +143,8 @@ impl<'a> TransactionView<'a> {
         Some((u16_at(body, row.offsets.address?)?, u16_at(body, row.offsets.quantity?)?))
     }
 
-    /// Address and quantity of what the request writes, or of what a response without request says was written; `None` if the function writes nothing.
+    /// Address and quantity of what the request writes, or of what a response without request says was written; `None` if the
+    /// function writes nothing.
     #[inline(always)]
     #[allow(clippy::inline_always)] // See `ExchangeRef::transaction`.
     pub(super) fn write_range(self, batch: &Batch) -> Option<(u16, u16)> {

@@ -118,8 +118,8 @@ struct Requests {
 }
 
 impl Overview {
-    /// One that collects the courses of lines and units alone: without values of registers, without examples, and without rows for
-    /// the requests of each function.
+    /// One that collects the courses of lines and units alone: without values of registers, without examples, and without rows
+    /// for the requests of each function.
     pub fn of_courses() -> Self {
         Self { is_of_courses: true, ..Self::default() }
     }
@@ -405,7 +405,8 @@ impl BusOverview {
         }
     }
 
-    /// Where a row is: by its time, or by its number where the bus has no clock. A row that has neither is where the last one was.
+    /// Where a row is: by its time, or by its number where the bus has no clock. A row that has neither is where the last one
+    /// was.
     #[inline]
     fn place(&mut self, rows: RowKind, time: Option<Ns>, number: Option<u64>) -> i64 {
         let position = match self.axis {

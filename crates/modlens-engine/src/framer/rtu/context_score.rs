@@ -197,7 +197,8 @@ fn echo_cost(place: &FrameInPlace<'_>) -> f32 {
 
 /// The score of a request that differs from the outstanding one, which is left unanswered. It costs more where it comes as early
 /// as responses do: no master gives up as soon as that. Behind unframed bytes that does not count: the response may be among
-/// them; and where hardly any response is heard, its time proves nothing. Where it equals the superseded request, the outstanding one was rather another frame, and its body is known.
+/// them; and where hardly any response is heard, its time proves nothing. Where it equals the superseded request, the
+/// outstanding one was rather another frame, and its body is known.
 fn other_request_score(place: &FrameInPlace<'_>) -> f32 {
     let is_superseded = place.answerable.superseded.is_some_and(|request| place.equals(request));
     let known = if is_superseded { place.known_body_score() - weights::RETRY_CHOICE_BITS } else { 0.0 };

@@ -117,9 +117,9 @@ impl Prefix {
     }
 }
 
-/// The starts of substrings by their keys: a hash table of the latest `RING_STARTS` positions. A position is entered as the low 32
-/// bits of its stream offset, plus one, so that 0 is no entry; where these have wrapped around, only old entries are wrong, and
-/// `positions_behind` puts them out of reach.
+/// The starts of substrings by their keys: a hash table of the latest `RING_STARTS` positions. A position is entered as the low
+/// 32 bits of its stream offset, plus one, so that 0 is no entry; where these have wrapped around, only old entries are wrong,
+/// and `positions_behind` puts them out of reach.
 struct StartTable {
     /// The latest entry in each bucket.
     heads: Box<[u32; BUCKETS]>,

@@ -55,8 +55,8 @@ impl Default for RequestPrefilter {
     }
 }
 
-/// By the way in which a damaged frame is looked for, the requests that `damage::alignment` (`align`) does not give up at once by the
-/// first two bytes.
+/// By the way in which a damaged frame is looked for, the requests that `damage::alignment` (`align`) does not give up at once
+/// by the first two bytes.
 struct Ways {
     /// The unit agrees. Only such a request is damaged inside, or by another sender.
     begins: FrameSet,
@@ -142,9 +142,9 @@ impl RequestPrefilter {
         short | self.filter(among & !self.long, &ways, &observed, need, costs) | long
     }
 
-    /// The requests of five bytes and more by how they may stand, damaged, at the first of these bytes. `align` accepts damage inside a
-    /// frame only if its first byte agrees, flipped bits only if one of the first two does and few bits of the other are flipped,
-    /// and missing leading bytes only if the two bytes behind them agree.
+    /// The requests of five bytes and more by how they may stand, damaged, at the first of these bytes. `align` accepts damage
+    /// inside a frame only if its first byte agrees, flipped bits only if one of the first two does and few bits of the other
+    /// are flipped, and missing leading bytes only if the two bytes behind them agree.
     fn ways(&self, bytes: &[u8]) -> Ways {
         let begins = bytes.first().map_or(0, |&first| self.equal_at(0, first));
         let &[first, second, ..] = bytes else { return Ways { begins, headed: begins, headless: 0 } };
@@ -179,8 +179,8 @@ impl RequestPrefilter {
         (place + 1..=place + MAX_LOST_BYTES).fold(0, |set, place| set | self.equal_at(place, byte))
     }
 
-    /// The requests that have this byte at this place, one place before it (a byte may be there twice), or one to `MAX_LOST_BYTES`
-    /// places behind it (bytes inside may be missing).
+    /// The requests that have this byte at this place, one place before it (a byte may be there twice), or one to
+    /// `MAX_LOST_BYTES` places behind it (bytes inside may be missing).
     fn equal_around(&self, place: usize, byte: u8) -> FrameSet {
         let before = place.checked_sub(1).map_or(0, |place| self.equal_at(place, byte));
         before | self.equal_at(place, byte) | self.equal_behind(place, byte)
@@ -191,7 +191,8 @@ impl RequestPrefilter {
         self.covering.get(place).map_or(0, |sets| sets[usize::from(byte)])
     }
 
-    /// The requests that have these two bytes side by side, the first of them one to `MAX_LOST_BYTES` places behind the beginning.
+    /// The requests that have these two bytes side by side, the first of them one to `MAX_LOST_BYTES` places behind the
+    /// beginning.
     fn with_pair_inside(&self, first: u8, second: u8) -> FrameSet {
         (1..=MAX_LOST_BYTES).fold(0, |set, lost| set | self.equal_at(lost, first) & self.equal_at(lost + 1, second))
     }

@@ -45,8 +45,8 @@ impl Search {
         }
     }
 
-    /// Whether there is no hypothesis but the root, and neither times, reads nor the line add anything to the score of a substring:
-    /// then `RejectedSubstrings` may know it, if its unit is not known.
+    /// Whether there is no hypothesis but the root, and neither times, reads nor the line add anything to the score of a
+    /// substring: then `RejectedSubstrings` may know it, if its unit is not known.
     pub(super) fn is_in_plain_noise(&self, input: &Input, context: &FramerContext<'_>) -> bool {
         let is_plain_line = context.line_direction.is_none() && context.connection_side.is_none();
         self.lattice.len() == 1 && is_plain_line && input.is_one_untimed_read()

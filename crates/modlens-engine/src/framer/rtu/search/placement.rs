@@ -102,8 +102,8 @@ fn place_kind(answers_outstanding: bool, follows_echo: bool) -> usize {
     usize::from(answers_outstanding) + 2 * usize::from(follows_echo)
 }
 
-/// What a context score depends on beside the pause before the frame and the requests that may be answered: how many unframed bytes
-/// stand before it, as a class, and whether its header stands among them.
+/// What a context score depends on beside the pause before the frame and the requests that may be answered: how many unframed
+/// bytes stand before it, as a class, and whether its header stands among them.
 type PlaceKey = (usize, bool);
 
 /// The number of the class of unframed bytes before a frame that its context score depends on: none, a few, or so many that they
@@ -128,8 +128,8 @@ struct ContextScores<'a> {
     same_header_at: Option<u64>,
     /// The last score: on most paths the same request is outstanding, so it is the next one, too.
     last: Option<((Answerable, PlaceKey), ContextScore)>,
-    /// The scores behind requests that have nothing to do with the frame (`concerns_frame`): only whether one is outstanding counts
-    /// there, and the place.
+    /// The scores behind requests that have nothing to do with the frame (`concerns_frame`): only whether one is outstanding
+    /// counts there, and the place.
     unconcerned: [[[Option<ContextScore>; 2]; UNFRAMED_CLASSES]; 2],
 }
 

@@ -28,8 +28,8 @@ enum PlaceInRun {
 }
 
 impl Search {
-    /// Log2 of the odds of this frame's direction, at most `CERTAIN_DIRECTION_BITS`, given what was committed before it; kept for the
-    /// frame behind it. `frame` has its CRC; `pause` is what the silence before it says.
+    /// Log2 of the odds of this frame's direction, at most `CERTAIN_DIRECTION_BITS`, given what was committed before it; kept
+    /// for the frame behind it. `frame` has its CRC; `pause` is what the silence before it says.
     pub(super) fn next_run_odds(
         &mut self,
         context: &FramerContext<'_>,

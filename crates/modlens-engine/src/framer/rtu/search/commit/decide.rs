@@ -135,8 +135,9 @@ impl Search {
     }
 
     /// The rivals of the frame `first` are the paths with another first frame whose score is less than the margin
-    /// (`COMMIT_MARGIN_BITS`, in a recording `OFFLINE_COMMIT_MARGIN_BITS`) below `score`, that of the best path. The stream offset behind the last frame of a rival, the least of all rivals; `None` if there are
-    /// no rivals. The root counts as one: the path on which all bytes are unframed.
+    /// (`COMMIT_MARGIN_BITS`, in a recording `OFFLINE_COMMIT_MARGIN_BITS`) below `score`, that of the best path. The stream
+    /// offset behind the last frame of a rival, the least of all rivals; `None` if there are no rivals. The root counts as one:
+    /// the path on which all bytes are unframed.
     fn first_rival_end(&self, context: &FramerContext<'_>, first: usize, score: f32) -> Option<u64> {
         let margin = if context.may_look_ahead { weights::OFFLINE_COMMIT_MARGIN_BITS } else { weights::COMMIT_MARGIN_BITS };
         let is_rival = |path: &&Hypothesis| path.first_on_path != first && self.current_score(path) > score - margin;

@@ -23,8 +23,8 @@ use modlens_protocol::direction::Direction;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 
 impl Search {
-    /// The first unfinished frame that may outscore the frame `first` (an index of the lattice) in a recording: one that begins in
-    /// `starts` (stream offsets, the end excluded) behind any hypothesis, else one right behind a frame of another path. It
+    /// The first unfinished frame that may outscore the frame `first` (an index of the lattice) in a recording: one that begins
+    /// in `starts` (stream offsets, the end excluded) behind any hypothesis, else one right behind a frame of another path. It
     /// must also come to an end, with a valid CRC, or damaged right behind a hypothesis. Where bytes are missing to tell, it
     /// counts, and `skip.needs_more_bytes` is set.
     ///
@@ -123,8 +123,8 @@ impl Search {
         })
     }
 
-    /// As `rival_until_by_header`, for recordings: `None` also for a frame that never comes to an end. `parent` is the index of the
-    /// hypothesis behind which it begins, `start` its stream offset. Sets `skip.needs_more_bytes` where bytes are missing.
+    /// As `rival_until_by_header`, for recordings: `None` also for a frame that never comes to an end. `parent` is the index of
+    /// the hypothesis behind which it begins, `start` its stream offset. Sets `skip.needs_more_bytes` where bytes are missing.
     pub(super) fn rival_until_by_lookahead(
         &mut self,
         input: &Input,
