@@ -340,7 +340,8 @@ mod tests {
         batch.buses = Arc::new(buses);
         let pieces: Vec<Vec<u8>> = vec![request(1, &[6, 0, 7, 1, 2]).repeat(2)];
         let one = decoded(&pieces, false).into_iter().find_map(|batch| batch.frames.first().cloned()).expect("a frame");
-        batch.frames = (0..70_000).map(|at| Frame { bus: at, wire: Span::default(), findings: Span::default(), ..one.clone() }).collect();
+        batch.frames =
+            (0..70_000).map(|at| Frame { bus: at, wire: Span::default(), findings: Span::default(), ..one.clone() }).collect();
         let table = Table::new(Arc::new(batch), TableKind::Frames);
         let reader = SerializedFileReader::new(bytes::Bytes::from(file(std::slice::from_ref(&table)))).unwrap();
         let row_groups: Vec<i64> = reader.metadata().row_groups().iter().map(RowGroupMetaData::num_rows).collect();
