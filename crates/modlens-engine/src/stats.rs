@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 
 use serde_json::{json, Value as Json};
 
+use crate::findings::REFUSED;
 use crate::pairing::{ObservedFrame, PendingTransaction};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
@@ -240,7 +241,7 @@ impl Stats {
         if let Some(time) = response_time {
             function.response_times.add(time);
         }
-        self.finding(Finding::Exception);
+        self.finding(REFUSED);
     }
 
     /// Notes the times of a run of the fast path whose frames took none: the first and the last one.

@@ -6,8 +6,9 @@
 //! way, in their order. That a line is decided earlier than there changes nothing: a block of the log may end behind any line.
 
 use crate::fast_path::emit::{adjacent_spans, ExchangePlaces};
-use crate::fast_path::rtu_batch::{match_exchange, KnownOfLine, LastExchange};
-use crate::fast_path::rtu_exchange::Answered;
+use crate::fast_path::line_run::LineRun;
+use crate::fast_path::rtu_batch::{match_exchange, KnownOfLine};
+use crate::fast_path::rtu_exchange::{Answered, LastExchange};
 use crate::fast_path::run::Run;
 use crate::framer::rtu::traffic_model::LearningRun;
 use crate::framer::Framer;
@@ -20,44 +21,6 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::source::Place;
 use modlens_protocol::Ns;
 use modlens_readers::text::LogEntry;
-
-/// A run of exchanges that are matched in their lines.
-pub(crate) struct LineRun {
-    /// Index of the bus.
-    bus: usize,
-    run: Run,
-    /// What came before the run.
-    answered_before: Answered,
-    last: Option<LastExchange>,
-    /// What the framer has still to learn of the run.
-    learning: LearningRun,
-    /// A request whose response is still to come: its line, and how many bytes it has, which are the last ones of the arena.
-    request: Option<(LogEntry, usize)>,
-}
-
-/// How long lines take the general way before a run is tried again: to begin one, what waits has to be decided, which is cheaper
-/// for many lines at once where none can begin.
-#[derive(Default)]
-pub(crate) struct LineTries {
-    /// Runs since the last exchange that could not begin, or had none.
-    failures: u32,
-    /// Lines that came since the last try while others were undecided.
-    lines: u32,
-}
-
-impl LineTries {
-    /// Counts a line in front of which others are undecided; whether a run should be tried with it. After two failures it is
-    /// tried behind an odd number of lines, which is a request next time if it was a response.
-    fn is_due(&mut self) -> bool {
-        self.lines += 1;
-        let least = if self.failures < 2 { 1 } else { (1 << (self.failures - 2).min(6)) + 1 };
-        self.lines >= least
-    }
-
-    fn note_run(&mut self, exchanges: u64) {
-        (self.failures, self.lines) = (if exchanges > 0 { 0 } else { self.failures + 1 }, 0);
-    }
-}
 
 /// Whether a line may be a frame of such an exchange: it is one whose checksum the reader has found valid.
 fn is_plain(entry: &LogEntry) -> bool {

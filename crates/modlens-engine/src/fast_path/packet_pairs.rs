@@ -10,14 +10,13 @@
 use crate::fast_path::emit::{compact_exchange, ExchangePlaces};
 use crate::fast_path::packet_run::PacketRun;
 use crate::fast_path::tcp_batch::{match_packets, match_refusal, KnownOfBus, LENGTH_AT};
-use crate::findings::words;
+use crate::findings::{words, REFUSED};
 use crate::records::PacketPair;
 use crate::session::bus::{learn_sides, BusState};
 use crate::session::held_exchanges::ExchangeStart;
 use crate::session::rows::FindingPlace;
 use crate::session::Session;
 use crate::stats::RequestKey;
-use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
@@ -104,7 +103,7 @@ impl Session {
                     unit: Some(expected.unit),
                     origin: current.request.packet,
                 };
-                self.batch.findings.push(place.row(Finding::Exception, words::exception(exception)));
+                self.batch.findings.push(place.row(REFUSED, words::exception(exception)));
             }
         }
         if matched.counters.is_none() && exception == 0 {

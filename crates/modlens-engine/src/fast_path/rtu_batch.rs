@@ -5,7 +5,7 @@ use crate::fast_path::emit::{adjacent_spans, may_hold_no_map, ExchangePlaces};
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::known_reads::KnownReads;
 use crate::fast_path::rows::MatchedExchange;
-use crate::fast_path::rtu_exchange::{is_response, Answered};
+use crate::fast_path::rtu_exchange::{is_response, Answered, LastExchange};
 use crate::fast_path::run::{BatchTotals, Run};
 use crate::framer::rtu::traffic_model::LearningRun;
 use crate::framer::rtu::RtuFramer;
@@ -18,21 +18,6 @@ use crate::session::Session;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
-
-/// The last exchange of a run.
-#[derive(Clone, Copy)]
-pub(super) struct LastExchange {
-    pub expected: ExpectedExchange,
-    /// Log2 of the odds of its response's direction.
-    pub odds: f32,
-}
-
-impl LastExchange {
-    /// What a request behind it may be the response to.
-    pub fn answered(self) -> Answered {
-        Answered::by_exchange(self.expected.unit, self.expected.code)
-    }
-}
 
 impl Session {
     /// Emits the RTU exchanges at the head of the only line of the bus with this index. The run ends at the first that

@@ -6,13 +6,12 @@
 
 use crate::fast_path::compact_run::{CompactRun, Known};
 use crate::fast_path::expected_exchange::ExpectedExchange;
-use crate::fast_path::rtu_batch::LastExchange;
+use crate::fast_path::rtu_exchange::LastExchange;
 use crate::fast_path::run::BatchTotals;
-use crate::findings::words;
+use crate::findings::{words, REFUSED};
 use crate::records::{ExchangeRun, Span};
 use crate::session::rows::FindingPlace;
 use crate::session::Session;
-use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 
 impl Session {
@@ -83,7 +82,7 @@ impl Session {
                 unit: Some(row.unit),
                 origin: row.origin,
             };
-            self.batch.findings.push(place.row(Finding::Exception, words::exception(exchange.exception)));
+            self.batch.findings.push(place.row(REFUSED, words::exception(exchange.exception)));
         }
     }
 }

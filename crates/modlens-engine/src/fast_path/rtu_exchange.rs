@@ -39,6 +39,21 @@ impl Answered {
     }
 }
 
+/// The last exchange of a run.
+#[derive(Clone, Copy)]
+pub(super) struct LastExchange {
+    pub expected: ExpectedExchange,
+    /// Log2 of the odds of its response's direction.
+    pub odds: f32,
+}
+
+impl LastExchange {
+    /// What a request behind it may be the response to.
+    pub fn answered(self) -> Answered {
+        Answered::by_exchange(self.expected.unit, self.expected.code)
+    }
+}
+
 impl RtuFramer {
     /// The exchange at the head of the input, if there is no doubt about it: its unit and function are familiar, and its
     /// request and its response follow each other with valid CRCs, in one read without times or within `request_timeout`.

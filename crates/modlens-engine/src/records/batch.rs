@@ -3,6 +3,7 @@
 use std::mem::take;
 use std::sync::{Arc, Mutex, OnceLock};
 
+use crate::findings::REFUSED;
 use crate::records::buses::Buses;
 use crate::records::connection::Connection;
 use crate::records::exchange::{Exchange, ExchangeRun, PacketPair};
@@ -21,8 +22,8 @@ pub struct Batch {
     pub functions: Option<Arc<Functions>>,
     /// The bytes of all rows.
     pub arena: Vec<u8>,
-    /// The findings of all frames and transactions. In a batch of a session the first is `Finding::Exception`, to which the rows
-    /// of all compact exchanges that were refused refer.
+    /// The findings of all frames and transactions. In a batch of a session the first is `REFUSED`, to which the rows of all
+    /// compact exchanges that were refused refer.
     pub codes: Vec<Finding>,
     /// Frames.
     pub frames: Vec<Frame>,
@@ -73,7 +74,7 @@ impl MemoryPool {
             (batch.arena, batch.codes, batch.frames, batch.transactions, batch.findings, exchanges) = memory;
             (batch.exchanges, batch.packet_pairs) = exchanges;
         }
-        batch.codes.push(Finding::Exception);
+        batch.codes.push(REFUSED);
         batch
     }
 }

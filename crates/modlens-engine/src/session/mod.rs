@@ -48,7 +48,7 @@ mod unit_habits;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use crate::fast_path::line_pairs::{LineRun, LineTries};
+use crate::fast_path::line_run::{LineRun, LineTries};
 use crate::fast_path::packet_run::PacketRun;
 use crate::findings::Found;
 use crate::framer::Framer;
