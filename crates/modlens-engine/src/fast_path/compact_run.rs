@@ -12,7 +12,7 @@ use crate::framer::rtu::RtuFramer;
 use crate::framer::PauseEvidence;
 use crate::pairing::Pairing;
 use crate::records::Exchange;
-use crate::stats::{RequestKey, RequestPlace, Stats};
+use crate::stats::{RequestPlace, Stats};
 use crate::weights::CERTAIN_DIRECTION_BITS;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
@@ -66,10 +66,10 @@ impl CompactRun {
             let (start, rest) = ((arena_start + self.bytes) as u32, &bytes[self.bytes..]);
             if let Some((KnownRead { bytes: request, expected, .. }, counters)) = next_known_read(known.framer, known.reads, rest)
             {
-                known.stats.record_exchange_at(known.counts, key_of(expected), counters);
+                known.stats.record_exchange_at(known.counts, expected.key(), counters);
                 known.framer.learn_in_run(&mut self.learned, request, &rest[request.len()..], false);
                 self.first_requests += 1;
-                exchanges.push(exchange(expected, start, of_reads, 0));
+                exchanges.push(expected.compact(start, expected.rtu_lengths(), of_reads, 0));
                 self.pass(expected, CERTAIN_DIRECTION_BITS);
                 continue;
             }
@@ -112,10 +112,11 @@ impl CompactRun {
         if *exception == 0 {
             known.count_unknown(request, *expected);
         } else {
-            known.stats.record_refusal(known.counts, (key_of(expected), *exception), None, None);
+            known.stats.record_refusal(known.counts, (expected.key(), *exception), None, None);
             self.refusals += 1;
         }
-        exchange(expected, start, rtu_transaction_confidence(expected.echoes_request, confidence::of_direction(odds)), *exception)
+        let confidence = rtu_transaction_confidence(expected.echoes_request, confidence::of_direction(odds));
+        expected.compact(start, expected.rtu_lengths(), confidence, *exception)
     }
 }
 
@@ -129,7 +130,7 @@ impl Known<'_> {
     /// Counts an exchange whose request was not known, and keeps what follows from that if there is room for its counters.
     #[inline(never)]
     fn count_unknown(&mut self, request: &[u8], expected: ExpectedExchange) {
-        let key = key_of(&expected);
+        let key = expected.key();
         let Some(counters) = self.stats.place_of(self.counts, key) else {
             self.stats.record_exchange_without_place(self.counts, key);
             return;
@@ -165,25 +166,4 @@ fn next_exchange(known: &Known<'_>, bytes: &[u8], answered: Answered, pause: Pau
     }
     let exception = known.framer.refusal_of(&expected, bytes, answered)?;
     Some(Decided { expected: expected.refused(), exception })
-}
-
-/// What the statistics know a request by.
-#[inline]
-fn key_of(expected: &ExpectedExchange) -> RequestKey {
-    RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity)
-}
-
-/// The compact exchange, whose bytes will begin at `start` in the arena.
-#[inline]
-fn exchange(expected: &ExpectedExchange, start: u32, confidence: u8, exception: u8) -> Exchange {
-    Exchange {
-        start,
-        lengths: expected.rtu_lengths().map(|length| length as u16),
-        address: expected.address,
-        quantity: expected.quantity,
-        unit: expected.unit,
-        function: expected.code,
-        confidence,
-        exception,
-    }
 }

@@ -9,7 +9,6 @@ use crate::session::frame_timing::{FrameTiming, TimingConfig};
 use crate::session::held_exchanges::ExchangeStart;
 use crate::session::line::LineState;
 use crate::session::Session;
-use crate::stats::RequestKey;
 use modlens_profiles::points::sunspec::may_begin_in;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Mode;
@@ -64,7 +63,7 @@ impl Session {
         let state = &mut self.buses[bus];
         let response_time = learn_exchange(state, matched, &request, &response).filter(|&ns| ns >= run.min_measurable_ns);
         let expected = &matched.expected;
-        let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
+        let key = expected.key();
         self.stats.record_exchange(state.counts, (key, matched.counters), [request.span(), response.span()], response_time);
         if run.is_compact {
             self.push_compact(bus, matched, places.wires[0].start, [&request, &response], response_time);
@@ -143,17 +142,7 @@ impl Session {
 #[inline(always)]
 #[allow(clippy::inline_always)] // As above.
 pub(super) fn compact_exchange(matched: &MatchedExchange, start: u32, exception: u8) -> Exchange {
-    let expected = &matched.expected;
-    Exchange {
-        start,
-        lengths: matched.lengths.map(|length| length as u16),
-        address: expected.address,
-        quantity: expected.quantity,
-        unit: expected.unit,
-        function: expected.code,
-        confidence: matched.transaction_confidence(),
-        exception,
-    }
+    matched.expected.compact(start, matched.lengths, matched.transaction_confidence(), exception)
 }
 
 /// Learns from an exchange what the recording's words for a sender mean, what pairing learns, and that its unit is known and was

@@ -7,6 +7,7 @@
 use std::ops::RangeInclusive;
 
 use crate::records::Exchange;
+use crate::stats::RequestKey;
 use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, StandardLayout, EXCEPTION_BIT};
@@ -178,6 +179,28 @@ impl ExpectedExchange {
     #[inline]
     pub fn rtu_lengths(&self) -> [usize; 2] {
         [self.request_bytes, self.response_bytes].map(|length| length + CRC_BYTES)
+    }
+
+    /// What the statistics know its request by.
+    #[inline]
+    pub(super) fn key(&self) -> RequestKey {
+        RequestKey::plain(self.unit, self.code, self.address, self.quantity)
+    }
+
+    /// The compact exchange, whose bytes, of these lengths, begin at `start` in the arena; with the exception code if it was
+    /// refused, else 0.
+    #[inline]
+    pub(super) fn compact(&self, start: u32, lengths: [usize; 2], confidence: u8, exception: u8) -> Exchange {
+        Exchange {
+            start,
+            lengths: lengths.map(|length| length as u16),
+            address: self.address,
+            quantity: self.quantity,
+            unit: self.unit,
+            function: self.code,
+            confidence,
+            exception,
+        }
     }
 
     /// The data of a read response: what follows the byte count.

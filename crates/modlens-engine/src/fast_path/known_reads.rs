@@ -1,7 +1,7 @@
 //! Requests that came before, with all that follows from their bytes alone.
 
 use crate::fast_path::expected_exchange::ExpectedExchange;
-use crate::stats::{RequestKey, RequestPlace, Stats};
+use crate::stats::{RequestPlace, Stats};
 
 /// The bytes that tell a plain read from others: all of it on an RTU line; on TCP the length that the header says, and what
 /// follows.
@@ -49,8 +49,7 @@ impl KnownReads {
     #[inline]
     pub(super) fn keep(&mut self, stats: &mut Stats, counts: usize, request: &[u8], expected: &ExpectedExchange) {
         if Self::takes(request, expected) {
-            let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
-            self.add(request, *expected, stats.place_of(counts, key));
+            self.add(request, *expected, stats.place_of(counts, expected.key()));
         }
     }
 

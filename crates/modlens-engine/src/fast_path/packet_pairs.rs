@@ -16,7 +16,6 @@ use crate::session::bus::{learn_sides, BusState};
 use crate::session::held_exchanges::ExchangeStart;
 use crate::session::rows::FindingPlace;
 use crate::session::Session;
-use crate::stats::RequestKey;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
@@ -87,7 +86,7 @@ impl Session {
         state.pairing.learn_times(poll_pause, response_time, is_mirrored);
         state.note_paired(expected.unit);
         let response_time = response_time.filter(|&ns| ns >= current.run.min_measurable_ns);
-        let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
+        let key = expected.key();
         if exception == 0 {
             let taken = times[1] - times[0];
             self.stats.count_exchange(state.counts, (key, matched.counters), (Some(times[0]), Some(taken)), response_time);
