@@ -392,6 +392,19 @@ fn what_ends_a_frame_does_not_depend_on_how_much_comes_with_it() {
     }
 }
 
+// Behind text among its frames the line is RTU again, where a shorter silence ends a frame: here the response that breaks off.
+#[test]
+fn what_ends_a_frame_is_known_as_soon_as_the_framing_changes_back() {
+    let exchange = [1, 3, 0, 0, 0, 1, 0x84, 0x0A, 1, 3, 2, 0, 1, 0x79, 0x84];
+    let text = [&[1, 3, 0, 0, 0xFF, 0, 4, 0x3A][..], b":010000000000FF\r\n"].concat();
+    let torn = [&[1, 0x2B, 0, 0x3E, 0xF0, 2, 3, 0xFF, 0, 0, 0xFF, 0x35, 0xAD][..], &[1, 0x83, 0, 0, 0xF0, 0x30]].concat();
+    let reads = [(exchange.repeat(2), 0), (text, 0), (torn, 0), ([&exchange[..], b":0100FF\r\n"].concat(), 90_000)];
+    let whole = timed(&reads, None, usize::MAX);
+    for piece in [1, 7, 64] {
+        assert_eq!(shown(&timed(&reads, None, piece)), shown(&whole));
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases.max(400), ..ProptestConfig::default() })]
 

@@ -125,6 +125,13 @@ impl AutoFramer {
         self.earlier = self.chosen.replace(framer);
     }
 
+    /// The next row of the chosen framer. `None`, too, as long as the input knows another silence that ends frames than this
+    /// framer's mode has: the caller brings it up to date and asks again.
+    fn next_of_chosen(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
+        let framer = self.chosen.as_mut()?;
+        (framer.break_ns(self.line.as_ref()) == input.break_ns).then(|| framer.next(input, context, adu))?
+    }
+
     /// The row of a read that proves another mode than the chosen one. `None` unless it begins with the first unframed byte and
     /// the framer of its mode takes exactly this read as one row; then the chosen framer goes on as with any other bytes.
     ///
@@ -171,12 +178,11 @@ impl Framer for AutoFramer {
             return Some(result);
         }
         self.last_was_other_mode = false;
-        let framer = self.chosen.as_mut()?;
-        let result = framer.next(input, context, adu)?;
-        let mode = framer.mode();
+        let result = self.next_of_chosen(input, context, adu)?;
+        let mode = self.chosen.as_ref()?.mode();
         let Some(other) = self.other_mode(context.functions, input, &result, mode) else { return Some(result) };
         self.change_mode(other, input.offset());
-        self.chosen.as_mut()?.next(input, context, adu)
+        self.next_of_chosen(input, context, adu)
     }
 
     fn is_settled_at(&self, offset: u64) -> bool {

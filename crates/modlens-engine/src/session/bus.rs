@@ -285,8 +285,8 @@ impl BusState {
     /// of the frame are left in the input.
     ///
     /// Where no clock tells the order of two lines, `next_frame_without_clock` says which frame is next. The framer looks ahead
-    /// in recordings only. What it has learned of the framing may change the silence that ends frames of this line
-    /// (`break_ns`).
+    /// in recordings only. If it finds another framing, another silence ends the frames of this line (`break_ns`), and it is asked
+    /// again.
     pub(crate) fn next_frame(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, FrameResult)> {
         if self.lines.first().is_some_and(|(_, line)| line.unmerged.is_some()) {
             return self.next_frame_without_clock(functions, live, adu);
@@ -310,9 +310,14 @@ impl BusState {
             declared_direction: &move |side| declared_direction(side_votes, side),
         };
         let state = &mut self.lines[at].1;
-        let result = state.framer.next(&state.input, &context, adu);
-        state.input.break_ns = state.framer.break_ns(self.options.line.as_ref());
-        Some((at, result?))
+        loop {
+            let result = state.framer.next(&state.input, &context, adu);
+            let break_ns = state.framer.break_ns(self.options.line.as_ref());
+            let is_unchanged = std::mem::replace(&mut state.input.break_ns, break_ns) == break_ns;
+            if is_unchanged || result.is_some() {
+                return Some((at, result?));
+            }
+        }
     }
 
     /// The index of the line that has the next frame: the only line if it has bytes; of two lines with a clock, the one whose
