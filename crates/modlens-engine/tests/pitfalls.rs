@@ -7,7 +7,7 @@
 //! | 1 | frames in one read, one frame in many, every split | `frames_glued_into_one_read_are_told_apart`; `taps.rs`: `every_split_of_a_pair_in_two_reads` |
 //! | 2 | pieces of 32 and 62 bytes, stalls | `taps.rs`: `packets_of_32_and_62_bytes_with_long_waits_between_them`, `a_read_that_comes_late_inside_a_frame_live_and_not` |
 //! | 3 | checksums that end in 00 | `a_frame_whose_checksum_ends_in_zero_is_whole`; `taps.rs`: `a_frame_whose_checksum_ends_in_zero_byte_by_byte_and_live` |
-//! | 4 | strays of 00 and FF | `stray_zeros_and_ones_around_frames_belong_to_none`, `published_frames_with_glitches_on_both_sides` |
+//! | 4 | strays of 00 and FF | `stray_zeros_and_ones_around_frames_belong_to_none`, `a_second_response_with_a_stray_zero_behind_it_is_no_request`, `published_frames_with_glitches_on_both_sides` |
 //! | 5 | runs and collisions in linear time | `runs_of_one_value_are_no_frames_and_take_linear_time` |
 //! | 6 | coils that look like a request, addresses like a count | `eight_bytes_of_function_1_are_coils_where_coils_were_asked_for`; `look_alikes.rs`: `an_address_that_looks_like_a_byte_count` |
 //! | 7 | echoes, retries, local echo | `look_alikes.rs`: `of_several_copies_of_a_mirrored_request_the_last_is_the_response_with_a_clock`, `copies_of_a_mirrored_request_are_exchanges_without_a_clock`; `equal_writes.rs`; `a_local_echo_is_no_transaction_of_its_own` |
@@ -116,6 +116,19 @@ fn a_frame_whose_checksum_ends_in_zero_is_whole() {
     assert_eq!(frame(1, &[4, 2, 3, 1]), whole);
     let request = frame(1, &[4, 0, 0, 0, 1]);
     expect(&untimed(&[request.clone(), whole.clone()].concat()), 0, &[(request, Request), (whole, Response)]);
+}
+
+// A response of seven bytes and a zero have the length and the checksum of a request.
+#[test]
+fn a_second_response_with_a_stray_zero_behind_it_is_no_request() {
+    for value in [0, 1, 5, 0x1122] {
+        let (request, response) = (read_request(1, 0, 1), read_response(1, &[value]));
+        let exchange = [request.clone(), response.clone()].concat();
+        let behind = [&response[..], &[0], &exchange].concat();
+        let batch = untimed(&[exchange.repeat(6), behind].concat());
+        let (response, request) = ((response, Response), (request, Request));
+        expect(&batch, 10, &[request.clone(), response.clone(), response.clone(), request, response]);
+    }
 }
 
 #[test]

@@ -214,9 +214,10 @@ fn request_length(search: &Search, bytes: &[u8], context: &FramerContext<'_>) ->
     let row = context.functions.row(code, body)?;
     let length = FrameLength::of(row.request.extent(body)).filter(|length| length.bytes() <= MAX_RTU_FRAME_BYTES)?;
     let other = FrameLength::of(row.response.extent(body)).map_or(0, FrameLength::bytes);
-    // A response one byte longer, whose CRC ends in 00, has a valid CRC without that byte, too.
-    let cuts_response = other == length.bytes() + 1;
-    if cuts_response && bytes.get(..length.bytes()).is_some_and(|frame| !is_permitted_request(frame, context)) {
+    // A response one byte longer, whose CRC ends in 00, has a valid CRC without that byte, too; and one a byte shorter has one
+    // with a stray 00 behind it.
+    let differs_by_zero = other.abs_diff(length.bytes()) == 1;
+    if differs_by_zero && bytes.get(..length.bytes()).is_some_and(|frame| !is_permitted_request(frame, context)) {
         return None;
     }
     // If a response would have the same length, this may be the last response once more, or a late one.
