@@ -75,9 +75,28 @@ struct SilenceComparison {
 /// Where the counters of a request are: they stay there.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RequestPlace {
-    request: usize,
-    unit: usize,
-    function: usize,
+    request: u16,
+    unit: u8,
+    function: u8,
+}
+
+/// The counters of exchanges without times on one bus, where the place of their request is known.
+pub(crate) struct ExchangeCounts<'a> {
+    bus: &'a mut BusCounts,
+}
+
+impl ExchangeCounts<'_> {
+    /// Counts what `record_exchange_at` counts, but for what only the last one leaves behind: see `note_last`.
+    #[inline]
+    pub(crate) fn count(&mut self, at: RequestPlace) {
+        self.bus.requests.count(usize::from(at.request));
+        self.bus.count_answered(at);
+    }
+
+    /// Notes the last exchange counted.
+    pub(crate) fn note_last(self, key: RequestKey, at: RequestPlace) {
+        self.bus.requests.note_last(key, usize::from(at.request));
+    }
 }
 
 /// Statistics of a session.
@@ -186,8 +205,8 @@ impl Stats {
     ) {
         let counts = &mut self.buses[bus];
         let function = if let Some(at) = known {
-            counts.requests.record_exchange_at(at.request, key, start, taken);
-            &mut counts.units[at.unit].functions[at.function]
+            counts.requests.record_exchange_at(usize::from(at.request), key, start, taken);
+            &mut counts.units[usize::from(at.unit)].functions[usize::from(at.function)]
         } else {
             counts.requests.record_exchange(key, start, taken);
             counts.function(key.unit(), key.function())
@@ -212,16 +231,22 @@ impl Stats {
         counts.function(key.unit(), key.function());
         let unit = usize::from(counts.unit_indices[usize::from(key.unit())]) - 1;
         let function = usize::from(counts.units[unit].indices[usize::from(key.function())]) - 1;
-        Some(RequestPlace { request, unit, function })
+        Some(RequestPlace { request: request as u16, unit: unit as u8, function: function as u8 })
     }
 
     /// Counts what `record_exchange` counts of an exchange without times, whose counters are at this place.
     #[inline(always)]
     #[allow(clippy::inline_always)] // As above.
     pub(crate) fn record_exchange_at(&mut self, bus: usize, key: RequestKey, at: RequestPlace) {
-        let counts = &mut self.buses[bus];
-        counts.requests.record_exchange_at(at.request, key, None, None);
-        counts.units[at.unit].functions[at.function].statuses[Status::Ok as usize] += 1;
+        let mut counts = self.exchange_counts(bus);
+        counts.count(at);
+        counts.note_last(key, at);
+    }
+
+    /// The counters of exchanges without times.
+    #[inline]
+    pub(crate) fn exchange_counts(&mut self, bus: usize) -> ExchangeCounts<'_> {
+        ExchangeCounts { bus: &mut self.buses[bus] }
     }
 
     /// Counts an exchange of the fast path that was refused, and its finding. `times`: those of request and response, each of
@@ -324,6 +349,12 @@ impl BusCounts {
             self.first.get_or_insert(start);
             self.last = Some(end);
         }
+    }
+
+    /// Counts that the request at this place was answered.
+    #[inline]
+    fn count_answered(&mut self, at: RequestPlace) {
+        self.units[usize::from(at.unit)].functions[usize::from(at.function)].statuses[Status::Ok as usize] += 1;
     }
 
     /// The counters of a function of a unit, which are added if they are new.

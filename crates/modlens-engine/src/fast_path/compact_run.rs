@@ -4,16 +4,18 @@
 use crate::confidence;
 use crate::fast_path::emit::may_hold_no_map;
 use crate::fast_path::expected_exchange::ExpectedExchange;
-use crate::fast_path::known_reads::{KnownRead, KnownReads};
+use crate::fast_path::known_reads::KnownReads;
 use crate::fast_path::rows::rtu_transaction_confidence;
 use crate::fast_path::rtu_exchange::{is_response, Answered};
+use crate::framer::rtu::side::REQUEST;
 use crate::framer::rtu::traffic_model::LearningRun;
 use crate::framer::rtu::RtuFramer;
 use crate::framer::PauseEvidence;
 use crate::pairing::Pairing;
 use crate::records::Exchange;
-use crate::stats::{RequestPlace, Stats};
+use crate::stats::{RequestKey, RequestPlace, Stats};
 use crate::weights::CERTAIN_DIRECTION_BITS;
+use modlens_protocol::checksum::{crc_valid_at, CRC_BYTES};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 
@@ -62,22 +64,63 @@ impl CompactRun {
         };
         let answered_before = known.framer.answered();
         let of_reads = rtu_transaction_confidence(false, u8::MAX);
+        known.framer.search.model.begin_run(&mut self.learned);
         loop {
+            self.take_known_reads(&mut known, bytes, (arena_start, answered_before), of_reads, exchanges);
             let (start, rest) = ((arena_start + self.bytes) as u32, &bytes[self.bytes..]);
-            if let Some((KnownRead { bytes: request, expected, .. }, counters)) = next_known_read(known.framer, known.reads, rest)
-            {
-                known.stats.record_exchange_at(known.counts, expected.key(), counters);
-                known.framer.learn_in_run(&mut self.learned, request, &rest[request.len()..], false);
-                self.first_requests += 1;
-                exchanges.push(expected.compact(start, expected.rtu_lengths(), of_reads, 0));
-                self.pass(expected, CERTAIN_DIRECTION_BITS);
-                continue;
-            }
-            let answered = self.last.map_or(answered_before, |(at, _)| Answered::by_exchange(bytes[at], bytes[at + 1]));
+            let answered = answered_behind(self.last.map(|(at, _)| at), bytes, answered_before);
             let Some(decided) = next_exchange(&known, rest, answered, pause) else { break };
             exchanges.push(self.take_decided(&mut known, &decided, rest, start, pause));
         }
         known.framer.learn_run(&mut self.learned);
+    }
+
+    /// Takes the reads at the head of these bytes that are known by all of their bytes, and whose response follows without doubt,
+    /// as `next_exchange` would one by one.
+    #[inline]
+    fn take_known_reads(
+        &mut self,
+        known: &mut Known<'_>,
+        bytes: &[u8],
+        (arena_start, answered_before): (usize, Answered),
+        confidence: u8,
+        exchanges: &mut Vec<Exchange>,
+    ) {
+        let model = &mut known.framer.search.model;
+        let mut counts = known.stats.exchange_counts(known.counts);
+        let mut rest = &bytes[self.bytes..];
+        let mut left = self.learned.left();
+        let mut last: Option<(usize, RequestKey, RequestPlace)> = None;
+        let answered = |last: Option<usize>| answered_behind(last.or(self.last.map(|(at, _)| at)), bytes, answered_before);
+        while left > 0 {
+            let Some((request, behind)) = rest.split_first_chunk() else { break };
+            let Some(read) = known.reads.next(*request) else { break };
+            let (Some(counters), expected) = (read.counters, &read.expected) else { break };
+            let length = expected.response_bytes + CRC_BYTES;
+            let is_answered = behind.len() >= length
+                && !(expected.resembles_response && answered(last.map(|(at, ..)| at)).may_be_again(expected))
+                && model.is_familiar(expected.unit, expected.code, REQUEST)
+                && expected.is_answered_by(request, behind)
+                && crc_valid_at(behind, length);
+            if !is_answered {
+                break;
+            }
+            let at = bytes.len() - rest.len();
+            exchanges.push(expected.compact((arena_start + at) as u32, expected.rtu_lengths(), confidence, 0));
+            counts.count(counters);
+            model.learn_request(&read.identity, request);
+            last = Some((at, expected.key(), counters));
+            rest = &behind[length..];
+            left -= 1;
+        }
+        if let Some((at, key, counters)) = last {
+            counts.note_last(key, counters);
+            self.last = Some((at, CERTAIN_DIRECTION_BITS));
+            self.bytes = bytes.len() - rest.len();
+            let taken = self.learned.left() - left;
+            self.learned.count_reads(taken);
+            self.first_requests += taken;
+        }
     }
 
     /// Leaves behind an exchange, of which the direction of the response has these odds.
@@ -142,15 +185,9 @@ impl Known<'_> {
     }
 }
 
-/// The read at the head of these bytes and the place of its counters, if both are known and its response follows without doubt:
-/// then `next_exchange` would give the same.
-#[inline(always)]
-#[allow(clippy::inline_always)] // Asked of every exchange.
-fn next_known_read<'a>(framer: &RtuFramer, reads: &'a KnownReads, bytes: &[u8]) -> Option<(&'a KnownRead, RequestPlace)> {
-    let read = reads.get(bytes)?;
-    let counters = read.counters?;
-    // Its request is valid, and no response: nothing else of the line decides.
-    framer.is_certain(&read.expected, bytes, Answered::default(), [false, true], |_| true).then_some((read, counters))
+/// What a request may be the response to, behind an exchange at this index.
+fn answered_behind(last: Option<usize>, bytes: &[u8], answered_before: Answered) -> Answered {
+    last.map_or(answered_before, |at| Answered::by_exchange(bytes[at], bytes[at + 1]))
 }
 
 /// The exchange at the head of these bytes, if `RtuFramer::next_exchange` would take it, too, or if it is refused without a

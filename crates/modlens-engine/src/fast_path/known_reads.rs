@@ -1,20 +1,31 @@
 //! Requests that came before, with all that follows from their bytes alone.
 
 use crate::fast_path::expected_exchange::ExpectedExchange;
+use crate::framer::rtu::traffic_model::RequestIdentity;
 use crate::stats::{RequestPlace, Stats};
 
 /// The bytes that tell a plain read from others: all of it on an RTU line; on TCP the length that the header says, and what
 /// follows.
-const READ_BYTES: usize = 8;
+pub(super) const READ_BYTES: usize = 8;
 
 /// Places for requests at first, and at most: powers of two. A capture may have thousands of connections with a few requests
 /// each.
 const FIRST_PLACES: usize = 16;
-const MAX_PLACES: usize = 1024;
+const MAX_PLACES: usize = 2048;
 
-/// Reads that were found valid and unlike any response, with what follows from their bytes.
+/// A request is in one of so many places behind each other, unless all of them were taken. With a single one, a tenth of a list
+/// of 120 polls took the places of others again and again.
+const PROBES: usize = 4;
+
+/// Reads that were found valid, with what follows from their bytes.
 #[derive(Default)]
-pub(crate) struct KnownReads(Vec<Option<KnownRead>>);
+pub(crate) struct KnownReads {
+    /// For each place, the number of the read in `reads` plus one; 0 where there is none.
+    places: Vec<u16>,
+    reads: Vec<KnownRead>,
+    /// Number of the read that came last (`next`).
+    last: usize,
+}
 
 /// One of them.
 #[derive(Clone, Copy)]
@@ -23,26 +34,53 @@ pub(super) struct KnownRead {
     pub expected: ExpectedExchange,
     /// Where the statistics count it; `None` if they have no room for it.
     pub counters: Option<RequestPlace>,
+    /// What the framer knows it by, on an RTU line.
+    pub identity: RequestIdentity,
+    /// Number of the read that followed it the last time.
+    follower: u16,
 }
 
 impl KnownReads {
-    /// The place of a request: some of the highest bits of its product with an odd number without pattern.
+    /// The places for a request, none if there are none at all. The first one is some of the highest bits of its product with an
+    /// odd number without pattern.
     #[inline]
-    fn place(&self, bytes: [u8; READ_BYTES]) -> usize {
+    fn places_for(&self, bytes: [u8; READ_BYTES]) -> impl Iterator<Item = usize> + use<> {
         let mixed = u64::from_le_bytes(bytes).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> (u64::BITS - MAX_PLACES.ilog2());
-        mixed as usize & self.0.len().wrapping_sub(1)
+        let mask = self.places.len().wrapping_sub(1);
+        (0..PROBES.min(self.places.len())).map(move |probe| (mixed as usize + probe) & mask)
+    }
+
+    /// The number of a request in `reads`.
+    #[inline]
+    fn number_of(&self, bytes: [u8; READ_BYTES]) -> Option<usize> {
+        let taken = self.places_for(bytes).map_while(|place| usize::from(self.places[place]).checked_sub(1));
+        taken.into_iter().find(|&number| self.reads[number].bytes == bytes)
     }
 
     #[inline]
     pub(super) fn get(&self, bytes: &[u8]) -> Option<&KnownRead> {
-        let head = bytes.first_chunk()?;
-        self.0.get(self.place(*head))?.as_ref().filter(|known| known.bytes == *head)
+        Some(&self.reads[self.number_of(*bytes.first_chunk()?)?])
     }
 
-    /// Whether a request is a read that cannot be taken for a response, and so may be kept.
+    /// The same for the request behind the one that this was asked for the last time: a master polls in a cycle, so it is mostly
+    /// the one that came behind that before, and need not be looked for.
+    #[inline]
+    pub(super) fn next(&mut self, bytes: [u8; READ_BYTES]) -> Option<&KnownRead> {
+        let mut number = self.reads.get(self.last).map_or(0, |last| usize::from(last.follower));
+        if self.reads.get(number).is_none_or(|likely| likely.bytes != bytes) {
+            number = self.number_of(bytes)?;
+            if let Some(last) = self.reads.get_mut(self.last) {
+                last.follower = number as u16;
+            }
+        }
+        self.last = number;
+        self.reads.get(number)
+    }
+
+    /// Whether a request is a read, and so may be kept.
     #[inline]
     pub(super) fn takes(request: &[u8], expected: &ExpectedExchange) -> bool {
-        request.len() == READ_BYTES && !expected.echoes_request && !expected.resembles_response
+        request.len() == READ_BYTES && !expected.echoes_request
     }
 
     /// Keeps a request that has just been counted under `counts`, if it is a plain read.
@@ -53,26 +91,37 @@ impl KnownReads {
         }
     }
 
-    /// Keeps a request that it takes, which is valid. If there is another one at its place, there come to be more places, or at
-    /// last it takes that place.
+    /// Keeps a request that it takes, which is valid. If all places that it may have are taken, there come to be more, or at last it
+    /// takes that of another one.
     #[cold]
     pub(super) fn add(&mut self, request: &[u8], expected: ExpectedExchange, counters: Option<RequestPlace>) {
         let Ok(bytes) = <[u8; READ_BYTES]>::try_from(request) else { return };
-        let new = KnownRead { bytes, expected, counters };
-        if self.0.is_empty() {
-            self.0.resize(FIRST_PLACES, None);
+        while self.place_of(bytes).is_none() && self.places.len() < MAX_PLACES {
+            let places = (2 * self.places.len()).max(FIRST_PLACES);
+            self.places.clear();
+            self.places.resize(places, 0);
+            for known in std::mem::take(&mut self.reads) {
+                self.put(known);
+            }
         }
-        while self.0[self.place(bytes)].is_some_and(|known| known.bytes != bytes) && self.0.len() < MAX_PLACES {
-            let known = std::mem::take(&mut self.0);
-            self.0.resize(2 * known.len(), None);
-            known.into_iter().flatten().for_each(|known| self.put(known));
-        }
-        self.put(new);
+        self.put(KnownRead { bytes, expected, counters, identity: RequestIdentity::of(request), follower: 0 });
     }
 
+    /// The place that a read has, or else the first free one that it may have.
+    fn place_of(&self, bytes: [u8; READ_BYTES]) -> Option<usize> {
+        let is_own = |number: usize| self.reads[number].bytes == bytes;
+        self.places_for(bytes).find(|&place| usize::from(self.places[place]).checked_sub(1).is_none_or(is_own))
+    }
+
+    /// Puts a read into its place, or else into that of another read.
     fn put(&mut self, known: KnownRead) {
-        let place = self.place(known.bytes);
-        self.0[place] = Some(known);
+        let place = self.place_of(known.bytes).or_else(|| self.places_for(known.bytes).next()).expect("there are some");
+        if let Some(number) = usize::from(self.places[place]).checked_sub(1) {
+            self.reads[number] = known;
+        } else {
+            self.reads.push(known);
+            self.places[place] = self.reads.len() as u16;
+        }
     }
 }
 
@@ -108,7 +157,7 @@ mod tests {
                     prop_assert_eq!((found.unit, found.code, found.address, found.quantity), *fields);
                 }
             }
-            prop_assert!(known.0.len() <= MAX_PLACES);
+            prop_assert!(known.reads.len() <= known.places.len() && known.places.len() <= MAX_PLACES);
         }
     }
 }

@@ -33,7 +33,7 @@ impl Answered {
 
     /// Whether the request of this exchange may be such a response.
     #[inline]
-    fn may_be_again(self, expected: &ExpectedExchange) -> bool {
+    pub(super) fn may_be_again(self, expected: &ExpectedExchange) -> bool {
         let resembles_response = expected.resembles_response || expected.echoes_request;
         resembles_response && (self.header == Some((expected.unit, expected.code)) || self.awaits_late_response)
     }

@@ -182,10 +182,22 @@ impl RequestTable {
     /// Counts an answered request at this index of `counts`.
     #[inline]
     pub fn record_exchange_at(&mut self, at: usize, key: RequestKey, start: Option<Ns>, taken: Option<Ns>) {
-        self.note_answered(key);
         let counts = &mut self.counts[at];
         counts.add_poll(start);
         counts.taken += taken.unwrap_or(0);
+        self.note_last(key, at);
+    }
+
+    /// Counts an answered request at this index of `counts`, without times; it may not be the last one.
+    #[inline]
+    pub fn count(&mut self, at: usize) {
+        self.counts[at].add_poll(None);
+    }
+
+    /// Notes that the last request, which was answered, is at this index of `counts`.
+    #[inline]
+    pub fn note_last(&mut self, key: RequestKey, at: usize) {
+        self.note_answered(key);
         self.latest = at;
     }
 

@@ -40,8 +40,9 @@ impl HeldRequest {
 /// The number of a request in the pool.
 pub type RequestId = u16;
 
-/// A frame's length and CRC, which tell it from others.
-pub type Fingerprint = [u8; 4];
+/// A frame's length and CRC, which tell it from others: one number, since it is written and read again for each frame, and a
+/// processor waits for a number that was written in parts.
+pub type Fingerprint = u32;
 
 /// The requests that the next frame of a path may answer, by number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -94,8 +95,8 @@ impl AnswerableRequests<'_> {
 /// Length and CRC of a frame.
 #[inline]
 pub fn fingerprint(frame: &[u8]) -> Fingerprint {
-    let [length, more] = (frame.len() as u16).to_le_bytes();
-    [length, more, frame[frame.len() - 2], frame[frame.len() - 1]]
+    let crc = u16::from_le_bytes([frame[frame.len() - 2], frame[frame.len() - 1]]);
+    (frame.len() as u32) << u16::BITS | u32::from(crc)
 }
 
 /// Makes `to` the first `length` of these bytes. Most frames are short, and a copy of sixteen bytes is one instruction.

@@ -15,7 +15,7 @@ type Text = [u8; TEXT_BYTES];
 
 /// The requests seen, one per slot, and those that came again.
 pub struct PollCycle {
-    seen: Box<[SeenRequest]>,
+    seen: Box<[SeenRequest; SLOTS]>,
     /// The bytes of the requests in `seen`, if they are short.
     texts: Box<[Text]>,
     /// The slots of up to 64 requests that came again, the latest last. A place in this list is the request's number in
@@ -39,7 +39,7 @@ struct SeenRequest {
 impl Default for PollCycle {
     fn default() -> Self {
         Self {
-            seen: vec![SeenRequest::default(); SLOTS].into_boxed_slice(),
+            seen: Box::new([SeenRequest::default(); SLOTS]),
             texts: vec![[0; TEXT_BYTES]; SLOTS].into_boxed_slice(),
             polled: Vec::new(),
             index: PrefixIndex::default(),
@@ -51,26 +51,32 @@ impl Default for PollCycle {
 impl PollCycle {
     /// Whether this request was seen before.
     pub fn contains(&self, frame: &[u8]) -> bool {
-        let (key, slot) = key_and_slot(frame);
-        let seen = self.seen[slot];
-        seen.key == key && seen.count > 0
+        let name = RequestName::of(frame);
+        let seen = self.seen[name.slot()];
+        seen.key == name.0 && seen.count > 0
     }
 
     /// Counts a request.
     #[inline]
     pub fn record(&mut self, frame: &[u8]) {
-        let (key, slot) = key_and_slot(frame);
-        let seen = &mut self.seen[slot];
-        if seen.key == key && seen.count >= 2 {
+        self.record_as(RequestName::of(frame), frame);
+    }
+
+    /// Counts a request that has this name.
+    #[inline]
+    pub fn record_as(&mut self, name: RequestName, frame: &[u8]) {
+        let seen = &mut self.seen[name.slot()];
+        if seen.key == name.0 && seen.count >= 2 {
             seen.count = (seen.count + 1).min(MAX_REQUEST_COUNT_FRAMES);
         } else {
-            self.record_rare(frame, key, slot);
+            self.record_rare(frame, name);
         }
     }
 
     /// Counts a request that its slot does not hold with a count of two or more. A slot held by another request loses a count;
     /// if it has none left, this request takes it (`replace`). At a count of two, the request joins the poll cycle.
-    fn record_rare(&mut self, frame: &[u8], key: u64, slot: usize) {
+    fn record_rare(&mut self, frame: &[u8], name: RequestName) {
+        let (key, slot) = (name.0, name.slot());
         let seen = &mut self.seen[slot];
         if seen.key == key {
             seen.count += 1;
@@ -151,17 +157,28 @@ fn bytes_of(text: &Text) -> &[u8] {
     &text[1..=usize::from(text[0])]
 }
 
-/// A hash that tells a request from others, and its slot in the dictionary. It covers the first eight bytes, the last four,
-/// the CRC among them, and the length: that is quicker than going through all bytes.
-fn key_and_slot(frame: &[u8]) -> (u64, usize) {
-    let head = frame.first_chunk().map_or_else(
-        || frame.iter().fold(0, |head, &byte| head << 8 | u64::from(byte)),
-        |head: &[u8; 8]| u64::from_le_bytes(*head),
-    );
-    let tail = frame.last_chunk().map_or(0, |tail: &[u8; 4]| u64::from(u32::from_le_bytes(*tail)));
-    let tail = tail << 16 ^ frame.len() as u64;
-    // Multiplication by odd numbers without pattern (bits of the golden ratio and of the square root of two) spreads
-    // requests that differ in few bits.
-    let hash = head.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ tail.wrapping_mul(0xB504_F333_F9DE_6485);
-    (hash, (hash >> 48) as usize % SLOTS)
+/// A hash that tells a request from others, from which its slot in the dictionary follows. It covers the first eight bytes, the
+/// last four, the CRC among them, and the length: that is quicker than going through all bytes.
+#[derive(Clone, Copy, Debug)]
+pub struct RequestName(u64);
+
+impl RequestName {
+    /// The name of a request, which has its CRC.
+    #[inline]
+    pub fn of(frame: &[u8]) -> Self {
+        let head = frame.first_chunk().map_or_else(
+            || frame.iter().fold(0, |head, &byte| head << 8 | u64::from(byte)),
+            |head: &[u8; 8]| u64::from_le_bytes(*head),
+        );
+        let tail = frame.last_chunk().map_or(0, |tail: &[u8; 4]| u64::from(u32::from_le_bytes(*tail)));
+        let tail = tail << 16 ^ frame.len() as u64;
+        // Multiplication by odd numbers without pattern (bits of the golden ratio and of the square root of two) spreads
+        // requests that differ in few bits.
+        Self(head.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ tail.wrapping_mul(0xB504_F333_F9DE_6485))
+    }
+
+    #[inline]
+    fn slot(self) -> usize {
+        (self.0 >> 48) as usize % SLOTS
+    }
 }

@@ -3,6 +3,8 @@
 //! Counts are floating-point numbers that are halved at times, so that their additions may be rounded. A run has to leave them
 //! as the same exchanges one by one would, to the bit.
 
+use crate::framer::rtu::answerable::{fingerprint, Fingerprint};
+use crate::framer::rtu::poll_cycle::RequestName;
 use crate::framer::rtu::side::{REQUEST, RESPONSE};
 use crate::framer::rtu::traffic_model::{LearnedShare, RequestCopy, TrafficModel};
 use crate::ones::add_ones;
@@ -24,6 +26,37 @@ pub struct LearningRun {
     left: u32,
 }
 
+/// What the model knows a request by.
+#[derive(Clone, Copy, Debug)]
+pub struct RequestIdentity {
+    unit: u8,
+    code: u8,
+    name: RequestName,
+    fingerprint: Fingerprint,
+}
+
+impl RequestIdentity {
+    /// That of a request, which has its CRC.
+    #[inline]
+    pub fn of(request: &[u8]) -> Self {
+        Self { unit: request[0], code: request[1], name: RequestName::of(request), fingerprint: fingerprint(request) }
+    }
+}
+
+impl LearningRun {
+    /// How many exchanges may follow before the next `begin_run`.
+    pub fn left(&self) -> u32 {
+        self.left
+    }
+
+    /// Counts so many exchanges, not more than are left, whose response has not the same bytes as the request.
+    pub fn count_reads(&mut self, exchanges: u32) {
+        self.left -= exchanges;
+        self.exchanges += exchanges;
+        self.first_requests += exchanges;
+    }
+}
+
 impl TrafficModel {
     /// Learns from an exchange what `learn_exchange` learns, some of it only with the next `learn_run`: what is the same of all
     /// exchanges of a run. `copy` is `First`, or `Unclear` where the response may have the same bytes as the request.
@@ -37,7 +70,14 @@ impl TrafficModel {
         run.left -= 1;
         run.exchanges += 1;
         run.first_requests += u32::from(copy == RequestCopy::First);
-        let (unit, code) = (request[0], request[1]);
+        self.learn_request(&RequestIdentity::of(request), request);
+    }
+
+    /// Learns from an exchange of a run what differs from one to the next.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
+    pub fn learn_request(&mut self, identity: &RequestIdentity, request: &[u8]) {
+        let RequestIdentity { unit, code, name, fingerprint } = *identity;
         let seen = &mut self.units[usize::from(unit)];
         // One frame after the other, since each sum is rounded.
         *seen += 1.0;
@@ -45,14 +85,14 @@ impl TrafficModel {
         for direction in [REQUEST, RESPONSE] {
             self.functions[direction][usize::from(code & !EXCEPTION_BIT)] += 1.0;
         }
-        self.poll_cycle.record(request);
+        self.poll_cycle.record_as(name, request);
         self.learn_silence(unit, false);
-        self.learn_same_again(request, false);
+        self.learn_same_again_as(fingerprint, false);
     }
 
     /// Learns the run so far, and finds how many exchanges may follow before counts are halved; false if none may.
     #[cold]
-    fn begin_run(&mut self, run: &mut LearningRun) -> bool {
+    pub fn begin_run(&mut self, run: &mut LearningRun) -> bool {
         self.learn_run(run);
         // One is left out, so that no rounding matters.
         run.left = ((weights::HALVE_COUNTS_FRAMES - self.unit_total) / FRAMES as f32 - 1.0) as u32;

@@ -9,7 +9,7 @@ mod frame_costs;
 mod learning_run;
 
 pub use frame_costs::{EchoCosts, SilenceCosts};
-pub use learning_run::LearningRun;
+pub use learning_run::{LearningRun, RequestIdentity};
 
 use crate::damage::kind::DamageKind;
 use crate::framer::rtu::answerable::{fingerprint, Fingerprint};
@@ -256,8 +256,13 @@ impl TrafficModel {
     /// Learns from this request whether the one before it, if that is not outstanding, was sent again.
     #[inline]
     pub fn learn_same_again(&mut self, request: &[u8], is_outstanding: bool) {
-        let last = self.last_request.replace(fingerprint(request));
-        let is_same = last == self.last_request;
+        self.learn_same_again_as(fingerprint(request), is_outstanding);
+    }
+
+    /// The same of a request with this fingerprint.
+    #[inline]
+    fn learn_same_again_as(&mut self, request: Fingerprint, is_outstanding: bool) {
+        let is_same = self.last_request.replace(request) == Some(request);
         // Nearly always another request follows, and the share is as small as it gets.
         if !is_outstanding && (is_same || self.same_again > weights::MIN_TURN_SHARE) {
             let newest = f32::from(u8::from(is_same));
