@@ -82,6 +82,8 @@ class Program:
         environment = {**os.environ, "PYTHONPATH": str(ROOT)}
         # Python may keep its bytecode, as in any installation.
         environment.pop("PYTHONDONTWRITEBYTECODE", None)
+        # pyarrow imports numpy, whose OpenBLAS begins threads that spin without any work.
+        environment["OPENBLAS_NUM_THREADS"] = "1"
         for old in scratch.iterdir():
             old.unlink()
         cpu, peak = measured(self.words, environment)
