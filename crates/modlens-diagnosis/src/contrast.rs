@@ -2,11 +2,13 @@
 
 mod before;
 mod bus;
+mod clean_run;
 mod clean_units;
+mod context;
 mod epochs;
+mod known_requests;
 mod network;
 mod noise;
-mod recall;
 mod recent;
 mod request;
 pub mod sample;
@@ -16,8 +18,7 @@ mod unit;
 
 use std::collections::BTreeMap;
 
-use modlens_engine::records::{Batch, Connection, Part, Transaction};
-use modlens_protocol::functions::Functions;
+use modlens_engine::records::{Batch, Connection, Part};
 
 pub use bus::{BusContrast, BusFacts, WINDOW};
 pub use epochs::Epochs;
@@ -26,8 +27,8 @@ pub use noise::{NoiseCounts, NoiseKey, NoiseRuns};
 pub use request::{Lonely, Pair, RequestCounts};
 pub use unit::{LengthRatios, Overtaken, Pauses, Runs, UnitCounts, EXCEPTIONS};
 
-use crate::clean::Clean;
-use crate::observation::{FrameObservation, Observation};
+use crate::clean::Exchanges;
+use crate::observation::FrameObservation;
 use tally::{mix, mix_bytes};
 
 /// Buses, units and distinct requests that are counted, all buses taken together: those with the least hashes of their names.
@@ -62,23 +63,12 @@ pub struct Contrast {
     overflowed: bool,
 }
 
-/// Counts a transaction of a bus.
-#[inline]
-fn count(bus: &mut BusContrast, batch: &Batch, functions: &Functions, row: &Transaction) {
-    match Clean::of(batch, functions, row) {
-        Some(clean) => bus.clean(&clean),
-        None => bus.transaction(Observation::of(batch, functions, row)),
-    }
-}
-
 impl Contrast {
     /// Counts the rows of a batch. It has to have frames and transactions.
     pub fn observe(&mut self, batch: &Batch) {
         self.observe_connections(batch);
-        let functions = batch.functions.as_deref().unwrap_or_else(|| Functions::embedded());
         self.observe_frames(batch);
-        self.observe_transactions(batch, functions);
-        self.buses.values_mut().for_each(BusContrast::settle);
+        self.observe_transactions(batch);
         self.prune(MOST);
     }
 
@@ -102,34 +92,20 @@ impl Contrast {
     }
 
     /// Counts transactions, with compact exchanges between them.
-    fn observe_transactions(&mut self, batch: &Batch, functions: &Functions) {
+    fn observe_transactions(&mut self, batch: &Batch) {
+        let exchanges = Exchanges::of(batch);
         for part in batch.transaction_parts() {
             match part {
-                Part::Compact(run) if run.packets.is_some() => {
-                    let bus = self.bus(batch, run.bus);
-                    for at in 0..run.exchanges.length as usize {
-                        count(bus, batch, functions, &batch.compact_row(run, at));
-                    }
-                }
-                Part::Compact(run) => {
-                    let bus = self.bus(batch, run.bus);
-                    for (at, row) in run.exchanges.of(&batch.exchanges).iter().enumerate() {
-                        match Clean::of_compact(batch, functions, run.number + at as u64, row) {
-                            Some(exchange) => bus.clean(&exchange),
-                            None => count(bus, batch, functions, &batch.compact_row(run, at)),
-                        }
-                    }
-                }
+                Part::Compact(run) => self.bus(batch, run.bus).compact_transactions(&exchanges, run),
                 Part::Rows(rows) => {
                     for rows in rows.chunk_by(|row, next| row.bus == next.bus) {
                         let bus = self.bus(batch, rows[0].bus);
-                        for row in rows {
-                            count(bus, batch, functions, row);
-                        }
+                        rows.iter().for_each(|row| bus.row(&exchanges, row));
                     }
                 }
             }
         }
+        self.buses.values_mut().for_each(|bus| bus.end_batch(&exchanges));
     }
 
     /// Leaves out what is beyond the bounds. What is kept depends on names only: what is among the least hashes of the whole is

@@ -108,12 +108,22 @@ pub struct RequestKey {
 }
 
 impl RequestKey {
+    /// All of it as one number.
+    #[inline]
+    pub(crate) fn number(self) -> u64 {
+        u64::from(u16::from_be_bytes([self.unit, self.function])) << 32 | u64::from(self.address) << 16 | u64::from(self.quantity)
+    }
+
+    /// The request with this number.
+    pub(crate) fn of_number(number: u64) -> Self {
+        let [_, _, unit, function, address @ .., _, _] = number.to_be_bytes();
+        Self { unit, function, address: u16::from_be_bytes(address), quantity: number as u16 }
+    }
+
     /// A well-mixed hash.
     #[inline]
     pub(crate) fn hash(self) -> u64 {
-        mix(u64::from(u16::from_be_bytes([self.unit, self.function])) << 32
-            | u64::from(self.address) << 16
-            | u64::from(self.quantity))
+        mix(self.number())
     }
 }
 
@@ -284,7 +294,8 @@ fn answering_unit(mode: Mode, wire: &[u8]) -> Option<u8> {
 const COMPARED_BYTES: usize = 4;
 
 /// What a block of data looks like; `bits` are no registers.
-#[inline]
+#[inline(always)]
+#[allow(clippy::inline_always)] // Most callers need a part of it.
 pub(crate) fn data(block: &[u8], bits: bool) -> Data {
     let register = |at: usize| block.get(at..at + 2).map_or(0, |pair| u16::from_be_bytes([pair[0], pair[1]]));
     let opening: Option<[u8; COMPARED_BYTES]> = block.first_chunk().copied();

@@ -1,8 +1,6 @@
 //! Exchanges that went well, by unit, until they are counted with the rest: nearly all are such ones, and a few numbers are all
 //! that most of them change.
 
-use super::before::Before;
-
 /// Unit numbers.
 const UNITS: usize = 256;
 
@@ -31,15 +29,15 @@ pub(super) struct CleanCounts {
     pub by_previous: Few,
     /// By function.
     pub by_function: Few,
-    /// Those behind a transaction, by whether that failed.
-    pub after_failure: [u64; 2],
+    /// All of them: none of these was behind a failure.
+    pub after_success: u64,
 }
 
 /// Counts by unit or function, of which there are a few.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Few {
     /// The keys with their counts.
-    pub counts: Vec<(u8, u64)>,
+    counts: Vec<(u8, u64)>,
     /// By the last bits of a key: which of the counts is probably its own.
     likely: [u8; LIKELY],
 }
@@ -47,23 +45,36 @@ pub(super) struct Few {
 /// Likely places: a power of two.
 const LIKELY: usize = 16;
 
+/// Two are equal that have counted the same.
+impl PartialEq for Few {
+    fn eq(&self, other: &Self) -> bool {
+        self.counts == other.counts
+    }
+}
+
 impl Few {
+    /// Adds to the count of a key.
     #[inline]
-    fn count(&mut self, key: u8) {
+    pub fn add(&mut self, key: u8, more: u64) {
         let likely = self.likely[usize::from(key) % LIKELY];
         match self.counts.get_mut(usize::from(likely)) {
-            Some((own, count)) if *own == key => *count += 1,
-            _ => self.count_elsewhere(key),
+            Some((own, count)) if *own == key => *count += more,
+            _ => self.add_elsewhere(key, more),
         }
     }
 
-    /// Counts a key that is not at its likely place.
-    fn count_elsewhere(&mut self, key: u8) {
+    /// Takes the keys with their counts.
+    pub fn take(&mut self) -> impl Iterator<Item = (u8, u64)> + '_ {
+        self.counts.drain(..)
+    }
+
+    /// Adds to a key that is not at its likely place.
+    fn add_elsewhere(&mut self, key: u8, more: u64) {
         let at = self.counts.iter().position(|(other, _)| *other == key).unwrap_or(self.counts.len());
         if at == self.counts.len() {
             self.counts.push((key, 0));
         }
-        self.counts[at].1 += 1;
+        self.counts[at].1 += more;
         self.likely[usize::from(key) % LIKELY] = at as u8;
     }
 }
@@ -83,29 +94,8 @@ impl CleanUnits {
         self.0.get_mut(usize::from(unit)).filter(|counts| counts.is_open)
     }
 
-    /// Takes all that is pending, by unit.
-    pub fn take(&mut self) -> impl Iterator<Item = (u8, CleanCounts)> + '_ {
-        let pending = (0..=u8::MAX).zip(&mut self.0).filter(|(_, counts)| counts.is_open || counts.has_any());
-        pending.map(|(unit, counts)| (unit, std::mem::take(counts)))
-    }
-}
-
-impl CleanCounts {
-    /// Counts one whose unit `is_open`. What its times tell is counted by `UnitCounts::count_clean_times`.
-    #[inline]
-    pub fn count(&mut self, function: u8, before: &Before) {
-        self.good += 1;
-        self.by_function.count(function);
-        self.behind_writes += u64::from(before.written);
-        if let Some((unit, was_silent)) = before.previous {
-            self.after_failure[usize::from(before.failed)] += 1;
-            if !was_silent {
-                self.by_previous.count(unit);
-            }
-        }
-    }
-
-    fn has_any(&self) -> bool {
-        !self.by_function.counts.is_empty()
+    /// The units of which something is pending.
+    pub fn all_pending(&mut self) -> impl Iterator<Item = (u8, &mut CleanCounts)> {
+        (0..=u8::MAX).zip(&mut self.0).filter(|(_, counts)| counts.is_open || !counts.by_function.counts.is_empty())
     }
 }

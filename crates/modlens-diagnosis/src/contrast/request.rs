@@ -3,11 +3,11 @@
 use modlens_protocol::Ns;
 
 use super::before::Before;
+use super::known_requests::PendingExchanges;
 use super::sample::Sample;
 use super::tally::{Place, Tally};
 use super::times::Durations;
-use crate::clean::Clean;
-use crate::observation::{Data, Observation, Outcome};
+use crate::observation::{Data, Observation, Outcome, RequestKey};
 use crate::statistics::Share;
 
 /// Requests that are counted one by one.
@@ -86,18 +86,6 @@ pub struct RequestCounts {
     last_start: Option<Ns>,
     first_written: u64,
     last_written: u64,
-    pending: Pending,
-}
-
-/// Exchanges that went well and are not counted yet.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct Pending {
-    good: u64,
-    /// Those whose data are neither all FFFF nor all 0000.
-    usual: u64,
-    /// The request that came right before the last of them, and how many more came right behind it.
-    after: Option<u64>,
-    pairs: u64,
 }
 
 /// Odd ones in a series, and in how many runs they stand.
@@ -145,8 +133,8 @@ impl Lonely {
 }
 
 impl RequestCounts {
+    /// Counts a transaction. What is pending of its request has to be counted.
     pub(super) fn count(&mut self, seen: &Observation, before: Before) {
-        self.settle();
         self.writes = seen.writes;
         if let Some((request, failed)) = before.request {
             if let Some(pair) = self.after.entry(request, request) {
@@ -170,69 +158,30 @@ impl RequestCounts {
         }
     }
 
-    /// Counts an exchange that went well, whose data are not of another request.
-    #[inline]
-    pub(super) fn count_clean(&mut self, seen: &Clean, before: Option<(u64, bool)>) {
-        self.pending.good += 1;
-        self.writes = seen.writes;
-        match before {
-            Some((request, false)) if self.pending.after == Some(request) => self.pending.pairs += 1,
-            Some((request, false)) => self.count_pair(request),
-            Some((request, true)) => {
-                if let Some(pair) = self.after.entry(request, request) {
-                    pair.count(true, false);
-                }
-            }
-            None => {}
-        }
-        let data = &seen.data;
-        if data.all_ones || data.all_zeros {
-            self.settle();
-            self.count_data(*data, false, seen.place);
-        } else if data.is_present {
-            self.pending.usual += 1;
-            self.near_ones += u64::from(data.touches[0]);
-            self.near_zeros += u64::from(data.touches[1]);
-        }
-        if let Some(start) = seen.starts[0] {
-            self.count_period(Some(start));
-        }
-        if seen.writes {
-            self.count_written(seen.written, seen.place);
-        }
-    }
-
-    /// Counts two requests that went well, this one behind the other; further ones behind the same one are only pending.
-    fn count_pair(&mut self, request: u64) {
-        let Some(pair) = self.after.entry(request, request) else { return };
-        pair.count(false, false);
-        self.settle_pairs();
-        self.pending.after = Some(request);
-    }
-
-    fn settle_pairs(&mut self) {
-        let (after, pairs) = (self.pending.after.take(), std::mem::take(&mut self.pending.pairs));
-        if let Some(pair) = after.and_then(|request| self.after.entry(request, request)) {
-            pair.total += pairs;
-            pair.clean += pairs;
-        }
-    }
-
-    /// Counts what is pending, before anything else than exchanges that went well is counted or shown.
-    pub(super) fn settle(&mut self) {
-        if self.pending.good == 0 {
-            return;
-        }
-        self.settle_pairs();
-        let Pending { good, usual, .. } = std::mem::take(&mut self.pending);
+    /// Counts exchanges that went well, whose data are not of another request.
+    pub(super) fn count_clean(&mut self, pending: &PendingExchanges) {
+        let (good, usual, near) = (u64::from(pending.good), u64::from(pending.usual), pending.near.map(u64::from));
+        self.writes = pending.writes;
         self.good += good;
         self.bad.count_good(good);
         for series in [&mut self.all_ones, &mut self.all_zeros, &mut self.of_another] {
             series.count_usual(usual);
         }
+        self.near_ones += near[0];
+        self.near_zeros += near[1];
     }
 
-    fn count_data(&mut self, data: Data, is_of_another: bool, place: Place) {
+    /// Counts how often this request and another one right before it went well.
+    pub(super) fn count_pairs(&mut self, before: RequestKey, pairs: u32) {
+        let hash = before.hash();
+        if let Some(pair) = self.after.entry(hash, hash) {
+            pair.total += u64::from(pairs);
+            pair.clean += u64::from(pairs);
+        }
+    }
+
+    /// Counts the data of an answer.
+    pub(super) fn count_data(&mut self, data: Data, is_of_another: bool, place: Place) {
         let [touches_ones, touches_zeros] = data.touches;
         self.near_ones += u64::from(touches_ones && !data.all_ones);
         self.near_zeros += u64::from(touches_zeros && !data.all_zeros);
@@ -241,7 +190,7 @@ impl RequestCounts {
         self.of_another.count(is_of_another, place);
     }
 
-    fn count_period(&mut self, start: Option<Ns>) {
+    pub(super) fn count_period(&mut self, start: Option<Ns>) {
         let Some(start) = start else { return };
         self.count_pause(self.last_start, start);
         self.first_start.get_or_insert(start);
@@ -264,7 +213,7 @@ impl RequestCounts {
         }
     }
 
-    fn count_written(&mut self, written: u64, place: Place) {
+    pub(super) fn count_written(&mut self, written: u64, place: Place) {
         if written != 0 {
             self.written.count(true, place);
             self.changes += u64::from(self.last_written != 0 && self.last_written != written);

@@ -275,19 +275,15 @@ pub struct LengthRatios {
 }
 
 impl UnitCounts {
-    /// Counts what the times of an exchange tell that went well, and that it came behind a request without an answer; the rest is
-    /// left to `CleanCounts`.
-    #[inline(never)]
-    pub(super) fn count_clean_times(&mut self, seen: Clean, before: Before) {
-        if let Some(silent) = before.previous.filter(|(_, was_silent)| *was_silent) {
-            self.by_previous.entry(silent).or_default().count(false);
-        }
+    /// Counts what the times of an exchange tell that went well, as did the one before, with this unit; the rest is left to
+    /// `CleanCounts`.
+    pub(super) fn count_clean_times(&mut self, seen: &Clean<'_>, unit_before: u8) {
         if let Some(time) = seen.response_time {
             self.response_times.add(time);
         }
         if let Some(gap) = seen.gap {
             self.by_gap.count(gap, false);
-            if before.previous.is_some_and(|(unit, _)| unit != seen.key.unit) {
+            if unit_before != seen.key.unit {
                 self.by_gap_after_others.count(gap, false);
             }
         }
@@ -306,13 +302,15 @@ impl UnitCounts {
     }
 
     /// Counts all that is pending, before it is shown.
-    pub(super) fn settle(&mut self, mut pending: CleanCounts) {
-        self.settle_order(&mut pending);
-        let CleanCounts { by_previous, by_function, after_failure, .. } = pending;
-        let add = |share: &mut Share, count: u64| share.total += count;
-        by_previous.counts.into_iter().for_each(|(unit, count)| add(self.by_previous.entry((unit, false)).or_default(), count));
-        by_function.counts.into_iter().for_each(|(function, count)| add(self.by_function.entry(function).or_default(), count));
-        self.damage_after_failure.iter_mut().zip(after_failure).for_each(|(share, count)| add(share, count));
+    pub(super) fn settle(&mut self, pending: &mut CleanCounts) {
+        self.settle_order(pending);
+        for (unit, count) in pending.by_previous.take() {
+            self.by_previous.entry((unit, false)).or_default().total += count;
+        }
+        for (function, count) in pending.by_function.take() {
+            self.by_function.entry(function).or_default().total += count;
+        }
+        self.damage_after_failure[0].total += std::mem::take(&mut pending.after_success);
     }
 
     /// Counts what is pending where order matters, before anything else than exchanges that went well is counted.
@@ -336,6 +334,7 @@ impl UnitCounts {
         ] {
             tally.count_good(good);
         }
+        pending.after_success += good;
         self.not_seen_runs.count_good(good);
         self.runs.count_good(good);
         self.epochs.count_clean(good);

@@ -1,0 +1,292 @@
+//! What the rows of a bus need to know of those before them.
+
+use std::collections::BTreeMap;
+
+use modlens_protocol::direction::Direction;
+use modlens_protocol::Ns;
+
+use super::before::Before;
+use super::recent::RecentAnswers;
+use super::tally::Place;
+use crate::observation::{response_part, Data, FrameObservation, Observation, Outcome, RequestKey, Shift};
+
+/// A write is remembered for so many transactions.
+const WRITE_MEMORY: u64 = 4;
+
+/// Runs of damage and noise are remembered until their transactions come.
+const MAX_RUNS: usize = 1024;
+
+/// The last transactions whose data may come again as the answer to another request.
+const COMPARED: usize = 12;
+
+/// Behind a silence, the data of so many transactions are compared with those in front of it.
+const BEHIND_SILENCE: u64 = 24;
+
+/// Registers that differ by less than this may be the next value of the same series.
+const FAR: u32 = 64;
+
+/// Shorter answers are alike by accident.
+const LEAST_COMPARED_BYTES: u16 = 4;
+
+/// Fewer bytes than these behind a request are strays, not an answer.
+pub(super) const LEAST_ANSWER_BYTES: u32 = 3;
+
+/// A run of damaged frames and noise behind a good frame.
+#[derive(Clone, Debug, PartialEq)]
+struct BadRun {
+    length: u32,
+    bytes: Vec<u8>,
+}
+
+/// The last request that could be read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct PreviousRequest {
+    key: RequestKey,
+    /// Whether it failed, or one since.
+    failed: bool,
+    /// Requests since that could not be read.
+    age: usize,
+}
+
+/// The good answer to the last request.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct PreviousAnswer {
+    pub unit: u8,
+    pub place: Place,
+    pub requested: Ns,
+    pub came: Ns,
+}
+
+/// Behind so many requests that cannot be read, the one before is forgotten.
+const MAX_AGE: usize = 8;
+
+/// What the next rows need to know of those before.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Context {
+    /// Number of the last good frame, who sent it, and its unit.
+    pub last_good: Option<(u64, Direction, Option<u8>)>,
+    /// Number of the last transaction of a frame.
+    pub last_txn: u64,
+    /// Damage and noise by the number of the good frame before.
+    bad_runs: BTreeMap<u64, BadRun>,
+    /// Unit and silence of the last transaction.
+    previous: Option<(u8, bool)>,
+    /// Whether it failed.
+    previous_failed: bool,
+    /// The good answer before, on a network.
+    pub previous_answer: Option<PreviousAnswer>,
+    /// The last request that could be read, and whether it failed, or one since.
+    previous_request: Option<PreviousRequest>,
+    /// The last transactions.
+    pub recent: RecentAnswers,
+    /// The last transaction that stands shortly behind one without an answer, by its number among the `recent` ones.
+    behind_silence_until: u64,
+    /// The last transaction that stands shortly behind a write.
+    behind_write_until: u64,
+}
+
+impl Context {
+    /// Notes a frame. For damage or noise: who sent the good frame before, and its unit.
+    pub fn frame(&mut self, seen: &FrameObservation) -> Option<(Direction, Option<u8>)> {
+        self.last_txn = seen.txn.unwrap_or(self.last_txn);
+        if seen.verdict.is_good() {
+            self.last_good = Some((seen.number, seen.direction, seen.unit));
+            return None;
+        }
+        let (number, direction, unit) = self.last_good?;
+        let run = self.bad_runs.entry(number).or_insert_with(|| BadRun { length: 0, bytes: Vec::new() });
+        run.length += seen.length;
+        run.bytes.extend_from_slice(&seen.bytes);
+        if self.bad_runs.len() > MAX_RUNS {
+            self.bad_runs.pop_first();
+        }
+        Some((direction, unit))
+    }
+
+    /// An unanswered request behind which an answer's worth of damage came was answered, if badly.
+    pub fn complete(&self, seen: &mut Observation) {
+        let Some(run) = self.bad_runs.get(&seen.request_frame).filter(|run| run.length >= LEAST_ANSWER_BYTES) else { return };
+        if seen.outcome == Outcome::Garbled {
+            seen.lengths[1] = run.length;
+        }
+        if seen.outcome != Outcome::Silent {
+            return;
+        }
+        seen.outcome = Outcome::Garbled;
+        seen.damage = Some(response_part(&run.bytes, seen.unit, seen.function, &[]));
+        let head = run.bytes.len().min(seen.request_head.len());
+        seen.is_own_echo = run.bytes[..head] == seen.request_head[..head];
+        seen.lengths[1] = run.length;
+    }
+
+    /// What came before a request with this key and start.
+    pub fn before(&self, key: Option<RequestKey>, start: Option<Ns>) -> Before {
+        // A request sent again, and one behind bytes that could not be read, say nothing about the order of requests.
+        let request = self.previous_request.filter(|before| before.age == 0 && Some(before.key) != key);
+        let request = request.map(|before| (before.key.hash(), before.failed));
+        let (written, overtaken) = (self.is_behind_write(), self.overtaken(start));
+        let asked = self.previous_request.map(|before| before.key);
+        Before { previous: self.previous, failed: self.previous_failed, written, request, overtaken, asked }
+    }
+
+    /// Whether the answer before came after a request with this start: its unit, its place, how long the master waited, and
+    /// how long it would have had to.
+    #[inline]
+    pub fn overtaken(&self, start: Option<Ns>) -> Option<(u8, Place, Ns, Ns)> {
+        let (before, start) = self.previous_answer.zip(start).filter(|(before, start)| before.came > *start)?;
+        Some((before.unit, before.place, start - before.requested, before.came - before.requested))
+    }
+
+    /// The request right before the next one, if nothing has failed there.
+    #[inline]
+    pub fn request_before(&self) -> Option<RequestKey> {
+        self.previous.filter(|(_, was_silent)| !was_silent && !self.previous_failed)?;
+        self.previous_request.filter(|before| before.age == 0).map(|before| before.key)
+    }
+
+    /// Whether the next transaction stands shortly behind a write.
+    #[inline]
+    pub fn is_behind_write(&self) -> bool {
+        self.recent.next_number() <= self.behind_write_until
+    }
+
+    /// Whether the next transaction stands shortly behind a silence.
+    #[inline]
+    pub fn is_behind_silence(&self) -> bool {
+        self.recent.next_number() <= self.behind_silence_until
+    }
+
+    /// Compares a transaction with those before, and notes it.
+    pub fn transaction(&mut self, seen: &mut Observation) {
+        self.compare(seen);
+        self.previous_answer = match (seen.outcome, seen.starts) {
+            (Outcome::Good | Outcome::Refused, [Some(requested), Some(came)]) => {
+                Some(PreviousAnswer { unit: seen.unit, place: seen.place, requested, came })
+            }
+            _ => None,
+        };
+        if seen.outcome.counts() {
+            self.previous = Some((seen.unit, seen.outcome == Outcome::Silent));
+            self.previous_failed = seen.outcome.is_failure();
+            let failed = seen.outcome.is_failure();
+            self.previous_request = match (seen.key(), self.previous_request) {
+                (Some(key), _) => Some(PreviousRequest { key, failed, age: 0 }),
+                (None, Some(before)) if before.age < MAX_AGE => {
+                    Some(PreviousRequest { failed: before.failed || failed, age: before.age + 1, ..before })
+                }
+                (None, _) => None,
+            };
+        } else if seen.is_read_of_all() {
+            self.previous = Some((seen.unit, true));
+        }
+        if seen.writes {
+            self.note_write();
+        }
+    }
+
+    /// Notes that the last transaction is a write.
+    #[inline]
+    pub fn note_write(&mut self) {
+        self.behind_write_until = self.recent.count() + WRITE_MEMORY;
+    }
+
+    /// Notes exchanges that went well, the last of which asked this; their data are already among the `recent` ones.
+    #[inline]
+    pub fn follow_clean(&mut self, key: RequestKey) {
+        (self.previous, self.previous_failed) = (Some((key.unit, false)), false);
+        self.previous_request = Some(PreviousRequest { key, failed: false, age: 0 });
+    }
+
+    /// Whether there is any reason to ask `is_odd`.
+    #[inline]
+    pub fn may_be_odd(&self, data: Data, own: [u16; 2]) -> bool {
+        distance(own, data.head) >= FAR || self.is_behind_silence()
+    }
+
+    /// Whether the data of an exchange that went well may be those of another request, or go on with its values. `own` are the
+    /// first registers of the answer before to the same request, `before` is the request before.
+    #[inline(never)]
+    pub fn is_odd(&self, key: RequestKey, data: Data, own: [u16; 2], before: RequestKey) -> bool {
+        (distance(own, data.head) >= FAR && self.is_like_another(key, data))
+            || (self.is_behind_silence() && self.shift(key, data, Some(before)).is_some())
+    }
+
+    /// Compares the data with those of the transactions before.
+    fn compare(&mut self, seen: &mut Observation) {
+        let key = seen.key().filter(|_| seen.data.length > 0);
+        if let Some(key) = key {
+            seen.is_of_another = self.is_of_another(key, seen.data);
+            seen.shift = self.shift(key, seen.data, self.previous_request.map(|before| before.key));
+        }
+        self.recent.push(key.map(|key| (key, seen.data)));
+        if matches!(seen.outcome, Outcome::Silent | Outcome::NotSeen) {
+            self.behind_silence_until = self.recent.count() + 1 + BEHIND_SILENCE;
+        }
+    }
+
+    /// Whether the data are those that another request was answered with a moment ago, and far from its own.
+    fn is_of_another(&self, key: RequestKey, data: Data) -> bool {
+        let is_far = || self.recent.last_of(key).is_some_and(|(_, own)| distance(own.head, data.head) >= FAR);
+        self.is_like_another(key, data) && is_far()
+    }
+
+    /// Whether the data begin as those that another request to the unit was answered with a moment ago.
+    fn is_like_another(&self, key: RequestKey, data: Data) -> bool {
+        if data.length < LEAST_COMPARED_BYTES || data.is_plain() {
+            return false;
+        }
+        let mut others = self.recent.newest_first().take(COMPARED).flatten();
+        others.any(|(other, others)| others.opening == data.opening && other.unit == key.unit && other != key)
+    }
+
+    /// Shortly behind a silence: whether the values go on as those of the request `before` did in front of it.
+    fn shift(&self, key: RequestKey, data: Data, before: Option<RequestKey>) -> Option<Shift> {
+        let left = self.behind_silence_until.checked_sub(self.recent.next_number())?;
+        let since = BEHIND_SILENCE.checked_sub(left)?;
+        let before = before.filter(|before| before.unit == key.unit && *before != key)?;
+        let in_front = || self.recent.newest_first().skip(since as usize + 1).flatten();
+        let last_of = |key: RequestKey| in_front().find(|(other, _)| *other == key).map(|(_, data)| data);
+        let (own, others) = (last_of(key)?, last_of(before)?);
+        if own.length != data.length || others.length != data.length || distance(own.head, data.head) < FAR {
+            return None;
+        }
+        if distance(others.head, data.head) * 8 >= distance(own.head, data.head) {
+            return (distance(others.head, data.head) >= FAR).then_some(Shift::Elsewhere);
+        }
+        Some(Shift::ToRequestBefore(bits(others, data)))
+    }
+
+    /// What the rows after a later part need to know.
+    pub fn follow(&mut self, later: &Self, with_transactions: bool) {
+        self.last_good = later.last_good.or(self.last_good);
+        self.last_txn = later.last_txn.max(self.last_txn);
+        if with_transactions {
+            self.previous_failed = if later.previous.is_some() { later.previous_failed } else { self.previous_failed };
+            self.previous = later.previous.or(self.previous);
+            self.previous_request = later.previous_request.or(self.previous_request);
+            self.behind_write_until = later.behind_write_until;
+            self.behind_silence_until = later.behind_silence_until;
+            self.previous_answer = later.previous_answer;
+            self.recent.clone_from(&later.recent);
+        }
+        for (number, run) in &later.bad_runs {
+            self.bad_runs.insert(*number, run.clone());
+        }
+        while self.bad_runs.len() > MAX_RUNS {
+            self.bad_runs.pop_first();
+        }
+    }
+}
+
+/// How far the first two registers of two answers are apart.
+#[inline]
+fn distance(one: [u16; 2], other: [u16; 2]) -> u32 {
+    one.iter().zip(other).map(|(one, other)| u32::from(one.abs_diff(other))).sum()
+}
+
+/// Values so near to each other come about by accident once in 2 to the power of this.
+fn bits(one: Data, other: Data) -> u32 {
+    let registers = usize::from(one.length / 2).min(2);
+    let near = |at: usize| 16u32.saturating_sub((2 * u32::from(one.head[at].abs_diff(other.head[at])) + 1).ilog2());
+    (0..registers).map(near).sum()
+}
