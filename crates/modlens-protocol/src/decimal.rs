@@ -168,6 +168,17 @@ pub fn decimal_texts() -> &'static [[u8; 8]; 1 << 16] {
     })
 }
 
+/// The same with a comma in place of the first blank: the numbers of a list, of which each is written with the separator behind it.
+#[inline]
+pub fn texts_with_comma() -> &'static [[u8; 8]; 1 << 16] {
+    static TABLE: OnceLock<Box<[[u8; 8]; 1 << 16]>> = OnceLock::new();
+    TABLE.get_or_init(|| {
+        let mut texts = Box::new(*decimal_texts());
+        texts.iter_mut().for_each(|entry| entry[usize::from(entry[7])] = b',');
+        texts
+    })
+}
+
 /// Appends an entry of the table. A copy of fixed size followed by truncation is faster than a copy of the right size.
 #[inline]
 fn push_entry(entry: [u8; 8], out: &mut Vec<u8>) {
@@ -210,6 +221,8 @@ mod tests {
         assert_eq!(decimal_texts().len(), 1 << 16);
         for (value, entry) in decimal_texts().iter().enumerate() {
             assert_eq!(&entry[..usize::from(entry[7])], value.to_string().as_bytes());
+            let with_comma = texts_with_comma()[value];
+            assert_eq!(&with_comma[..=usize::from(with_comma[7])], format!("{value},").as_bytes());
         }
     }
 

@@ -101,18 +101,25 @@ pub fn push_hex(bytes: &[u8], out: &mut Vec<u8>) {
     }
 }
 
-/// Appends the hex digits of some bytes. It uses no table, and is a loop, so that the compiler converts all of them at once:
+/// Appends the hex digits of some bytes.
+#[inline(always)]
+#[allow(clippy::inline_always)] // See `digits_of`.
+fn push_digits_of<const BYTES: usize>(bytes: &[u8; BYTES], out: &mut Vec<u8>) {
+    out.extend_from_slice(digits_of(bytes).as_flattened());
+}
+
+/// The hex digits of some bytes. It uses no table, and is a loop, so that the compiler converts all of them at once:
 /// each byte becomes a number of 16 bits, whose halves become its two digits.
 #[inline(always)]
 #[allow(clippy::inline_always)] // A dozen instructions for eight bytes.
-fn push_digits_of<const BYTES: usize>(bytes: &[u8; BYTES], out: &mut Vec<u8>) {
+pub fn digits_of<const BYTES: usize>(bytes: &[u8; BYTES]) -> [[u8; 2]; BYTES] {
     let mut digits = [[0; 2]; BYTES];
     for (to, &byte) in digits.iter_mut().zip(bytes) {
         let halves = (u16::from(byte) >> 4 | u16::from(byte) << 8) & 0x0F0F;
         let is_letter = ((halves + 0x0606) >> 4) & 0x0101;
         *to = (halves + 0x3030 + is_letter * u16::from(b'a' - b'0' - 10)).to_le_bytes();
     }
-    out.extend_from_slice(digits.as_flattened());
+    digits
 }
 
 /// Decodes hex digits; white space between them is ignored. `None` for an odd number of digits or another character.

@@ -1,9 +1,10 @@
 //! Times as ISO 8601 text.
 
-use crate::decimal::{push_int, push_short};
+use crate::decimal::decimal_texts;
 use crate::Ns;
 
 const DAY_SECONDS: i64 = 86_400;
+const NS_PER_SECOND: i64 = 1_000_000_000;
 
 /// A time as tables show it; `push_time` says how.
 ///
@@ -22,59 +23,80 @@ pub fn push_time(ns: Ns, out: &mut Vec<u8>) {
     TimeFormatter::default().push(ns, out);
 }
 
+/// Bytes of a date with a time of day and the decimal point behind it. The years that 64 bits of ns reach have four digits.
+pub const SECOND_BYTES: usize = 20;
+
 /// Formats consecutive times. The text of date and time is kept while the second stays the same.
 #[derive(Debug, Default)]
 pub struct TimeFormatter {
-    second: Option<i64>,
-    /// Date and time, including the decimal point.
-    text: Vec<u8>,
+    /// The second to which the text belongs, in ns.
+    second: Option<Ns>,
+    /// Date and time, including the decimal point, with room for a copy of fixed size.
+    text: [u8; 32],
 }
 
 impl TimeFormatter {
     /// Appends a time in the format of `push_time`.
     #[inline]
     pub fn push(&mut self, ns: Ns, out: &mut Vec<u8>) {
-        let second = ns.div_euclid(1_000_000_000);
-        if self.second != Some(second) {
-            self.change_second(second);
-        }
-        push_short(&self.text, out);
-        let rest = ns.rem_euclid(1_000_000_000) as u32;
-        // The fraction in groups of three digits: milliseconds, microseconds, and nanoseconds if there are any.
-        push_three_digits(rest / 1_000_000, out);
-        push_three_digits(rest / 1000 % 1000, out);
-        if !rest.is_multiple_of(1000) {
-            push_three_digits(rest % 1000, out);
-        }
-        out.push(b'Z');
+        let (text, fraction, length) = self.parts(ns);
+        let end = out.len() + SECOND_BYTES;
+        out.extend_from_slice(text);
+        out.truncate(end);
+        out.extend_from_slice(&fraction);
+        out.truncate(end + length);
     }
 
-    /// Formats date and time of a new second.
+    /// The same as two pieces of text: the first `SECOND_BYTES` of the one, then of the other as many as stand behind it.
+    #[inline]
+    pub fn parts(&mut self, ns: Ns) -> (&[u8; 32], [u8; 16], usize) {
+        let rest = match self.second {
+            Some(second) if (0..NS_PER_SECOND).contains(&ns.wrapping_sub(second)) => ns - second,
+            _ => self.change_second(ns),
+        };
+        let (fraction, length) = fraction_text(rest as u32);
+        (&self.text, fraction, length)
+    }
+
+    /// Formats date and time of a new second, and says how many ns are left.
     #[cold]
-    fn change_second(&mut self, second: i64) {
-        self.second = Some(second);
-        let out = &mut self.text;
-        out.clear();
+    fn change_second(&mut self, ns: Ns) -> Ns {
+        let (second, rest) = (ns.div_euclid(NS_PER_SECOND), ns.rem_euclid(NS_PER_SECOND));
+        // Before the first whole second that 64 bits reach, the text is made each time.
+        self.second = second.checked_mul(NS_PER_SECOND);
         let (year, month, day) = date_of_day(second.div_euclid(DAY_SECONDS));
         let of_day = second.rem_euclid(DAY_SECONDS);
-        if (0..10_000).contains(&year) {
-            push_digits(year, 4, out);
-        } else {
-            push_int(year, out);
-        }
+        let mut out = Vec::new();
+        push_digits(year, 4, &mut out);
         for (value, between) in [(month, b'-'), (day, b'-'), (of_day / 3600, b'T'), (of_day / 60 % 60, b':'), (of_day % 60, b':')]
         {
             out.push(between);
-            push_digits(value, 2, out);
+            push_digits(value, 2, &mut out);
         }
         out.push(b'.');
+        self.text[..SECOND_BYTES].copy_from_slice(&out);
+        rest
     }
 }
 
-/// Appends a number below 1000 with three digits.
+/// The text of a fraction of a second with the letter of the time zone, and its length: milliseconds, microseconds, and nanoseconds
+/// if there are any, in three digits each.
 #[inline]
-pub(super) fn push_three_digits(value: u32, out: &mut Vec<u8>) {
-    out.extend_from_slice(&[b'0' + (value / 100) as u8, b'0' + (value / 10 % 10) as u8, b'0' + (value % 10) as u8]);
+fn fraction_text(ns: u32) -> ([u8; 16], usize) {
+    let texts = decimal_texts();
+    // A number below 1000 stands with its zeros in the text of 1xxx.
+    let three_digits = |value: u32| {
+        let [_, a, b, c, ..] = texts[1000 + value as usize];
+        u128::from(u32::from_le_bytes([a, b, c, 0]))
+    };
+    let micros = ns / 1000;
+    let six = three_digits(micros / 1000) | three_digits(micros % 1000) << 24;
+    let zone = u128::from(b'Z');
+    if micros * 1000 == ns {
+        ((six | zone << 48).to_le_bytes(), 7)
+    } else {
+        ((six | three_digits(ns % 1000) << 48 | zone << 72).to_le_bytes(), 10)
+    }
 }
 
 /// Appends a number with `width` digits.
@@ -123,12 +145,26 @@ mod tests {
         assert_eq!(text(1_697_041_234_123_456_000), "2023-10-11T16:20:34.123456Z");
         assert_eq!(text(951_782_400_000_000_001), "2000-02-29T00:00:00.000000001Z");
         assert_eq!(text(-1_000), "1969-12-31T23:59:59.999999Z");
+        assert_eq!(text(i64::MIN), "1677-09-21T00:12:43.145224192Z");
+        assert_eq!(text(i64::MAX), "2262-04-11T23:47:16.854775807Z");
     }
 
     #[test]
     fn text_does_not_depend_on_the_time_before() {
         let mut stamp = TimeFormatter::default();
-        for ns in [0, 999_999_999, 1_000_000_000, -1, -1_000_000_000, 1_697_041_234_123_456_000, 1_697_041_234_000_000_007, 0] {
+        for ns in [
+            0,
+            999_999_999,
+            1_000_000_000,
+            -1,
+            -1_000_000_000,
+            1_697_041_234_123_456_000,
+            1_697_041_234_000_000_007,
+            i64::MIN,
+            i64::MIN + 1,
+            i64::MAX,
+            0,
+        ] {
             let (mut one, mut other) = (Vec::new(), Vec::new());
             stamp.push(ns, &mut one);
             push_time(ns, &mut other);

@@ -5,6 +5,7 @@ use std::mem::ManuallyDrop;
 use memchr::memchr3;
 
 use crate::line_format::{FileNameCheck, LineFormat};
+use crate::line_room::Separator;
 use crate::LineWriter;
 use modlens_protocol::decimal::{push_int, push_short};
 use modlens_protocol::hex::push_hex;
@@ -37,6 +38,10 @@ pub struct Csv {
 }
 
 impl LineFormat for Csv {
+    const QUOTE: &str = "";
+    const LIST_MARKS: [&str; 2] = ["", ""];
+    const SEPARATOR: Separator = Separator::Blank;
+
     fn columns(&mut self, _: &[&str]) {}
 
     #[inline]

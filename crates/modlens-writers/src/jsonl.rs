@@ -3,6 +3,7 @@
 use std::mem::ManuallyDrop;
 
 use crate::line_format::{FileNameCheck, LineFormat};
+use crate::line_room::Separator;
 use crate::LineWriter;
 use modlens_protocol::decimal::{push_int, push_short};
 use modlens_protocol::finding::Finding;
@@ -51,6 +52,10 @@ impl KeyText {
 }
 
 impl LineFormat for Jsonl {
+    const QUOTE: &str = "\"";
+    const LIST_MARKS: [&str; 2] = ["[", "]"];
+    const SEPARATOR: Separator = Separator::Comma;
+
     fn columns(&mut self, keys: &[&str]) {
         self.keys = keys.iter().map(|key| KeyText::new(key)).collect();
     }

@@ -18,9 +18,11 @@ mod exchange_lines;
 pub mod influx;
 pub mod jsonl;
 pub mod line_format;
+mod line_room;
 pub mod lines;
 pub mod mqtt;
 pub mod view;
 pub mod zeek;
 
+pub use line_room::Separator;
 pub use lines::LineWriter;

@@ -2,8 +2,19 @@
 
 use modlens_tables::columns::CellSink;
 
+use crate::line_room::Separator;
+
 /// A text format: writes the values of a line.
 pub trait LineFormat: CellSink + Default + 'static {
+    /// What stands before and behind times and hex digits.
+    const QUOTE: &str;
+
+    /// What stands before and behind a list.
+    const LIST_MARKS: [&str; 2];
+
+    /// What stands between the numbers of a list.
+    const SEPARATOR: Separator;
+
     /// Tells the format the names of the columns, before the first line.
     fn columns(&mut self, keys: &[&str]);
 

@@ -50,8 +50,8 @@ impl<F: LineFormat> LineWriter<F> {
         std::mem::swap(self.format.out(), out);
         let next = table.each_row(rows, |row| {
             match row {
-                TableRow::Whole(row) => self.row(row),
-                TableRow::Compact(exchange) => self.exchange_lines.push(table, exchange, &mut self.format),
+                TableRow::Compact(exchange) if self.exchange_lines.push(table, exchange, &mut self.format) => {}
+                row => row.with_whole(|row| self.row(row)),
             }
             self.format.out().len() < enough
         });

@@ -84,13 +84,32 @@ impl Exchange {
         }
     }
 
-    /// The body of the request's PDU, on a connection or on an RTU line.
+    /// The bytes of one of its frames.
     #[inline]
-    pub fn request_body<'a>(&self, arena: &'a [u8], mode: Mode) -> &'a [u8] {
+    pub fn frame<'a>(&self, half: Half, arena: &'a [u8]) -> &'a [u8] {
+        let [request, response] = self.lengths.map(usize::from);
+        match half {
+            Half::Request => &arena[self.start as usize..][..request],
+            Half::Response => &arena[self.start as usize + request..][..response],
+        }
+    }
+
+    /// The body of one of its PDUs, on a connection or on an RTU line.
+    #[inline]
+    pub fn body<'a>(&self, half: Half, arena: &'a [u8], mode: Mode) -> &'a [u8] {
         let [before, behind] = Self::around_pdu(mode).map(|bytes| bytes as usize);
-        let frame = &arena[self.start as usize..][..usize::from(self.lengths[0])];
+        let frame = self.frame(half, arena);
         &frame[before + 1..frame.len() - behind]
     }
+}
+
+/// One of the two frames of an exchange.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Half {
+    /// That of the request.
+    Request,
+    /// That of the response.
+    Response,
 }
 
 /// What a compact exchange with times has beside its bytes: the times and the place of its packets, or of its lines in a log.

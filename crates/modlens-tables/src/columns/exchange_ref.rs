@@ -1,8 +1,13 @@
 //! Compact exchanges as rows of the table of transactions, of which columns read what they show.
 
-use modlens_engine::records::{Batch, Exchange, ExchangeRun, ExchangeTiming, PacketPair, Transaction};
-use modlens_protocol::functions::{FunctionRow, Functions};
+use std::mem::ManuallyDrop;
 
+use modlens_engine::records::{Batch, Exchange, ExchangeRun, ExchangeTiming, Half, PacketPair, Transaction};
+use modlens_protocol::functions::{FunctionRow, Functions};
+use modlens_protocol::pdu::u16_at;
+use modlens_protocol::Ns;
+
+use crate::columns::exchange_value::{ExchangeDuration, ExchangeNumber, ExchangeValue};
 use crate::columns::function_rows::functions;
 use crate::columns::transaction_view::TransactionView;
 
@@ -18,46 +23,7 @@ pub struct ExchangeRef<'a> {
     run_start: u32,
     /// If it has times.
     timing: Option<ExchangeTiming<'a>>,
-    function_row: Option<&'a FunctionRow>,
-}
-
-/// A number that compact exchanges hold as a column shows it, so that nothing of the row has to be made for it.
-#[derive(Clone, Copy, Debug)]
-pub enum ExchangeNumber {
-    /// That of the transaction.
-    Txn,
-    /// The unit.
-    Unit,
-    /// Address of the first register or bit that is read or written.
-    Address,
-    /// How many are read or written.
-    Quantity,
-    /// The confidence.
-    Confidence,
-    /// The identifier in the MBAP headers.
-    MbapId,
-    /// The number of the request's frame.
-    RequestFrame,
-    /// The number of the response's frame.
-    ResponseFrame,
-}
-
-impl ExchangeNumber {
-    /// The number that a column of transactions shows, where it has a value; `None` if it shows something else. What is written
-    /// is left out: a request to read and write (function 23) has an address and a quantity for either.
-    pub fn of_column(key: &str) -> Option<Self> {
-        Some(match key {
-            "txn" => Self::Txn,
-            "unit" => Self::Unit,
-            "address" => Self::Address,
-            "quantity" => Self::Quantity,
-            "confidence" => Self::Confidence,
-            "mbap_id" => Self::MbapId,
-            "request_frame" => Self::RequestFrame,
-            "response_frame" => Self::ResponseFrame,
-            _ => return None,
-        })
-    }
+    functions: &'a Functions,
 }
 
 /// Packets of which all is known.
@@ -82,20 +48,100 @@ impl<'a> ExchangeRef<'a> {
         ExchangeRef { timing: self.timing.map(|_| known), ..*self }
     }
 
-    /// One of its numbers. Only for columns that have a value in it.
+    /// What a column shows of exchanges of this bus and kind, where it has a value; `None` if it has to be read from their rows.
+    pub fn value_of(&self, column: &str) -> Option<ExchangeValue> {
+        // Where the body of a request chooses the row, it may be another one for the next exchange.
+        let is_chosen = self.functions.leading_bytes(self.exchange.function) > 0;
+        ExchangeValue::of_column(column, self.function_row().filter(|_| !is_chosen)?)
+    }
+
+    /// Its numbers, each at the place that `ExchangeNumber` has in the order. What a column without a value shows is of no use.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // A dozen instructions, once a line.
+    pub fn numbers(&self) -> [u64; ExchangeNumber::COUNT] {
+        let (exchange, at) = (self.exchange, self.at as u64);
+        let frame = self.run.frame + 2 * at;
+        [
+            self.run.number + at,
+            u64::from(exchange.unit),
+            u64::from(exchange.address),
+            u64::from(exchange.quantity),
+            u64::from(exchange.confidence),
+            self.timing.map_or(0, |timing| u64::from(timing.pair.mbap_id)),
+            frame,
+            frame + 1,
+            self.transaction().origin,
+        ]
+    }
+
+    /// When its request began, if it has times.
     #[inline]
-    pub fn number(&self, of: ExchangeNumber) -> i64 {
-        let frame = self.run.frame + 2 * self.at as u64;
+    pub fn start(&self) -> Option<Ns> {
+        self.timing.map(|timing| timing.pair.starts[0])
+    }
+
+    /// One of its durations.
+    #[inline]
+    pub fn duration(&self, of: ExchangeDuration) -> Option<Ns> {
+        let row = ManuallyDrop::new(self.transaction());
         match of {
-            ExchangeNumber::Txn => (self.run.number + self.at as u64) as i64,
-            ExchangeNumber::Unit => i64::from(self.exchange.unit),
-            ExchangeNumber::Address => i64::from(self.exchange.address),
-            ExchangeNumber::Quantity => i64::from(self.exchange.quantity),
-            ExchangeNumber::Confidence => i64::from(self.exchange.confidence),
-            ExchangeNumber::MbapId => self.timing.map_or(0, |timing| i64::from(timing.pair.mbap_id)),
-            ExchangeNumber::RequestFrame => frame as i64,
-            ExchangeNumber::ResponseFrame => frame as i64 + 1,
+            ExchangeDuration::Elapsed => row.elapsed,
+            ExchangeDuration::Response => row.response_time,
+            ExchangeDuration::Gap => row.gap,
         }
+    }
+
+    /// Whether its confidence is low.
+    #[inline]
+    pub fn is_unconfirmed(&self) -> bool {
+        ManuallyDrop::new(self.transaction()).unconfirmed
+    }
+
+    /// The bytes of its request and of its response together.
+    #[inline]
+    pub fn byte_count(&self) -> usize {
+        self.exchange.lengths.map(usize::from).iter().sum()
+    }
+
+    /// The bytes of one of its frames.
+    #[inline]
+    pub fn frame(&self, half: Half) -> &'a [u8] {
+        self.exchange.frame(half, &self.batch.arena)
+    }
+
+    /// The body of one of its PDUs.
+    #[inline]
+    fn body(&self, half: Half) -> &'a [u8] {
+        self.exchange.body(half, &self.batch.arena, self.run.mode())
+    }
+
+    /// The registers or bits from this offset of a body on.
+    #[inline]
+    pub fn block(&self, half: Half, at: usize) -> &'a [u8] {
+        self.body(half).get(at..).unwrap_or(&[])
+    }
+
+    /// The number in two bytes of the request's body, at this offset.
+    #[inline]
+    pub fn request_word(&self, at: usize) -> u16 {
+        u16_at(self.body(Half::Request), at).unwrap_or(0)
+    }
+
+    /// How many registers or bits it reads or writes.
+    #[inline]
+    pub fn quantity(&self) -> usize {
+        usize::from(self.exchange.quantity)
+    }
+
+    /// The row of the table of functions for it.
+    #[inline]
+    fn function_row(&self) -> Option<&'a FunctionRow> {
+        // The body of a request chooses the row for few functions only.
+        let body = match self.functions.leading_bytes(self.exchange.function) {
+            0 => &[],
+            _ => self.body(Half::Request),
+        };
+        self.functions.row(self.exchange.function, body)
     }
 
     /// Its row.
@@ -109,7 +155,7 @@ impl<'a> ExchangeRef<'a> {
     #[inline(always)]
     #[allow(clippy::inline_always)] // See `transaction`.
     pub(super) fn view<'v>(&'v self, row: &'v Transaction) -> TransactionView<'v> {
-        TransactionView::with_function(row, self.function_row)
+        TransactionView::with_function(row, self.function_row())
     }
 }
 
@@ -130,11 +176,6 @@ impl<'a> RunRefs<'a> {
     #[inline]
     pub(super) fn at(&self, at: usize) -> ExchangeRef<'a> {
         let exchange = &self.exchanges[at];
-        // The body of a request chooses the row for few functions only.
-        let body = match self.functions.leading_bytes(exchange.function) {
-            0 => &[],
-            _ => exchange.request_body(&self.batch.arena, self.run.mode()),
-        };
         ExchangeRef {
             batch: self.batch,
             run: self.run,
@@ -142,7 +183,7 @@ impl<'a> RunRefs<'a> {
             at,
             run_start: self.exchanges[0].start,
             timing: self.run.timing(&self.batch.packet_pairs, at),
-            function_row: self.functions.row(exchange.function, body),
+            functions: self.functions,
         }
     }
 

@@ -7,6 +7,7 @@ mod bus_cells;
 mod cell;
 mod column_value;
 mod exchange_ref;
+mod exchange_value;
 mod fields;
 mod function_rows;
 mod identification;
@@ -21,7 +22,8 @@ mod table_rows;
 mod transaction_view;
 
 pub use cell::{Cell, Items};
-pub use exchange_ref::{ExchangeNumber, ExchangeRef};
+pub use exchange_ref::ExchangeRef;
+pub use exchange_value::{ExchangeDuration, ExchangeNumber, ExchangeValue};
 pub use fields::Fields;
 pub use function_rows::{functions, row_of};
 pub use reader::ColumnReader;

@@ -19,6 +19,16 @@ pub enum TableRow<'a> {
     Compact(&'a ExchangeRef<'a>),
 }
 
+impl TableRow<'_> {
+    /// Calls `with` for it as a row, which is made for that where it is compact.
+    pub fn with_whole<T>(&self, with: impl FnOnce(&RowRef<'_>) -> T) -> T {
+        match self {
+            Self::Whole(row) => with(row),
+            Self::Compact(exchange) => with(&RowRef::of_transaction(exchange.batch, &exchange.transaction())),
+        }
+    }
+}
+
 /// Some rows of a table.
 #[derive(Clone, Copy)]
 pub enum RowChunk<'a> {
