@@ -35,6 +35,17 @@ const COST_OF_FLIPS: [f32; 256] = {
     costs
 };
 
+/// The one bits of a byte.
+const ONES: [f32; 256] = {
+    let mut ones = [0.0; 256];
+    let mut byte = 0;
+    while byte < ones.len() {
+        ones[byte] = byte.count_ones() as f32;
+        byte += 1;
+    }
+    ones
+};
+
 /// The best explanation of some bytes as an expected frame.
 #[derive(Clone, Debug)]
 pub struct Alignment {
@@ -93,12 +104,11 @@ fn align_without_head(
     if max_score < need - ROUNDING_BITS {
         return None;
     }
-    // A collision is the break that costs least.
-    let can_afford_break = max_score - COLLISION_BITS >= need;
     let mut best: Option<Alignment> = None;
-    comparison.explain(can_afford_break, |explanation| {
-        // Most explanations are worth too little, whatever the CRC adds: it is not computed for these.
-        let max_score = explanation.score - expected.selection_cost + expected.max_crc_bits();
+    // Most explanations are worth too little, whatever the CRC adds: it is not computed for these.
+    let least = need + expected.selection_cost - comparison.max_crc_bits();
+    comparison.explain(least - ROUNDING_BITS, |explanation| {
+        let max_score = explanation.score - expected.selection_cost + comparison.max_crc_bits();
         if max_score < need || max_score <= 0.0 {
             return;
         }
@@ -147,28 +157,52 @@ impl<'a> Comparison<'a> {
     }
 
     /// No alignment has a higher score in bits: no damage makes the compared bytes worth more than their information content.
-    /// One more byte than is known may count, for a doubled one.
     fn max_score(&self) -> f32 {
+        self.content() - self.expected.selection_cost + self.max_crc_bits()
+    }
+
+    /// The information content in bits of the bytes that are compared: one more than is known, since one may be doubled.
+    fn content(&self) -> f32 {
         let compared = self.bytes.len().min(self.known.len() + 1);
-        self.model.bits_of(&self.bytes[..compared]) - self.expected.selection_cost + self.expected.max_crc_bits()
+        self.model.bits_of(&self.bytes[..compared])
+    }
+
+    /// The most bits that the CRC can add to those of the known bytes: none where the frame is too long to be there, however
+    /// many of its bytes are missing.
+    fn max_crc_bits(&self) -> f32 {
+        let is_there = self.expected.length.is_some_and(|length| length <= self.bytes.len() + MAX_LOST_BYTES);
+        if is_there {
+            self.expected.max_crc_bits()
+        } else {
+            0.0
+        }
     }
 
     /// Gives out the ways in which the bytes can be explained, with their scores, in this order: flipped bits alone; then one
     /// break right behind the bytes that agree: one, two or three bytes missing, the last one doubled, a collision.
     ///
-    /// A break is tried only if `can_afford_break`, no bytes are missing in front, some known bytes agree, and some do not.
-    fn explain(&self, can_afford_break: bool, mut give: impl FnMut(Explanation)) {
+    /// A break is tried only if no bytes are missing in front, some known bytes agree, and some do not; and only if it may be
+    /// worth `least` bits. What it is worth less may be left out.
+    fn explain(&self, least: f32, mut give: impl FnMut(Explanation)) {
         let (model, known, bytes, agreeing) = (self.model, self.known, self.bytes, self.agreeing);
         give(without_break(model, known, bytes, self.missing));
-        if !can_afford_break || agreeing == 0 || agreeing == known.len() || self.missing > 0 {
+        if agreeing == 0 || agreeing == known.len() || self.missing > 0 {
             return;
         }
         let prefix = Prefix { length: agreeing, score: score_with_flips(model, &known[..agreeing], bytes, 0).0 };
-        for count in 1..=MAX_LOST_BYTES {
-            missing_inside(model, known, bytes, prefix, count).into_iter().for_each(&mut give);
+        // However many of the other bytes agree, they are worth no more than their information content.
+        let most = prefix.score + self.content() - model.bits_of(&bytes[..agreeing]);
+        if most - MISSING_INSIDE_BITS >= least {
+            for count in 1..=MAX_LOST_BYTES {
+                missing_inside(model, known, bytes, prefix, count).into_iter().for_each(&mut give);
+            }
         }
-        doubled_byte(model, known, bytes, prefix).into_iter().for_each(&mut give);
-        collision(model, known, bytes, prefix).into_iter().for_each(&mut give);
+        if most - DOUBLED_BYTE_BITS >= least {
+            doubled_byte(model, known, bytes, prefix).into_iter().for_each(&mut give);
+        }
+        if most - COLLISION_BITS >= least {
+            collision(model, known, bytes, prefix, most - least).into_iter().for_each(&mut give);
+        }
     }
 
     /// The alignment of one explanation. Its score is that of the explanation, less what it costs to select this frame, plus
@@ -279,17 +313,27 @@ fn doubled_byte(model: &TrafficModel, known: &[u8], bytes: &[u8], prefix: Prefix
 
 /// Explains the bytes by a second transmitter behind the prefix. On RS-485 the driver that pulls to 0 wins: bits that
 /// were sent as 1 may arrive as 0, but no bit that was sent as 0 arrives as 1.
-fn collision(model: &TrafficModel, known: &[u8], bytes: &[u8], prefix: Prefix) -> Option<Explanation> {
+///
+/// `None`, too, where the score falls further behind the information content of the bytes than by `spare` bits.
+fn collision(model: &TrafficModel, known: &[u8], bytes: &[u8], prefix: Prefix, spare: f32) -> Option<Explanation> {
     let mut score = prefix.score - COLLISION_BITS;
+    let mut spare = spare - COLLISION_BITS;
     let mut core_bytes = prefix.length;
     let mut wrong_bytes = 0;
     for (&wanted, &byte) in known.iter().zip(bytes).skip(prefix.length) {
+        let content = model.bits(byte);
         if byte & !wanted == 0 {
             // A byte pays for each of its ones, because each might have been pulled to 0.
-            score += model.bits(byte) - wanted.count_ones() as f32 - 0.5;
+            let ones = ONES[usize::from(wanted)];
+            score += content - ones - 0.5;
+            spare -= ones + 0.5;
             wrong_bytes += usize::from(byte != wanted);
         } else {
             score -= COLLISION_MISFIT_BITS;
+            spare -= content + COLLISION_MISFIT_BITS;
+        }
+        if spare < -ROUNDING_BITS {
+            return None;
         }
         core_bytes += 1;
     }
@@ -322,7 +366,7 @@ fn crc_score(expected: &ExpectedFrame<'_>, bytes: &[u8], length: Option<usize>, 
 mod tests {
     use super::*;
     use crate::damage::expected_frame::poll_request;
-    use crate::framer::rtu::prefilter::RequestPrefilter;
+    use crate::framer::rtu::prefilter::{Need, RequestPrefilter};
     use crate::weights::POLL_REQUEST_BITS;
     use proptest::prelude::*;
 
@@ -356,6 +400,7 @@ mod tests {
             let mut sift = RequestPrefilter::default();
             sift.add(5, &frame);
             let need = alignment.score + POLL_REQUEST_BITS;
+            let need = Need { less: need, of_these: 1 << 5, more: f32::MAX };
             let kept = sift.likely(1 << 5, &bytes, |byte| model.bits(byte), need, &DAMAGE_COSTS);
             prop_assert_eq!(kept, 1 << 5, "{:02x?} in {:02x?}: {:?}", frame, bytes, alignment);
         }

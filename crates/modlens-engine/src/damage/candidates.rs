@@ -1,11 +1,14 @@
 //! Candidates for damaged frames: alignments with expected frames, and unpredicted frames that only their header supports.
 
+use std::ops::Range;
+
 use crate::damage::alignment::{align, Alignment, DAMAGE_COSTS};
 use crate::damage::expected_frame::{poll_request, ExpectedFrame};
 use crate::damage::kind::DamageKind;
 use crate::damage::region::UnframedRegion;
 use crate::framer::rtu::announced_length::{ENVELOPE_BYTES, EXCEPTION_RESPONSE_BYTES};
-use crate::framer::rtu::prefix_index::{may_have_byte, possible_frames, FrameSet};
+use crate::framer::rtu::prefilter::Need;
+use crate::framer::rtu::prefix_index::{may_have_byte, possible_frames, FrameSet, MAX_LOST_BYTES};
 use crate::framer::rtu::score;
 use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
 use crate::weights::{self, FRAME_END_BITS, MAX_STRAY_BITS, MIN_DAMAGED_FRAME_BITS, POLL_REQUEST_BITS, ROUNDING_BITS};
@@ -62,7 +65,13 @@ impl UnframedRegion<'_, '_> {
         let polls = &self.model.poll_cycle;
         let mut likely = if polls.is_empty() { 0 } else { polls.possible_frames(bytes) };
         if likely != 0 {
-            let need = MIN_DAMAGED_FRAME_BITS + self.start_cost(start) - FRAME_END_BITS + POLL_REQUEST_BITS;
+            let more = MIN_DAMAGED_FRAME_BITS + self.start_cost(start) + POLL_REQUEST_BITS;
+            let of_these = if self.input.has_times {
+                FrameSet::MAX
+            } else {
+                polls.with_length_in(self.lengths_that_end_well(start))
+            };
+            let need = Need { less: more - FRAME_END_BITS, of_these, more };
             likely = polls.likely(likely, bytes, |byte| self.model.bits(byte), need, &DAMAGE_COSTS);
         }
         for at in members(likely) {
@@ -79,7 +88,10 @@ impl UnframedRegion<'_, '_> {
     pub(crate) fn aligned_candidate(&self, expected: &ExpectedFrame<'_>, start: usize) -> Option<Candidate> {
         let start_cost = self.start_cost(start);
         let min_score = min_score(expected.direction, 0.0);
-        let need = min_score + start_cost - FRAME_END_BITS - ROUNDING_BITS;
+        let may_end_well =
+            expected.length.is_some_and(|length| self.input.has_times || self.lengths_that_end_well(start).contains(&length));
+        let end_bonus = if may_end_well { FRAME_END_BITS } else { 0.0 };
+        let need = min_score + start_cost - end_bonus - ROUNDING_BITS;
         let alignment = align(self.model, expected, &self.bytes()[start..], need)?;
         let end = alignment.length.map(|length| start + length);
         let score = alignment.score - start_cost + self.end_bonus(end);
@@ -161,6 +173,17 @@ impl UnframedRegion<'_, '_> {
             strays - weights::PAUSE_BEFORE_BITS
         } else {
             strays
+        }
+    }
+
+    /// The lengths of expected frames that begin at `start` and, however damaged, may end with the region without a pause there:
+    /// up to `MAX_LOST_BYTES` are missing, or one is there twice.
+    fn lengths_that_end_well(&self, start: usize) -> Range<usize> {
+        let left = self.length - start;
+        if self.ends_as_announced {
+            0..0
+        } else {
+            left - 1..left + MAX_LOST_BYTES + 1
         }
     }
 

@@ -1,6 +1,8 @@
 //! A dictionary of the requests seen, and the poll cycle: those of them that come again and again.
 
-use crate::framer::rtu::prefilter::{DamageCosts, RequestPrefilter};
+use std::ops::Range;
+
+use crate::framer::rtu::prefilter::{DamageCosts, Need, RequestPrefilter, MAX_LENGTHS};
 use crate::framer::rtu::prefix_index::{FrameSet, PrefixIndex, MAX_FRAMES};
 use crate::weights::MAX_REQUEST_COUNT_FRAMES;
 
@@ -8,7 +10,7 @@ use crate::weights::MAX_REQUEST_COUNT_FRAMES;
 const SLOTS: usize = 1024;
 
 /// A request is kept with its bytes if it is shorter than this: those of a poll cycle are.
-const TEXT_BYTES: usize = 24;
+const TEXT_BYTES: usize = MAX_LENGTHS;
 
 /// The length of a request and its bytes; length 0 for one that is too long to be kept.
 type Text = [u8; TEXT_BYTES];
@@ -146,9 +148,14 @@ impl PollCycle {
         self.index.possible_frames(bytes)
     }
 
-    /// Those of `possible` that may reach `need` bits once `costs` are paid; `bits` is the information content of a byte.
-    pub fn likely(&self, possible: FrameSet, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &DamageCosts) -> FrameSet {
+    /// Those of `possible` that may reach what they need once `costs` are paid; `bits` is the information content of a byte.
+    pub fn likely(&self, possible: FrameSet, bytes: &[u8], bits: impl Fn(u8) -> f32, need: Need, costs: &DamageCosts) -> FrameSet {
         self.prefilter.likely(possible, bytes, bits, need, costs)
+    }
+
+    /// The requests of the poll cycle that have one of these numbers of bytes.
+    pub fn with_length_in(&self, lengths: Range<usize>) -> FrameSet {
+        self.prefilter.with_length_in(lengths)
     }
 }
 

@@ -4,8 +4,10 @@
 //! bits from. So the information content of all bytes that may agree is an upper bound of the score that `align` can find.
 //! It is summed for 64 requests at a time: bit `n` of all 64 sums stands in one machine word.
 
+use std::ops::Range;
+
 use crate::framer::rtu::prefix_index::{FrameSet, MAX_LOST_BYTES};
-use crate::weights::{LONG_REQUEST_PREFIX_BITS, MAX_HEADER_FLIPS, ROUNDING_BITS};
+use crate::weights::{LONG_REQUEST_PREFIX_BITS, MAX_HEADER_FLIPS, OTHER_BYTE_BITS, ROUNDING_BITS};
 
 /// The length of nearly all requests that are polled. Longer ones are judged by this many of their bytes.
 const JUDGED_BYTES: usize = 8;
@@ -25,6 +27,12 @@ const SUM_PLANES: usize = 7;
 /// Bytes with less information content are common, and agree with many requests: they are counted last.
 const COMMON_BYTE_BITS: f32 = 5.0;
 
+/// The places of the tables: the last ones, from `JUDGED_BYTES` on, are empty, so that nobody has to ask whether a place is there.
+const PLACES: usize = JUDGED_BYTES + 1 + MAX_LOST_BYTES;
+
+/// Requests are kept by their lengths, which are less than this.
+pub const MAX_LENGTHS: usize = 24;
+
 /// What it costs, in bits, to say what happened to a frame.
 pub struct DamageCosts {
     /// Bytes are missing in front.
@@ -37,21 +45,34 @@ pub struct DamageCosts {
 
 /// For each place of 64 requests and every byte value, the requests that have it there.
 pub struct RequestPrefilter {
-    equal: Box<[[FrameSet; 256]; JUDGED_BYTES]>,
+    equal: Box<[[FrameSet; 256]; PLACES]>,
     /// The requests whose byte there has all one bits of this value, and perhaps more.
-    covering: Box<[[FrameSet; 256]; JUDGED_BYTES]>,
+    covering: Box<[[FrameSet; 256]; PLACES]>,
     /// The requests whose unit is this value but for `MAX_HEADER_FLIPS` bits at most.
     near_unit: Box<[FrameSet; 256]>,
     /// Requests of fewer than `MIN_JUDGED_BYTES`.
     short: FrameSet,
     /// Requests of more than `JUDGED_BYTES`.
     long: FrameSet,
+    /// Requests by their number of bytes.
+    with_length: [FrameSet; MAX_LENGTHS],
+}
+
+/// What the bytes at a place have to be worth, in bits, to be a damaged request.
+#[derive(Clone, Copy)]
+pub struct Need {
+    /// For these requests.
+    pub less: f32,
+    /// The requests that need no more than that.
+    pub of_these: FrameSet,
+    /// For all others.
+    pub more: f32,
 }
 
 impl Default for RequestPrefilter {
     fn default() -> Self {
-        let sets = || Box::new([[0; 256]; JUDGED_BYTES]);
-        Self { equal: sets(), covering: sets(), near_unit: Box::new([0; 256]), short: 0, long: 0 }
+        let sets = || Box::new([[0; 256]; PLACES]);
+        Self { equal: sets(), covering: sets(), near_unit: Box::new([0; 256]), short: 0, long: 0, with_length: [0; MAX_LENGTHS] }
     }
 }
 
@@ -101,6 +122,9 @@ impl RequestPrefilter {
     /// `MIN_JUDGED_BYTES` is in `short` only; of a longer one the first `JUDGED_BYTES` count.
     fn update(&mut self, number: usize, frame: &[u8], change: impl Fn(FrameSet, FrameSet) -> FrameSet) {
         let one = 1 << number;
+        if let Some(same) = self.with_length.get_mut(frame.len()) {
+            *same = change(*same, one);
+        }
         if frame.len() < MIN_JUDGED_BYTES {
             self.short = change(self.short, one);
             return;
@@ -123,23 +147,38 @@ impl RequestPrefilter {
 
     /// Removes request 0 and gives each other request the number before its own.
     pub fn shift(&mut self) {
-        self.equal.iter_mut().chain(self.covering.iter_mut()).flatten().for_each(|set| *set >>= 1);
-        self.near_unit.iter_mut().for_each(|set| *set >>= 1);
+        let tables = [&mut self.equal, &mut self.covering];
+        tables.into_iter().flat_map(|places| &mut places[..JUDGED_BYTES]).flatten().for_each(|set| *set >>= 1);
+        self.near_unit.iter_mut().chain(&mut self.with_length).for_each(|set| *set >>= 1);
         self.short >>= 1;
         self.long >>= 1;
     }
 
-    /// Those of `among` that may be found at the beginning of these bytes with at least `need` bits; `bits` is the
+    /// The requests that have one of these numbers of bytes.
+    pub fn with_length_in(&self, lengths: Range<usize>) -> FrameSet {
+        let end = lengths.end.min(MAX_LENGTHS);
+        self.with_length[lengths.start.min(end)..end].iter().fold(0, |all, set| all | set)
+    }
+
+    /// Those of `among` that may be found at the beginning of these bytes with as many bits as they need; `bits` is the
     /// information content of a byte.
-    pub fn likely(&self, among: FrameSet, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &DamageCosts) -> FrameSet {
+    pub fn likely(&self, among: FrameSet, bytes: &[u8], bits: impl Fn(u8) -> f32, need: Need, costs: &DamageCosts) -> FrameSet {
         let (short, ways) = (among & self.short, self.ways(bytes));
         let among = among & !short & (ways.headed | ways.headless);
         if among == 0 {
             return short;
         }
-        let observed = ObservedBytes::of(&bytes[..bytes.len().min(JUDGED_BYTES + 1)], bits);
-        let long = self.filter(among & self.long, &ways, &observed, need.min(LONG_REQUEST_PREFIX_BITS), costs);
-        short | self.filter(among & !self.long, &ways, &observed, need, costs) | long
+        let observed = ObservedBytes::of(bytes, bits);
+        let mut likely = short;
+        for (among, need) in [(among & need.of_these, need.less), (among & !need.of_these, need.more)] {
+            if among & !self.long != 0 {
+                likely |= self.filter(among & !self.long, &ways, &observed, need, costs);
+            }
+            if among & self.long != 0 {
+                likely |= self.filter(among & self.long, &ways, &observed, need.min(LONG_REQUEST_PREFIX_BITS), costs);
+            }
+        }
+        likely
     }
 
     /// The requests of five bytes and more by how they may stand, damaged, at the first of these bytes. `align` accepts damage
@@ -158,7 +197,7 @@ impl RequestPrefilter {
     ///
     /// For each way there are the requests that may be damaged so, and those that may agree with a byte at a place.
     fn filter(&self, among: FrameSet, ways: &Ways, observed: &ObservedBytes<'_>, need: f32, costs: &DamageCosts) -> FrameSet {
-        if among == 0 || observed.total() < need {
+        if observed.total() < need {
             return 0;
         }
         let (begins, headed, headless) = (among & ways.begins, among & ways.headed, among & ways.headless);
@@ -170,25 +209,29 @@ impl RequestPrefilter {
     }
 
     /// The requests that have this byte at this place, the first one being 0; none from place `JUDGED_BYTES` on.
+    #[inline]
     fn equal_at(&self, place: usize, byte: u8) -> FrameSet {
-        self.equal.get(place).map_or(0, |sets| sets[usize::from(byte)])
+        self.equal[place][usize::from(byte)]
     }
 
     /// The requests that have this byte one to `MAX_LOST_BYTES` places behind this one: so many bytes in front may be missing.
+    #[inline]
     fn equal_behind(&self, place: usize, byte: u8) -> FrameSet {
         (place + 1..=place + MAX_LOST_BYTES).fold(0, |set, place| set | self.equal_at(place, byte))
     }
 
     /// The requests that have this byte at this place, one place before it (a byte may be there twice), or one to
     /// `MAX_LOST_BYTES` places behind it (bytes inside may be missing).
+    #[inline]
     fn equal_around(&self, place: usize, byte: u8) -> FrameSet {
         let before = place.checked_sub(1).map_or(0, |place| self.equal_at(place, byte));
         before | self.equal_at(place, byte) | self.equal_behind(place, byte)
     }
 
     /// The requests of which the byte at this place has all one bits of this one: another sender may have pulled the others to 0.
+    #[inline]
     fn covering_at(&self, place: usize, byte: u8) -> FrameSet {
-        self.covering.get(place).map_or(0, |sets| sets[usize::from(byte)])
+        self.covering[place][usize::from(byte)]
     }
 
     /// The requests that have these two bytes side by side, the first of them one to `MAX_LOST_BYTES` places behind the
@@ -198,77 +241,82 @@ impl RequestPrefilter {
     }
 }
 
-/// Bytes in which requests are looked for, with their information content.
+/// The bytes in which requests are looked for, with their information content: at most one more than is judged, since a byte may
+/// be there twice.
 struct ObservedBytes<'a> {
     bytes: &'a [u8],
     bits: [f32; JUDGED_BYTES + 1],
-    /// The places of bytes that are not common, and how many these are.
-    rare: [u8; JUDGED_BYTES + 1],
-    rare_count: usize,
-    /// Information content of all common bytes together, and of the rarest byte.
+    /// The places of bytes that are not common, one bit each.
+    rare: u32,
+    /// Information content of all common bytes together.
     common_bits: f32,
-    max_bits: f32,
 }
 
+/// No byte has more bits than this.
+const MAX_BYTE_BITS: f32 = OTHER_BYTE_BITS + ROUNDING_BITS;
+
 impl<'a> ObservedBytes<'a> {
-    /// At most one byte more than is judged: a byte may be there twice.
+    /// The first of these bytes.
+    #[inline]
     fn of(bytes: &'a [u8], bits: impl Fn(u8) -> f32) -> Self {
-        let none = [0; JUDGED_BYTES + 1];
-        let mut this = Self { bytes, bits: [0.0; JUDGED_BYTES + 1], rare: none, rare_count: 0, common_bits: 0.0, max_bits: 0.0 };
-        for (at, &byte) in bytes.iter().enumerate() {
-            let content = bits(byte);
-            let is_rare = content >= COMMON_BYTE_BITS;
+        let bytes = &bytes[..bytes.len().min(JUDGED_BYTES + 1)];
+        let mut this = Self { bytes, bits: [0.0; JUDGED_BYTES + 1], rare: 0, common_bits: 0.0 };
+        for (at, (&byte, known)) in bytes.iter().zip(&mut this.bits).enumerate() {
+            *known = bits(byte);
             // Without branches: the processor could not predict which bytes are common.
-            (this.bits[at], this.rare[this.rare_count]) = (content, at as u8);
-            this.rare_count += usize::from(is_rare);
-            this.common_bits += if is_rare { 0.0 } else { content };
-            this.max_bits = this.max_bits.max(if is_rare { content } else { 0.0 });
+            let is_rare = *known >= COMMON_BYTE_BITS;
+            this.rare |= u32::from(is_rare) << at;
+            this.common_bits += if is_rare { 0.0 } else { *known };
         }
         this
     }
 
     /// An upper bound of the information content of all bytes together.
     fn total(&self) -> f32 {
-        self.common_bits + self.rare_count as f32 * self.max_bits + ROUNDING_BITS
+        self.common_bits + self.rare.count_ones() as f32 * MAX_BYTE_BITS + ROUNDING_BITS
     }
 
     /// Those of `among` with which bytes of `need` bits together may agree, an upper bound; `agreeing(place, byte)` is the set of
     /// requests that agree with a byte. Sums are made only for requests that pass two cheaper tests: all bytes together have
     /// enough bits, and enough of the rare ones agree.
+    #[inline]
     fn may_reach(&self, among: FrameSet, need: f32, agreeing: impl Fn(usize, u8) -> FrameSet) -> FrameSet {
         if among == 0 || self.total() < need {
             return 0;
         }
-        let enough = self.with_enough_rare_bytes(need - self.common_bits, &agreeing);
-        if among & enough == 0 {
+        let among = among & self.with_enough_rare_bytes(need - self.common_bits, &agreeing);
+        if among == 0 {
             return 0;
         }
         let mut sums = ParallelSums::default();
-        for (at, &byte) in self.bytes.iter().enumerate() {
-            let agree = among & enough & agreeing(at, byte);
+        for (at, (&byte, bits)) in self.bytes.iter().zip(self.bits).enumerate() {
+            let agree = among & agreeing(at, byte);
             if agree != 0 {
                 // Rounded up, so that the sum stays an upper bound.
-                sums.add(agree, (STEPS_PER_BIT * self.bits[at]) as u32 + 1);
+                sums.add(agree, (STEPS_PER_BIT * bits) as u32 + 1);
             }
         }
-        among & enough & sums.at_least(need)
+        among & sums.at_least(need)
     }
 
-    /// The requests with which so many rare bytes agree that these may be worth `need` bits together, each being worth
-    /// `max_bits` at most: none, one, two, or at least three. Nearly everywhere too few do.
+    /// The requests with which so many rare bytes agree that these may be worth `need` bits together: none, one, two, or at
+    /// least three. Nearly everywhere too few do.
     #[inline]
     fn with_enough_rare_bytes(&self, need: f32, agreeing: impl Fn(usize, u8) -> FrameSet) -> FrameSet {
         let (mut one, mut two, mut three) = (0, 0, 0);
-        for &at in &self.rare[..self.rare_count] {
-            let agree = agreeing(usize::from(at), self.bytes[usize::from(at)]);
+        let mut rare = self.rare;
+        while rare != 0 {
+            let at = rare.trailing_zeros() as usize;
+            rare &= rare - 1;
+            let agree = agreeing(at, self.bytes[at]);
             three |= two & agree;
             two |= one & agree;
             one |= agree;
         }
         match need {
             _ if need <= ROUNDING_BITS => FrameSet::MAX,
-            _ if need <= self.max_bits + ROUNDING_BITS => one,
-            _ if need <= 2.0 * self.max_bits + ROUNDING_BITS => two,
+            _ if need <= MAX_BYTE_BITS + ROUNDING_BITS => one,
+            _ if need <= 2.0 * MAX_BYTE_BITS + ROUNDING_BITS => two,
             _ => three,
         }
     }
