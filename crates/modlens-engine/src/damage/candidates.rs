@@ -8,7 +8,7 @@ use crate::damage::kind::DamageKind;
 use crate::damage::region::UnframedRegion;
 use crate::framer::rtu::announced_length::{ENVELOPE_BYTES, EXCEPTION_RESPONSE_BYTES};
 use crate::framer::rtu::prefilter::Need;
-use crate::framer::rtu::prefix_index::{may_have_byte, possible_frames, FrameSet, MAX_LOST_BYTES};
+use crate::framer::rtu::prefix_index::{may_have_byte, members, possible_frames, FrameSet, MAX_LOST_BYTES};
 use crate::framer::rtu::score;
 use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
 use crate::weights::{self, FRAME_END_BITS, MAX_STRAY_BITS, MIN_DAMAGED_FRAME_BITS, POLL_REQUEST_BITS, ROUNDING_BITS};
@@ -74,8 +74,8 @@ impl UnframedRegion<'_, '_> {
             let need = Need { less: more - FRAME_END_BITS, of_these, more };
             likely = polls.likely(likely, bytes, |byte| self.model.bits(byte), need, &DAMAGE_COSTS);
         }
-        for at in members(likely) {
-            candidates.extend(self.aligned_candidate(&poll_request(polls.get(at)), start));
+        for request in polls.get_all(likely) {
+            candidates.extend(self.aligned_candidate(&poll_request(request), start));
         }
         if self.context.known_units[usize::from(bytes[0])] || self.input.offset() == 0 {
             for direction in [REQUEST, RESPONSE] {
@@ -220,15 +220,6 @@ fn frame_bytes(row: &FunctionRow, direction: usize, body: &[u8]) -> Option<usize
         Extent::Exactly(length) => Some(length + ENVELOPE_BYTES),
         _ => None,
     }
-}
-
-/// The numbers in a set, in ascending order.
-fn members(mut set: FrameSet) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let at = (set != 0).then(|| set.trailing_zeros() as usize);
-        set &= set.wrapping_sub(1);
-        at
-    })
 }
 
 impl Candidate {
