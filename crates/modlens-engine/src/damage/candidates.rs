@@ -77,7 +77,8 @@ impl UnframedRegion<'_, '_> {
         for request in polls.get_all(likely) {
             candidates.extend(self.aligned_candidate(&poll_request(request), start));
         }
-        if self.context.known_units[usize::from(bytes[0])] || self.input.offset() == 0 {
+        let may_have_unit = self.context.known_units[usize::from(bytes[0])] || self.input.offset() == 0;
+        if may_have_unit && self.may_have_function(start) {
             for direction in [REQUEST, RESPONSE] {
                 candidates.extend(self.unpredicted_candidate(start, direction));
             }
@@ -132,6 +133,15 @@ impl UnframedRegion<'_, '_> {
             is_exact,
             ..Candidate::default()
         })
+    }
+
+    /// Whether the function of a frame at `start` that no context predicts is likely enough, whatever else it holds. Nearly all
+    /// bytes are function codes that are neither in the table nor were ever seen.
+    fn may_have_function(&self, start: usize) -> bool {
+        let &[unit, code, ref body @ ..] = &self.bytes()[start..] else { return false };
+        let bits = self.model.bits(unit) + self.model.bits(code) - self.start_cost(start) + ROUNDING_BITS;
+        let is_named = || self.context.functions.row(code & !EXCEPTION_BIT, body).is_some();
+        bits > self.model.least_cost_of_new_function() || self.model.has_function(code) || is_named()
     }
 
     /// Whether a frame of this direction may have this function code here: not function 0, no exception code in a request,
