@@ -14,6 +14,9 @@ impl UnframedRegion<'_, '_> {
     /// They are the chain of candidates (`chain_of_candidates`), in front of it the fragment that `leading_fragment` finds,
     /// behind it what `explain_bytes_behind` makes of the rest, and the bursts where a frame is due (`add_due_bursts`).
     pub fn damaged_frames(&self) -> Vec<DamagedFrame> {
+        if self.is_mere_glitch() {
+            return Vec::new();
+        }
         let mut frames = self.chain_of_candidates();
         // On a noisy line, only what is due tells which of the bytes in front are a frame.
         if self.has_few_strays() {
@@ -25,6 +28,13 @@ impl UnframedRegion<'_, '_> {
             self.add_leading_fragment(&mut frames);
         }
         frames
+    }
+
+    /// Whether the region is what a line driver has left on a line where stray bytes are usual. Nothing else is found in so few
+    /// bytes there, unless the recording begins with them or the line is one of two.
+    fn is_mere_glitch(&self) -> bool {
+        let is_in_between = self.input.offset() > 0 && self.context.line_direction.is_none();
+        is_in_between && !self.has_few_strays() && is_glitch(self.bytes())
     }
 
     /// Puts the fragment in front of these frames, if there is one (`leading_fragment`).

@@ -8,7 +8,7 @@ use crate::damage::kind::DamageKind;
 use crate::damage::region::UnframedRegion;
 use crate::framer::rtu::announced_length::{ENVELOPE_BYTES, EXCEPTION_RESPONSE_BYTES};
 use crate::framer::rtu::prefilter::Need;
-use crate::framer::rtu::prefix_index::{may_have_byte, possible_frames, FrameSet, MAX_LOST_BYTES};
+use crate::framer::rtu::prefix_index::{may_have_byte, members, possible_frames, FrameSet, MAX_LOST_BYTES};
 use crate::framer::rtu::score;
 use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
 use crate::weights::{self, FRAME_END_BITS, MAX_STRAY_BITS, MIN_DAMAGED_FRAME_BITS, POLL_REQUEST_BITS, ROUNDING_BITS};
@@ -74,10 +74,11 @@ impl UnframedRegion<'_, '_> {
             let need = Need { less: more - FRAME_END_BITS, of_these, more };
             likely = polls.likely(likely, bytes, |byte| self.model.bits(byte), need, &DAMAGE_COSTS);
         }
-        for at in members(likely) {
-            candidates.extend(self.aligned_candidate(&poll_request(polls.get(at)), start));
+        for request in polls.get_all(likely) {
+            candidates.extend(self.aligned_candidate(&poll_request(request), start));
         }
-        if self.context.known_units[usize::from(bytes[0])] || self.input.offset() == 0 {
+        let may_have_unit = self.context.known_units[usize::from(bytes[0])] || self.input.offset() == 0;
+        if may_have_unit && self.may_have_function(start) {
             for direction in [REQUEST, RESPONSE] {
                 candidates.extend(self.unpredicted_candidate(start, direction));
             }
@@ -132,6 +133,15 @@ impl UnframedRegion<'_, '_> {
             is_exact,
             ..Candidate::default()
         })
+    }
+
+    /// Whether the function of a frame at `start` that no context predicts is likely enough, whatever else it holds. Nearly all
+    /// bytes are function codes that are neither in the table nor were ever seen.
+    fn may_have_function(&self, start: usize) -> bool {
+        let &[unit, code, ref body @ ..] = &self.bytes()[start..] else { return false };
+        let bits = self.model.bits(unit) + self.model.bits(code) - self.start_cost(start) + ROUNDING_BITS;
+        let is_named = || self.context.functions.row(code & !EXCEPTION_BIT, body).is_some();
+        bits > self.model.least_cost_of_new_function() || self.model.has_function(code) || is_named()
     }
 
     /// Whether a frame of this direction may have this function code here: not function 0, no exception code in a request,
@@ -220,15 +230,6 @@ fn frame_bytes(row: &FunctionRow, direction: usize, body: &[u8]) -> Option<usize
         Extent::Exactly(length) => Some(length + ENVELOPE_BYTES),
         _ => None,
     }
-}
-
-/// The numbers in a set, in ascending order.
-fn members(mut set: FrameSet) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let at = (set != 0).then(|| set.trailing_zeros() as usize);
-        set &= set.wrapping_sub(1);
-        at
-    })
 }
 
 impl Candidate {

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::framer::rtu::prefilter::{DamageCosts, Need, RequestPrefilter, MAX_LENGTHS};
-use crate::framer::rtu::prefix_index::{FrameSet, PrefixIndex, MAX_FRAMES};
+use crate::framer::rtu::prefix_index::{members, FrameSet, PrefixIndex, MAX_FRAMES};
 use crate::weights::MAX_REQUEST_COUNT_FRAMES;
 
 /// Slots of the dictionary.
@@ -20,9 +20,11 @@ pub struct PollCycle {
     seen: Box<[SeenRequest; SLOTS]>,
     /// The bytes of the requests in `seen`, if they are short.
     texts: Box<[Text]>,
-    /// The slots of up to 64 requests that came again, the latest last. A place in this list is the request's number in
-    /// `index` and `prefilter`.
+    /// The slots of up to 64 requests that came again. A place in this list is the request's number in `index` and `prefilter`.
     polled: Vec<u16>,
+    /// The number of the request that joined first, once there are so many: the next one takes its place. Those behind it have
+    /// joined later, and those before it later still.
+    oldest: usize,
     index: PrefixIndex,
     prefilter: RequestPrefilter,
 }
@@ -44,6 +46,7 @@ impl Default for PollCycle {
             seen: Box::new([SeenRequest::default(); SLOTS]),
             texts: vec![[0; TEXT_BYTES]; SLOTS].into_boxed_slice(),
             polled: Vec::new(),
+            oldest: 0,
             index: PrefixIndex::default(),
             prefilter: RequestPrefilter::default(),
         }
@@ -94,22 +97,26 @@ impl PollCycle {
     }
 
     /// Adds the request in this slot to the poll cycle, unless it is too long to be kept or its slot is in the cycle already. A
-    /// full cycle loses the request that joined first, and all others get the number before their own.
+    /// full cycle loses the request that joined first.
     fn join_cycle(&mut self, slot: usize) {
         if self.texts[slot][0] == 0 || self.seen[slot].is_polled {
             return;
         }
         self.seen[slot].is_polled = true;
-        if self.polled.len() == MAX_FRAMES {
-            let oldest = self.polled.remove(0);
-            self.seen[usize::from(oldest)].is_polled = false;
-            self.index.shift();
-            self.prefilter.shift();
+        let mut number = self.polled.len();
+        if number < MAX_FRAMES {
+            self.polled.push(slot as u16);
+        } else {
+            number = self.oldest;
+            self.oldest = (self.oldest + 1) % MAX_FRAMES;
+            let out = usize::from(std::mem::replace(&mut self.polled[number], slot as u16));
+            self.seen[out].is_polled = false;
+            self.index.remove(number, bytes_of(&self.texts[out]));
+            self.prefilter.remove(number, bytes_of(&self.texts[out]));
         }
-        let (number, frame) = (self.polled.len(), bytes_of(&self.texts[slot]));
+        let frame = bytes_of(&self.texts[slot]);
         self.index.add(number, frame);
         self.prefilter.add(number, frame);
-        self.polled.push(slot as u16);
     }
 
     /// Puts another request in a slot, and in its place in the poll cycle if the slot has one. A request that is too long to be
@@ -133,9 +140,10 @@ impl PollCycle {
         }
     }
 
-    /// The request of this number in the poll cycle; empty if its slot was taken by a long request.
-    pub fn get(&self, number: usize) -> &[u8] {
-        bytes_of(&self.texts[usize::from(self.polled[number])])
+    /// These requests of the poll cycle, those that joined first first; empty where a slot was taken by a long request.
+    pub fn get_all(&self, set: FrameSet) -> impl Iterator<Item = &[u8]> {
+        let by_age = members(set.rotate_right(self.oldest as u32));
+        by_age.map(|age| bytes_of(&self.texts[usize::from(self.polled[(age + self.oldest) % MAX_FRAMES])]))
     }
 
     /// Whether no request came again yet.

@@ -46,7 +46,13 @@ pub struct DamageCosts {
 /// For each place of 64 requests and every byte value, the requests that have it there.
 pub struct RequestPrefilter {
     equal: Box<[[FrameSet; 256]; PLACES]>,
-    /// The requests whose byte there has all one bits of this value, and perhaps more.
+    /// The requests that have it one to `MAX_LOST_BYTES` places behind this one: so many bytes in front may be missing.
+    behind: Box<[[FrameSet; 256]; PLACES]>,
+    /// The requests that have it there, one place before (a byte may be there twice), or one to `MAX_LOST_BYTES` places behind
+    /// (bytes inside may be missing).
+    around: Box<[[FrameSet; 256]; PLACES]>,
+    /// The requests whose byte there has all one bits of this value, and perhaps more: another sender may have pulled the others to
+    /// 0.
     covering: Box<[[FrameSet; 256]; PLACES]>,
     /// The requests whose unit is this value but for `MAX_HEADER_FLIPS` bits at most.
     near_unit: Box<[FrameSet; 256]>,
@@ -72,7 +78,10 @@ pub struct Need {
 impl Default for RequestPrefilter {
     fn default() -> Self {
         let sets = || Box::new([[0; 256]; PLACES]);
-        Self { equal: sets(), covering: sets(), near_unit: Box::new([0; 256]), short: 0, long: 0, with_length: [0; MAX_LENGTHS] }
+        let (short, long) = (0, 0);
+        let near_unit = Box::new([0; 256]);
+        let with_length = [0; MAX_LENGTHS];
+        Self { equal: sets(), behind: sets(), around: sets(), covering: sets(), near_unit, short, long, with_length }
     }
 }
 
@@ -141,17 +150,10 @@ impl RequestPrefilter {
         }
         for (place, &byte) in frame.iter().enumerate().take(JUDGED_BYTES) {
             put(&mut self.equal[place], byte);
+            (place.saturating_sub(MAX_LOST_BYTES)..place).for_each(|before| put(&mut self.behind[before], byte));
+            (place.saturating_sub(MAX_LOST_BYTES)..=place + 1).for_each(|around| put(&mut self.around[around], byte));
             values_covered_by(byte).for_each(|value| put(&mut self.covering[place], value));
         }
-    }
-
-    /// Removes request 0 and gives each other request the number before its own.
-    pub fn shift(&mut self) {
-        let tables = [&mut self.equal, &mut self.covering];
-        tables.into_iter().flat_map(|places| &mut places[..JUDGED_BYTES]).flatten().for_each(|set| *set >>= 1);
-        self.near_unit.iter_mut().chain(&mut self.with_length).for_each(|set| *set >>= 1);
-        self.short >>= 1;
-        self.long >>= 1;
     }
 
     /// The requests that have one of these numbers of bytes.
@@ -197,41 +199,21 @@ impl RequestPrefilter {
     ///
     /// For each way there are the requests that may be damaged so, and those that may agree with a byte at a place.
     fn filter(&self, among: FrameSet, ways: &Ways, observed: &ObservedBytes<'_>, need: f32, costs: &DamageCosts) -> FrameSet {
-        if observed.total() < need {
+        if observed.total < need {
             return 0;
         }
         let (begins, headed, headless) = (among & ways.begins, among & ways.headed, among & ways.headless);
         // What passes in one way need not be tried in the next.
-        let mut passed = observed.may_reach(headed, need, |place, byte| self.equal_at(place, byte));
-        passed |= observed.may_reach(headless & !passed, need + costs.lost_head, |place, byte| self.equal_behind(place, byte));
-        passed |= observed.may_reach(begins & !passed, need + costs.inside, |place, byte| self.equal_around(place, byte));
-        passed | observed.may_reach(begins & !passed, need + costs.collision, |place, byte| self.covering_at(place, byte))
+        let mut passed = observed.may_reach(headed, need, &self.equal);
+        passed |= observed.may_reach(headless & !passed, need + costs.lost_head, &self.behind);
+        passed |= observed.may_reach(begins & !passed, need + costs.inside, &self.around);
+        passed | observed.may_reach(begins & !passed, need + costs.collision, &self.covering)
     }
 
     /// The requests that have this byte at this place, the first one being 0; none from place `JUDGED_BYTES` on.
     #[inline]
     fn equal_at(&self, place: usize, byte: u8) -> FrameSet {
         self.equal[place][usize::from(byte)]
-    }
-
-    /// The requests that have this byte one to `MAX_LOST_BYTES` places behind this one: so many bytes in front may be missing.
-    #[inline]
-    fn equal_behind(&self, place: usize, byte: u8) -> FrameSet {
-        (place + 1..=place + MAX_LOST_BYTES).fold(0, |set, place| set | self.equal_at(place, byte))
-    }
-
-    /// The requests that have this byte at this place, one place before it (a byte may be there twice), or one to
-    /// `MAX_LOST_BYTES` places behind it (bytes inside may be missing).
-    #[inline]
-    fn equal_around(&self, place: usize, byte: u8) -> FrameSet {
-        let before = place.checked_sub(1).map_or(0, |place| self.equal_at(place, byte));
-        before | self.equal_at(place, byte) | self.equal_behind(place, byte)
-    }
-
-    /// The requests of which the byte at this place has all one bits of this one: another sender may have pulled the others to 0.
-    #[inline]
-    fn covering_at(&self, place: usize, byte: u8) -> FrameSet {
-        self.covering[place][usize::from(byte)]
     }
 
     /// The requests that have these two bytes side by side, the first of them one to `MAX_LOST_BYTES` places behind the
@@ -250,6 +232,8 @@ struct ObservedBytes<'a> {
     rare: u32,
     /// Information content of all common bytes together.
     common_bits: f32,
+    /// An upper bound of the information content of all bytes together.
+    total: f32,
 }
 
 /// No byte has more bits than this.
@@ -260,37 +244,33 @@ impl<'a> ObservedBytes<'a> {
     #[inline]
     fn of(bytes: &'a [u8], bits: impl Fn(u8) -> f32) -> Self {
         let bytes = &bytes[..bytes.len().min(JUDGED_BYTES + 1)];
-        let mut this = Self { bytes, bits: [0.0; JUDGED_BYTES + 1], rare: 0, common_bits: 0.0 };
+        let mut this = Self { bytes, bits: [0.0; JUDGED_BYTES + 1], rare: 0, common_bits: 0.0, total: ROUNDING_BITS };
         for (at, (&byte, known)) in bytes.iter().zip(&mut this.bits).enumerate() {
-            *known = bits(byte);
+            let content = bits(byte);
+            *known = content;
+            this.total += content;
             // Without branches: the processor could not predict which bytes are common.
-            let is_rare = *known >= COMMON_BYTE_BITS;
-            this.rare |= u32::from(is_rare) << at;
-            this.common_bits += if is_rare { 0.0 } else { *known };
+            this.rare |= u32::from(content >= COMMON_BYTE_BITS) << at;
+            this.common_bits += if content >= COMMON_BYTE_BITS { 0.0 } else { content };
         }
         this
     }
 
-    /// An upper bound of the information content of all bytes together.
-    fn total(&self) -> f32 {
-        self.common_bits + self.rare.count_ones() as f32 * MAX_BYTE_BITS + ROUNDING_BITS
-    }
-
-    /// Those of `among` with which bytes of `need` bits together may agree, an upper bound; `agreeing(place, byte)` is the set of
-    /// requests that agree with a byte. Sums are made only for requests that pass two cheaper tests: all bytes together have
+    /// Those of `among` with which bytes of `need` bits together may agree, an upper bound; `agreeing` has by place and byte value
+    /// the set of requests that agree with a byte. Sums are made only for requests that pass two cheaper tests: all bytes together have
     /// enough bits, and enough of the rare ones agree.
     #[inline]
-    fn may_reach(&self, among: FrameSet, need: f32, agreeing: impl Fn(usize, u8) -> FrameSet) -> FrameSet {
-        if among == 0 || self.total() < need {
+    fn may_reach(&self, among: FrameSet, need: f32, agreeing: &[[FrameSet; 256]; PLACES]) -> FrameSet {
+        if among == 0 || self.total < need {
             return 0;
         }
-        let among = among & self.with_enough_rare_bytes(need - self.common_bits, &agreeing);
+        let among = among & self.with_enough_rare_bytes(need - self.common_bits, agreeing);
         if among == 0 {
             return 0;
         }
         let mut sums = ParallelSums::default();
-        for (at, (&byte, bits)) in self.bytes.iter().zip(self.bits).enumerate() {
-            let agree = among & agreeing(at, byte);
+        for ((&byte, bits), agreeing) in self.bytes.iter().zip(self.bits).zip(agreeing) {
+            let agree = among & agreeing[usize::from(byte)];
             if agree != 0 {
                 // Rounded up, so that the sum stays an upper bound.
                 sums.add(agree, (STEPS_PER_BIT * bits) as u32 + 1);
@@ -302,13 +282,13 @@ impl<'a> ObservedBytes<'a> {
     /// The requests with which so many rare bytes agree that these may be worth `need` bits together: none, one, two, or at
     /// least three. Nearly everywhere too few do.
     #[inline]
-    fn with_enough_rare_bytes(&self, need: f32, agreeing: impl Fn(usize, u8) -> FrameSet) -> FrameSet {
+    fn with_enough_rare_bytes(&self, need: f32, agreeing: &[[FrameSet; 256]; PLACES]) -> FrameSet {
         let (mut one, mut two, mut three) = (0, 0, 0);
         let mut rare = self.rare;
         while rare != 0 {
             let at = rare.trailing_zeros() as usize;
             rare &= rare - 1;
-            let agree = agreeing(at, self.bytes[at]);
+            let agree = agreeing[at][usize::from(self.bytes[at])];
             three |= two & agree;
             two |= one & agree;
             one |= agree;

@@ -10,7 +10,7 @@ use crate::framer::rtu::search::state::Search;
 use crate::framer::rtu::side::{REQUEST, RESPONSE};
 use crate::framer::{FramerContext, PauseEvidence};
 use crate::input::Input;
-use crate::weights::MAY_HIDE_FRAME_BYTES;
+use crate::weights::{DAMAGED_REQUEST_BITS, MAY_HIDE_FRAME_BYTES, ROUNDING_BITS};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::functions::EXCEPTION_BIT;
 
@@ -78,16 +78,28 @@ impl Search {
         let mut best: [Option<Placement>; PLACE_KINDS] = [None; PLACE_KINDS];
         let mirrors = mirrors_request(context, substring.frame.pdu());
         let mut contexts = ContextScores::new(self, input, context, substring, direction);
-        let ends_in_time = |(_, before): &(usize, &Hypothesis)| before.end <= substring.start;
-        for (parent, before) in self.lattice.iter().enumerate().filter(ends_in_time) {
-            let ContextScore { bits, answers_outstanding } = contexts.behind(before);
+        // The latest paths are mostly the best, and the others cannot reach them. Of equal ones the first counts.
+        for (parent, before) in self.lattice.iter().enumerate().rev() {
+            if before.end > substring.start {
+                continue;
+            }
+            let unframed_cost = self.model.unframed_cost(substring.start - before.end);
+            let follows_echo = mirrors && self.requests.look_up(before.answerable).heard_twice();
+            let is_concerned = contexts.concerns_frame(before.answerable);
+            if !is_concerned {
+                let most_bits = own_score + contexts.most_unconcerned_bits() + substring.nested_score(parent, true);
+                let bound = before.path_score - unframed_cost + most_bits + ROUNDING_BITS;
+                let known = best[place_kind(false, follows_echo)].map_or(floor, |known| known.path_score);
+                if bound < known.max(floor) {
+                    continue;
+                }
+            }
+            let ContextScore { bits, answers_outstanding } = contexts.behind(before, is_concerned);
             let frame_score = own_score + bits;
             let nested_score = substring.nested_score(parent, answers_outstanding);
-            let unframed_cost = self.model.unframed_cost(substring.start - before.end);
             let path_score = before.path_score - unframed_cost + frame_score + nested_score;
-            let follows_echo = mirrors && self.requests.look_up(before.answerable).heard_twice();
             let place = &mut best[place_kind(answers_outstanding, follows_echo)];
-            if path_score > floor && place.is_none_or(|known| path_score > known.path_score) {
+            if path_score > floor && place.is_none_or(|known| path_score >= known.path_score) {
                 *place = Some(Placement { parent, path_score, frame_score, answers_outstanding });
             }
         }
@@ -151,8 +163,19 @@ impl<'a> ContextScores<'a> {
         Self { search, input, context, substring, direction, polled_score, same_header_at, last: None, unconcerned }
     }
 
-    /// The context score of the frame behind this hypothesis, which ends at or before the frame's start.
-    fn behind(&mut self, before: &Hypothesis) -> ContextScore {
+    /// The most bits that the context may be worth behind requests that have nothing to do with the frame: a request may be one
+    /// that was seen before, and a response may have its own, damaged, before it. Whatever turn they take costs something.
+    fn most_unconcerned_bits(&self) -> f32 {
+        if self.direction == REQUEST {
+            self.polled_score
+        } else {
+            DAMAGED_REQUEST_BITS
+        }
+    }
+
+    /// The context score of the frame behind this hypothesis, which ends at or before the frame's start; `is_concerned` is what
+    /// `concerns_frame` says of its requests.
+    fn behind(&mut self, before: &Hypothesis, is_concerned: bool) -> ContextScore {
         let unframed_bytes = self.substring.start - before.end;
         let has_same_header = self.same_header_at.is_some_and(|at| at >= before.end);
         let preceding = Preceding { unframed_bytes, has_same_header };
@@ -163,7 +186,7 @@ impl<'a> ContextScores<'a> {
             return self.compute(before.answerable, preceding, self.pause_behind_strays(before.end));
         }
         let (class, answerable) = (unframed_class(unframed_bytes), before.answerable);
-        if !self.concerns_frame(answerable) {
+        if !is_concerned {
             let has_outstanding = usize::from(answerable.outstanding.is_some());
             if let Some(score) = self.unconcerned[has_outstanding][class][usize::from(has_same_header)] {
                 return score;

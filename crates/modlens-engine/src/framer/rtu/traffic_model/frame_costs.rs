@@ -34,6 +34,17 @@ impl TrafficModel {
         -log2(count / (self.function_totals[direction] + PRIOR_WEIGHT_FRAMES))
     }
 
+    /// The least that a function code can cost, in bits, in either direction, if it was never seen and the table has no row of it.
+    pub fn least_cost_of_new_function(&self) -> f32 {
+        let total = self.function_totals[REQUEST].min(self.function_totals[RESPONSE]);
+        log2((total + PRIOR_WEIGHT_FRAMES) / (PRIOR_WEIGHT_FRAMES * weights::NAMED_FUNCTION_SHARE))
+    }
+
+    /// Whether a function was seen lately in either direction, exceptions included.
+    pub fn has_function(&self, code: u8) -> bool {
+        [REQUEST, RESPONSE].iter().any(|&direction| self.function_count(code, direction) > 0.0)
+    }
+
     /// How often a function was seen lately in a direction, exceptions included.
     pub fn function_count(&self, code: u8, direction: usize) -> f32 {
         self.functions[direction][usize::from(code & !EXCEPTION_BIT)]
@@ -51,7 +62,7 @@ impl TrafficModel {
 
     /// Whether this unit has been seen, and this function in either direction, together or apart.
     pub fn has_unit_and_function(&self, unit: u8, code: u8) -> bool {
-        self.has_unit(unit) && [REQUEST, RESPONSE].iter().any(|&direction| self.function_count(code, direction) > 0.0)
+        self.has_unit(unit) && self.has_function(code)
     }
 
     /// What a request is worth, in bits, for being one that was seen before: its body is known then.
