@@ -10,15 +10,15 @@ use crate::columns::transaction_view::TransactionView;
 #[derive(Clone, Copy)]
 pub struct ExchangeRef<'a> {
     pub(super) batch: &'a Batch,
-    run: &'a ExchangeRun,
-    exchange: &'a Exchange,
+    pub(super) run: &'a ExchangeRun,
+    pub(super) exchange: &'a Exchange,
     /// Its place in the run.
     at: usize,
     /// Where the bytes of the run begin in the arena.
     run_start: u32,
     /// If it has times.
     timing: Option<ExchangeTiming<'a>>,
-    function_row: Option<&'a FunctionRow>,
+    pub(super) function_row: Option<&'a FunctionRow>,
 }
 
 /// A number that compact exchanges hold as a column shows it, so that nothing of the row has to be made for it.
@@ -77,7 +77,7 @@ impl<'a> ExchangeRef<'a> {
     }
 
     /// One that has a value in each column in which an exchange of this bus and kind may have one: it may lack only times.
-    pub(super) fn with_known_times(&self) -> ExchangeRef<'a> {
+    pub fn with_known_times(&self) -> ExchangeRef<'a> {
         let known = ExchangeTiming { pair: &KNOWN_TIMES, recording_start: Some(0) };
         ExchangeRef { timing: self.timing.map(|_| known), ..*self }
     }
@@ -115,9 +115,9 @@ impl<'a> ExchangeRef<'a> {
 
 /// The compact exchanges of a run.
 pub(super) struct RunRefs<'a> {
-    batch: &'a Batch,
-    run: &'a ExchangeRun,
-    exchanges: &'a [Exchange],
+    pub(super) batch: &'a Batch,
+    pub(super) run: &'a ExchangeRun,
+    pub(super) exchanges: &'a [Exchange],
     functions: &'a Functions,
 }
 
