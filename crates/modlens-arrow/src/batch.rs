@@ -1,16 +1,14 @@
-//! Writes rows as Arrow record batches.
+//! Rows as Arrow record batches.
 
 use std::ops::Range;
 use std::sync::Arc;
 
-use arrow_array::{
-    ArrayRef, BooleanArray, Float64Array, Int32Array, Int64Array, ListArray, RecordBatch, StringArray, TimestampNanosecondArray,
-};
-use arrow_buffer::{Buffer, OffsetBuffer};
-use arrow_schema::{DataType, Field, Schema, TimeUnit};
+use arrow_array::RecordBatch;
+use arrow_schema::{DataType, Field, Schema, SchemaRef, TimeUnit};
 
-use crate::values::{ColumnBuilder, TakeNothing};
-use modlens_tables::columns::{CellSink, ColumnReader, ColumnType, ExchangeRef, RowChunk, RowRef, Table, TableKind};
+use crate::array_in_making::{in_making, ArrayInMaking};
+use crate::kinds::Kinds;
+use modlens_tables::columns::{ColumnType, ExchangeChunk, ExchangeRef, RowChunk, SharedByRows, Table, TableKind};
 
 /// The schema of a table.
 pub fn schema(kind: TableKind) -> Schema {
@@ -49,124 +47,66 @@ pub fn batch(table: &Table) -> RecordBatch {
 
 /// Some columns of some rows as one record batch.
 pub fn batch_of(table: &Table, rows: Range<usize>, columns: &[usize]) -> RecordBatch {
-    let mut making: Vec<Box<dyn ArrayInMaking>> =
-        columns.iter().map(|&column| in_making(table.kind, column, rows.len())).collect();
-    let has_compact_value: Vec<bool> = columns.iter().map(|&column| table.has_compact_value(column)).collect();
-    table.each_chunk(rows, |rows| {
-        for (array, has_compact_value) in making.iter_mut().zip(&has_compact_value) {
-            match rows {
-                RowChunk::Whole(rows) => array.take(rows),
-                RowChunk::Compact(exchanges) if *has_compact_value => array.take_exchanges(exchanges),
-                RowChunk::Compact(exchanges) => array.take_nothing(exchanges.len()),
-            }
+    let mut batches = BatchBuilder::new(table.kind, columns);
+    batches.add(table, rows);
+    batches.finish()
+}
+
+/// Makes record batches of rows, which may come from several tables of a kind.
+pub struct BatchBuilder {
+    schema: SchemaRef,
+    arrays: Vec<Box<dyn ArrayInMaking>>,
+    kinds: Kinds,
+    /// What was shared by the rows whose kinds are known.
+    shared: Option<SharedByRows>,
+    rows: usize,
+}
+
+impl BatchBuilder {
+    /// For some columns of a table.
+    pub fn new(kind: TableKind, columns: &[usize]) -> Self {
+        let arrays = columns.iter().map(|&column| in_making(kind, column)).collect();
+        Self { schema: Arc::new(schema_of(kind, columns)), arrays, kinds: Kinds::default(), shared: None, rows: 0 }
+    }
+
+    /// The schema of the batches.
+    pub fn schema(&self) -> SchemaRef {
+        Arc::clone(&self.schema)
+    }
+
+    /// The rows that the next batch has so far.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Appends rows of a table.
+    pub fn add(&mut self, table: &Table, rows: Range<usize>) {
+        self.rows += rows.len();
+        if !self.shared.as_ref().is_some_and(|shared| shared.is_shared_by(table)) {
+            self.shared = Some(SharedByRows::of(table));
+            self.kinds.clear();
+            self.arrays.iter_mut().for_each(|array| array.forget_kinds());
         }
-    });
-    let arrays = making.into_iter().map(ArrayInMaking::finish).collect();
-    RecordBatch::try_new(Arc::new(schema_of(table.kind, columns)), arrays).expect("columns are built by the schema")
-}
-
-/// An array of a column that gets its values.
-trait ArrayInMaking {
-    /// Appends the values of further rows.
-    fn take(&mut self, rows: &[RowRef<'_>]);
-
-    /// Appends the values of further compact exchanges.
-    fn take_exchanges(&mut self, exchanges: &[ExchangeRef<'_>]);
-
-    /// Appends so many rows without a value.
-    fn take_nothing(&mut self, rows: usize);
-
-    /// The array.
-    fn finish(self: Box<Self>) -> ArrayRef;
-}
-
-struct Column<T, F>
-where
-    ColumnBuilder<T>: CellSink + TakeNothing + 'static,
-{
-    values: ColumnBuilder<T>,
-    reader: ColumnReader<ColumnBuilder<T>>,
-    finish: F,
-}
-
-impl<T, F: FnOnce(ColumnBuilder<T>) -> ArrayRef> ArrayInMaking for Column<T, F>
-where
-    ColumnBuilder<T>: CellSink + TakeNothing + 'static,
-{
-    fn take(&mut self, rows: &[RowRef<'_>]) {
-        self.values.take(rows, &self.reader);
+        table.each_chunk(rows, |rows| match rows {
+            RowChunk::Whole(rows) => self.arrays.iter_mut().for_each(|array| array.take(rows)),
+            RowChunk::Compact(exchanges) => self.add_exchanges(&exchanges),
+        });
     }
 
-    fn take_exchanges(&mut self, exchanges: &[ExchangeRef<'_>]) {
-        self.reader.pass_exchanges(exchanges, &mut self.values);
+    fn add_exchanges(&mut self, exchanges: &ExchangeChunk<'_>) {
+        let Self { arrays, kinds, .. } = self;
+        let kinds = kinds.of(exchanges, |first| arrays.iter_mut().for_each(|array| array.learn(first)));
+        let are_needed = arrays.iter().any(|array| array.reads_each());
+        let each: Vec<ExchangeRef<'_>> = if are_needed { exchanges.all().collect() } else { Vec::new() };
+        for array in arrays {
+            array.take_exchanges(exchanges, kinds, &each);
+        }
     }
 
-    fn take_nothing(&mut self, rows: usize) {
-        self.values.take_nothing(rows);
+    /// The batch of the rows so far; the next one begins.
+    pub fn finish(&mut self) -> RecordBatch {
+        self.rows = 0;
+        let arrays = self.arrays.iter_mut().map(|array| array.finish()).collect();
+        RecordBatch::try_new(self.schema(), arrays).expect("columns are built by the schema")
     }
-
-    fn finish(self: Box<Self>) -> ArrayRef {
-        (self.finish)(self.values)
-    }
-}
-
-/// The array of a column of this table, which will get so many rows.
-fn in_making(table: TableKind, column: usize, rows: usize) -> Box<dyn ArrayInMaking> {
-    fn of<T: 'static>(
-        (table, column, rows): (TableKind, usize, usize),
-        finish: impl FnOnce(ColumnBuilder<T>) -> ArrayRef + 'static,
-    ) -> Box<dyn ArrayInMaking>
-    where
-        ColumnBuilder<T>: CellSink + TakeNothing + 'static,
-    {
-        Box::new(Column { values: ColumnBuilder::with_capacity(rows), reader: table.reader(column), finish })
-    }
-    let place = (table, column, rows);
-    match table.columns()[column].kind {
-        kind @ (ColumnType::Int | ColumnType::Time) => of(place, move |values| integer_array(values, kind)),
-        ColumnType::Us | ColumnType::Float => of(place, float_array),
-        ColumnType::Bool => of(place, bool_array),
-        ColumnType::Text | ColumnType::Map => of(place, text_array),
-        ColumnType::Ints => of(place, int_list_array),
-        ColumnType::Texts => of(place, text_list_array),
-    }
-}
-
-fn integer_array(column: ColumnBuilder<i64>, kind: ColumnType) -> ArrayRef {
-    let ColumnBuilder { items: values, mut nulls, .. } = column;
-    if kind == ColumnType::Time {
-        Arc::new(TimestampNanosecondArray::new(values.into(), nulls.finish()).with_timezone("UTC"))
-    } else {
-        Arc::new(Int64Array::new(values.into(), nulls.finish()))
-    }
-}
-
-fn float_array(column: ColumnBuilder<f64>) -> ArrayRef {
-    let ColumnBuilder { items: values, mut nulls, .. } = column;
-    Arc::new(Float64Array::new(values.into(), nulls.finish()))
-}
-
-fn bool_array(column: ColumnBuilder<bool>) -> ArrayRef {
-    let ColumnBuilder { items: values, mut nulls, .. } = column;
-    Arc::new(BooleanArray::new(values.into(), nulls.finish()))
-}
-
-/// The texts are already stored one after the other, so they are not copied.
-fn text_array(column: ColumnBuilder<u8>) -> ArrayRef {
-    let ColumnBuilder { items: values, mut nulls, offsets } = column;
-    Arc::new(StringArray::new(OffsetBuffer::new(offsets.into()), Buffer::from_vec(values), nulls.finish()))
-}
-
-fn int_list_array(column: ColumnBuilder<i32>) -> ArrayRef {
-    let ColumnBuilder { items: values, mut nulls, offsets } = column;
-    let item = Arc::new(Field::new("item", DataType::Int32, true));
-    let values = Arc::new(Int32Array::from(values));
-    Arc::new(ListArray::new(item, OffsetBuffer::new(offsets.into()), values, nulls.finish()))
-}
-
-fn text_list_array(column: ColumnBuilder<&'static str>) -> ArrayRef {
-    let ColumnBuilder { items: values, mut nulls, offsets } = column;
-    let item = Arc::new(Field::new("item", DataType::Utf8, true));
-    let values = Arc::new(StringArray::from(values));
-    Arc::new(ListArray::new(item, OffsetBuffer::new(offsets.into()), values, nulls.finish()))
 }

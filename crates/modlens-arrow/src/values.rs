@@ -4,28 +4,65 @@
 
 use std::mem::ManuallyDrop;
 
-use arrow_buffer::NullBufferBuilder;
-
+use crate::validity::Validity;
 use modlens_protocol::decimal::push_short;
 use modlens_protocol::hex::push_hex;
 use modlens_tables::cell_text::{push_plain, push_source};
-use modlens_tables::columns::{Cell, CellSink, ColumnReader, Items, RowRef};
+use modlens_tables::columns::{Cell, CellSink, ColumnReader, Items, ReadData, RowRef};
 
-/// The values of a column: items, offsets and nulls.
+/// The values of a column: items, offsets and which rows have one.
 pub(super) struct ColumnBuilder<T> {
     /// The values; for lists and texts, the items of all rows one after the other. A row without a value has a default
     /// value here.
     pub(super) items: Vec<T>,
-    pub(super) nulls: NullBufferBuilder,
+    pub(super) validity: Validity,
     /// For lists and texts: a zero, then the end of each row's items.
     pub(super) offsets: Vec<i32>,
+    /// Rows without a value behind the others, which are not in the vectors yet: many columns never have one.
+    nothing: usize,
 }
 
-impl<T> ColumnBuilder<T> {
-    pub(super) fn with_capacity(rows: usize) -> Self {
-        let mut offsets = Vec::with_capacity(rows + 1);
-        offsets.push(0);
-        Self { items: Vec::with_capacity(rows), nulls: NullBufferBuilder::new(rows), offsets }
+/// What the values of a column are made of.
+pub(super) trait Item: Clone + Default {
+    /// Whether a row has any number of items, for which there are offsets, or one.
+    const MANY: bool;
+    /// Whether a row without a value has an empty list: a list of texts is empty rather than null.
+    const EMPTY: bool = false;
+}
+
+macro_rules! items {
+    ($($kind:ty: $many:literal),*) => {$(
+        impl Item for $kind {
+            const MANY: bool = $many;
+        }
+    )*};
+}
+
+items!(i64: false, f64: false, bool: false, u8: true, i32: true);
+
+impl Item for &'static str {
+    const MANY: bool = true;
+    const EMPTY: bool = true;
+}
+
+impl<T: Item> ColumnBuilder<T> {
+    /// With room for so many rows and so many items.
+    pub(super) fn with_capacity(rows: usize, items: usize) -> Self {
+        let mut offsets = Vec::new();
+        if T::MANY {
+            offsets.reserve(rows + 1);
+            offsets.push(0);
+        }
+        Self { items: Vec::with_capacity(items), validity: Validity::with_capacity(rows), offsets, nothing: 0 }
+    }
+
+    /// A column without rows, with room for as much as this one has, and a bit more.
+    pub(super) fn next(&self) -> Self {
+        let with_room = |count: usize| count + count / 8;
+        match self.rows_of_nothing() {
+            Some(_) => Self::with_capacity(0, 0),
+            None => Self::with_capacity(with_room(self.rows()), with_room(self.items.len())),
+        }
     }
 
     /// Appends the values of further rows.
@@ -37,58 +74,77 @@ impl<T> ColumnBuilder<T> {
             row.emit(reader, self);
         }
     }
-}
 
-impl<T: Clone + Default> ColumnBuilder<T> {
+    /// Appends so many rows without a value.
+    #[inline(always)]
+    pub(super) fn push_nothing(&mut self, rows: usize) {
+        self.nothing += rows;
+    }
+
+    /// Appends the items of rows of another column, as if all of them had a value.
+    pub(super) fn push_items(&mut self, of: &Self, rows: &[u32]) {
+        if !T::MANY {
+            return self.items.extend(rows.iter().map(|&row| of.items[row as usize].clone()));
+        }
+        for &row in rows {
+            let range = of.offsets[row as usize] as usize..of.offsets[row as usize + 1] as usize;
+            self.items.extend_from_slice(&of.items[range]);
+            self.offsets.push(self.items.len() as i32);
+        }
+    }
+
+    /// Adds the rows without a value to the others.
+    #[inline(always)]
+    pub(super) fn add_nothing(&mut self) {
+        if self.nothing > 0 {
+            self.add_rows_without_value();
+        }
+    }
+
+    #[inline(never)]
+    fn add_rows_without_value(&mut self) {
+        let rows = std::mem::take(&mut self.nothing);
+        if T::EMPTY {
+            self.validity.push_values(rows);
+        } else {
+            self.validity.push_nothing(rows);
+        }
+        if T::MANY {
+            self.offsets.resize(self.offsets.len() + rows, self.items.len() as i32);
+        } else {
+            self.items.resize(self.items.len() + rows, T::default());
+        }
+    }
+
+    /// How many rows there are.
+    pub(super) fn rows(&self) -> usize {
+        self.nothing + if T::MANY { self.offsets.len() - 1 } else { self.items.len() }
+    }
+
+    /// Whether the last row has no value, and has not been added to the others yet.
+    pub(super) fn ends_with_nothing(&self) -> bool {
+        self.nothing > 0
+    }
+
+    /// How many rows there are, if none of them has a value.
+    pub(super) fn rows_of_nothing(&self) -> Option<usize> {
+        (!T::EMPTY && self.rows() == self.nothing).then_some(self.nothing)
+    }
+
     /// Appends a value of fixed size, or null.
     #[inline(always)]
     fn push_value(&mut self, value: Option<T>) {
-        self.nulls.append(value.is_some());
-        self.items.push(value.unwrap_or_default());
+        let Some(value) = value else { return self.push_nothing(1) };
+        self.add_nothing();
+        self.validity.push_values(1);
+        self.items.push(value);
     }
 
-    /// Appends so many nulls of fixed size.
-    fn push_nulls(&mut self, rows: usize) {
-        self.nulls.append_n_nulls(rows);
-        self.items.resize(self.items.len() + rows, T::default());
-    }
-
-    /// Ends so many rows without items.
-    fn end_nulls(&mut self, rows: usize) {
-        self.nulls.append_n_nulls(rows);
-        self.offsets.resize(self.offsets.len() + rows, self.items.len() as i32);
-    }
-
-    /// Ends the items of a row; `there` is false for null.
+    /// Ends the items of a row.
     #[inline(always)]
-    fn end_row(&mut self, there: bool) {
+    pub(super) fn end_row(&mut self) {
         self.offsets.push(self.items.len() as i32);
-        self.nulls.append(there);
-    }
-}
-
-/// Takes many rows without a value at once, as `CellSink` takes each of them.
-pub(super) trait TakeNothing {
-    /// Appends so many rows without a value.
-    fn take_nothing(&mut self, rows: usize);
-}
-
-macro_rules! take_nothing {
-    ($($kind:ty: $nulls:ident),*) => {$(
-        impl TakeNothing for ColumnBuilder<$kind> {
-            fn take_nothing(&mut self, rows: usize) {
-                self.$nulls(rows);
-            }
-        }
-    )*};
-}
-
-take_nothing!(i64: push_nulls, f64: push_nulls, bool: push_nulls, u8: end_nulls, i32: end_nulls);
-
-/// A list of texts is empty rather than null.
-impl TakeNothing for ColumnBuilder<&'static str> {
-    fn take_nothing(&mut self, rows: usize) {
-        (0..rows).for_each(|_| self.end_row(true));
+        self.validity.push_values(1);
     }
 }
 
@@ -125,14 +181,17 @@ impl CellSink for ColumnBuilder<u8> {
     #[inline(always)]
     fn put_cell(&mut self, cell: Cell<'_>) {
         let cell = ManuallyDrop::new(cell);
+        if matches!(*cell, Cell::Null) {
+            return self.push_nothing(1);
+        }
+        self.add_nothing();
         match *cell {
-            Cell::Null => return self.end_row(false),
             Cell::Word(text) | Cell::Text(text) => push_short(text.as_bytes(), &mut self.items),
             Cell::Hex(bytes) => push_hex(bytes, &mut self.items),
             Cell::Source(file, place, number) => push_source(file, place, number, &mut self.items),
             _ => push_plain(&ManuallyDrop::into_inner(cell), &mut self.items),
         }
-        self.end_row(true);
+        self.end_row();
     }
 }
 
@@ -140,31 +199,65 @@ impl CellSink for ColumnBuilder<u8> {
 impl CellSink for ColumnBuilder<i32> {
     #[inline(always)]
     fn put_cell(&mut self, cell: Cell<'_>) {
-        let Cell::Ints(items) = *ManuallyDrop::new(cell) else { return self.end_row(false) };
+        let Cell::Ints(items) = *ManuallyDrop::new(cell) else { return self.push_nothing(1) };
+        self.add_nothing();
         match items {
-            Items::Words(bytes) => {
-                self.items.extend(bytes.chunks_exact(2).map(|word| i32::from(u16::from_be_bytes([word[0], word[1]]))));
-            }
-            Items::Bits(bytes, _) => {
-                let (start, count) = (self.items.len(), items.len());
-                for byte in &bytes[..count.div_ceil(8)] {
-                    self.items.extend_from_slice(&BITS_OF[usize::from(*byte)]);
-                }
-                self.items.truncate(start + count);
-            }
+            Items::Words(bytes) => self.push_registers(bytes.len() / 2, bytes),
+            Items::Bits(bytes, _) => self.push_bits(items.len(), bytes),
             items => self.items.extend((0..items.len()).map(|i| items.get(i))),
         }
-        self.end_row(true);
+        self.end_row();
     }
 }
 
 impl CellSink for ColumnBuilder<&'static str> {
     #[inline(always)]
     fn put_cell(&mut self, cell: Cell<'_>) {
+        self.add_nothing();
         if let Cell::Codes(codes) = *ManuallyDrop::new(cell) {
             self.items.extend(codes.iter().map(|code| code.doc().code));
         }
-        self.end_row(true);
+        self.end_row();
+    }
+}
+
+impl ColumnBuilder<i32> {
+    /// Appends the items of what an exchange has read.
+    #[inline(always)]
+    pub(super) fn push_read(&mut self, read: Option<ReadData<'_>>) {
+        match read {
+            Some(ReadData { count, are_bits: false, from }) => self.push_registers(count, from),
+            Some(ReadData { count, are_bits: true, from }) => self.push_bits(count, from),
+            None => {}
+        }
+        self.offsets.push(self.items.len() as i32);
+    }
+
+    /// Appends so many registers of two bytes each. Eight are read at a time, as long as there are bytes, and those behind the
+    /// last are taken off again: a loop for the rest would cost more than all others.
+    #[inline(always)]
+    fn push_registers(&mut self, count: usize, from: &[u8]) {
+        let end = self.items.len() + count;
+        let mut eights = from.chunks_exact(16);
+        while self.items.len() < end {
+            let Some(eight) = eights.next() else {
+                let rest = eights.remainder().chunks_exact(2).take(end - self.items.len());
+                return self.items.extend(rest.map(|bytes| i32::from(u16::from_be_bytes([bytes[0], bytes[1]]))));
+            };
+            let register = |at: usize| i32::from(u16::from_be_bytes([eight[2 * at], eight[2 * at + 1]]));
+            self.items.extend_from_slice(&std::array::from_fn::<i32, 8, _>(register));
+        }
+        self.items.truncate(end);
+    }
+
+    /// Appends so many bits.
+    #[inline(always)]
+    fn push_bits(&mut self, count: usize, from: &[u8]) {
+        let end = self.items.len() + count;
+        for byte in &from[..count.div_ceil(8)] {
+            self.items.extend_from_slice(&BITS_OF[usize::from(*byte)]);
+        }
+        self.items.truncate(end);
     }
 }
 

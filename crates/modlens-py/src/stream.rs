@@ -1,9 +1,7 @@
 //! Arrow C streams over an iterator of tables.
 
-use std::sync::Arc;
-
 use arrow_array::{RecordBatch, RecordBatchReader};
-use modlens_arrow::batch::{all_columns, batch_of, schema_of};
+use modlens_arrow::batch::{all_columns, BatchBuilder};
 use modlens_tables::columns::TableKind;
 use pyo3::prelude::*;
 use pyo3::types::PyCapsule;
@@ -12,11 +10,17 @@ use crate::arguments::value_error;
 use crate::capsule::stream_capsule;
 use crate::table::{column_indices, Table};
 
+/// A batch has at least so many rows, if there are: to hand one over costs as much as making a thousand rows. More of them would
+/// not stay in the processor's cache until somebody reads them.
+const BATCH_ROWS: usize = 4096;
+
 /// Reads record batches from a Python iterator of tables.
 struct TableReader {
     kind: TableKind,
-    columns: Vec<usize>,
+    batches: BatchBuilder,
     tables: Py<PyAny>,
+    /// What went wrong behind the rows of the last batch.
+    error: Option<PyErr>,
 }
 
 impl Iterator for TableReader {
@@ -24,27 +28,48 @@ impl Iterator for TableReader {
 
     fn next(&mut self) -> Option<Self::Item> {
         Python::attach(|py| {
-            let found = next_table(self.tables.bind(py), self.kind, &self.columns);
+            let found = self.next_batch(py);
             found.map_err(|error| arrow_schema::ArrowError::ExternalError(Box::new(error))).transpose()
         })
     }
 }
 
-/// The columns of the iterator's next table; none at its end.
-fn next_table(iterator: &Bound<'_, PyAny>, kind: TableKind, columns: &[usize]) -> PyResult<Option<RecordBatch>> {
-    let Some(item) = iterator.try_iter()?.next() else { return Ok(None) };
-    let item = item?;
-    let table = item.cast::<Table>()?.get();
-    if table.core.kind != kind {
-        return Err(value_error(format!("a stream of {} got {}", kind.name(), table.core.kind.name())));
+impl TableReader {
+    /// The columns of the iterator's next tables; none at its end. Rows in front of an error come first.
+    fn next_batch(&mut self, py: Python<'_>) -> PyResult<Option<RecordBatch>> {
+        if let Some(error) = self.error.take() {
+            return Err(error);
+        }
+        if let Err(error) = self.add_tables(py) {
+            if self.batches.rows() == 0 {
+                return Err(error);
+            }
+            self.error = Some(error);
+        }
+        Ok((self.batches.rows() > 0).then(|| self.batches.finish()))
     }
-    let core = &table.core;
-    Ok(Some(iterator.py().detach(|| batch_of(core, 0..core.len(), columns))))
+
+    /// Adds tables until the batch has enough rows, or there are none left.
+    fn add_tables(&mut self, py: Python<'_>) -> PyResult<()> {
+        for item in self.tables.bind(py).try_iter()? {
+            let item = item?;
+            let table = &item.cast::<Table>()?.get().core;
+            if table.kind != self.kind {
+                return Err(value_error(format!("a stream of {} got {}", self.kind.name(), table.kind.name())));
+            }
+            let batches = &mut self.batches;
+            py.detach(|| batches.add(table, 0..table.len()));
+            if batches.rows() >= BATCH_ROWS {
+                break;
+            }
+        }
+        Ok(())
+    }
 }
 
 impl RecordBatchReader for TableReader {
     fn schema(&self) -> arrow_schema::SchemaRef {
-        Arc::new(schema_of(self.kind, &self.columns))
+        self.batches.schema()
     }
 }
 
@@ -73,6 +98,7 @@ impl ArrowStream {
         requested_schema: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyCapsule>> {
         let _ = requested_schema;
-        stream_capsule(py, TableReader { kind: self.kind, columns: self.columns.clone(), tables: self.tables.clone_ref(py) })
+        let batches = BatchBuilder::new(self.kind, &self.columns);
+        stream_capsule(py, TableReader { kind: self.kind, batches, tables: self.tables.clone_ref(py), error: None })
     }
 }

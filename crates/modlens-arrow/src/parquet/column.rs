@@ -15,7 +15,7 @@ use parquet::file::properties::WriterPropertiesPtr;
 use parquet::file::writer::{SerializedPageWriter, TrackedWrite};
 use parquet::schema::types::ColumnDescPtr;
 
-use crate::values::ColumnBuilder;
+use crate::values::{ColumnBuilder, Item};
 use modlens_tables::columns::{CellSink, ColumnReader, ColumnType, RowRef, TableKind};
 
 /// A column of the row group that is being filled.
@@ -52,7 +52,7 @@ struct Chunk<T, P: DataType> {
     writer: ColumnWriterImpl<'static, P>,
 }
 
-impl<T, P: DataType> Chunk<T, P>
+impl<T: Item, P: DataType> Chunk<T, P>
 where
     Self: Column + 'static,
     ColumnBuilder<T>: CellSink,
@@ -63,7 +63,7 @@ where
             leaf: Arc::clone(leaf),
             properties: Arc::clone(properties),
             reader: table.reader(column),
-            rows: ColumnBuilder::with_capacity(0),
+            rows: ColumnBuilder::with_capacity(0, 0),
             values: Vec::new(),
             definition: Vec::new(),
             repetition: Vec::new(),
@@ -76,11 +76,12 @@ where
 impl<T, P: DataType> Column for Chunk<T, P>
 where
     ColumnBuilder<T>: CellSink + Leaf<P::T>,
-    T: Send,
+    T: Item + Send,
 {
     fn take(&mut self, rows: &[RowRef<'_>]) -> Result<()> {
         self.rows.take(rows, &self.reader);
-        let nulls = self.rows.nulls.finish();
+        self.rows.add_nothing();
+        let nulls = self.rows.validity.finish();
         self.definition.clear();
         self.repetition.clear();
         let repeated = self.leaf.max_rep_level() > 0;

@@ -76,7 +76,7 @@ impl Exchange {
 
     /// The numbers of bytes in front of a PDU and behind it, on a connection and on an RTU line.
     #[inline]
-    fn around_pdu(mode: Mode) -> [u32; 2] {
+    pub fn around_pdu(mode: Mode) -> [u32; 2] {
         if mode == Mode::Tcp {
             [MBAP_PREFIX_BYTES as u32 + 1, 0]
         } else {

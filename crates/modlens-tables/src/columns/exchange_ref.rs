@@ -15,8 +15,8 @@ use crate::columns::transaction_view::TransactionView;
 #[derive(Clone, Copy)]
 pub struct ExchangeRef<'a> {
     pub(super) batch: &'a Batch,
-    run: &'a ExchangeRun,
-    exchange: &'a Exchange,
+    pub(super) run: &'a ExchangeRun,
+    pub(super) exchange: &'a Exchange,
     /// Its place in the run.
     at: usize,
     /// Where the bytes of the run begin in the arena.
@@ -43,7 +43,7 @@ impl<'a> ExchangeRef<'a> {
     }
 
     /// One that has a value in each column in which an exchange of this bus and kind may have one: it may lack only times.
-    pub(super) fn with_known_times(&self) -> ExchangeRef<'a> {
+    pub fn with_known_times(&self) -> ExchangeRef<'a> {
         let known = ExchangeTiming { pair: &KNOWN_TIMES, recording_start: Some(0) };
         ExchangeRef { timing: self.timing.map(|_| known), ..*self }
     }
@@ -135,7 +135,7 @@ impl<'a> ExchangeRef<'a> {
 
     /// The row of the table of functions for it.
     #[inline]
-    fn function_row(&self) -> Option<&'a FunctionRow> {
+    pub(super) fn function_row(&self) -> Option<&'a FunctionRow> {
         // The body of a request chooses the row for few functions only.
         let body = match self.functions.leading_bytes(self.exchange.function) {
             0 => &[],
@@ -161,9 +161,9 @@ impl<'a> ExchangeRef<'a> {
 
 /// The compact exchanges of a run.
 pub(super) struct RunRefs<'a> {
-    batch: &'a Batch,
-    run: &'a ExchangeRun,
-    exchanges: &'a [Exchange],
+    pub(super) batch: &'a Batch,
+    pub(super) run: &'a ExchangeRun,
+    pub(super) exchanges: &'a [Exchange],
     functions: &'a Functions,
 }
 

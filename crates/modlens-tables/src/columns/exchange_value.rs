@@ -55,6 +55,22 @@ pub enum ExchangeNumber {
 impl ExchangeNumber {
     /// How many there are.
     pub const COUNT: usize = Self::Origin as usize + 1;
+
+    /// The number that a column shows, where it has a value; `None` if it shows something else. What is written is left out: a
+    /// request to read and write (function 23) has an address and a quantity for either.
+    pub fn of_column(key: &str) -> Option<Self> {
+        Some(match key {
+            "txn" => Self::Txn,
+            "unit" => Self::Unit,
+            "address" => Self::Address,
+            "quantity" => Self::Quantity,
+            "confidence" => Self::Confidence,
+            "mbap_id" => Self::MbapId,
+            "request_frame" => Self::RequestFrame,
+            "response_frame" => Self::ResponseFrame,
+            _ => return None,
+        })
+    }
 }
 
 /// A duration of a compact exchange.
@@ -72,17 +88,12 @@ impl ExchangeValue {
     /// What a column shows of exchanges of a function with this row, where it has a value; `None` if that has to be read from their
     /// rows.
     pub(super) fn of_column(key: &str, row: &FunctionRow) -> Option<Self> {
+        if let Some(number) = ExchangeNumber::of_column(key) {
+            return Some(Self::Number(number));
+        }
         let (offsets, operation) = (&row.offsets, row.operation);
         let is_write = operation == Operation::Write;
         Some(match key {
-            "txn" => Self::Number(ExchangeNumber::Txn),
-            "unit" => Self::Number(ExchangeNumber::Unit),
-            "address" => Self::Number(ExchangeNumber::Address),
-            "quantity" => Self::Number(ExchangeNumber::Quantity),
-            "confidence" => Self::Number(ExchangeNumber::Confidence),
-            "mbap_id" => Self::Number(ExchangeNumber::MbapId),
-            "request_frame" => Self::Number(ExchangeNumber::RequestFrame),
-            "response_frame" => Self::Number(ExchangeNumber::ResponseFrame),
             "write_address" => Self::RequestWord(if is_write { offsets.address } else { offsets.write_address }?),
             "write_quantity" => Self::RequestWord(if is_write { offsets.quantity } else { offsets.write_quantity }?),
             "time" => Self::Time,

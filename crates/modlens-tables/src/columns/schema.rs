@@ -127,7 +127,7 @@ impl TableKind {
     }
 
     /// Whether all compact exchanges of a bus and a kind have the same value in this column, if they have one.
-    pub(super) fn is_constant_per_exchange_kind(self, column: usize) -> bool {
+    pub fn is_constant_per_exchange_kind(self, column: usize) -> bool {
         self.is_constant_per_bus(column) || EXCHANGE_KIND_COLUMNS.contains(&self.columns()[column].key.as_str())
     }
 

@@ -5,6 +5,7 @@ use std::ops::Range;
 use modlens_engine::records::{Batch, Part, Transaction};
 
 use crate::columns::cell::Cell;
+use crate::columns::exchange_chunk::ExchangeChunk;
 use crate::columns::exchange_ref::{ExchangeRef, RunRefs};
 use crate::columns::reader::ColumnReader;
 use crate::columns::sink::CellSink;
@@ -30,18 +31,27 @@ impl TableRow<'_> {
 }
 
 /// Some rows of a table.
-#[derive(Clone, Copy)]
 pub enum RowChunk<'a> {
     /// As rows.
     Whole(&'a [RowRef<'a>]),
     /// As compact exchanges.
-    Compact(&'a [ExchangeRef<'a>]),
+    Compact(ExchangeChunk<'a>),
 }
 
 /// Rows that stand behind each other.
 enum PartRefs<'a> {
     Whole(&'a [Transaction]),
     Compact(RunRefs<'a>),
+}
+
+impl PartRefs<'_> {
+    /// How many are taken at a time.
+    fn chunk_rows(&self) -> usize {
+        match self {
+            Self::Whole(_) => CHUNK_ROWS,
+            Self::Compact(_) => CHUNK_EXCHANGES,
+        }
+    }
 }
 
 /// Tells whether a column has a value, which is not made for that.
@@ -75,6 +85,9 @@ fn refs<'a>(batch: &'a Batch, rows: &'a [Transaction]) -> Vec<RowRef<'a>> {
 
 /// Rows of a chunk: some twenty kilobytes.
 const CHUNK_ROWS: usize = 64;
+
+/// The same of compact exchanges, a multiple of 64, since the bits that say which of them have a value are made by the word.
+const CHUNK_EXCHANGES: usize = 256;
 
 impl Table {
     /// Whether a column has a value in any row.
@@ -153,11 +166,11 @@ impl Table {
             let mut next = rows.start.max(own.start) - own.start;
             let end = rows.end.min(own.end).saturating_sub(own.start);
             while next < end {
-                let chunk = next..end.min(next + CHUNK_ROWS);
+                let chunk = next..end.min(next + part.chunk_rows());
                 next = chunk.end;
                 match &part {
                     PartRefs::Whole(transactions) => each(RowChunk::Whole(&refs(batch, &transactions[chunk]))),
-                    PartRefs::Compact(run) => each(RowChunk::Compact(&chunk.map(|at| run.at(at)).collect::<Vec<_>>())),
+                    PartRefs::Compact(run) => each(RowChunk::Compact(ExchangeChunk::new(run, chunk))),
                 }
             }
         }
