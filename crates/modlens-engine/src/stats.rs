@@ -224,6 +224,11 @@ impl Stats {
         counts.units[at.unit].functions[at.function].statuses[Status::Ok as usize] += 1;
     }
 
+    /// The counters of a bus, the one with this index here, for answered requests whose counters are known.
+    pub(crate) fn counters_of_known(&mut self, bus: usize) -> KnownCounters<'_> {
+        KnownCounters(&mut self.buses[bus])
+    }
+
     /// Counts an exchange of the fast path that was refused, and its finding. `times`: those of request and response, each of
     /// which took none, where there is a clock.
     pub(crate) fn record_refusal(
@@ -311,6 +316,27 @@ impl Stats {
         let counted = Finding::ALL.iter().zip(&self.findings).filter(|(_, &count)| count > 0);
         let findings: BTreeMap<&str, u64> = counted.map(|(finding, &count)| (finding.doc().code, count)).collect();
         json!({"transactions": statuses, "findings": findings, "buses": buses})
+    }
+}
+
+/// The counters of a bus, for answered requests of which it is known where they are.
+pub(crate) struct KnownCounters<'a>(&'a mut BusCounts);
+
+impl KnownCounters<'_> {
+    /// Counts what `Stats::count_exchange` counts of an exchange of frames that took no time, but for what `end` notes.
+    #[inline]
+    pub(crate) fn count(&mut self, at: RequestPlace, [asked, answered]: [Ns; 2], response_time: Option<Ns>) {
+        self.0.requests.count_at(at.request, Some(asked), Some(answered - asked));
+        let function = &mut self.0.units[at.unit].functions[at.function];
+        function.statuses[Status::Ok as usize] += 1;
+        if let Some(time) = response_time {
+            function.response_times.add(time);
+        }
+    }
+
+    /// Notes the last one of them.
+    pub(crate) fn end(&mut self, key: RequestKey, at: RequestPlace) {
+        self.0.requests.note_last(at.request, key);
     }
 }
 

@@ -8,17 +8,19 @@ use modlens_protocol::Ns;
 /// With more outstanding requests than this on a connection, looking through them costs more than it saves.
 const MAX_OPEN_BESIDE: usize = 32;
 
-/// In place of an identifier.
-const NO_ID: u32 = u32::MAX;
-
 /// The outstanding requests of a connection, in short.
 pub(super) struct OpenRequests {
-    /// Their identifiers, and `NO_ID` at the other places.
-    ids: [u32; MAX_OPEN_BESIDE],
+    /// Their identifiers, from the first on as many as there are.
+    ids: [u16; MAX_OPEN_BESIDE],
+    count: usize,
+    /// For each remainder of an identifier by 64, whether one of them has it: nearly always this tells that none is the same.
+    remainders: u64,
     /// When the first one of them times out.
     times_out: Ns,
     /// When the request came that has ended the wait of the last one.
     passed: Ns,
+    /// A response has to come within this time.
+    pub request_timeout: Ns,
 }
 
 impl OpenRequests {
@@ -27,9 +29,9 @@ impl OpenRequests {
     /// this one neither ends its wait nor repeats it.
     #[inline]
     pub fn are_left_by(&self, id: u16, [requested_at, answered_at]: [Ns; 2]) -> bool {
-        // Without a branch for each.
-        let has_id = self.ids.iter().fold(false, |found, &other| found | (other == u32::from(id)));
-        !has_id && answered_at < self.times_out && requested_at != self.passed
+        let may_be_open = self.remainders >> (id % 64) & 1 != 0;
+        let is_open = may_be_open && self.ids[..self.count].contains(&id);
+        !is_open && answered_at < self.times_out && requested_at != self.passed
     }
 }
 
@@ -50,12 +52,15 @@ impl Pairing {
     /// identifier or time, the last one is not known to have been followed by another request, or they are too many. It holds
     /// until another request is outstanding, or one of them no more.
     pub(super) fn open_requests(&self) -> Option<OpenRequests> {
-        let mut found = OpenRequests { ids: [NO_ID; MAX_OPEN_BESIDE], times_out: Ns::MAX, passed: Ns::MIN };
-        let timeout = self.request_timeout(true);
+        let request_timeout = self.request_timeout(true);
+        let (ids, count, remainders) = ([0; MAX_OPEN_BESIDE], self.open.len(), 0);
+        let mut found = OpenRequests { ids, count, remainders, times_out: Ns::MAX, passed: Ns::MIN, request_timeout };
         for (at, open) in self.open.iter().enumerate() {
-            *found.ids.get_mut(at)? = u32::from(open.mbap_id?);
+            let id = open.mbap_id?;
+            *found.ids.get_mut(at)? = id;
+            found.remainders |= 1 << (id % 64);
             let end = open.request.end?;
-            found.times_out = found.times_out.min(end.saturating_add(timeout));
+            found.times_out = found.times_out.min(end.saturating_add(request_timeout));
             found.passed = open.waited.map_or(Ns::MIN, |waited| end + waited);
         }
         self.open.back().is_none_or(|last| last.waited.is_some()).then_some(found)
