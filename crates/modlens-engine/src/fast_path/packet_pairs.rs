@@ -12,7 +12,7 @@
 use crate::fast_path::emit::ExchangePlaces;
 use crate::fast_path::packet_run::{PacketRun, RequestInHand};
 use crate::fast_path::rows::{confidence_by_id, MatchedExchange};
-use crate::fast_path::tcp_batch::{match_packets, match_refusal, KnownOfBus, LENGTH_AT};
+use crate::fast_path::tcp_batch::{match_packets, match_refusal, plain_request, KnownOfBus, LENGTH_AT};
 use crate::findings::{words, REFUSED};
 use crate::records::PacketPair;
 use crate::session::bus::{learn_sides, BusState};
@@ -32,7 +32,13 @@ impl Session {
     #[inline]
     pub(crate) fn take_packet(&mut self, bus: usize, from_client: bool, packet: &StreamChunk<'_>) -> bool {
         let Some(time) = packet.time.filter(|_| packet.missing == 0) else { return false };
-        if self.packet_run.as_ref().is_none_or(|run| run.bus != bus) && !(from_client && self.begin_packet_run(bus)) {
+        let run = self.packet_run.as_ref().filter(|run| run.bus == bus);
+        if from_client && run.is_none_or(|run| run.ends_before_request_at(time)) {
+            self.end_run_before_request(bus, time);
+            if !self.begin_packet_run(bus, packet.bytes, time) {
+                return false;
+            }
+        } else if run.is_none() {
             return false;
         }
         let Some(run) = self.packet_run.as_deref_mut() else { return false };
@@ -55,15 +61,26 @@ impl Session {
         !self.live && options.bus.network.is_some() && options.mode == Some(Mode::Tcp)
     }
 
-    /// Begins a run on this bus, if nothing on it is undecided; that of another bus ends.
+    /// Ends the run of this bus, if there is one, before a request of this time: what is left without a response by then is
+    /// decided as the general way decides it.
     #[cold]
-    fn begin_packet_run(&mut self, bus: usize) -> bool {
+    fn end_run_before_request(&mut self, bus: usize, time: Ns) {
+        if self.packet_run.as_ref().is_some_and(|run| run.bus == bus) {
+            self.decide_waiting();
+            self.advance_pairing(bus, time);
+        }
+    }
+
+    /// Begins a run on this bus with a request of these bytes and this time, if nothing on it is undecided; that of another bus ends.
+    #[cold]
+    fn begin_packet_run(&mut self, bus: usize, asked: &[u8], time: Ns) -> bool {
         if !self.may_match_packets(bus) || self.waiting == Some(bus) {
             return false;
         }
         self.decide_waiting();
         let is_compact = self.emits_compact_packets(bus);
-        self.packet_run = PacketRun::begin(bus, &mut self.buses[bus], is_compact).map(Box::new);
+        let asked = plain_request(&self.functions, asked);
+        self.packet_run = PacketRun::begin(bus, &mut self.buses[bus], is_compact, (asked, time)).map(Box::new);
         self.packet_run.is_some()
     }
 

@@ -50,9 +50,10 @@ pub(super) struct PacketSide {
 }
 
 impl PacketRun {
-    /// A run on this bus, of compact exchanges or of rows; `None` if anything on it is undecided, or if it is no connection with
-    /// a clock.
-    pub(super) fn begin(bus: usize, state: &mut BusState, is_compact: bool) -> Option<Self> {
+    /// A run on this bus, of compact exchanges or of rows, that may begin with a request of this time; `asked` is its unit and PDU, if
+    /// it is plain and whole. `None` if it may be a retry, if anything on the bus is undecided, or if that is no connection with a
+    /// clock.
+    pub(super) fn begin(bus: usize, state: &mut BusState, is_compact: bool, (asked, time): (Option<&[u8]>, Ns)) -> Option<Self> {
         // The times of a run (`PacketSide`) are those of packets, which take none themselves.
         let is_ready = |(_, line): &(u8, LineState)| {
             let takes_packets = line.input.takes_packets() && line.input.char_ns.is_none();
@@ -60,21 +61,32 @@ impl PacketRun {
         };
         let [(first, _), _] = &state.lines[..] else { return None };
         let server_first = usize::from(*first == FROM_SERVER);
-        if state.clock_jumped || !state.pairing.is_idle_but_for_open() || !state.lines.iter().all(is_ready) {
+        let is_ready = state.pairing.is_idle_but_for_requests() && state.lines.iter().all(is_ready);
+        if state.clock_jumped || !is_ready || state.latest.is_some_and(|latest| time <= latest) {
             return None;
         }
         let run = Run { is_compact, ..Run::new(state, server_first) };
-        let open = state.pairing.open_requests().filter(|_| run.has_clock())?;
+        if !run.has_clock() || !state.pairing.let_pass(asked, time) {
+            return None;
+        }
         Some(Self {
             bus,
             sides: [server_first, 1 - server_first].map(|line| PacketSide::of(line, &state.lines[line].1)),
             run,
-            open,
+            open: state.pairing.open_requests()?.passed(),
             request: RequestInHand::default(),
             latest: state.latest,
             first: None,
             last_response: None,
         })
+    }
+
+    /// Whether it has to end before a request of the client with this time: its request in hand has no response, or an
+    /// outstanding one times out. It goes on where the clock goes back: that is for the general way.
+    #[inline]
+    pub(super) fn ends_before_request_at(&self, time: Ns) -> bool {
+        let is_last = Some(time) > self.latest && (self.request.is_none() || time > self.request.time);
+        is_last && (!self.request.is_none() || time >= self.open.times_out)
     }
 
     /// Whether a packet of the client with this time is behind all bytes of the connection. All of them are framed, so that a

@@ -2,7 +2,8 @@
 //!
 //! Each exchange has to leave pairing in exactly the state in which two calls of `Pairing::add_frame` would leave it.
 
-use crate::pairing::Pairing;
+use crate::pairing::interval::interval;
+use crate::pairing::{Pairing, PendingTransaction};
 use modlens_protocol::Ns;
 
 /// With more outstanding requests than this on a connection, looking through them costs more than it saves.
@@ -16,7 +17,7 @@ pub(super) struct OpenRequests {
     /// For each remainder of an identifier by 64, whether one of them has it: nearly always this tells that none is the same.
     remainders: u64,
     /// When the first one of them times out.
-    times_out: Ns,
+    pub times_out: Ns,
     /// When the request came that has ended the wait of the last one.
     passed: Ns,
     /// A response has to come within this time.
@@ -33,6 +34,11 @@ impl OpenRequests {
         let is_open = may_be_open && self.ids[..self.count].contains(&id);
         !is_open && answered_at < self.times_out && requested_at != self.passed
     }
+
+    /// The same for requests that were let pass (`Pairing::let_pass`), and those behind them.
+    pub fn passed(self) -> Self {
+        Self { passed: Ns::MIN, ..self }
+    }
 }
 
 impl Pairing {
@@ -44,8 +50,40 @@ impl Pairing {
     /// The same, whether or not requests are outstanding. On a connection an unanswered one waits for many seconds, in which
     /// the client goes on: `open_requests` tells what then qualifies.
     pub fn is_idle_but_for_open(&self) -> bool {
+        !self.history.has_retry_candidates() && self.is_idle_but_for_requests()
+    }
+
+    /// The same, whether or not the next request may be the retry of an earlier one: `let_pass` tells.
+    pub(super) fn is_idle_but_for_requests(&self) -> bool {
         let waits = self.unit_mismatch.is_some() || self.truncated_request.is_some() || self.early_response.is_some();
-        !waits && self.delayed_findings.is_empty() && self.history.is_idle() && self.masters.is_idle()
+        let is_idle = self.history.last_broadcast.is_none() && self.masters.is_idle();
+        !waits && self.delayed_findings.is_empty() && is_idle
+    }
+
+    /// Lets a request of a connection, which comes at this time, pass those without a response, as `add_request` does: the last
+    /// outstanding one has been waited for until now, and what it might have repeated is forgotten. `adu`: its unit and PDU, if it
+    /// is plain and whole. `false`, with nothing changed, if that is not known, or if it may be a retry.
+    pub(super) fn let_pass(&mut self, adu: Option<&[u8]>, time: Ns) -> bool {
+        let ends_wait = |last: &PendingTransaction| {
+            let until = last.request.end.zip(last.waited).map(|(end, waited)| end + waited);
+            until.is_none_or(|until| until == time)
+        };
+        let last = self.open.back_mut().filter(|last| ends_wait(last));
+        if last.is_none() && !self.history.has_retry_candidates() {
+            return true;
+        }
+        let Some((&unit, pdu)) = adu.and_then(<[u8]>::split_first) else { return false };
+        let is_same = |last: &&mut PendingTransaction| last.unit == unit && last.request.pdu() == pdu;
+        let last = last.map(|last| &mut **last);
+        if last.as_ref().is_some_and(is_same) || self.history.is_repeated_by(unit, pdu) {
+            return false;
+        }
+        if let Some(last) = last {
+            let waited = interval(last.request.end, Some(time)).filter(|&waited| waited >= 2 * self.resolution);
+            last.waited = last.waited.or(waited);
+        }
+        self.history.clear_retry_candidates();
+        true
     }
 
     /// What an exchange on a connection has to leave alone; `None` if no exchange can: where an outstanding request has no

@@ -125,6 +125,14 @@ impl OpenRequests {
     }
 }
 
+/// Unit and PDU of a packet that is a plain read or write and nothing else.
+pub(super) fn plain_request<'a>(functions: &Functions, packet: &'a [u8]) -> Option<&'a [u8]> {
+    let (header, request) = packet.split_first_chunk::<MBAP_PREFIX_BYTES>()?;
+    let expected = ExpectedExchange::from_request(functions, Mode::Tcp, request)?;
+    let is_whole = request.len() == expected.request_bytes && header[2..] == [0, 0, 0, request.len() as u8];
+    is_whole.then_some(request)
+}
+
 /// The MBAP header in front of the unit (messaging on TCP/IP, 3.1.3): identifier, protocol 0, and the number of bytes of unit and
 /// PDU, which is less than 256 for every plain read or write.
 #[inline]
