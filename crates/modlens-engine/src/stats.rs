@@ -80,22 +80,32 @@ pub(crate) struct RequestPlace {
     function: u8,
 }
 
-/// The counters of exchanges without times on one bus, where the place of their request is known.
+/// The counters of one bus, for exchanges of which the place of the request is known.
 pub(crate) struct ExchangeCounts<'a> {
     bus: &'a mut BusCounts,
 }
 
 impl ExchangeCounts<'_> {
-    /// Counts what `record_exchange_at` counts, but for what only the last one leaves behind: see `note_last`.
+    /// Counts what `Stats::record_exchange_at` counts, but for what only the last one leaves behind: see `note_last`.
     #[inline]
     pub(crate) fn count(&mut self, at: RequestPlace) {
-        self.bus.requests.count(usize::from(at.request));
-        self.bus.count_answered(at);
+        self.bus.requests.count_at(usize::from(at.request), None, None);
+        self.bus.answered_function(at);
+    }
+
+    /// The same of what `Stats::count_exchange` counts, where both frames have times and took none.
+    #[inline]
+    pub(crate) fn count_timed(&mut self, at: RequestPlace, [asked, answered]: [Ns; 2], response_time: Option<Ns>) {
+        self.bus.requests.count_at(usize::from(at.request), Some(asked), Some(answered - asked));
+        let function = self.bus.answered_function(at);
+        if let Some(time) = response_time {
+            function.response_times.add(time);
+        }
     }
 
     /// Notes the last exchange counted.
     pub(crate) fn note_last(self, key: RequestKey, at: RequestPlace) {
-        self.bus.requests.note_last(key, usize::from(at.request));
+        self.bus.requests.note_last(usize::from(at.request), key);
     }
 }
 
@@ -243,7 +253,7 @@ impl Stats {
         counts.note_last(key, at);
     }
 
-    /// The counters of exchanges without times.
+    /// The counters of exchanges on a bus, the one with this index here.
     #[inline]
     pub(crate) fn exchange_counts(&mut self, bus: usize) -> ExchangeCounts<'_> {
         ExchangeCounts { bus: &mut self.buses[bus] }
@@ -351,10 +361,12 @@ impl BusCounts {
         }
     }
 
-    /// Counts that the request at this place was answered.
+    /// Counts that the request at this place was answered; the counters of its function.
     #[inline]
-    fn count_answered(&mut self, at: RequestPlace) {
-        self.units[usize::from(at.unit)].functions[usize::from(at.function)].statuses[Status::Ok as usize] += 1;
+    fn answered_function(&mut self, at: RequestPlace) -> &mut FunctionCounts {
+        let function = &mut self.units[usize::from(at.unit)].functions[usize::from(at.function)];
+        function.statuses[Status::Ok as usize] += 1;
+        function
     }
 
     /// The counters of a function of a unit, which are added if they are new.

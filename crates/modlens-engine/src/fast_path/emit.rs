@@ -3,7 +3,7 @@
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rows::{ExchangeRows, MatchedExchange};
 use crate::fast_path::run::Run;
-use crate::records::{Exchange, PacketPair, Span};
+use crate::records::{PacketPair, Span};
 use crate::session::bus::{learn_side, BusState};
 use crate::session::frame_timing::{FrameTiming, TimingConfig};
 use crate::session::held_exchanges::ExchangeStart;
@@ -110,7 +110,8 @@ impl Session {
         let pair = PacketPair { starts: starts.into(), gap: request.gap, response_time, packet: request.origin, mbap_id };
         let (number, frame, recording_start, mode) = (self.next_txn, self.next_frame, self.origin, matched.mode);
         let of_run = ExchangeStart { bus: bus as u32, number, frame, recording_start, mode };
-        self.held.exchanges.push(compact_exchange(matched, start, 0), pair, &of_run);
+        let exchange = matched.expected.compact(start, matched.lengths, matched.transaction_confidence(), 0);
+        self.held.exchanges.push(exchange, pair, &of_run);
     }
 
     /// Appends the rows of an exchange to the tables that are wanted: its two frames to the batch, and its transaction to
@@ -136,13 +137,6 @@ impl Session {
             self.held.push(rows.transaction(points, pdus, no_findings));
         }
     }
-}
-
-/// An exchange in a packet each whose bytes begin at `start` in the arena, with the exception code if it was refused, else 0.
-#[inline(always)]
-#[allow(clippy::inline_always)] // As above.
-pub(super) fn compact_exchange(matched: &MatchedExchange, start: u32, exception: u8) -> Exchange {
-    matched.expected.compact(start, matched.lengths, matched.transaction_confidence(), exception)
 }
 
 /// Learns from an exchange what the recording's words for a sender mean, what pairing learns, and that its unit is known and was

@@ -4,7 +4,7 @@
 use crate::fast_path::pairing::OpenRequests;
 use crate::fast_path::run::Run;
 use crate::framer::Framer;
-use crate::records::{Batch, InnerPauses, Span};
+use crate::records::{InnerPauses, Span};
 use crate::session::bus::{BusState, FROM_SERVER};
 use crate::session::frame_timing::FrameTiming;
 use crate::session::line::LineState;
@@ -12,6 +12,7 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::mbap::{MAX_LENGTH_FIELD, PREFIX_BYTES as MBAP_PREFIX_BYTES};
 use modlens_protocol::Ns;
 use modlens_readers::chunk::Side;
+use modlens_readers::pcap::StreamChunk;
 
 /// The longest message (messaging on TCP/IP, 3.1.3).
 const MAX_MESSAGE_BYTES: usize = MBAP_PREFIX_BYTES + MAX_LENGTH_FIELD;
@@ -23,10 +24,8 @@ pub(crate) struct PacketRun {
     /// The client and the server.
     pub(super) sides: [PacketSide; 2],
     pub(super) run: Run,
-    /// Requests that are outstanding beside them.
+    /// Requests that are outstanding beside them, and the time within which responses have to come.
     pub(super) open: OpenRequests,
-    /// Responses have to come within this time.
-    pub(super) request_timeout: Ns,
     pub(super) request: RequestInHand,
     /// Time of the newest bytes, those of the request in hand left out.
     pub(super) latest: Option<Ns>,
@@ -43,7 +42,7 @@ pub(super) struct PacketSide {
     /// Stream offset behind its last packet.
     offset: u64,
     /// Time of its last packet.
-    last: Option<Ns>,
+    pub(super) last: Option<Ns>,
     /// So long a silence ends a frame.
     break_ns: Ns,
     /// Bytes of its longest packet.
@@ -51,9 +50,10 @@ pub(super) struct PacketSide {
 }
 
 impl PacketRun {
-    /// A run on this bus, of compact exchanges or of rows; `None` if anything on it is undecided, or if it is no connection with
-    /// a clock.
-    pub(super) fn begin(bus: usize, state: &mut BusState, is_compact: bool) -> Option<Self> {
+    /// A run on this bus, of compact exchanges or of rows, that may begin with a request of this time; `asked` is its unit and PDU, if
+    /// it is plain and whole. `None` if it may be a retry, if anything on the bus is undecided, or if that is no connection with a
+    /// clock.
+    pub(super) fn begin(bus: usize, state: &mut BusState, is_compact: bool, (asked, time): (Option<&[u8]>, Ns)) -> Option<Self> {
         // The times of a run (`PacketSide`) are those of packets, which take none themselves.
         let is_ready = |(_, line): &(u8, LineState)| {
             let takes_packets = line.input.takes_packets() && line.input.char_ns.is_none();
@@ -61,17 +61,19 @@ impl PacketRun {
         };
         let [(first, _), _] = &state.lines[..] else { return None };
         let server_first = usize::from(*first == FROM_SERVER);
-        if state.clock_jumped || !state.pairing.is_idle_but_for_open() || !state.lines.iter().all(is_ready) {
+        let is_ready = state.pairing.is_idle_but_for_requests() && state.lines.iter().all(is_ready);
+        if state.clock_jumped || !is_ready || state.latest.is_some_and(|latest| time <= latest) {
             return None;
         }
         let run = Run { is_compact, ..Run::new(state, server_first) };
-        let open = state.pairing.open_requests().filter(|_| run.has_clock())?;
+        if !run.has_clock() || !state.pairing.let_pass(asked, time) {
+            return None;
+        }
         Some(Self {
             bus,
             sides: [server_first, 1 - server_first].map(|line| PacketSide::of(line, &state.lines[line].1)),
             run,
-            open,
-            request_timeout: state.pairing.request_timeout(true),
+            open: state.pairing.open_requests()?.passed(),
             request: RequestInHand::default(),
             latest: state.latest,
             first: None,
@@ -79,32 +81,47 @@ impl PacketRun {
         })
     }
 
-    /// Whether a time is behind that of all bytes of the connection, and not behind a silence that would end a frame of either
-    /// side (`BusState::is_in_order`).
+    /// Whether it has to end before a request of the client with this time: its request in hand has no response, or an
+    /// outstanding one times out. It goes on where the clock goes back: that is for the general way.
     #[inline]
-    pub(super) fn is_in_order(&self, time: Ns) -> bool {
-        let is_silent = |side: &PacketSide| side.last.is_some_and(|last| time - last >= side.break_ns);
-        Some(time) > self.latest && !self.sides.iter().any(is_silent)
+    pub(super) fn ends_before_request_at(&self, time: Ns) -> bool {
+        let is_last = Some(time) > self.latest && (self.request.is_none() || time > self.request.time);
+        is_last && (!self.request.is_none() || time >= self.open.times_out)
+    }
+
+    /// Whether a packet of the client with this time is behind all bytes of the connection. All of them are framed, so that a
+    /// silence before it ends nothing.
+    #[inline]
+    pub(super) fn takes_request_at(&self, time: Ns) -> bool {
+        Some(time) > self.latest
+    }
+
+    /// Whether the response to a request may have come at the second of these times, if the request came at the first: behind it,
+    /// within its time-out, and not behind a silence that would have ended the request.
+    #[inline]
+    pub(super) fn takes_response_at(&self, [requested_at, time]: [Ns; 2]) -> bool {
+        let waited = time - requested_at;
+        waited > 0 && waited < self.open.request_timeout && waited < self.sides[0].break_ns
     }
 
     /// Whether the request in hand may be given up by now.
     pub(crate) fn is_due(&self, now: Ns) -> bool {
-        self.request.length > 0 && now - self.request.time >= self.request_timeout
+        !self.request.is_none() && now - self.request.time >= self.open.request_timeout
     }
 
-    /// Notes an exchange of packets with these lengths and times, of which the response is at this place in the arena.
+    /// Notes exchanges: how many bytes each side has sent, and in its longest packet; the times of the last one, and where its
+    /// response is in the arena.
     #[inline]
-    pub(super) fn pass(&mut self, lengths: [usize; 2], times: [Ns; 2], response: u32) {
-        for (side, (length, time)) in self.sides.iter_mut().zip(lengths.into_iter().zip(times)) {
-            side.offset += length as u64;
-            side.last = Some(time);
-            side.longest = side.longest.max(length);
+    pub(super) fn pass(&mut self, (bytes, longest): ([usize; 2], [usize; 2]), times: [Ns; 2], response: Span) {
+        for (at, side) in self.sides.iter_mut().enumerate() {
+            side.offset += bytes[at] as u64;
+            side.last = Some(times[at]);
+            side.longest = side.longest.max(longest[at]);
         }
         self.first = self.first.or(Some(times[0]));
         self.latest = Some(times[1]);
         let prefix = MBAP_PREFIX_BYTES as u32;
-        self.last_response = Some(Span { start: response + prefix, length: lengths[1] as u32 - prefix });
-        self.request.clear();
+        self.last_response = Some(Span { start: response.start + prefix, length: response.length - prefix });
     }
 
     /// Leaves the lines of the bus as if the packets of all exchanges had come and been consumed.
@@ -128,9 +145,8 @@ impl PacketSide {
 
     /// The silence before the side's next packet, which has this time, if the clock can measure it.
     #[inline]
-    pub(super) fn gap(&self, time: Ns, resolution: Ns) -> Option<Ns> {
-        let gap = time - self.last?;
-        (gap >= 2 * resolution && gap > 0).then_some(gap)
+    pub(super) fn gap(&self, time: Ns, run: &Run) -> Option<Ns> {
+        run.measurable_gap(time - self.last?)
     }
 
     /// When and where the side's next packet is, of this time and number: as `FrameTiming::of_timed_read` has it.
@@ -138,7 +154,7 @@ impl PacketSide {
         FrameTiming {
             start: Some(time),
             end: Some(time),
-            gap: self.gap(time, run.config.resolution),
+            gap: self.gap(time, run),
             pauses: InnerPauses::default(),
             clean_start: true,
             side: Some(side),
@@ -149,47 +165,30 @@ impl PacketSide {
     }
 }
 
-/// A request whose response is still to come, if there is one. Its bytes are the last ones in the arena, where they stay if it
-/// is answered.
+/// A request whose response is still to come, if there is one.
 #[derive(Default)]
 pub(super) struct RequestInHand {
-    start: u32,
-    /// 0 without a request.
-    length: u32,
+    /// None without a request.
+    pub bytes: Vec<u8>,
     pub time: Ns,
     /// Number of its packet.
     pub packet: u64,
 }
 
 impl RequestInHand {
+    #[inline]
+    pub fn is_none(&self) -> bool {
+        self.bytes.is_empty()
+    }
+
     /// Takes the packet of a request. `false` if there is one already, or if the packet is longer than a message.
     #[inline]
-    pub fn take(&mut self, batch: &mut Batch, bytes: &[u8], time: Ns, packet: u64) -> bool {
-        let is_possible = self.length == 0 && bytes.len() <= MAX_MESSAGE_BYTES;
+    pub fn take(&mut self, packet: &StreamChunk<'_>, time: Ns) -> bool {
+        let is_possible = self.is_none() && packet.bytes.len() <= MAX_MESSAGE_BYTES;
         if is_possible {
-            let Span { start, length } = batch.store(bytes);
-            *self = Self { start, length, time, packet };
+            self.bytes.extend_from_slice(packet.bytes);
+            (self.time, self.packet) = (time, packet.packet);
         }
         is_possible
-    }
-
-    /// Where its bytes are; none without a request.
-    #[inline]
-    pub fn place(&self) -> Span {
-        Span { start: self.start, length: self.length }
-    }
-
-    /// Takes its bytes back from the arena, where nothing stands behind them.
-    pub fn take_back(&self, batch: &mut Batch) -> Vec<u8> {
-        if self.length == 0 {
-            return Vec::new();
-        }
-        batch.arena.split_off(self.start as usize)
-    }
-
-    /// Leaves none.
-    #[inline]
-    fn clear(&mut self) {
-        self.length = 0;
     }
 }

@@ -2,23 +2,26 @@
 //!
 //! Each exchange has to leave pairing in exactly the state in which two calls of `Pairing::add_frame` would leave it.
 
-use crate::pairing::Pairing;
+use crate::pairing::interval::interval;
+use crate::pairing::{Pairing, PendingTransaction};
 use modlens_protocol::Ns;
 
 /// With more outstanding requests than this on a connection, looking through them costs more than it saves.
 const MAX_OPEN_BESIDE: usize = 32;
 
-/// In place of an identifier.
-const NO_ID: u32 = u32::MAX;
-
 /// The outstanding requests of a connection, in short.
 pub(super) struct OpenRequests {
-    /// Their identifiers, and `NO_ID` at the other places.
-    ids: [u32; MAX_OPEN_BESIDE],
+    /// Their identifiers, from the first on as many as there are.
+    ids: [u16; MAX_OPEN_BESIDE],
+    count: usize,
+    /// For each remainder of an identifier by 64, whether one of them has it: nearly always this tells that none is the same.
+    remainders: u64,
     /// When the first one of them times out.
-    times_out: Ns,
+    pub times_out: Ns,
     /// When the request came that has ended the wait of the last one.
     passed: Ns,
+    /// A response has to come within this time.
+    pub request_timeout: Ns,
 }
 
 impl OpenRequests {
@@ -27,9 +30,14 @@ impl OpenRequests {
     /// this one neither ends its wait nor repeats it.
     #[inline]
     pub fn are_left_by(&self, id: u16, [requested_at, answered_at]: [Ns; 2]) -> bool {
-        // Without a branch for each.
-        let has_id = self.ids.iter().fold(false, |found, &other| found | (other == u32::from(id)));
-        !has_id && answered_at < self.times_out && requested_at != self.passed
+        let may_be_open = self.remainders >> (id % 64) & 1 != 0;
+        let is_open = may_be_open && self.ids[..self.count].contains(&id);
+        !is_open && answered_at < self.times_out && requested_at != self.passed
+    }
+
+    /// The same for requests that were let pass (`Pairing::let_pass`), and those behind them.
+    pub fn passed(self) -> Self {
+        Self { passed: Ns::MIN, ..self }
     }
 }
 
@@ -42,20 +50,55 @@ impl Pairing {
     /// The same, whether or not requests are outstanding. On a connection an unanswered one waits for many seconds, in which
     /// the client goes on: `open_requests` tells what then qualifies.
     pub fn is_idle_but_for_open(&self) -> bool {
+        !self.history.has_retry_candidates() && self.is_idle_but_for_requests()
+    }
+
+    /// The same, whether or not the next request may be the retry of an earlier one: `let_pass` tells.
+    pub(super) fn is_idle_but_for_requests(&self) -> bool {
         let waits = self.unit_mismatch.is_some() || self.truncated_request.is_some() || self.early_response.is_some();
-        !waits && self.delayed_findings.is_empty() && self.history.is_idle() && self.masters.is_idle()
+        let is_idle = self.history.last_broadcast.is_none() && self.masters.is_idle();
+        !waits && self.delayed_findings.is_empty() && is_idle
+    }
+
+    /// Lets a request of a connection, which comes at this time, pass those without a response, as `add_request` does: the last
+    /// outstanding one has been waited for until now, and what it might have repeated is forgotten. `adu`: its unit and PDU, if it
+    /// is plain and whole. `false`, with nothing changed, if that is not known, or if it may be a retry.
+    pub(super) fn let_pass(&mut self, adu: Option<&[u8]>, time: Ns) -> bool {
+        let ends_wait = |last: &PendingTransaction| {
+            let until = last.request.end.zip(last.waited).map(|(end, waited)| end + waited);
+            until.is_none_or(|until| until == time)
+        };
+        let last = self.open.back_mut().filter(|last| ends_wait(last));
+        if last.is_none() && !self.history.has_retry_candidates() {
+            return true;
+        }
+        let Some((&unit, pdu)) = adu.and_then(<[u8]>::split_first) else { return false };
+        let is_same = |last: &&mut PendingTransaction| last.unit == unit && last.request.pdu() == pdu;
+        let last = last.map(|last| &mut **last);
+        if last.as_ref().is_some_and(is_same) || self.history.is_repeated_by(unit, pdu) {
+            return false;
+        }
+        if let Some(last) = last {
+            let waited = interval(last.request.end, Some(time)).filter(|&waited| waited >= 2 * self.resolution);
+            last.waited = last.waited.or(waited);
+        }
+        self.history.clear_retry_candidates();
+        true
     }
 
     /// What an exchange on a connection has to leave alone; `None` if no exchange can: where an outstanding request has no
     /// identifier or time, the last one is not known to have been followed by another request, or they are too many. It holds
     /// until another request is outstanding, or one of them no more.
     pub(super) fn open_requests(&self) -> Option<OpenRequests> {
-        let mut found = OpenRequests { ids: [NO_ID; MAX_OPEN_BESIDE], times_out: Ns::MAX, passed: Ns::MIN };
-        let timeout = self.request_timeout(true);
+        let request_timeout = self.request_timeout(true);
+        let (ids, count, remainders) = ([0; MAX_OPEN_BESIDE], self.open.len(), 0);
+        let mut found = OpenRequests { ids, count, remainders, times_out: Ns::MAX, passed: Ns::MIN, request_timeout };
         for (at, open) in self.open.iter().enumerate() {
-            *found.ids.get_mut(at)? = u32::from(open.mbap_id?);
+            let id = open.mbap_id?;
+            *found.ids.get_mut(at)? = id;
+            found.remainders |= 1 << (id % 64);
             let end = open.request.end?;
-            found.times_out = found.times_out.min(end.saturating_add(timeout));
+            found.times_out = found.times_out.min(end.saturating_add(request_timeout));
             found.passed = open.waited.map_or(Ns::MIN, |waited| end + waited);
         }
         self.open.back().is_none_or(|last| last.waited.is_some()).then_some(found)

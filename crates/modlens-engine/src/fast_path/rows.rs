@@ -35,6 +35,11 @@ pub(super) struct MatchedExchange {
     pub counters: Option<RequestPlace>,
 }
 
+/// The log2 odds of an exchange on a connection, as `MatchedExchange::transaction_confidence` has them.
+pub(super) fn confidence_by_id() -> u8 {
+    ANSWER_BY_ID_BITS.min(MBAP_CONFIDENCE_BITS)
+}
+
 impl MatchedExchange {
     /// The log2 odds that request and response belong together: as pairing has them, but not above those of the frames.
     pub(super) fn transaction_confidence(&self) -> u8 {

@@ -36,6 +36,12 @@ impl Run {
         self.config.has_clock
     }
 
+    /// This silence before a packet, if the clock can measure it.
+    #[inline]
+    pub(super) fn measurable_gap(&self, gap: Ns) -> Option<Ns> {
+        (gap >= 2 * self.config.resolution && gap > 0).then_some(gap)
+    }
+
     /// The time in ns within which a response on a serial line has to come; endless without a clock.
     pub(super) fn request_timeout(&self, state: &BusState) -> Ns {
         if self.config.has_clock {

@@ -29,14 +29,13 @@ fn match_exchange(
     open: &OpenRequests,
     lines: [usize; 2],
 ) -> Option<(MatchedExchange, [Ns; 2])> {
-    let request_timeout = state.pairing.request_timeout(true);
     let [client, server] = lines.map(|line| &state.lines[line].1.input);
     let ((asked, requested_at), (answered, answered_at)) = (client.first_packet()?, server.first_packet()?);
     let (bytes, times) = ([asked, answered], [requested_at, answered_at]);
     if client.second_read_time().is_some_and(|time| time <= answered_at) {
         return None;
     }
-    let known = KnownOfBus { reads: &state.known_reads, profiles: &mut state.profiles, open, request_timeout };
+    let known = KnownOfBus { reads: &state.known_reads, profiles: &mut state.profiles, open };
     Some((match_packets(functions, known, bytes, times, lines)?, times))
 }
 
@@ -45,8 +44,6 @@ pub(super) struct KnownOfBus<'a> {
     pub reads: &'a KnownReads,
     pub profiles: &'a mut Profiles,
     pub open: &'a OpenRequests,
-    /// A response has to come within this time.
-    pub request_timeout: Ns,
 }
 
 /// The exchange of which these are the packets of the client and of the server, and these their times, if there is no doubt and
@@ -73,7 +70,8 @@ pub(super) fn match_packets(
         Some(known) => known.expected,
         None => ExpectedExchange::from_request(functions, Mode::Tcp, request).filter(may_hold_no_map)?,
     };
-    let id = of_bus.undoubted_id(&expected, ([header, response_header], [request, response]), [requested_at, answered_at])?;
+    let id =
+        of_bus.open.undoubted_id(&expected, ([header, response_header], [request, response]), [requested_at, answered_at])?;
     if !expected.is_answered_by(request, response) {
         return None;
     }
@@ -97,19 +95,19 @@ pub(super) fn match_refusal(
     let (response_header, response) = answered.split_first_chunk::<MBAP_PREFIX_BYTES>()?;
     let expected = ExpectedExchange::from_request(functions, Mode::Tcp, request).filter(may_hold_no_map)?.refused();
     let exception = expected.refused_by(response)?;
-    let id = of_bus.undoubted_id(&expected, ([header, response_header], [request, response]), times)?;
+    let id = of_bus.open.undoubted_id(&expected, ([header, response_header], [request, response]), times)?;
     let (lines, lengths) = ([0, 1], [asked.len(), answered.len()]);
     let (mode, mbap_id, response_bits, counters) = (Mode::Tcp, Some(id), u8::MAX, None);
     Some((MatchedExchange { expected, mode, mbap_id, lines, lengths, response_bits, counters }, exception))
 }
 
-impl KnownOfBus<'_> {
+impl OpenRequests {
     /// The transaction identifier of an exchange whose two packets have these headers and, behind them, unit and PDU; `None` if
     /// their lengths or headers are not the expected ones, the response is out of its time, or a request that is still
     /// outstanding would not stay as it is.
     #[inline(always)]
     #[allow(clippy::inline_always)] // As above.
-    fn undoubted_id(
+    pub(super) fn undoubted_id(
         &self,
         expected: &ExpectedExchange,
         ([header, response_header], [request, response]): ([&[u8; MBAP_PREFIX_BYTES]; 2], [&[u8]; 2]),
@@ -118,13 +116,21 @@ impl KnownOfBus<'_> {
         let id = u16::from_be_bytes([header[0], header[1]]);
         let is_whole = request.len() == expected.request_bytes && response.len() == expected.response_bytes;
         let is_in_turn = requested_at < answered_at && answered_at - requested_at < self.request_timeout;
-        if !(is_whole && is_in_turn && self.open.are_left_by(id, [requested_at, answered_at])) {
+        if !(is_whole && is_in_turn && self.are_left_by(id, [requested_at, answered_at])) {
             return None;
         }
         let are_framed = mbap_prefix(*header) == mbap_prefix(framed(id, expected.request_bytes))
             && mbap_prefix(*response_header) == mbap_prefix(framed(id, expected.response_bytes));
         are_framed.then_some(id)
     }
+}
+
+/// Unit and PDU of a packet that is a plain read or write and nothing else.
+pub(super) fn plain_request<'a>(functions: &Functions, packet: &'a [u8]) -> Option<&'a [u8]> {
+    let (header, request) = packet.split_first_chunk::<MBAP_PREFIX_BYTES>()?;
+    let expected = ExpectedExchange::from_request(functions, Mode::Tcp, request)?;
+    let is_whole = request.len() == expected.request_bytes && header[2..] == [0, 0, 0, request.len() as u8];
+    is_whole.then_some(request)
 }
 
 /// The MBAP header in front of the unit (messaging on TCP/IP, 3.1.3): identifier, protocol 0, and the number of bytes of unit and

@@ -195,13 +195,19 @@ impl History {
         txn >= self.missing_before
     }
 
-    /// Whether the next request can be neither a retry nor the echo of a broadcast.
-    pub(crate) fn is_idle(&self) -> bool {
-        self.retry_candidates.is_empty() && self.last_broadcast.is_none()
+    /// Whether the next request may repeat one without a good response.
+    pub(crate) fn has_retry_candidates(&self) -> bool {
+        !self.retry_candidates.is_empty()
+    }
+
+    /// Whether a request of a connection, the next one, repeats one without a good response.
+    pub(crate) fn is_repeated_by(&self, unit: u8, pdu: &[u8]) -> bool {
+        let is_same = |request: &PastRequest| request.damaged.is_some() || (request.unit == unit && request.pdu == pdu);
+        self.retry_candidates.iter().any(is_same)
     }
 
     /// Forgets the requests that the next one may repeat: the evidence does not tell whether it is a retry.
-    pub(super) fn clear_retry_candidates(&mut self) {
+    pub(crate) fn clear_retry_candidates(&mut self) {
         self.retry_candidates.clear();
     }
 

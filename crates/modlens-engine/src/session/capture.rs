@@ -20,7 +20,7 @@ use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Side, Times};
 use modlens_readers::pcap::metadata::{PortMetadata, RecordingSegment};
-use modlens_readers::pcap::{Capture, EndedConnection, Endpoint, Event, Interface, SerialContent, StreamChunk};
+use modlens_readers::pcap::{Capture, EndedConnection, Endpoint, Event, Interface, PacketInTurn, SerialContent, StreamChunk};
 
 /// Requests of quiet connections are given up at most so much later than their waiting time says.
 const SWEEP_NS: Ns = 1_000_000_000;
@@ -84,14 +84,13 @@ impl Session {
     ///
     /// The end of a connection flushes its bus, which a later connection takes once no row names it any more. That one side
     /// ends it comes before: behind all bytes of that side, and while requests are still open.
-    #[inline(always)]
-    #[allow(clippy::inline_always)] // Where a packet is like the one before, it is known which event it is.
     pub(super) fn handle_event(&mut self, state: &mut CaptureState, event: Event<'_>) {
         match event {
             Event::Time(time, interface) => {
                 self.note_time(state, time, interface);
                 self.sweep_connections(state, time);
             }
+            Event::InTurn(packets, interface) => self.take_in_turn(state, packets, interface),
             Event::Bytes { slot, from_client, chunk, is_whole_message, server_side_recorded } => {
                 if let Some(bus) = state.slot(slot).bus {
                     self.note_recorded_side(bus, server_side_recorded);
@@ -102,6 +101,39 @@ impl Session {
             }
             other => self.handle_rare_event(state, other),
         }
+    }
+
+    /// Takes packets that came in turn. Requests that are followed by their responses are matched in pairs (`take_pairs`); each
+    /// other packet is taken as the events that it means.
+    fn take_in_turn(&mut self, state: &mut CaptureState, mut packets: &[PacketInTurn<'_>], interface: &Interface) {
+        let Some(first) = packets.first() else { return };
+        // Those behind it tell nothing more of the clock.
+        self.note_time(state, first.time, interface);
+        loop {
+            packets = self.take_pairs(state, packets);
+            let Some((packet, behind)) = packets.split_first() else { return };
+            packets = behind;
+            self.sweep_connections(state, packet.time);
+            let bus = state.slot(packet.slot as usize).bus.filter(|_| !packet.bytes.is_empty());
+            if let Some(bus) = bus {
+                self.note_recorded_side(bus, packet.server_side_recorded);
+                if !self.take_packet(bus, packet.from_client, &packet.chunk()) {
+                    self.feed_packet(bus, packet.from_client, &packet.chunk(), false);
+                }
+            }
+        }
+    }
+
+    /// Takes the pairs at the head of these packets that are exchanges of the connection at hand without a doubt; gives those
+    /// behind them. None of them may move the clock on so far that requests of other connections have to be looked after.
+    fn take_pairs<'a, 'b>(&mut self, state: &mut CaptureState, packets: &'b [PacketInTurn<'a>]) -> &'b [PacketInTurn<'a>] {
+        let (Some(bus), Some(first), Some(last_sweep)) = (self.bus_of_pairs(), packets.first(), state.last_sweep) else {
+            return packets;
+        };
+        if state.slot(first.slot as usize).bus != Some(bus) {
+            return packets;
+        }
+        self.match_pairs(packets, |packet| packet.slot == first.slot && (packet.time - last_sweep).abs() < SWEEP_NS)
     }
 
     /// Feeds the bytes of a packet that is not matched as it comes.
@@ -126,7 +158,7 @@ impl Session {
                     self.emit_connection_finding(bus, findings::connection::repetition(kind, packet), packet, time);
                 }
             }
-            Event::Time(..) | Event::Bytes { .. } | Event::Closing { .. } => {}
+            Event::Time(..) | Event::InTurn(..) | Event::Bytes { .. } | Event::Closing { .. } => {}
             Event::Closed { slot, connection } => self.close_connection(state, slot, connection.as_ref()),
             Event::Line { interface: index, section, by: interface, content, errors, packet, time } => {
                 self.end_lines_before(state, section);

@@ -47,6 +47,14 @@ impl ConnectionTally {
         self.in_flight.exchange(id, times, |waited| !pairing.is_before_timeout(waited));
     }
 
+    /// Counts exchanges of the fast path as `note_exchange` does, where it has counted one before and none is in flight; the slowest
+    /// answer took so long.
+    pub(crate) fn note_lone_exchanges(&mut self, exchanges: u64, longest: Ns) {
+        self.requests += exchanges;
+        self.answered += exchanges;
+        self.in_flight.lone_exchanges(longest);
+    }
+
     /// Notes a good frame of the slow path as a request or an answer in flight.
     pub(crate) fn note_frame(&mut self, frame: &ObservedFrame<'_>, pairing: &Pairing) {
         match frame.direction {

@@ -162,7 +162,7 @@ impl Session {
     ///
     /// Only in a live session does a time-out close a transaction, which is emitted here; in a recording the request is
     /// marked.
-    pub(super) fn advance_pairing(&mut self, bus: usize, now: Ns) {
+    pub(crate) fn advance_pairing(&mut self, bus: usize, now: Ns) {
         let state = &mut self.buses[bus];
         let unframed_since = state.lines.iter().filter_map(|(_, line)| line.input.byte_time(0)).min();
         state.pairing.advance_time(unframed_since.map_or(now, |first| first.min(now)), &mut self.done);

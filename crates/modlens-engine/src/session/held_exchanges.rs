@@ -88,8 +88,12 @@ impl HeldExchanges {
         if first > first_pair {
             to.exchange_runs.sort_by_key(|run| run.number);
         }
-        to.exchanges.extend(self.exchanges.drain(..given as usize));
-        to.packet_pairs.extend(self.pairs.drain(..given as usize));
+        // As slices, which are copied in one piece.
+        let given = given as usize;
+        to.exchanges.extend_from_slice(&self.exchanges[..given]);
+        to.packet_pairs.extend_from_slice(&self.pairs[..given]);
+        self.exchanges.drain(..given);
+        self.pairs.drain(..given);
         let mut next = 0;
         for run in &mut self.runs {
             (run.exchanges.start, run.packets) = (next, run.packets.map(|packets| PacketsOfRun { first: next, ..packets }));

@@ -45,14 +45,24 @@ pub(crate) struct InFlight {
 }
 
 impl InFlight {
+    /// Whether a request that comes waits alone, and the next answer is its own.
+    #[inline]
+    pub(crate) fn is_idle(&self) -> bool {
+        self.waiting.is_empty() && self.stale_answer.is_none()
+    }
+
+    /// Notes requests with their answers, one behind the other, of which the slowest answer took so long, where it `is_idle`.
+    #[inline]
+    pub(crate) fn lone_exchanges(&mut self, longest: Ns) {
+        self.most = self.most.max(1);
+        self.longest = self.longest.max(longest);
+    }
+
     /// Notes a request with its answer, one behind the other.
     #[inline]
     pub(crate) fn exchange(&mut self, id: Option<u16>, [asked, answered]: [Ns; 2], may_give_up: impl Fn(Ns) -> bool) {
-        if self.waiting.is_empty() && self.stale_answer.is_none() {
-            // The request waits alone, and its answer is the next one.
-            self.most = self.most.max(1);
-            self.longest = self.longest.max(answered - asked);
-            return;
+        if self.is_idle() {
+            return self.lone_exchanges(answered - asked);
         }
         self.request(id, Some(asked), may_give_up);
         self.answer(id, Some(answered));

@@ -24,6 +24,7 @@ const BUCKETS: usize = 40 * BUCKETS_PER_OCTAVE + 1;
 
 impl TimeHistogram {
     /// Counts one time.
+    #[inline]
     pub(super) fn add(&mut self, ns: Ns) {
         self.least = if self.count == 0 { ns } else { self.least.min(ns) };
         self.most = self.most.max(ns);

@@ -182,21 +182,21 @@ impl RequestTable {
     /// Counts an answered request at this index of `counts`.
     #[inline]
     pub fn record_exchange_at(&mut self, at: usize, key: RequestKey, start: Option<Ns>, taken: Option<Ns>) {
+        self.count_at(at, start, taken);
+        self.note_last(at, key);
+    }
+
+    /// The same without noting it as the last one.
+    #[inline]
+    pub fn count_at(&mut self, at: usize, start: Option<Ns>, taken: Option<Ns>) {
         let counts = &mut self.counts[at];
         counts.add_poll(start);
         counts.taken += taken.unwrap_or(0);
-        self.note_last(key, at);
     }
 
-    /// Counts an answered request at this index of `counts`, without times; it may not be the last one.
+    /// Notes the last request, which is at this index of `counts` and was answered.
     #[inline]
-    pub fn count(&mut self, at: usize) {
-        self.counts[at].add_poll(None);
-    }
-
-    /// Notes that the last request, which was answered, is at this index of `counts`.
-    #[inline]
-    pub fn note_last(&mut self, key: RequestKey, at: usize) {
+    pub fn note_last(&mut self, at: usize, key: RequestKey) {
         self.note_answered(key);
         self.latest = at;
     }

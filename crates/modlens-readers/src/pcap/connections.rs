@@ -6,6 +6,7 @@ use foldhash::fast::RandomState;
 
 use crate::pcap::conversation::{CaptureContext, ConnectionKey, Conversation, ConversationState};
 use crate::pcap::event::{Event, SkipCounts};
+use crate::pcap::in_turn::PacketInTurn;
 use crate::pcap::known_connections::KnownConnections;
 use crate::pcap::lifecycle::Closing;
 use crate::pcap::net::{Endpoint, Segment};
@@ -60,6 +61,8 @@ struct Connection {
     /// Number of the last packet.
     last_packet: u64,
     conversation: Conversation,
+    /// Plain segments that are the next ones of their side can be taken as such (`take_plain`). The general way may change that.
+    is_steady: bool,
 }
 
 /// All connections of a capture.
@@ -113,6 +116,7 @@ impl ConnectionTable {
         if let Some(tcp) = it.tcp.filter(|tcp| tcp.syn && tcp.acknowledged.is_none()) {
             connection.opening(side, tcp.sequence, listed, context);
         }
+        connection.is_steady = false;
         connection.last_packet = packet;
         connection.packets += 1;
         connection.conversation.side_recorded[side] = true;
@@ -130,31 +134,32 @@ impl ConnectionTable {
         }
     }
 
-    /// Takes a plain segment, if it is the next one of a connection of Modbus that is known by now and at which nothing waits;
-    /// `each` is called with its bytes, if it has any. `false`, with nothing changed, if it is not: then `take` has to take it,
-    /// which would have done the same.
+    /// Takes a plain segment with the number and time of its packet, if it is the next one of a connection of Modbus that is known
+    /// by now and at which nothing waits. `None`, with nothing changed, if it is not: then `take` has to take it, which would have
+    /// done the same.
     #[inline(always)]
-    #[allow(clippy::inline_always)] // Called for every packet; an event is large.
-    pub fn take_plain(
+    #[allow(clippy::inline_always)] // The body of a loop; what it takes and gives is large.
+    pub fn take_plain<'a>(
         &mut self,
         functions: &Functions,
-        it: &PlainSegment<'_>,
-        (packet, time): (u64, Option<Ns>),
-        each: &mut impl FnMut(Event<'_>),
-    ) -> bool {
-        let Some((at, side)) = self.known.find(it.addresses, it.ports) else { return false };
-        let Some(connection) = self.slots[at].as_mut().filter(|it| it.conversation.is_settled()) else { return false };
-        if !connection.stream.take_next(side, it, time) {
-            return false;
+        it: &PlainSegment<'a>,
+        (number, time): (u64, Ns),
+    ) -> Option<PacketInTurn<'a>> {
+        let (at, side) = self.known.find(it.addresses, it.ports)?;
+        let connection = self.slots[at].as_mut()?;
+        if !(connection.is_steady || connection.becomes_steady()) || !connection.stream.take_next(side, it, time) {
+            return None;
         }
-        connection.last_packet = packet;
+        connection.last_packet = number;
         connection.packets += 1;
-        let chunk = StreamChunk { side, bytes: it.payload, packet, time, missing: 0, cut: false };
-        connection.conversation.note_plain(functions, &chunk);
-        if !chunk.bytes.is_empty() {
-            each(connection.conversation.event_of(chunk));
-        }
-        true
+        let conversation = &mut connection.conversation;
+        conversation.side_recorded[side] = true;
+        let from_client = side == conversation.client;
+        let server_side_recorded = !from_client || conversation.side_recorded[1 - side];
+        let slot = at as u32;
+        let packet = PacketInTurn { time, number, bytes: it.payload, slot, side: side as u8, from_client, server_side_recorded };
+        conversation.note_in_turn(functions, &packet);
+        Some(packet)
     }
 
     /// Ends all connections, because the capture has ended.
@@ -231,7 +236,16 @@ impl ConnectionTable {
 
 impl Connection {
     fn new(conversation: Conversation) -> Self {
-        Self { stream: Stream::default(), datagrams: Vec::new(), opened: None, packets: 0, last_packet: 0, conversation }
+        let (stream, datagrams) = (Stream::default(), Vec::new());
+        Self { stream, datagrams, opened: None, packets: 0, last_packet: 0, conversation, is_steady: false }
+    }
+
+    /// Whether nothing waits or is missing, and nothing but bytes is to be reported of the connection as long as its packets are
+    /// plain. It stays so until one is not.
+    #[cold]
+    fn becomes_steady(&mut self) -> bool {
+        self.is_steady = self.conversation.is_settled() && self.stream.is_steady();
+        self.is_steady
     }
 
     /// Handles a SYN, which opens the connection, or a new one between the same ports. Its sender is the client, unless

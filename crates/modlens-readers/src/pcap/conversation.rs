@@ -3,6 +3,7 @@
 
 use crate::pcap::classify::{classify, BufferedChunk, Classification};
 use crate::pcap::event::{EndedConnection, Event, Repetition, SkipCounts};
+use crate::pcap::in_turn::PacketInTurn;
 use crate::pcap::lifecycle::{Closing, ConnectionHistory};
 use crate::pcap::net::Endpoint;
 use crate::pcap::stream::{ArrivedSegment, SegmentOutcome, Stream, StreamChunk};
@@ -116,17 +117,16 @@ impl Conversation {
         matches!(self.state, ConversationState::Modbus) && self.is_expected && self.history.is_some()
     }
 
-    /// Notes a plain segment of a settled conversation, which the stream has taken as the next one.
+    /// Notes the next packet of a settled conversation.
     #[inline]
-    pub(super) fn note_plain(&mut self, functions: &Functions, chunk: &StreamChunk<'_>) {
-        let has_data = !chunk.bytes.is_empty();
-        if let Some(history) = &mut self.history {
-            if has_data {
-                history.note_bytes(functions, chunk);
-            }
-            history.note_plain_segment(chunk.side == self.client, has_data, chunk.time);
+    pub(super) fn note_in_turn(&mut self, functions: &Functions, packet: &PacketInTurn<'_>) {
+        let Some(history) = &mut self.history else { return };
+        if packet.bytes.is_empty() {
+            history.note_plain_segment(packet.from_client, None);
+        } else {
+            history.note_bytes(functions, usize::from(packet.side), packet.bytes);
+            history.note_plain_segment(packet.from_client, Some(packet.time));
         }
-        self.side_recorded[chunk.side] = true;
     }
 
     /// Notes the sides that have finished by now, as far as `stream` has delivered everything before their FIN; where the
@@ -195,7 +195,8 @@ impl Conversation {
             self.begin(chunk.packet, chunk.time, context);
         }
         if let Some(history) = &mut self.history {
-            history.note_bytes(context.functions, &chunk);
+            history.lost_bytes += u64::from(chunk.missing);
+            history.note_bytes(context.functions, chunk.side, chunk.bytes);
         }
         match self.state {
             ConversationState::Modbus => self.deliver(chunk, context),
@@ -254,19 +255,13 @@ impl Conversation {
     fn deliver(&mut self, chunk: StreamChunk<'_>, context: &mut CaptureContext<'_, '_>) {
         context.skipped.missing += u64::from(chunk.missing);
         context.skipped.cut += u64::from(chunk.cut);
-        (context.each)(self.event_of(chunk));
-    }
-
-    /// Bytes of a Modbus connection as they are reported.
-    #[inline]
-    pub(super) fn event_of<'a>(&self, chunk: StreamChunk<'a>) -> Event<'a> {
-        Event::Bytes {
+        (context.each)(Event::Bytes {
             slot: self.slot,
             from_client: chunk.side == self.client,
             chunk,
             is_whole_message: self.key.is_udp,
             server_side_recorded: self.side_recorded[1 - self.client],
-        }
+        });
     }
 
     /// Decides with what there is, and closes a connection that has been reported.

@@ -1,6 +1,7 @@
 //! What a capture yields: the events of its connections and serial lines, and counts of what was skipped.
 
 use crate::pcap::file::Interface;
+use crate::pcap::in_turn::PacketInTurn;
 use crate::pcap::lifecycle::{Closing, ConnectionHistory};
 use crate::pcap::metadata::PacketMetadata;
 use crate::pcap::net::Endpoint;
@@ -36,6 +37,9 @@ pub struct EndedConnection<'a> {
 pub enum Event<'a> {
     /// The time of a packet of any kind, which moves the clock of the capture on.
     Time(Ns, &'a Interface),
+    /// Packets of connections that came in turn, one behind the other, all captured by this interface. They mean what the events
+    /// of each of them mean (`PacketInTurn::events`).
+    InTurn(&'a [PacketInTurn<'a>], &'a Interface),
     /// The first packet of a TCP connection on a port of Modbus, or, on any other port, of one that turned out to carry it.
     Begun {
         /// Slot of the connection.

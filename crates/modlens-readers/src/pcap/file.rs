@@ -128,8 +128,9 @@ pub fn signature(bytes: &[u8]) -> Option<&'static str> {
 }
 
 impl CaptureFile {
-    /// Takes the next block of input; `each` is called with every packet that it completes.
-    pub fn push(&mut self, mut block: &[u8], each: &mut impl FnMut(CapturedPacket<'_>)) {
+    /// Takes the record at the head of the input, behind what is left of earlier blocks; `each` is called with its packet, if it
+    /// has one. Gives what is behind it: nothing, if the record goes on in the next block, or if the file is damaged.
+    pub fn push_record<'a>(&mut self, mut block: &'a [u8], each: &mut impl FnMut(CapturedPacket<'_>)) -> &'a [u8] {
         while !self.carry.is_empty() && self.damage.is_none() {
             let record_length = match self.record_length(&self.carry) {
                 Ok(record_length) => record_length,
@@ -141,52 +142,49 @@ impl CaptureFile {
                 self.parse_record(&record, each);
                 self.carry = record;
                 self.carry.clear();
-                break;
+                return block;
             }
             if block.is_empty() {
-                return;
+                return block;
             }
             let (more, rest) = block.split_at(missing.min(block.len()));
             self.carry.extend_from_slice(more);
             block = rest;
         }
-        while !block.is_empty() && self.damage.is_none() {
-            if let FileFormat::Classic { is_big_endian, is_modified: false } = self.format {
-                block = self.push_classic(block, is_big_endian, each);
+        if block.is_empty() || self.damage.is_some() {
+            return &[];
+        }
+        match self.record_length(block) {
+            Err(what) => self.stop_at_damage(what),
+            Ok(record_length) if record_length > block.len() => {
+                self.carry.extend_from_slice(block);
+                &[]
             }
-            match self.record_length(block) {
-                Err(what) => return self.stop_at_damage(what),
-                Ok(record_length) if record_length > block.len() => {
-                    self.carry.extend_from_slice(block);
-                    return;
-                }
-                Ok(record_length) => {
-                    let (record, rest) = block.split_at(record_length);
-                    self.parse_record(record, each);
-                    block = rest;
-                }
+            Ok(record_length) => {
+                let (record, rest) = block.split_at(record_length);
+                self.parse_record(record, each);
+                rest
             }
         }
     }
 
-    /// Takes the packets of pcap at the head of a block that are whole in it; gives what is behind them, which is less than a
-    /// record, or damage.
-    fn push_classic<'a>(
-        &mut self,
-        mut block: &'a [u8],
-        is_big_endian: bool,
-        each: &mut impl FnMut(CapturedPacket<'_>),
-    ) -> &'a [u8] {
-        let before = block.len();
-        while let Some((header, behind)) = block.split_first_chunk() {
-            let [seconds, fraction, kept, length] = numbers_of_header(header, is_big_endian);
-            let kept = kept as usize;
-            let Some((data, rest)) = behind.split_at_checked(kept).filter(|_| kept <= MAX_RECORD_BYTES) else { break };
-            self.deliver_classic_packet([seconds, fraction, length], data, each);
-            block = rest;
+    /// The packets of pcap at the head of a block, and the interface that captured them; `None` where records are of another
+    /// kind, or if an earlier block has ended inside of one.
+    pub fn packets_of<'a>(&self, block: &'a [u8]) -> Option<(ClassicPackets<'a>, Arc<Interface>)> {
+        let FileFormat::Classic { is_big_endian, is_modified: false } = self.format else { return None };
+        if !self.carry.is_empty() || self.damage.is_some() {
+            return None;
         }
-        self.position += (before - block.len()) as u64;
-        block
+        let by = Arc::clone(&self.interfaces[0]);
+        Some((ClassicPackets { rest: block, is_big_endian, number: self.packets, resolution: by.resolution }, by))
+    }
+
+    /// Notes that the packets up to here were taken, of those that `packets_of` gave for a block of this length. Gives what is
+    /// behind them.
+    pub fn pass<'a>(&mut self, packets: &ClassicPackets<'a>, block_length: usize) -> &'a [u8] {
+        self.packets = packets.number;
+        self.position += (block_length - packets.rest.len()) as u64;
+        packets.rest
     }
 
     /// The bytes of a record that is not complete; at the end of the file they are lost.
@@ -194,10 +192,11 @@ impl CaptureFile {
         self.carry.len()
     }
 
-    /// Notes damage at the current position, behind which nothing is read.
-    fn stop_at_damage(&mut self, what: &'static str) {
+    /// Notes damage at the current position, behind which nothing is read; gives that.
+    fn stop_at_damage(&mut self, what: &'static str) -> &'static [u8] {
         self.damage = Some((self.position, what));
         self.carry = Vec::new();
+        &[]
     }
 
     /// The length of the record that begins here, or of its header if `bytes` do not hold the whole header yet.
@@ -266,7 +265,6 @@ impl CaptureFile {
     }
 
     /// Hands on a packet of pcap with these numbers of its header: seconds, their fraction, and the length on the wire.
-    #[inline]
     fn deliver_classic_packet(
         &mut self,
         [seconds, fraction, length]: [u32; 3],
@@ -275,18 +273,8 @@ impl CaptureFile {
     ) {
         self.packets += 1;
         let by = &*self.interfaces[0];
-        let time = Ns::from(seconds) * 1_000_000_000 + Ns::from(fraction) * by.resolution;
-        each(CapturedPacket {
-            number: self.packets,
-            interface: 0,
-            section: 0,
-            by,
-            time: Some(time),
-            data,
-            length: length as usize,
-            options: &[],
-            big_endian: false,
-        });
+        let time = time_of([seconds, fraction], by.resolution);
+        each(ClassicPacket { number: self.packets, time, data, length: length as usize }.captured(by));
     }
 
     /// Parses a block of pcapng; the kinds of blocks that matter are sections, interfaces and packets.
@@ -368,6 +356,61 @@ impl CaptureFile {
     }
 }
 
+/// Packets of pcap that are whole in a block of input, one behind the other.
+#[derive(Clone, Debug)]
+pub struct ClassicPackets<'a> {
+    rest: &'a [u8],
+    is_big_endian: bool,
+    /// Number of the last packet that was taken.
+    number: u64,
+    resolution: Ns,
+}
+
+/// One of them.
+#[derive(Clone, Copy, Debug)]
+pub struct ClassicPacket<'a> {
+    /// Its number in the file, from 1.
+    pub number: u64,
+    /// When it was captured, in ns since 1970.
+    pub time: Ns,
+    /// The bytes that the capture kept.
+    pub data: &'a [u8],
+    /// The length of the packet on the wire.
+    pub length: usize,
+}
+
+impl<'a> Iterator for ClassicPackets<'a> {
+    type Item = ClassicPacket<'a>;
+
+    /// The next packet. What is behind the last one is less than a record, or damage.
+    #[inline]
+    fn next(&mut self) -> Option<ClassicPacket<'a>> {
+        let (header, behind) = self.rest.split_first_chunk()?;
+        let [seconds, fraction, kept, length] = numbers_of_header(header, self.is_big_endian);
+        let kept = kept as usize;
+        let (data, rest) = behind.split_at_checked(kept).filter(|_| kept <= MAX_RECORD_BYTES)?;
+        self.rest = rest;
+        self.number += 1;
+        let time = time_of([seconds, fraction], self.resolution);
+        Some(ClassicPacket { number: self.number, time, data, length: length as usize })
+    }
+}
+
+impl<'a> ClassicPacket<'a> {
+    /// The packet as one of any file; `by` is the only interface of its file.
+    pub fn captured(self, by: &'a Interface) -> CapturedPacket<'a> {
+        let Self { number, time, data, length } = self;
+        let (time, options) = (Some(time), &[][..]);
+        CapturedPacket { number, interface: 0, section: 0, by, time, data, length, options, big_endian: false }
+    }
+}
+
+/// The time of a packet of pcap, in ns since 1970.
+#[inline]
+fn time_of([seconds, fraction]: [u32; 2], resolution: Ns) -> Ns {
+    Ns::from(seconds) * 1_000_000_000 + Ns::from(fraction) * resolution
+}
+
 impl Interface {
     /// Converts a timestamp to ns since 1970.
     fn time(&self, ticks: u64) -> Ns {
@@ -382,15 +425,18 @@ pub(super) const RECORD_HEADER_BYTES: usize = 16;
 /// The numbers of such a header: seconds, their fraction, the bytes that are kept, and those on the wire.
 #[inline]
 pub(super) fn numbers_of_header(header: &[u8; RECORD_HEADER_BYTES], is_big_endian: bool) -> [u32; 4] {
-    let word = |at: usize| {
-        let word = [header[at], header[at + 1], header[at + 2], header[at + 3]];
-        if is_big_endian {
-            u32::from_be_bytes(word)
-        } else {
-            u32::from_le_bytes(word)
-        }
-    };
-    [word(0), word(4), word(8), word(12)]
+    let word = |at: usize| u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
+    let numbers = [word(0), word(4), word(8), word(12)];
+    if is_big_endian {
+        return swapped(numbers);
+    }
+    numbers
+}
+
+/// Few machines that capture are big-endian: the numbers of others are not swapped on suspicion.
+#[cold]
+fn swapped(numbers: [u32; 4]) -> [u32; 4] {
+    numbers.map(u32::swap_bytes)
 }
 
 /// Checks the length that a block announces; an impossible one means that the file is damaged.

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use crate::pcap::event::{EndedConnection, Event, Repetition};
 use crate::pcap::file::Interface;
+use crate::pcap::in_turn::{PacketInTurn, MOST_IN_TURN};
 use crate::pcap::lifecycle::{Closing, ConnectionHistory};
 use crate::pcap::metadata::{FrameMetadata, PacketMetadata};
 use crate::pcap::net::Endpoint;
@@ -12,10 +13,12 @@ use crate::pcap::stream::StreamChunk;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::Ns;
 
-/// What one call of `Capture::push` has reported, in order. The bytes of a packet and its time need no memory of their own.
+/// What one call of `Capture::push` has reported, in order. Packets that came in turn need no memory of their own.
 #[derive(Debug, Default)]
 pub struct KeptEvents {
     events: Vec<KeptEvent>,
+    /// Packets that came in turn, without their bytes; each event takes the next ones.
+    in_turn: Vec<KeptPacket>,
     /// The bytes of connections and serial lines; each event takes the next ones.
     bytes: Vec<u8>,
     /// The interfaces that events name by their place here, each with its address while it was read.
@@ -26,26 +29,35 @@ pub struct KeptEvents {
 #[derive(Debug)]
 enum KeptEvent {
     Time(Ns, u32),
+    /// So many packets in turn, of this interface.
+    InTurn(usize, u32),
     Bytes(KeptBytes),
     Line(Box<KeptLine>),
     Rare(Box<RareEvent>),
 }
 
-/// Bytes of a connection, and nearly always the time of their packet, which came right before them: small, because there is
-/// one of these for each packet.
+/// A packet that came in turn: small, because nearly all do.
+#[derive(Clone, Copy, Debug)]
+struct KeptPacket {
+    time: Ns,
+    number: u64,
+    length: u32,
+    slot: u32,
+    side: u8,
+    from_client: bool,
+    server_side_recorded: bool,
+}
+
+/// Bytes of a connection whose packet did not come in turn.
 #[derive(Clone, Copy, Debug)]
 struct KeptBytes {
-    time: Ns,
+    time: Option<Ns>,
     packet: u64,
     slot: u32,
     length: u32,
     missing: u32,
-    /// Where `follows_time`, the interface that the time came from.
-    interface: u32,
     side: u8,
     cut: bool,
-    has_time: bool,
-    follows_time: bool,
     from_client: bool,
     is_whole_message: bool,
     server_side_recorded: bool,
@@ -83,35 +95,40 @@ struct KeptMetadata {
 }
 
 impl KeptEvents {
-    /// Nothing yet, with room for so many events and bytes (`size`).
-    pub fn with_room_of((events, bytes): (usize, usize)) -> Self {
-        Self { events: Vec::with_capacity(events), bytes: Vec::with_capacity(bytes), interfaces: Vec::new() }
+    /// Nothing yet, with room for so many packets in turn and bytes (`size`).
+    pub fn with_room_of((in_turn, bytes): (usize, usize)) -> Self {
+        Self { in_turn: Vec::with_capacity(in_turn), bytes: Vec::with_capacity(bytes), ..Self::default() }
     }
 
-    /// How many events and bytes there are.
+    /// How many packets in turn and bytes there are.
     pub fn size(&self) -> (usize, usize) {
-        (self.events.len(), self.bytes.len())
+        (self.in_turn.len(), self.bytes.len())
     }
 
     /// Keeps an event.
     #[inline]
     pub fn push(&mut self, event: Event<'_>) {
         let kept = match event {
+            Event::InTurn(packets, by) => {
+                for packet in packets {
+                    self.bytes.extend_from_slice(packet.bytes);
+                    let PacketInTurn { time, number, bytes, slot, side, from_client, server_side_recorded } = *packet;
+                    let length = bytes.len() as u32;
+                    self.in_turn.push(KeptPacket { time, number, length, slot, side, from_client, server_side_recorded });
+                }
+                KeptEvent::InTurn(packets.len(), self.interface(by))
+            }
             Event::Time(time, by) => KeptEvent::Time(time, self.interface(by)),
             Event::Bytes { slot, from_client, chunk, is_whole_message, server_side_recorded } => {
-                let interface = self.take_time(chunk.time);
                 self.bytes.extend_from_slice(chunk.bytes);
                 KeptEvent::Bytes(KeptBytes {
-                    time: chunk.time.unwrap_or_default(),
+                    time: chunk.time,
                     packet: chunk.packet,
                     slot: slot as u32,
                     length: chunk.bytes.len() as u32,
                     missing: chunk.missing,
-                    interface: interface.unwrap_or_default(),
                     side: chunk.side as u8,
                     cut: chunk.cut,
-                    has_time: chunk.time.is_some(),
-                    follows_time: interface.is_some(),
                     from_client,
                     is_whole_message,
                     server_side_recorded,
@@ -139,19 +156,6 @@ impl KeptEvents {
         self.events.push(kept);
     }
 
-    /// Takes back the event before if it is this time, which the event at hand has, too; gives its interface.
-    #[inline]
-    fn take_time(&mut self, time: Option<Ns>) -> Option<u32> {
-        match self.events.last() {
-            Some(KeptEvent::Time(before, interface)) if Some(*before) == time => {
-                let interface = *interface;
-                self.events.pop();
-                Some(interface)
-            }
-            _ => None,
-        }
-    }
-
     /// The place of an interface among those that are kept. While one block is read, interfaces stay where they are.
     #[inline]
     fn interface(&mut self, by: &Interface) -> u32 {
@@ -172,15 +176,16 @@ impl KeptEvents {
             these
         };
         let by = |index: u32| &self.interfaces[index as usize].1;
+        let (mut in_turn, mut these) = (self.in_turn.iter(), Vec::with_capacity(MOST_IN_TURN));
         for kept in &self.events {
             match kept {
-                KeptEvent::Time(time, interface) => each(Event::Time(*time, by(*interface))),
-                KeptEvent::Bytes(kept) => {
-                    if kept.follows_time {
-                        each(Event::Time(kept.time, by(kept.interface)));
-                    }
-                    each(kept.event(next(kept.length as usize)));
+                KeptEvent::InTurn(count, interface) => {
+                    these.clear();
+                    these.extend(in_turn.by_ref().take(*count).map(|kept| kept.packet(next(kept.length as usize))));
+                    each(Event::InTurn(&these, by(*interface)));
                 }
+                KeptEvent::Time(time, interface) => each(Event::Time(*time, by(*interface))),
+                KeptEvent::Bytes(kept) => each(kept.event(next(kept.length as usize))),
                 KeptEvent::Line(line) => each(Event::Line {
                     interface: line.interface,
                     section: line.section,
@@ -196,8 +201,15 @@ impl KeptEvents {
     }
 }
 
-impl KeptBytes {
+impl KeptPacket {
     #[inline]
+    fn packet<'a>(&self, bytes: &'a [u8]) -> PacketInTurn<'a> {
+        let Self { time, number, slot, side, from_client, server_side_recorded, .. } = *self;
+        PacketInTurn { time, number, bytes, slot, side, from_client, server_side_recorded }
+    }
+}
+
+impl KeptBytes {
     fn event<'a>(&self, bytes: &'a [u8]) -> Event<'a> {
         Event::Bytes {
             slot: self.slot as usize,
@@ -206,7 +218,7 @@ impl KeptBytes {
                 side: usize::from(self.side),
                 bytes,
                 packet: self.packet,
-                time: self.has_time.then_some(self.time),
+                time: self.time,
                 missing: self.missing,
                 cut: self.cut,
             },

@@ -2,7 +2,7 @@
 //! refused, who ended it and how, what was transmitted again or is missing, and in which framing each side writes.
 
 use crate::pcap::classify::framing_of_segment;
-use crate::pcap::stream::{ArrivedSegment, SegmentOutcome, StreamChunk, MAX_DUPLICATE_DELAY_NS};
+use crate::pcap::stream::{ArrivedSegment, SegmentOutcome, MAX_DUPLICATE_DELAY_NS};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
@@ -111,12 +111,11 @@ impl ConnectionHistory {
         }
     }
 
-    /// Notes a segment as `note_segment` would that has neither SYN nor FIN nor RST, and only new bytes if any.
+    /// Notes a segment as `note_segment` would that has neither SYN nor FIN nor RST; `new_bytes` is its time if it has bytes, which
+    /// are new.
     #[inline]
-    pub fn note_plain_segment(&mut self, is_from_client: bool, has_data: bool, time: Option<Ns>) {
-        if has_data {
-            self.last_data = time;
-        }
+    pub fn note_plain_segment(&mut self, is_from_client: bool, new_bytes: Option<Ns>) {
+        self.last_data = new_bytes.or(self.last_data);
         self.is_accepted |= !is_from_client;
     }
 
@@ -135,15 +134,14 @@ impl ConnectionHistory {
 
     /// Notes bytes of one side, in order.
     #[inline]
-    pub fn note_bytes(&mut self, functions: &Functions, chunk: &StreamChunk<'_>) {
-        self.lost_bytes += u64::from(chunk.missing);
-        let framing = &mut self.framing[chunk.side];
+    pub fn note_bytes(&mut self, functions: &Functions, side: usize, bytes: &[u8]) {
+        let framing = &mut self.framing[side];
         let tried = match *framing {
             SideFraming::Silent => 0,
             SideFraming::Unknown(tried) if tried < MAX_SEGMENTS_WITHOUT_FRAME => tried,
             SideFraming::Unknown(_) | SideFraming::Known(_) => return,
         };
-        *framing = framing_of_segment(functions, chunk.bytes).map_or(SideFraming::Unknown(tried + 1), SideFraming::Known);
+        *framing = framing_of_segment(functions, bytes).map_or(SideFraming::Unknown(tried + 1), SideFraming::Known);
     }
 
     /// Notes that a side has ended the connection. `false` if it had finished before, so that this is nothing new.

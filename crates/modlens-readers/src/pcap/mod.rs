@@ -16,6 +16,7 @@ mod event;
 mod file;
 mod fragments;
 mod frame_parts;
+mod in_turn;
 mod kept_events;
 mod known_connections;
 mod lifecycle;
@@ -30,6 +31,7 @@ mod tests;
 pub use connections::Ports;
 pub use event::{EndedConnection, Event, Repetition, SkipCounts};
 pub use file::{signature, Interface};
+pub use in_turn::PacketInTurn;
 pub use kept_events::KeptEvents;
 pub use lifecycle::{Closing, ConnectionHistory, SideFraming};
 pub use net::Endpoint;
@@ -37,9 +39,10 @@ pub use serial::SerialContent;
 pub use stream::StreamChunk;
 
 use connections::ConnectionTable;
-use file::{CaptureFile, CapturedPacket};
+use file::{CaptureFile, CapturedPacket, ClassicPackets};
 use fragments::Fragments;
 use frame_parts::FrameParts;
+use in_turn::MOST_IN_TURN;
 use serial::SerialPacket;
 
 use modlens_protocol::functions::Functions;
@@ -73,19 +76,66 @@ impl Capture {
     pub fn push(&mut self, functions: &Functions, block: &[u8], each: &mut impl FnMut(Event<'_>)) {
         // What is left of the reader takes packets while this cuts them out of the block.
         let mut file = std::mem::take(&mut self.file);
-        file.push(block, &mut |packet| {
-            if let Some(time) = packet.time {
-                each(Event::Time(time, packet.by));
+        let mut rest = block;
+        loop {
+            if let Some((mut packets, by)) = file.packets_of(rest) {
+                self.take_block(functions, &mut packets, &by, each);
+                rest = file.pass(&packets, rest.len());
             }
-            let segment = plain::segment(packet.by.link, packet.data).filter(|_| !self.is_general);
-            let at = (packet.number, packet.time);
-            if segment.is_some_and(|it| self.table.take_plain(functions, &it, at, each)) {
-                self.plain += 1;
-            } else {
-                self.take_packet(functions, &packet, each);
+            rest = file.push_record(rest, &mut |packet| self.take_one(functions, &packet, each));
+            if rest.is_empty() {
+                break;
             }
-        });
+        }
         self.file = file;
+    }
+
+    /// Takes the packets of pcap at the head of a block that are whole in it. Those that come in turn are handed on many at once.
+    fn take_block(
+        &mut self,
+        functions: &Functions,
+        packets: &mut ClassicPackets<'_>,
+        by: &Interface,
+        each: &mut impl FnMut(Event<'_>),
+    ) {
+        let mut in_turn = Vec::with_capacity(MOST_IN_TURN);
+        for packet in packets {
+            let segment = plain::segment(by.link, packet.data).filter(|_| !self.is_general);
+            let taken = segment.and_then(|it| self.table.take_plain(functions, &it, (packet.number, packet.time)));
+            if let Some(taken) = taken {
+                in_turn.push(taken);
+                if in_turn.len() < MOST_IN_TURN {
+                    continue;
+                }
+            }
+            if !in_turn.is_empty() {
+                each(Event::InTurn(&in_turn, by));
+                self.plain += in_turn.len() as u64;
+                in_turn.clear();
+            }
+            if taken.is_none() {
+                each(Event::Time(packet.time, by));
+                self.take_packet(functions, &packet.captured(by), each);
+            }
+        }
+        if !in_turn.is_empty() {
+            each(Event::InTurn(&in_turn, by));
+            self.plain += in_turn.len() as u64;
+        }
+    }
+
+    /// Takes a packet of which the bytes are not those of a block, or that is not one of pcap.
+    fn take_one(&mut self, functions: &Functions, packet: &CapturedPacket<'_>, each: &mut impl FnMut(Event<'_>)) {
+        if let Some(time) = packet.time {
+            let segment = plain::segment(packet.by.link, packet.data).filter(|_| !self.is_general);
+            let taken = segment.and_then(|it| self.table.take_plain(functions, &it, (packet.number, time)));
+            if let Some(taken) = taken {
+                self.plain += 1;
+                return each(Event::InTurn(&[taken], packet.by));
+            }
+            each(Event::Time(time, packet.by));
+        }
+        self.take_packet(functions, packet, each);
     }
 
     /// Takes a packet that is not plain.

@@ -12,15 +12,10 @@ const TCP_BYTES: usize = 20;
 /// The link type of Ethernet.
 const ETHERNET: u16 = 1;
 
-/// IPv4 behind Ethernet, and the first byte of a header of version 4 without options.
-const IPV4: [u8; 2] = [0x08, 0x00];
-const VERSION_AND_LENGTH: u8 = 0x45;
-
-/// All flags and the offset of a fragment but for `Don't Fragment`.
-const FRAGMENT_BITS: u16 = 0xBFFF;
-
-/// The number of TCP in an IP header.
-const TCP: u8 = 6;
+/// The bytes of the headers from 12 to 19 and from 20 to 27 that all plain segments have in common, with a mask for each: IPv4 behind
+/// Ethernet, version 4 without options; not a fragment, whether or not it may be fragmented, and TCP.
+const TYPE_AND_VERSION: (u64, u64) = (0x0800_4500_0000_0000, 0xFFFF_FF00_0000_0000);
+const WHOLE_AND_TCP: (u64, u64) = (0x0000_0006_0000_0000, 0xBFFF_00FF_0000_0000);
 
 /// The flags URG, ACK, RST, SYN and FIN, of which a plain segment has ACK only.
 const FLAGS: u8 = 0x37;
@@ -49,11 +44,10 @@ pub fn segment(link: u16, data: &[u8]) -> Option<PlainSegment<'_>> {
     let headers: &[u8; ETHERNET_BYTES + IP_BYTES + TCP_BYTES] = data.first_chunk().filter(|_| link == ETHERNET)?;
     let half = |at: usize| u16::from_be_bytes([headers[at], headers[at + 1]]);
     let word = |at: usize| u32::from_be_bytes([headers[at], headers[at + 1], headers[at + 2], headers[at + 3]]);
-    let is_plain = headers[12..14] == IPV4
-        && headers[14] == VERSION_AND_LENGTH
-        && half(20) & FRAGMENT_BITS == 0
-        && headers[23] == TCP
-        && headers[47] & FLAGS == ACK;
+    let has = |at: usize, (value, mask): (u64, u64)| {
+        headers[at..].first_chunk().is_some_and(|eight| u64::from_be_bytes(*eight) & mask == value)
+    };
+    let is_plain = has(12, TYPE_AND_VERSION) && has(20, WHOLE_AND_TCP) && headers[47] & FLAGS == ACK;
     let begin = ETHERNET_BYTES + IP_BYTES + 4 * usize::from(headers[46] >> 4);
     if !is_plain || begin < headers.len() {
         return None;

@@ -87,7 +87,8 @@ pub struct ArrivedSegment<'a> {
 struct SegmentFingerprint {
     start: u32,
     length: u32,
-    ident: Option<u16>,
+    /// Identification in the IPv4 header; 0 if it has none.
+    ident: u16,
     time: Option<Ns>,
 }
 
@@ -179,15 +180,16 @@ impl Stream {
         outcome
     }
 
-    /// Takes a segment with all of its payload that `take` would deliver as it is and at once: it is the next one of its side
-    /// and new, nothing waits or is missing, and no side has finished. `false`, with nothing changed, if it is not. The caller
-    /// delivers the payload.
+    /// Whether nothing waits or is missing, and no side has finished. It stays so as long as `take_next` takes all segments.
+    pub fn is_steady(&self) -> bool {
+        self.waiting.is_empty() && self.sides.iter().all(|side| side.end.is_none() && side.missing == 0)
+    }
+
+    /// Takes a segment with all of its payload that `take` would deliver as it is and at once: the stream is steady, and it is the
+    /// next one of its side and new. `false`, with nothing changed, if it is not. The caller delivers the payload.
     #[inline]
-    pub fn take_next(&mut self, side: usize, it: &PlainSegment<'_>, time: Option<Ns>) -> bool {
-        let is_plain = self.waiting.is_empty() && self.sides.iter().all(|side| side.end.is_none());
-        let direction = &self.sides[side];
-        let is_next = direction.next == Some(it.sequence) && direction.missing == 0;
-        if !is_plain || !is_next || self.is_blocked(side, Some(it.acknowledged)) {
+    pub fn take_next(&mut self, side: usize, it: &PlainSegment<'_>, time: Ns) -> bool {
+        if self.sides[side].next != Some(it.sequence) || self.is_blocked(side, Some(it.acknowledged)) {
             return false;
         }
         let length = it.payload.len() as u32;
@@ -195,15 +197,15 @@ impl Stream {
             return true;
         }
         let direction = &mut self.sides[side];
-        if direction.in_turn < RECENT_SEGMENTS && direction.recent.iter().any(|old| old.start == it.sequence) {
-            return false;
+        if direction.in_turn < RECENT_SEGMENTS {
+            if direction.recent.iter().any(|old| old.start == it.sequence) {
+                return false;
+            }
+            direction.in_turn += 1;
         }
         direction.next = Some(it.sequence.wrapping_add(length));
         direction.losses_without_data = 0;
-        let ident = Some(it.ident).filter(|&ident| ident != 0);
-        let in_turn = direction.in_turn;
-        direction.remember(SegmentFingerprint { start: it.sequence, length, ident, time });
-        direction.in_turn = (in_turn + 1).min(RECENT_SEGMENTS);
+        direction.remember(SegmentFingerprint { start: it.sequence, length, ident: it.ident, time: Some(time) });
         true
     }
 
@@ -332,11 +334,11 @@ impl Stream {
 impl StreamDirection {
     /// Whether this segment is new, a duplicate of the capture or a retransmission; it is remembered for the next ones.
     fn check_and_remember(&mut self, it: &ArrivedSegment<'_>, start: u32) -> SegmentOutcome {
-        let this = SegmentFingerprint { start, length: it.length as u32, ident: it.ident.filter(|&id| id != 0), time: it.time };
+        let this = SegmentFingerprint { start, length: it.length as u32, ident: it.ident.unwrap_or(0), time: it.time };
         let same = |old: &&SegmentFingerprint| (old.start, old.length) == (this.start, this.length);
         let outcome = match self.recent.iter().rfind(same) {
-            None => return self.remember(this),
-            Some(old) if old.ident.is_some() || this.ident.is_some() => {
+            None => SegmentOutcome::New,
+            Some(old) if old.ident != 0 || this.ident != 0 => {
                 if self.recent.iter().filter(same).any(|old| old.ident == this.ident) {
                     SegmentOutcome::Duplicate
                 } else {
@@ -349,13 +351,13 @@ impl StreamDirection {
             Some(_) => SegmentOutcome::Retransmission,
         };
         self.remember(this);
+        self.in_turn = 0;
         outcome
     }
 
-    fn remember(&mut self, this: SegmentFingerprint) -> SegmentOutcome {
+    #[inline]
+    fn remember(&mut self, this: SegmentFingerprint) {
         self.recent[self.oldest] = this;
         self.oldest = (self.oldest + 1) % RECENT_SEGMENTS;
-        self.in_turn = 0;
-        SegmentOutcome::New
     }
 }

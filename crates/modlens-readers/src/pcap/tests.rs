@@ -5,7 +5,7 @@ use pcap_parser::{parse_pcap_frame, parse_pcap_frame_be};
 use proptest::prelude::*;
 
 use crate::pcap::file::numbers_of_header;
-use crate::pcap::{Capture, KeptEvents, Ports};
+use crate::pcap::{Capture, Event, KeptEvents, Ports};
 use modlens_protocol::functions::Functions;
 
 const FIN: u8 = 1;
@@ -141,14 +141,24 @@ fn happen(file: &mut File, talk: &mut Talk, what: usize) {
     }
 }
 
+/// An event as text; packets that came in turn as the events that they mean.
+fn list(event: Event<'_>, all: &mut Vec<String>) {
+    if let Event::InTurn(packets, by) = event {
+        let events = packets.iter().flat_map(|packet| packet.events(by));
+        all.extend(events.map(|event| format!("{event:?}")));
+    } else {
+        all.push(format!("{event:?}"));
+    }
+}
+
 /// All events of a capture, what was left out, and how many packets took the short way.
 fn read(file: &[u8], is_general: bool) -> (Vec<String>, u64) {
     let mut capture = Capture::new(Ports::default());
     capture.is_general = is_general;
     let functions = Functions::default();
     let mut all = Vec::new();
-    capture.push(&functions, file, &mut |event| all.push(format!("{event:?}")));
-    capture.finish(&functions, &mut |event| all.push(format!("{event:?}")));
+    capture.push(&functions, file, &mut |event| list(event, &mut all));
+    capture.finish(&functions, &mut |event| list(event, &mut all));
     all.push(format!("{:?} {}", capture.left_out(), capture.packets()));
     (all, capture.plain)
 }
@@ -166,7 +176,7 @@ fn read_later(file: &[u8], block: usize) -> Vec<String> {
     let mut last = KeptEvents::default();
     capture.finish(&functions, &mut |event| last.push(event));
     let mut all = Vec::new();
-    blocks.iter().chain([&last]).for_each(|kept| kept.replay(|event| all.push(format!("{event:?}"))));
+    blocks.iter().chain([&last]).for_each(|kept| kept.replay(|event| list(event, &mut all)));
     all.push(format!("{:?} {}", capture.left_out(), capture.packets()));
     all
 }

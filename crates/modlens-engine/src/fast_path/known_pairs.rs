@@ -1,0 +1,132 @@
+//! Reads that came before, matched in their packets one behind the other (`packet_pairs`): most exchanges of a master that polls.
+//!
+//! All that follows from such a request is known by its bytes, so that little is left to do for each; the rest is done once for all
+//! of them.
+
+use std::mem::size_of;
+
+use crate::fast_path::known_reads::{KnownRead, KnownReads};
+use crate::fast_path::packet_pairs::next_with_bytes;
+use crate::fast_path::packet_run::PacketRun;
+use crate::fast_path::rows::confidence_by_id;
+use crate::records::{PacketPair, Span};
+use crate::session::bus::BusState;
+use crate::session::Session;
+use crate::stats::RequestPlace;
+use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
+use modlens_protocol::Ns;
+use modlens_readers::pcap::PacketInTurn;
+
+/// Bytes of the identifier and of the protocol, which both packets of an exchange have in common.
+const COMMON_BYTES: usize = 4;
+
+/// Bytes of a read, with its MBAP header.
+const READ_BYTES: usize = COMMON_BYTES + size_of::<u64>();
+
+/// Exchanges of known reads, one behind the other, and what is noted of them as a whole.
+#[derive(Default)]
+struct KnownPairs {
+    exchanges: u64,
+    /// Bytes of requests and of responses, and those of the longest of each.
+    bytes: [usize; 2],
+    longest: [usize; 2],
+    /// The longest time to a response.
+    longest_wait: Ns,
+    /// The last one: when its packets came, where its response is in the arena, and what it is.
+    times: [Ns; 2],
+    response: Span,
+    last: Option<KnownRead>,
+}
+
+impl Session {
+    /// Emits the pairs at the head of these packets of which the request is a read that came before, and which are exchanges
+    /// without a doubt; gives the packets behind them. The run at hand has begun with another exchange.
+    pub(super) fn match_known_reads<'a, 'b>(
+        &mut self,
+        current: &mut PacketRun,
+        mut packets: &'b [PacketInTurn<'a>],
+        belongs: impl Fn(&PacketInTurn<'_>) -> bool,
+    ) -> &'b [PacketInTurn<'a>] {
+        let BusState { known_reads, pairing, connection, counts, .. } = &mut self.buses[current.bus];
+        let Some(latest) = current.latest.filter(|_| self.wanted.transactions && connection.in_flight.is_idle()) else {
+            return packets;
+        };
+        let mut counters = self.stats.exchange_counts(*counts);
+        let client_before = current.sides[0].last.unwrap_or(latest);
+        let mut pairs = KnownPairs { times: [client_before, latest], ..KnownPairs::default() };
+        loop {
+            let mut behind = packets.iter();
+            let Some(request) = next_with_bytes(&mut behind, &belongs) else { break };
+            let Some(response) = next_with_bytes(&mut behind, &belongs) else { break };
+            let times = [request.time, response.time];
+            let is_recorded = pairing.response_side_recorded;
+            if !(is_pair(request, response, is_recorded) && times[0] > pairs.times[1] && current.takes_response_at(times)) {
+                break;
+            }
+            let Some((known, place, id)) = match_known(known_reads, request.bytes, response.bytes) else { break };
+            if !current.open.are_left_by(id, times) {
+                break;
+            }
+            let gap = current.run.measurable_gap(times[0] - pairs.times[0]);
+            let response_time = pairing.measurable_interval(Some(times[0]), Some(times[1]), true);
+            pairing.learn_times(None, response_time, false);
+            let response_time = response_time.filter(|&ns| ns >= current.run.min_measurable_ns);
+            counters.count_timed(place, times, response_time);
+            let lengths = [request.bytes.len(), response.bytes.len()];
+            let start = self.batch.store(request.bytes).start;
+            pairs.response = self.batch.store(response.bytes);
+            let exchange = known.expected.compact(start, lengths, confidence_by_id(), 0);
+            let pair = PacketPair { starts: times, gap, response_time, packet: request.number, mbap_id: id };
+            self.held.exchanges.push_next(exchange, pair);
+            pairs.add(lengths, times);
+            pairs.last = Some(*known);
+            packets = behind.as_slice();
+        }
+        if let Some(KnownRead { expected, counters: Some(place), .. }) = pairs.last {
+            counters.note_last(expected.key(), place);
+            connection.note_lone_exchanges(pairs.exchanges, pairs.longest_wait);
+            self.next_txn += pairs.exchanges;
+            self.next_frame += 2 * pairs.exchanges;
+            current.run.totals.exchanges += pairs.exchanges;
+            current.run.totals.bytes += pairs.bytes[0] + pairs.bytes[1];
+            current.pass((pairs.bytes, pairs.longest), pairs.times, pairs.response);
+        }
+        packets
+    }
+}
+
+impl KnownPairs {
+    #[inline]
+    fn add(&mut self, lengths: [usize; 2], times: [Ns; 2]) {
+        self.exchanges += 1;
+        for (at, length) in lengths.into_iter().enumerate() {
+            self.bytes[at] += length;
+            self.longest[at] = self.longest[at].max(length);
+        }
+        self.longest_wait = self.longest_wait.max(times[1] - times[0]);
+        self.times = times;
+    }
+}
+
+/// Whether two packets are one of the client and one of the server, of a connection whose server is recorded or not.
+#[inline]
+fn is_pair(request: &PacketInTurn<'_>, response: &PacketInTurn<'_>, is_recorded: bool) -> bool {
+    let are_recorded = request.server_side_recorded == is_recorded && response.server_side_recorded == is_recorded;
+    request.from_client && !response.from_client && are_recorded
+}
+
+/// The read that came before of which these are the request and its response, the place of its counters, and the identifier of
+/// both; `None` if they are not.
+#[inline(always)]
+#[allow(clippy::inline_always)] // Called once.
+fn match_known<'a>(reads: &'a KnownReads, asked: &[u8], answered: &[u8]) -> Option<(&'a KnownRead, RequestPlace, u16)> {
+    let asked: &[u8; READ_BYTES] = asked.try_into().ok()?;
+    let (common, read) = asked.split_first_chunk::<COMMON_BYTES>()?;
+    let known = reads.get(read)?;
+    let (header, response) = answered.split_first_chunk::<MBAP_PREFIX_BYTES>()?;
+    let [high, low, 0, 0] = *common else { return None };
+    let [length_high, length_low] = (known.expected.response_bytes as u16).to_be_bytes();
+    let is_framed = *header == [high, low, 0, 0, length_high, length_low] && response.len() == known.expected.response_bytes;
+    let is_answered = is_framed && known.expected.is_answered_by(&asked[MBAP_PREFIX_BYTES..], response);
+    Some((known, known.counters.filter(|_| is_answered)?, u16::from_be_bytes([high, low])))
+}
