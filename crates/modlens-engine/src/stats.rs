@@ -1,6 +1,7 @@
 //! Statistics of a session: counters by bus, unit and function. Their memory is bounded, whatever the size of the recording.
 
 pub mod histogram;
+mod request_indices;
 mod requests;
 
 use std::collections::BTreeMap;
@@ -86,7 +87,8 @@ pub(crate) struct ExchangeCounts<'a> {
 }
 
 impl ExchangeCounts<'_> {
-    /// Counts what `Stats::record_exchange_at` counts, but for what only the last one leaves behind: see `note_last`.
+    /// Counts an exchange with the request at this place, as `Stats::record_exchange` does, but for what only the last one leaves
+    /// behind: see `note_last`.
     #[inline]
     pub(crate) fn count(&mut self, at: RequestPlace) {
         self.bus.requests.count_at(usize::from(at.request), None, None);
@@ -103,9 +105,21 @@ impl ExchangeCounts<'_> {
         }
     }
 
+    /// Counts an exchange with this request. Gives the place of its counters; `None` if there is no room for the request.
+    #[inline]
+    pub(crate) fn count_request(&mut self, key: RequestKey) -> Option<RequestPlace> {
+        let request = self.bus.requests.find_or_add(key);
+        let (unit, function) = self.bus.function_place(key.unit(), key.function());
+        self.bus.units[unit].functions[function].statuses[Status::Ok as usize] += 1;
+        let request = request?;
+        self.bus.requests.count_at(request, None, None);
+        Some(RequestPlace { request: request as u16, unit: unit as u8, function: function as u8 })
+    }
+
     /// Notes the last exchange counted.
-    pub(crate) fn note_last(self, key: RequestKey, at: RequestPlace) {
-        self.bus.requests.note_last(usize::from(at.request), key);
+    #[inline]
+    pub(crate) fn note_last(self, key: RequestKey) {
+        self.bus.requests.note_answered(key);
     }
 }
 
@@ -227,33 +241,15 @@ impl Stats {
         }
     }
 
-    /// Counts what `record_exchange` counts of an exchange without times, for whose request there is no room (`place_of`).
-    pub(crate) fn record_exchange_without_place(&mut self, bus: usize, key: RequestKey) {
-        let counts = &mut self.buses[bus];
-        counts.requests.note_answered(key);
-        counts.function(key.unit(), key.function()).statuses[Status::Ok as usize] += 1;
-    }
-
     /// Where the counters of a request are, on the bus of this index here; `None` if there is no room for the request.
     pub(crate) fn place_of(&mut self, bus: usize, key: RequestKey) -> Option<RequestPlace> {
         let counts = &mut self.buses[bus];
         let request = counts.requests.find_or_add(key)?;
-        counts.function(key.unit(), key.function());
-        let unit = usize::from(counts.unit_indices[usize::from(key.unit())]) - 1;
-        let function = usize::from(counts.units[unit].indices[usize::from(key.function())]) - 1;
+        let (unit, function) = counts.function_place(key.unit(), key.function());
         Some(RequestPlace { request: request as u16, unit: unit as u8, function: function as u8 })
     }
 
-    /// Counts what `record_exchange` counts of an exchange without times, whose counters are at this place.
-    #[inline(always)]
-    #[allow(clippy::inline_always)] // As above.
-    pub(crate) fn record_exchange_at(&mut self, bus: usize, key: RequestKey, at: RequestPlace) {
-        let mut counts = self.exchange_counts(bus);
-        counts.count(at);
-        counts.note_last(key, at);
-    }
-
-    /// The counters of exchanges on a bus, the one with this index here.
+    /// The counters of exchanges on the bus of this index here.
     #[inline]
     pub(crate) fn exchange_counts(&mut self, bus: usize) -> ExchangeCounts<'_> {
         ExchangeCounts { bus: &mut self.buses[bus] }
@@ -370,17 +366,25 @@ impl BusCounts {
     }
 
     /// The counters of a function of a unit, which are added if they are new.
+    #[inline]
     fn function(&mut self, unit: u8, function: u8) -> &mut FunctionCounts {
+        let (unit, function) = self.function_place(unit, function);
+        &mut self.units[unit].functions[function]
+    }
+
+    /// The indices of a unit and of a function of it, which are added if they are new.
+    #[inline]
+    fn function_place(&mut self, unit: u8, function: u8) -> (usize, usize) {
         let at = self.unit_indices.get(usize::from(unit)).map_or(0, |&index| usize::from(index));
         match self.units.get(at.wrapping_sub(1)).and_then(|unit| unit.indices.get(usize::from(function))) {
-            Some(&index @ 1..) => &mut self.units[at - 1].functions[usize::from(index) - 1],
+            Some(&index @ 1..) => (at - 1, usize::from(index) - 1),
             _ => self.add_function(unit, function),
         }
     }
 
     /// Adds a function of a unit, which is not there yet, with its counters at 0.
     #[cold]
-    fn add_function(&mut self, unit: u8, function: u8) -> &mut FunctionCounts {
+    fn add_function(&mut self, unit: u8, function: u8) -> (usize, usize) {
         self.unit_indices.resize(256, 0);
         let index = &mut self.unit_indices[usize::from(unit)];
         if *index == 0 {
@@ -388,12 +392,13 @@ impl BusCounts {
             // There are at most 256 units.
             *index = self.units.len() as u16;
         }
-        let UnitCounts { functions, indices, .. } = &mut self.units[usize::from(*index) - 1];
+        let unit = usize::from(*index) - 1;
+        let UnitCounts { functions, indices, .. } = &mut self.units[unit];
         indices.resize(256, 0);
         functions.push(FunctionCounts { function, ..FunctionCounts::default() });
         // There are at most 128 functions, since their codes have seven bits.
         indices[usize::from(function)] = functions.len() as u8;
-        functions.last_mut().expect("just added")
+        (unit, functions.len() - 1)
     }
 
     /// Unit number and counters of each function, sorted by unit and function.

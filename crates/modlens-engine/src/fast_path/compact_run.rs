@@ -5,17 +5,19 @@ use crate::confidence;
 use crate::fast_path::emit::may_hold_no_map;
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::known_reads::KnownReads;
+use crate::fast_path::plain_write::PlainWrite;
 use crate::fast_path::rows::rtu_transaction_confidence;
 use crate::fast_path::rtu_exchange::{is_response, Answered};
+use crate::framer::rtu::search::SURE_SILENCE_SHARE;
 use crate::framer::rtu::side::REQUEST;
-use crate::framer::rtu::traffic_model::LearningRun;
+use crate::framer::rtu::traffic_model::{LearningRun, RequestIdentity};
 use crate::framer::rtu::RtuFramer;
 use crate::framer::PauseEvidence;
 use crate::pairing::Pairing;
 use crate::records::Exchange;
-use crate::stats::{RequestKey, RequestPlace, Stats};
+use crate::stats::{RequestKey, Stats};
 use crate::weights::CERTAIN_DIRECTION_BITS;
-use modlens_protocol::checksum::{crc_valid_at, CRC_BYTES};
+use modlens_protocol::checksum::crc_valid_at;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 
@@ -32,16 +34,46 @@ pub(super) struct Known<'a> {
     pub counts: usize,
 }
 
+/// The bytes of a run, which are in one read without times and marks, and what came before them.
+pub(super) struct RunBytes<'a> {
+    pub bytes: &'a [u8],
+    /// Where they will begin in the arena.
+    pub arena_start: usize,
+    answered_before: Answered,
+    /// What an unknown silence says.
+    pause: PauseEvidence,
+}
+
+impl<'a> RunBytes<'a> {
+    pub(super) fn new(known: &Known<'_>, bytes: &'a [u8], arena_start: usize) -> Self {
+        let timing = &known.pairing.timing;
+        let pause = PauseEvidence {
+            timeout: timing.timeout_log_odds(None),
+            poll: timing.poll_log_odds(None),
+            ..PauseEvidence::default()
+        };
+        Self { bytes, arena_start, answered_before: known.framer.answered(), pause }
+    }
+
+    /// What a request may be the response to, behind an exchange at this index.
+    #[inline]
+    fn answered_behind(&self, last: Option<usize>) -> Answered {
+        last.map_or(self.answered_before, |at| Answered::by_exchange(self.bytes[at], self.bytes[at + 1]))
+    }
+}
+
 /// What a run has taken so far.
 #[derive(Default)]
 pub(super) struct CompactRun {
     /// Bytes of its exchanges.
-    pub bytes: usize,
-    /// Requests whose response may not have the same bytes.
-    pub first_requests: u32,
+    pub length: usize,
+    /// Requests whose response has the same bytes, if they are not refused.
+    pub mirrored: u32,
     pub refusals: u32,
-    /// The last exchange: where its request begins, and log2 of the odds of its response's direction.
-    pub last: Option<(usize, f32)>,
+    /// Where the request of the last exchange begins.
+    pub last: Option<usize>,
+    /// Where the response of the last exchange has the bytes of its request: the share of requests that its unit does not answer.
+    silence_share: Option<f32>,
     learned: LearningRun,
 }
 
@@ -53,104 +85,115 @@ struct Decided {
 }
 
 impl CompactRun {
-    /// Takes exchanges at the head of these bytes, which are in one read without times and marks, until one does not qualify, and
-    /// appends them to `exchanges`. Their bytes will begin at `arena_start` in the arena.
-    pub(super) fn take(&mut self, mut known: Known<'_>, bytes: &[u8], arena_start: usize, exchanges: &mut Vec<Exchange>) {
-        let timing = &known.pairing.timing;
-        let pause = PauseEvidence {
-            timeout: timing.timeout_log_odds(None),
-            poll: timing.poll_log_odds(None),
-            ..PauseEvidence::default()
-        };
-        let answered_before = known.framer.answered();
-        let of_reads = rtu_transaction_confidence(false, u8::MAX);
+    /// Takes exchanges at the head of these bytes until one does not qualify, and appends them to `exchanges`. Gives log2 of the
+    /// odds of the direction of the last response.
+    pub(super) fn take(&mut self, mut known: Known<'_>, of: &RunBytes<'_>, exchanges: &mut Vec<Exchange>) -> f32 {
         known.framer.search.model.begin_run(&mut self.learned);
         loop {
-            self.take_known_reads(&mut known, bytes, (arena_start, answered_before), of_reads, exchanges);
-            let (start, rest) = ((arena_start + self.bytes) as u32, &bytes[self.bytes..]);
-            let answered = answered_behind(self.last.map(|(at, _)| at), bytes, answered_before);
-            let Some(decided) = next_exchange(&known, rest, answered, pause) else { break };
-            exchanges.push(self.take_decided(&mut known, &decided, rest, start, pause));
+            self.take_known_reads(&mut known, of, exchanges);
+            if let Some(write) = self.take_write(&mut known, of) {
+                exchanges.push(write);
+                continue;
+            }
+            let answered = of.answered_behind(self.last);
+            let Some(decided) = next_exchange(&known, &of.bytes[self.length..], answered, of.pause) else { break };
+            exchanges.push(self.take_decided(&mut known, &decided, of));
         }
         known.framer.learn_run(&mut self.learned);
+        self.silence_share.map_or(CERTAIN_DIRECTION_BITS, |share| known.framer.mirrored_response_odds(share, of.pause))
     }
 
-    /// Takes the reads at the head of these bytes that are known by all of their bytes, and whose response follows without doubt,
-    /// as `next_exchange` would one by one.
-    #[inline]
-    fn take_known_reads(
-        &mut self,
-        known: &mut Known<'_>,
-        bytes: &[u8],
-        (arena_start, answered_before): (usize, Answered),
-        confidence: u8,
-        exchanges: &mut Vec<Exchange>,
-    ) {
+    /// Takes the reads that come next and are known by all of their bytes, and whose response follows without doubt, as
+    /// `next_exchange` and `take_decided` would one by one.
+    fn take_known_reads(&mut self, known: &mut Known<'_>, of: &RunBytes<'_>, exchanges: &mut Vec<Exchange>) {
         let model = &mut known.framer.search.model;
         let mut counts = known.stats.exchange_counts(known.counts);
-        let mut rest = &bytes[self.bytes..];
-        let mut left = self.learned.left();
-        let mut last: Option<(usize, RequestKey, RequestPlace)> = None;
-        let answered = |last: Option<usize>| answered_behind(last.or(self.last.map(|(at, _)| at)), bytes, answered_before);
-        while left > 0 {
+        let (mut rest, mut last, most) = (&of.bytes[self.length..], self.last, self.learned.left());
+        let mut taken = 0;
+        while taken < most {
             let Some((request, behind)) = rest.split_first_chunk() else { break };
             let Some(read) = known.reads.next(*request) else { break };
-            let (Some(counters), expected) = (read.counters, &read.expected) else { break };
-            let length = expected.response_bytes + CRC_BYTES;
+            let (Some(counters), length) = (read.counters, usize::from(read.exchange.lengths[1])) else { break };
             let is_answered = behind.len() >= length
-                && !(expected.resembles_response && answered(last.map(|(at, ..)| at)).may_be_again(expected))
-                && model.is_familiar(expected.unit, expected.code, REQUEST)
-                && expected.is_answered_by(request, behind)
+                && !(read.expected.resembles_response && of.answered_behind(last).may_be_again(&read.expected))
+                && model.is_familiar(read.exchange.unit, read.exchange.function, REQUEST)
+                && read.expected.is_answered_by(request, behind)
                 && crc_valid_at(behind, length);
             if !is_answered {
                 break;
             }
-            let at = bytes.len() - rest.len();
-            exchanges.push(expected.compact((arena_start + at) as u32, expected.rtu_lengths(), confidence, 0));
+            let at = of.bytes.len() - rest.len();
+            exchanges.push(Exchange { start: (of.arena_start + at) as u32, ..read.exchange });
             counts.count(counters);
             model.learn_request(&read.identity, request);
-            last = Some((at, expected.key(), counters));
+            last = Some(at);
             rest = &behind[length..];
-            left -= 1;
+            taken += 1;
         }
-        if let Some((at, key, counters)) = last {
-            counts.note_last(key, counters);
-            self.last = Some((at, CERTAIN_DIRECTION_BITS));
-            self.bytes = bytes.len() - rest.len();
-            let taken = self.learned.left() - left;
-            self.learned.count_reads(taken);
-            self.first_requests += taken;
+        if let Some(exchange) = exchanges.last().filter(|_| taken > 0) {
+            counts.note_last(key_of(exchange));
+            (self.last, self.silence_share) = (last, None);
+            self.length = of.bytes.len() - rest.len();
+            self.learned.count(taken, taken);
         }
     }
 
-    /// Leaves behind an exchange, of which the direction of the response has these odds.
+    /// Takes the plain write that comes next, if its response follows without doubt, as `next_exchange` and `take_decided` would.
     #[inline]
-    fn pass(&mut self, expected: &ExpectedExchange, odds: f32) {
-        self.last = Some((self.bytes, odds));
-        self.bytes += expected.rtu_lengths().iter().sum::<usize>();
+    fn take_write(&mut self, known: &mut Known<'_>, of: &RunBytes<'_>) -> Option<Exchange> {
+        let bytes = &of.bytes[self.length..];
+        let write = PlainWrite::at(known.functions, bytes).filter(|_| self.learned.left() > 0)?;
+        let PlainWrite { lengths, is_mirrored, address, quantity } = write;
+        let (unit, function) = (bytes[0], bytes[1]);
+        let is_certain = !(is_mirrored && of.answered_behind(self.last).may_have_header(unit, function))
+            && known.framer.search.model.is_familiar(unit, function, REQUEST)
+            && write.is_answered(bytes);
+        if !is_certain {
+            return None;
+        }
+        self.silence_share = None;
+        let response_bits = if is_mirrored { self.mirrored_bits(known, of, unit) } else { u8::MAX };
+        let confidence = rtu_transaction_confidence(is_mirrored, response_bits);
+        let start = (of.arena_start + self.length) as u32;
+        let request = &bytes[..lengths[0]];
+        known.framer.search.model.learn_request(&RequestIdentity::of(request), request);
+        self.learned.count(1, u32::from(!is_mirrored));
+        self.mirrored += u32::from(is_mirrored);
+        self.last = Some(self.length);
+        self.length += lengths[0] + lengths[1];
+        known.note_unit(unit);
+        let lengths = lengths.map(|length| length as u16);
+        let exchange = Exchange { start, lengths, address, quantity, unit, function, confidence, exception: 0 };
+        let mut counts = known.stats.exchange_counts(known.counts);
+        counts.count_request(key_of(&exchange));
+        counts.note_last(key_of(&exchange));
+        Some(exchange)
     }
 
-    /// Takes an exchange at the head of these bytes that is no read known by all of its bytes; `start` as above.
-    #[inline(always)]
-    #[allow(clippy::inline_always)] // Called once.
-    fn take_decided(
-        &mut self,
-        known: &mut Known<'_>,
-        Decided { expected, exception }: &Decided,
-        bytes: &[u8],
-        start: u32,
-        pause: PauseEvidence,
-    ) -> Exchange {
-        let (request, response) = bytes.split_at(expected.rtu_lengths()[0]);
-        let odds = if expected.echoes_request && *exception == 0 {
-            known.framer.learn_turns(&mut self.learned);
-            known.framer.response_odds(expected, false, || pause)
-        } else {
-            CERTAIN_DIRECTION_BITS
-        };
+    /// The most that the confidence of an exchange may be, of which the response has the bytes of its request.
+    #[inline]
+    fn mirrored_bits(&mut self, known: &mut Known<'_>, of: &RunBytes<'_>, unit: u8) -> u8 {
+        known.framer.learn_answers(&mut self.learned);
+        let share = known.framer.search.silence_share(unit);
+        self.silence_share = Some(share);
+        if share <= SURE_SILENCE_SHARE {
+            return u8::MAX;
+        }
+        confidence::of_direction(known.framer.mirrored_response_odds(share, of.pause))
+    }
+
+    /// Takes an exchange that comes next and is no read known by all of its bytes.
+    fn take_decided(&mut self, known: &mut Known<'_>, Decided { expected, exception }: &Decided, of: &RunBytes<'_>) -> Exchange {
+        let lengths = expected.rtu_lengths();
+        let (request, response) = of.bytes[self.length..].split_at(lengths[0]);
+        self.silence_share = None;
+        let is_mirrored = expected.echoes_request && *exception == 0;
+        let response_bits = if is_mirrored { self.mirrored_bits(known, of, expected.unit) } else { u8::MAX };
         known.framer.learn_in_run(&mut self.learned, request, response, expected.echoes_request);
-        self.first_requests += u32::from(!expected.echoes_request);
-        self.pass(expected, odds);
+        self.mirrored += u32::from(expected.echoes_request);
+        let start = (of.arena_start + self.length) as u32;
+        self.last = Some(self.length);
+        self.length += lengths[0] + lengths[1];
         known.note_unit(expected.unit);
         if *exception == 0 {
             known.count_unknown(request, *expected);
@@ -158,36 +201,33 @@ impl CompactRun {
             known.stats.record_refusal(known.counts, (expected.key(), *exception), None, None);
             self.refusals += 1;
         }
-        let confidence = rtu_transaction_confidence(expected.echoes_request, confidence::of_direction(odds));
-        expected.compact(start, expected.rtu_lengths(), confidence, *exception)
+        expected.compact(start, lengths, rtu_transaction_confidence(expected.echoes_request, response_bits), *exception)
     }
 }
 
 impl Known<'_> {
     /// Notes that a unit has answered.
+    #[inline]
     fn note_unit(&mut self, unit: u8) {
         self.units.iter_mut().for_each(|units| units[usize::from(unit)] = true);
         self.pairing.note_answering(unit);
     }
 
     /// Counts an exchange whose request was not known, and keeps what follows from that if there is room for its counters.
-    #[inline(never)]
     fn count_unknown(&mut self, request: &[u8], expected: ExpectedExchange) {
-        let key = expected.key();
-        let Some(counters) = self.stats.place_of(self.counts, key) else {
-            self.stats.record_exchange_without_place(self.counts, key);
-            return;
-        };
-        self.stats.record_exchange_at(self.counts, key, counters);
-        if KnownReads::takes(request, &expected) {
-            self.reads.add(request, expected, Some(counters));
+        let mut counts = self.stats.exchange_counts(self.counts);
+        let counters = counts.count_request(expected.key());
+        counts.note_last(expected.key());
+        if counters.is_some() && KnownReads::takes(request, &expected) {
+            self.reads.add(request, expected, counters);
         }
     }
 }
 
-/// What a request may be the response to, behind an exchange at this index.
-fn answered_behind(last: Option<usize>, bytes: &[u8], answered_before: Answered) -> Answered {
-    last.map_or(answered_before, |at| Answered::by_exchange(bytes[at], bytes[at + 1]))
+/// What the statistics know the request of an exchange by.
+#[inline]
+fn key_of(exchange: &Exchange) -> RequestKey {
+    RequestKey::plain(exchange.unit, exchange.function, exchange.address, exchange.quantity)
 }
 
 /// The exchange at the head of these bytes, if `RtuFramer::next_exchange` would take it, too, or if it is refused without a

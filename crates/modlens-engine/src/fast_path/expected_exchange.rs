@@ -13,16 +13,16 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, StandardLayout, EXCEPTION_BIT};
 
 /// Unit addresses on a serial line that cause no finding (serial line specification, 2.2).
-const UNIT_ADDRESSES: RangeInclusive<u8> = 1..=247;
+pub(super) const RTU_UNITS: RangeInclusive<u8> = 1..=247;
 
 /// Bytes of unit, function, address, and quantity or value (application protocol, 6.1 to 6.6).
-const SHORT_REQUEST_BYTES: usize = 6;
+pub(super) const SHORT_REQUEST_BYTES: usize = 6;
 
 /// Bytes of unit, function and byte count in front of the data of a read response.
 const READ_HEADER_BYTES: usize = 3;
 
 /// Bytes in front of the data of a request that writes several values: as above, and a byte count (6.11, 6.12).
-const WRITE_HEADER_BYTES: usize = SHORT_REQUEST_BYTES + 1;
+pub(super) const WRITE_HEADER_BYTES: usize = SHORT_REQUEST_BYTES + 1;
 
 /// Bytes in front of the data of a request that reads registers and writes others: as a short one, then address, quantity and
 /// byte count of what is written (6.17).
@@ -79,7 +79,7 @@ impl ExpectedExchange {
     pub fn from_request(functions: &Functions, mode: Mode, bytes: &[u8]) -> Option<Self> {
         let request: &[u8; SHORT_REQUEST_BYTES] = bytes.first_chunk()?;
         let [unit, code, ..] = *request;
-        let limits = functions.request_limits(code).filter(|_| mode == Mode::Tcp || UNIT_ADDRESSES.contains(&unit))?;
+        let limits = functions.request_limits(code).filter(|_| mode == Mode::Tcp || RTU_UNITS.contains(&unit))?;
         let (address, number) = (u16_at(*request, 2), u16_at(*request, 4));
         if !functions.permits(limits, code, number, &bytes[2..]) {
             return None;
@@ -173,6 +173,12 @@ impl ExpectedExchange {
             }
             Response::Echo => response[..SHORT_REQUEST_BYTES] == request[..SHORT_REQUEST_BYTES],
         }
+    }
+
+    /// Whether its response repeats the beginning of the request, and has no data of its own.
+    #[cfg(test)]
+    pub(super) fn is_write(&self) -> bool {
+        matches!(self.response, Response::Echo)
     }
 
     /// Bytes of the request and of the response on an RTU line: with their checksums.

@@ -82,8 +82,8 @@ impl Session {
             pairs.last = Some(*known);
             packets = behind.as_slice();
         }
-        if let Some(KnownRead { expected, counters: Some(place), .. }) = pairs.last {
-            counters.note_last(expected.key(), place);
+        if let Some(KnownRead { expected, .. }) = pairs.last {
+            counters.note_last(expected.key());
             connection.note_lone_exchanges(pairs.exchanges, pairs.longest_wait);
             self.next_txn += pairs.exchanges;
             self.next_frame += 2 * pairs.exchanges;

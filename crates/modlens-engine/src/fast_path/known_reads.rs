@@ -1,7 +1,9 @@
 //! Requests that came before, with all that follows from their bytes alone.
 
 use crate::fast_path::expected_exchange::ExpectedExchange;
+use crate::fast_path::rows::rtu_transaction_confidence;
 use crate::framer::rtu::traffic_model::RequestIdentity;
+use crate::records::Exchange;
 use crate::stats::{RequestPlace, Stats};
 
 /// The bytes that tell a plain read from others: all of it on an RTU line; on TCP the length that the header says, and what
@@ -23,8 +25,9 @@ pub(crate) struct KnownReads {
     /// For each place, the number of the read in `reads` plus one; 0 where there is none.
     places: Vec<u16>,
     reads: Vec<KnownRead>,
-    /// Number of the read that came last (`next`).
+    /// Numbers of the read that came last, and of the one that followed it the last time (`next`).
     last: usize,
+    likely: usize,
 }
 
 /// One of them.
@@ -34,7 +37,9 @@ pub(super) struct KnownRead {
     pub expected: ExpectedExchange,
     /// Where the statistics count it; `None` if they have no room for it.
     pub counters: Option<RequestPlace>,
-    /// What the framer knows it by, on an RTU line.
+    /// The compact exchange on an RTU line, but for its place.
+    pub exchange: Exchange,
+    /// What the framer knows it by there.
     pub identity: RequestIdentity,
     /// Number of the read that followed it the last time.
     follower: u16,
@@ -66,15 +71,15 @@ impl KnownReads {
     /// the one that came behind that before, and need not be looked for.
     #[inline]
     pub(super) fn next(&mut self, bytes: [u8; READ_BYTES]) -> Option<&KnownRead> {
-        let mut number = self.reads.get(self.last).map_or(0, |last| usize::from(last.follower));
-        if self.reads.get(number).is_none_or(|likely| likely.bytes != bytes) {
-            number = self.number_of(bytes)?;
+        if self.reads.get(self.likely).is_none_or(|likely| likely.bytes != bytes) {
+            self.likely = self.number_of(bytes)?;
             if let Some(last) = self.reads.get_mut(self.last) {
-                last.follower = number as u16;
+                last.follower = self.likely as u16;
             }
         }
-        self.last = number;
-        self.reads.get(number)
+        let read = self.reads.get(self.likely)?;
+        (self.last, self.likely) = (self.likely, usize::from(read.follower));
+        Some(read)
     }
 
     /// Whether a request is a read, and so may be kept.
@@ -104,7 +109,9 @@ impl KnownReads {
                 self.put(known);
             }
         }
-        self.put(KnownRead { bytes, expected, counters, identity: RequestIdentity::of(request), follower: 0 });
+        let confidence = rtu_transaction_confidence(false, u8::MAX);
+        let exchange = expected.compact(0, expected.rtu_lengths(), confidence, 0);
+        self.put(KnownRead { bytes, expected, counters, exchange, identity: RequestIdentity::of(request), follower: 0 });
     }
 
     /// The place that a read has, or else the first free one that it may have.

@@ -62,6 +62,7 @@ pub(crate) mod line_run;
 mod packet_pairs;
 pub(crate) mod packet_run;
 mod pairing;
+mod plain_write;
 mod rows;
 mod rtu_batch;
 mod rtu_compact;

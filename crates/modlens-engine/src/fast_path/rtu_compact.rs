@@ -4,7 +4,7 @@
 //! bytes of a request alone is found once: the requests of a poll cycle come again and again, byte by byte the same. Of these
 //! only what differs from one to the next is learned at once, the rest at the end of a run of them.
 
-use crate::fast_path::compact_run::{CompactRun, Known};
+use crate::fast_path::compact_run::{CompactRun, Known, RunBytes};
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rtu_exchange::LastExchange;
 use crate::fast_path::run::BatchTotals;
@@ -36,8 +36,9 @@ impl Session {
         };
         let (first, arena_start) = (self.batch.exchanges.len(), self.batch.arena.len());
         let mut run = CompactRun::default();
-        run.take(known, bytes, arena_start, &mut self.batch.exchanges);
-        let Some((at, odds)) = run.last else { return };
+        let of_run = RunBytes::new(&known, bytes, arena_start);
+        let odds = run.take(known, &of_run, &mut self.batch.exchanges);
+        let Some(at) = run.last else { return };
         let expected = ExpectedExchange::from_request(&self.functions, Mode::Rtu, &bytes[at..]).expect("it was matched");
         let is_refused = self.batch.exchanges.last().is_some_and(|exchange| exchange.exception != 0);
         let expected = if is_refused { expected.refused() } else { expected };
@@ -52,11 +53,11 @@ impl Session {
     fn end_compact_run(&mut self, bus: usize, first: usize, run: &CompactRun, last: LastExchange) {
         let state = &mut self.buses[bus];
         let input = &mut state.lines[0].1.input;
-        let (offset, bytes) = (input.offset(), run.bytes);
+        let (offset, bytes) = (input.offset(), run.length);
         input.consume(bytes);
         self.batch.arena.extend_from_slice(input.consumed_bytes(bytes));
         let count = (self.batch.exchanges.len() - first) as u32;
-        state.pairing.record_untimed_exchanges(count, run.first_requests);
+        state.pairing.record_untimed_exchanges(count, count - run.mirrored);
         let exchanges = Span { start: first as u32, length: count };
         let (number, frame) = (self.next_txn, self.next_frame);
         self.batch.exchange_runs.push(ExchangeRun { bus: bus as u32, number, frame, offset, exchanges, packets: None });

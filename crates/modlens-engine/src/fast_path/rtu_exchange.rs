@@ -34,8 +34,13 @@ impl Answered {
     /// Whether the request of this exchange may be such a response.
     #[inline]
     pub(super) fn may_be_again(self, expected: &ExpectedExchange) -> bool {
-        let resembles_response = expected.resembles_response || expected.echoes_request;
-        resembles_response && (self.header == Some((expected.unit, expected.code)) || self.awaits_late_response)
+        (expected.resembles_response || expected.echoes_request) && self.may_have_header(expected.unit, expected.code)
+    }
+
+    /// Whether a frame of this unit and function may be such a response.
+    #[inline]
+    pub(super) fn may_have_header(self, unit: u8, code: u8) -> bool {
+        self.header == Some((unit, code)) || self.awaits_late_response
     }
 }
 
@@ -103,10 +108,11 @@ impl RtuFramer {
             return false;
         }
         let (request, rest) = bytes.split_at(request_bytes);
+        let is_copy = || expected.echoes_request && request.len() == 8 && request.first_chunk::<8>() == rest.first_chunk();
         self.search.model.is_familiar(expected.unit, expected.code, REQUEST)
             && expected.is_answered_by(request, rest)
-            && (!checks[1] || crc_valid_at(rest, response_bytes))
             && (!checks[0] || crc_valid_at(bytes, request_bytes))
+            && (!checks[1] || checks[0] && is_copy() || crc_valid_at(rest, response_bytes))
             && (!expected.echoes_request || is_response(rest))
     }
 
@@ -149,11 +155,10 @@ impl RtuFramer {
         self.search.model.learn_in_run(run, request, response, copy);
     }
 
-    /// Brings up to date what is learned of the turns of a run, before `response_odds` of a response that has the bytes of its
-    /// request.
+    /// Brings up to date what `silence_share` goes by.
     #[inline]
-    pub fn learn_turns(&mut self, run: &mut LearningRun) {
-        self.search.model.learn_turns(run);
+    pub fn learn_answers(&mut self, run: &mut LearningRun) {
+        self.search.model.learn_answers(run);
     }
 
     /// Brings up to date what is learned of a run, at its end.
@@ -172,6 +177,12 @@ impl RtuFramer {
         } else {
             CERTAIN_DIRECTION_BITS
         }
+    }
+
+    /// The same without times, of a response with the bytes of its request and a unit that does not answer this share of requests.
+    pub(super) fn mirrored_response_odds(&mut self, silence_share: f32, evidence: PauseEvidence) -> f32 {
+        self.search.begin_run();
+        self.search.odds_of_mirrored_response(silence_share, evidence, true)
     }
 
     /// Brings the search up to date behind a run of such exchanges. `request` and `response` are the last one, which ends at the

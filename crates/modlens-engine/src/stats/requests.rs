@@ -1,13 +1,12 @@
 //! Statistics of the distinct requests of a bus: how often each is sent, how often it times out, and under which
 //! circumstances.
 
-use std::collections::{BTreeMap, HashMap, VecDeque};
-use std::hash::{Hash, Hasher};
+use std::collections::{BTreeMap, VecDeque};
 
-use foldhash::fast::RandomState;
 use serde_json::{json, Value as Json};
 
 use super::histogram::TimeHistogram;
+use super::request_indices::RequestIndices;
 use crate::pairing::PendingTransaction;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
@@ -29,17 +28,6 @@ const MIN_POLLS: u64 = 3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct RequestKey(u8, u8, Option<(u16, u16)>);
 
-/// Hashes the key as one number, which is faster than field by field.
-impl Hash for RequestKey {
-    #[inline]
-    fn hash<H: Hasher>(&self, state: &mut H) {
-        let (address, quantity) = self.2.unwrap_or_default();
-        let head = u16::from_be_bytes([self.0, self.1]);
-        let shifted = |part: u16, words: u32| u64::from(part) << (16 * words);
-        state.write_u64(shifted(head, 3) | shifted(address, 2) | shifted(quantity, 1) | u64::from(self.2.is_some()));
-    }
-}
-
 impl RequestKey {
     /// The key of a transaction's request. Writes of a single value have quantity 1.
     pub(crate) fn of(functions: &Functions, transaction: &PendingTransaction) -> Self {
@@ -55,6 +43,15 @@ impl RequestKey {
     /// The key of a plain read or write.
     pub(crate) fn plain(unit: u8, function: u8, address: u16, quantity: u16) -> Self {
         Self(unit, function, Some((address, quantity)))
+    }
+
+    /// The key as one number.
+    #[inline]
+    fn number(self) -> u64 {
+        let (address, quantity) = self.2.unwrap_or_default();
+        let head = u16::from_be_bytes([self.0, self.1]);
+        let shifted = |part: u16, words: u32| u64::from(part) << (16 * words);
+        shifted(head, 3) | shifted(address, 2) | shifted(quantity, 1) | u64::from(self.2.is_some())
     }
 
     pub(super) fn unit(self) -> u8 {
@@ -92,11 +89,7 @@ struct RequestCounts {
 #[derive(Clone, Debug, Default)]
 pub(super) struct RequestTable {
     counts: Vec<RequestCounts>,
-    /// For each of `counts`: its key, and the index of the request that followed it the last time.
-    followers: Vec<(RequestKey, u32)>,
-    indices: HashMap<RequestKey, usize, RandomState>,
-    /// Index of the last request.
-    latest: usize,
+    indices: RequestIndices,
     /// How long the master waited for responses that did not come.
     waited: TimeHistogram,
     /// The last unanswered requests: transaction, key, and how long the master waited.
@@ -183,7 +176,7 @@ impl RequestTable {
     #[inline]
     pub fn record_exchange_at(&mut self, at: usize, key: RequestKey, start: Option<Ns>, taken: Option<Ns>) {
         self.count_at(at, start, taken);
-        self.note_last(at, key);
+        self.note_answered(key);
     }
 
     /// The same without noting it as the last one.
@@ -194,34 +187,17 @@ impl RequestTable {
         counts.taken += taken.unwrap_or(0);
     }
 
-    /// Notes the last request, which is at this index of `counts` and was answered.
-    #[inline]
-    pub fn note_last(&mut self, at: usize, key: RequestKey) {
-        self.note_answered(key);
-        self.latest = at;
-    }
-
-    /// The index in `counts` of a request, which is added if it is new; `None` if there is no room for it. A master polls in a
-    /// cycle, so the request that followed the last one before is tried first; this saves the hash map's look-up. The request
-    /// found becomes the follower of the last one, and then the last one itself.
+    /// The index in `counts` of a request, which is added if it is new; `None` if there is no room for it.
     #[inline]
     pub fn find_or_add(&mut self, key: RequestKey) -> Option<usize> {
-        let likely = self.followers.get(self.latest).map_or(0, |follower| follower.1 as usize);
-        let at = if self.followers.get(likely).is_some_and(|follower| follower.0 == key) {
-            likely
-        } else if let Some(&at) = self.indices.get(&key) {
-            at
-        } else if self.counts.len() < MAX_REQUESTS {
-            self.indices.insert(key, self.counts.len());
-            self.counts.push(RequestCounts::new(key));
-            self.followers.push((key, 0));
-            self.counts.len() - 1
-        } else {
-            return None;
-        };
-        self.followers[self.latest].1 = at as u32;
-        self.latest = at;
-        Some(at)
+        let known = self.indices.find(key.number(), |at| self.counts[at].key.number());
+        known.or_else(|| (self.counts.len() < MAX_REQUESTS).then(|| self.add(key)))
+    }
+
+    fn add(&mut self, key: RequestKey) -> usize {
+        self.counts.push(RequestCounts::new(key));
+        self.indices.add(self.counts.len(), |at| self.counts[at].key.number());
+        self.counts.len() - 1
     }
 
     /// The requests sorted by key, so that the order of output does not depend on the order of the traffic.
@@ -235,7 +211,8 @@ impl RequestTable {
     /// the last unanswered ones. How late it came is counted where it is known how long the master had waited.
     fn count_late_response(&mut self, txn: u64, after: Option<Ns>) {
         let Some(&(_, key, waited)) = self.recent_unanswered.iter().find(|(number, ..)| *number == txn) else { return };
-        let Some(counts) = self.indices.get(&key).map(|&at| &mut self.counts[at]) else { return };
+        let Some(at) = self.indices.find(key.number(), |at| self.counts[at].key.number()) else { return };
+        let counts = &mut self.counts[at];
         counts.late_responses += 1;
         if let Some((after, waited)) = after.zip(waited) {
             counts.late_by.add((after - waited).max(0));

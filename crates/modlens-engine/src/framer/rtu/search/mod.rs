@@ -18,4 +18,5 @@ mod scan;
 mod state;
 
 pub use commit::{is_held_back, Decision};
+pub use run_odds::SURE_SILENCE_SHARE;
 pub use state::Search;

@@ -50,11 +50,22 @@ impl Search {
 
     /// The same for a response that equals its request and that the fast path found. `is_last`: no third copy follows.
     pub fn mirrored_response_odds(&self, unit: u8, pause: PauseEvidence, is_last: bool) -> f32 {
-        let costs = self.silence_costs(unit);
+        self.odds_of_mirrored_response(self.silence_share(unit), pause, is_last)
+    }
+
+    /// The same of a unit that does not answer this share of requests.
+    pub fn odds_of_mirrored_response(&self, silence_share: f32, pause: PauseEvidence, is_last: bool) -> f32 {
+        let costs = SilenceCosts::of_share(silence_share);
         let odds = self.odds_at(PlaceInRun::Response, costs, pause);
         // Else the retry would have had no response either.
         let no_response = if is_last { costs.silent } else { 0.0 };
         (odds + no_response).clamp(MIN_ODDS, MAX_ODDS)
+    }
+
+    /// The share of requests that a unit does not answer, with no unframed bytes between.
+    #[inline]
+    pub fn silence_share(&self, unit: u8) -> f32 {
+        self.model.silence_share(unit, BEHIND_REQUEST)
     }
 
     /// What a frame is in a row of equal frames, given what was committed before it; `None` for any other frame. `frame` has its
@@ -82,7 +93,7 @@ impl Search {
 
     /// What silence and response of a unit cost behind a request to it, in bits, with no unframed bytes between.
     fn silence_costs(&self, unit: u8) -> SilenceCosts {
-        self.model.silence_costs(unit, FramePosition { request_outstanding: true, unframed_bytes: 0 })
+        self.model.silence_costs(unit, BEHIND_REQUEST)
     }
 
     /// The odds of a frame at this place: against what else it may be, and against an error before it. The costs are those of its
@@ -103,6 +114,13 @@ impl Search {
         }
     }
 }
+
+/// Right behind a request.
+const BEHIND_REQUEST: FramePosition = FramePosition { request_outstanding: true, unframed_bytes: 0 };
+
+/// Of a unit that does not answer so few requests, or fewer, the odds of a response that equals its request are beyond those that
+/// limit a confidence, without times (`confidence::of_direction`).
+pub const SURE_SILENCE_SHARE: f32 = 1.0 / 64.0;
 
 const MAX_ODDS: f32 = weights::CERTAIN_DIRECTION_BITS;
 

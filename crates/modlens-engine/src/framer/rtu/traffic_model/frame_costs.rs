@@ -90,6 +90,13 @@ pub struct SilenceCosts {
     pub answered: f32,
 }
 
+impl SilenceCosts {
+    /// Of a unit that does not answer this share of requests.
+    pub fn of_share(share: f32) -> Self {
+        Self { silent: -log2(share), answered: -log2(1.0 - share) }
+    }
+}
+
 /// What it costs in bits that a request is heard twice, because the tap's adapter echoes it, and once only.
 #[derive(Clone, Copy)]
 pub struct EchoCosts {
@@ -149,9 +156,14 @@ impl TrafficModel {
     /// The costs of silence and response of a unit at this position: by what the unit itself has shown and, as long as that is
     /// little, by what the line has.
     pub fn silence_costs(&self, unit: u8, position: FramePosition) -> SilenceCosts {
+        SilenceCosts::of_share(self.silence_share(unit, position))
+    }
+
+    /// The share of requests to a unit at this position that it does not answer, by which `silence_costs` goes.
+    #[inline]
+    pub fn silence_share(&self, unit: u8, position: FramePosition) -> f32 {
         let (unanswered, prior) = self.unanswered_at(position);
-        let share = self.silences[usize::from(unit)].with_prior(unanswered.with_prior(prior));
-        SilenceCosts { silent: -log2(share), answered: -log2(1.0 - share) }
+        self.silences[usize::from(unit)].with_prior(unanswered.with_prior(prior))
     }
 
     /// Cost in bits of a request that is the last one again, which was answered.

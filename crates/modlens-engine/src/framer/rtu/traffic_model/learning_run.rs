@@ -18,8 +18,8 @@ const FRAMES: u32 = 2;
 #[derive(Debug, Default)]
 pub struct LearningRun {
     exchanges: u32,
-    /// Those of them of which it has learned the turns.
-    turns: u32,
+    /// Those of them of which it has learned that the request was answered in its turn.
+    answered: u32,
     /// Those of them whose response has not the same bytes as the request.
     first_requests: u32,
     /// How many more there may be before counts are halved.
@@ -49,11 +49,13 @@ impl LearningRun {
         self.left
     }
 
-    /// Counts so many exchanges, not more than are left, whose response has not the same bytes as the request.
-    pub fn count_reads(&mut self, exchanges: u32) {
+    /// Counts so many exchanges, not more than are left; `first_requests` of them have a response without the same bytes as the
+    /// request.
+    #[inline]
+    pub fn count(&mut self, exchanges: u32, first_requests: u32) {
         self.left -= exchanges;
         self.exchanges += exchanges;
-        self.first_requests += exchanges;
+        self.first_requests += first_requests;
     }
 }
 
@@ -67,9 +69,7 @@ impl TrafficModel {
             self.learn_exchange(request, response, copy);
             return;
         }
-        run.left -= 1;
-        run.exchanges += 1;
-        run.first_requests += u32::from(copy == RequestCopy::First);
+        run.count(1, u32::from(copy == RequestCopy::First));
         self.learn_request(&RequestIdentity::of(request), request);
     }
 
@@ -99,19 +99,19 @@ impl TrafficModel {
         run.left > 0
     }
 
-    /// Learns from the exchanges of a run whose turn it was.
-    pub fn learn_turns(&mut self, run: &mut LearningRun) {
-        let turns = run.exchanges - run.turns;
-        run.turns = run.exchanges;
-        self.unsolicited[0].learn_misses(turns);
-        self.unanswered[0].learn_misses(turns);
+    /// Learns from the exchanges of a run that their requests were answered.
+    #[inline]
+    pub fn learn_answers(&mut self, run: &mut LearningRun) {
+        self.unanswered[0].learn_misses(run.exchanges - run.answered);
+        run.answered = run.exchanges;
     }
 
     /// Learns from the exchanges of a run what is the same of all of them. The run may go on.
     pub fn learn_run(&mut self, run: &mut LearningRun) {
-        self.learn_turns(run);
+        self.learn_answers(run);
+        run.answered = 0;
         let exchanges = std::mem::take(&mut run.exchanges);
-        run.turns = 0;
+        self.unsolicited[0].learn_misses(exchanges);
         add_ones(&mut self.requests, std::mem::take(&mut run.first_requests));
         self.function_totals.iter_mut().for_each(|total| add_ones(total, exchanges));
         add_ones(&mut self.unit_total, FRAMES * exchanges);
@@ -121,7 +121,20 @@ impl TrafficModel {
 
 impl LearnedShare {
     /// Counts as many chances without a hit.
-    fn learn_misses(&mut self, mut chances: u32) {
+    #[inline]
+    fn learn_misses(&mut self, chances: u32) {
+        let mut all = self.all;
+        add_ones(&mut all, chances);
+        if all > weights::HALVE_TURNS_FRAMES {
+            self.learn_misses_beyond(chances);
+        } else {
+            self.all = all;
+        }
+    }
+
+    /// The same where counts are halved on the way.
+    #[cold]
+    fn learn_misses_beyond(&mut self, mut chances: u32) {
         while chances > 0 {
             let until_halved = (weights::HALVE_TURNS_FRAMES - self.all) as u32;
             let step = until_halved.clamp(1, chances);

@@ -280,8 +280,19 @@ impl TrafficModel {
         }
     }
 
-    #[inline(never)]
+    #[inline]
     fn count_silence(&mut self, unit: u8, was_silent: bool) {
+        let LearnedShare { all, .. } = &mut self.silences[usize::from(unit)];
+        // Silences are forgotten where counts are halved only.
+        if was_silent || *all + 1.0 > weights::HALVE_SILENCES_FRAMES {
+            self.count_silence_or_halve(unit, was_silent);
+        } else {
+            *all += 1.0;
+        }
+    }
+
+    #[inline(never)]
+    fn count_silence_or_halve(&mut self, unit: u8, was_silent: bool) {
         let LearnedShare { hits, all } = &mut self.silences[usize::from(unit)];
         *hits += f32::from(u8::from(was_silent));
         *all += 1.0;
