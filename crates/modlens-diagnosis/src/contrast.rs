@@ -105,7 +105,7 @@ impl Contrast {
                 }
             }
         }
-        self.buses.values_mut().for_each(|bus| bus.end_batch(&exchanges));
+        self.buses.values_mut().for_each(BusContrast::settle);
     }
 
     /// Leaves out what is beyond the bounds. What is kept depends on names only: what is among the least hashes of the whole is

@@ -19,7 +19,7 @@ fn counted(batches: &[Batch]) -> Contrast {
 }
 
 fn report(contrast: &Contrast) -> serde_json::Value {
-    Report::of(contrast).json().clone()
+    Report::of(contrast).json()
 }
 
 proptest! {

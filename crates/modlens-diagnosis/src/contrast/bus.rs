@@ -20,7 +20,6 @@ use super::request::{RequestCounts, MAX_REQUESTS};
 use super::sample::Sample;
 use super::tally::Tally;
 use super::unit::UnitCounts;
-use crate::clean::Exchanges;
 use crate::observation::{FrameObservation, Observation, RequestKey, DAMAGED_PARTS};
 
 /// What is counted of a row depends on at most so many rows before it.
@@ -165,20 +164,21 @@ impl BusContrast {
         self.known.clear(self.context.recent.count());
     }
 
-    /// Leaves this batch behind: what was read is looked up, and all is counted.
-    pub(super) fn end_batch(&mut self, exchanges: &Exchanges<'_>) {
-        self.context.recent.look_up(exchanges);
-        self.settle();
-    }
-
     /// Counts what is pending, before anything is shown or merged.
     pub(super) fn settle(&mut self) {
         if !std::mem::take(&mut self.is_pending) {
             return;
         }
         self.frames.settle();
-        (0..self.known.len()).for_each(|index| self.settle_request(index));
+        self.settle_requests();
         self.clean_units.all_pending().for_each(|(unit, pending)| self.units.entry(unit).or_default().settle(pending));
+    }
+
+    /// Counts what is pending of all requests.
+    pub(super) fn settle_requests(&mut self) {
+        while let Some(index) = self.known.next_pending() {
+            self.settle_request(index);
+        }
     }
 
     /// Counts what is pending of a request, before anything else is counted of it; of its unit it stays pending.
@@ -298,7 +298,7 @@ impl BusContrast {
             self.requests_seen.count(seen.outcome.is_failure(), seen.place);
         }
         let unit = self.units.entry(seen.unit).or_default();
-        if let Some(pending) = self.clean_units.pending(seen.unit) {
+        if let Some(pending) = self.clean_units.open(seen.unit) {
             unit.settle_order(pending);
         }
         unit.count(seen, before);
@@ -306,7 +306,7 @@ impl BusContrast {
             self.units.entry(unit).or_default().overtaken.count(place, waited, needed);
         }
         let Some(key) = seen.key().filter(|_| seen.outcome.counts()) else { return };
-        if let Some(index) = self.known.find(key) {
+        if let Some(index) = self.known.find(key.number()) {
             self.settle_request(index);
         }
         if let Some(counts) = self.requests.entry(key.hash(), key) {
