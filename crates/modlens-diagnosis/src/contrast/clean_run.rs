@@ -67,7 +67,8 @@ impl BusContrast {
     #[inline]
     fn pass_clean(&mut self, count: usize, last: u64) {
         if count > 0 {
-            (self.transactions_seen, self.is_pending) = (self.transactions_seen + count as u64, true);
+            self.transactions_seen += count as u64;
+            self.pending += count as u64;
             self.requests_seen.count_good(count as u64);
             self.context.follow_clean(RequestKey::of_number(last));
         }
@@ -153,7 +154,6 @@ impl BusContrast {
             known.note(transaction, seen.data.head);
         }
         let pending = &mut known.pending;
-        let is_first = pending.good == 0;
         pending.good += 1;
         pending.writes = seen.writes;
         if seen.data.is_present && !seen.data.is_plain() {
@@ -163,9 +163,6 @@ impl BusContrast {
         }
         if !pending.is_behind(before) {
             self.count_other_pair(index, request, before);
-        }
-        if is_first {
-            self.known.note_pending(index);
         }
     }
 

@@ -19,8 +19,6 @@ pub(super) struct KnownRequests {
     /// By hash, or behind it where that place is taken: the index of a request.
     places: Vec<u16>,
     all: Vec<KnownRequest>,
-    /// The indices of those of which something is pending, or was.
-    pending: Vec<u16>,
     /// How many transactions there were when requests, or answers to them, were forgotten.
     forgotten: u64,
 }
@@ -157,14 +155,9 @@ impl KnownRequests {
         &mut self.all[index]
     }
 
-    /// Notes that something is pending of the request with this index from here on.
-    pub fn note_pending(&mut self, index: usize) {
-        self.pending.push(index as u16);
-    }
-
-    /// Takes the index of one of which something may be pending.
-    pub fn next_pending(&mut self) -> Option<usize> {
-        self.pending.pop().map(usize::from)
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.all.len()
     }
 
     /// Whether there is no room for another one.
