@@ -9,6 +9,8 @@ mod epochs;
 mod known_requests;
 mod network;
 mod noise;
+#[cfg(test)]
+mod one_by_one;
 mod recent;
 mod request;
 pub mod sample;

@@ -217,7 +217,7 @@ impl Context {
             seen.is_of_another = self.is_of_another(key, seen.data);
             seen.shift = self.shift(key, seen.data, self.previous_request.map(|before| before.key));
         }
-        self.recent.push(key.map_or(Answer::default(), |key| Answer::new(key.number(), seen.data)));
+        self.recent.push(seen.key().map_or(Answer::default(), |key| Answer::new(key.number(), seen.data)));
         if matches!(seen.outcome, Outcome::Silent | Outcome::NotSeen) {
             self.behind_silence_until = self.recent.count() + 1 + BEHIND_SILENCE;
         }
