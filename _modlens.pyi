@@ -770,7 +770,8 @@ class Session:
     def document(self) -> str:
         """What `doctor` and `stats` say, with the overview of reports, in one JSON object.
 
-        {doctor, statistics, overview}, of which doctor and overview are null if not wanted.
+        {doctor, statistics, overview}, of which doctor and overview are null if not wanted. With
+        the courses alone, which text shows, the doctor tells the worst diagnosis of each kind.
         """
     def stats(self) -> str:
         """Statistics so far, as JSON (see analyzer/views/stats.py for the keys)."""

@@ -1,6 +1,7 @@
 //! Exchanges that went well, with the little that is counted of them.
 
-use modlens_engine::records::{Batch, Exchange, Transaction};
+use modlens_engine::records::{Batch, Exchange, Span, Transaction};
+use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::functions::{FunctionRow, Functions, Operation};
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
@@ -16,15 +17,15 @@ const FUNCTIONS: usize = 128;
 /// Nearly all exchanges of most recordings are such ones. They are counted in bulk, and what is counted of them is what
 /// would be counted of their `Observation`.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Clean<'a> {
+pub(crate) struct Clean {
     /// Number and time.
     pub place: Place,
     /// Which request.
     pub key: RequestKey,
     /// Whether it writes.
     pub writes: bool,
-    /// The request's PDU.
-    pub request: &'a [u8],
+    /// The request's PDU, in the arena of the batch.
+    pub request: Span,
     /// What was read.
     pub data: Data,
     /// From the end of the request to the start of the answer.
@@ -35,10 +36,10 @@ pub(crate) struct Clean<'a> {
     pub starts: [Option<Ns>; 2],
 }
 
-impl<'a> Clean<'a> {
+impl Clean {
     /// What a row shows; `None` if it is none of these exchanges.
     #[inline]
-    pub fn of(batch: &'a Batch, functions: &Functions, row: &Transaction) -> Option<Self> {
+    pub fn of(batch: &Batch, functions: &Functions, row: &Transaction) -> Option<Self> {
         let is_plain = row.status == Status::Ok
             && row.findings.length == 0
             && row.request.pdu.length > 0
@@ -61,8 +62,8 @@ impl<'a> Clean<'a> {
             place: Place { number: row.number, elapsed: row.elapsed, time: row.start },
             key: RequestKey { unit: row.unit, function: row.function, address, quantity },
             writes: shape.writes,
-            request,
-            data: shape.data(response),
+            request: row.request.pdu,
+            data: shape.data(response.get(shape.block as usize..)),
             response_time: row.response_time,
             gap: row.gap,
             starts: [row.request.start, row.response.start],
@@ -75,23 +76,28 @@ impl<'a> Clean<'a> {
 struct Shape {
     /// Whether it writes.
     writes: bool,
-    /// Where the data begin in the body of the answer, and whether they are bits.
-    block: Option<(u16, bool)>,
+    /// Whether it reads, and whether that are bits.
+    reads: bool,
+    reads_bits: bool,
+    /// Where the data begin in the PDU of the answer.
+    block: u32,
 }
 
 impl Shape {
     fn of(row: &FunctionRow) -> Self {
         let writes = matches!(row.operation, Operation::Write | Operation::ReadWrite);
-        Self { writes, block: row.offsets.response_block.map(|(at, bits)| (at as u16, bits)) }
+        let (at, reads_bits) = row.offsets.response_block.unwrap_or_default();
+        Self { writes, reads: row.offsets.response_block.is_some(), reads_bits, block: at as u32 + 1 }
     }
 
-    /// What an answer reads, of which this is the PDU.
+    /// What an answer reads that ends with this block.
     #[inline(always)]
     #[allow(clippy::inline_always)] // Of the result, each caller needs a part.
-    fn data(self, response: &[u8]) -> Data {
-        match self.block {
-            Some((at, bits)) => data(response.get(1 + usize::from(at)..).unwrap_or(&[]), bits),
-            None => Data::default(),
+    fn data(self, block: Option<&[u8]>) -> Data {
+        if self.reads {
+            data(block.unwrap_or(&[]), self.reads_bits)
+        } else {
+            Data::default()
         }
     }
 }
@@ -119,39 +125,30 @@ impl<'a> Exchanges<'a> {
         Self { batch, functions, shapes }
     }
 
-    /// What the compact exchange with this index shows, on an RTU line without times, in the transaction with this number; `None`
-    /// where it was refused, or where its function code alone does not tell what it is.
+    /// What a compact exchange without times shows, in the transaction with this number; `None` where it was refused, or where
+    /// its function code alone does not tell what it is.
     #[inline(always)]
     #[allow(clippy::inline_always)] // The result is large, and would be written and read again for each exchange.
-    pub fn clean(&self, index: usize, number: u64) -> Option<Clean<'a>> {
-        let exchange = &self.batch.exchanges[index];
+    pub fn clean(&self, exchange: &Exchange, number: u64) -> Option<Clean> {
         if exchange.exception != 0 {
             return None;
         }
-        let shape = (*self.shapes.get(usize::from(exchange.function))?)?;
-        let [request, response] = exchange.pdus(&self.batch.arena);
+        let shape = self.shapes[usize::from(exchange.function) % FUNCTIONS]?;
+        let Exchange { start, lengths, unit, function, address, quantity, .. } = *exchange;
+        let [request, response] = lengths.map(u32::from);
+        // Both are frames of an RTU line, with a unit in front and a checksum behind; the block is the end of its frame.
+        let pdu = Span { start: start + 1, length: request - 1 - CRC_BYTES as u32 };
+        let (from, end) = (start + request + 1 + shape.block, start + request + response - CRC_BYTES as u32);
+        let data = shape.data(self.batch.arena.get(from as usize..end as usize));
         Some(Clean {
             place: Place { number, elapsed: None, time: None },
-            key: key_of(exchange),
+            key: RequestKey { unit, function, address, quantity },
             writes: shape.writes,
-            request,
-            data: shape.data(response),
+            request: pdu,
+            data,
             response_time: None,
             gap: None,
             starts: [None; 2],
         })
     }
-
-    /// What the compact exchange with this index has read, and at which request.
-    pub fn read(&self, index: u32) -> Option<(RequestKey, Data)> {
-        let seen = self.clean(index as usize, 0)?;
-        (seen.data.length > 0).then_some((seen.key, seen.data))
-    }
-}
-
-/// The request of a compact exchange.
-#[inline]
-fn key_of(exchange: &Exchange) -> RequestKey {
-    let Exchange { unit, function, address, quantity, .. } = *exchange;
-    RequestKey { unit, function, address, quantity }
 }

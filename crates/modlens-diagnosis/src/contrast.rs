@@ -9,6 +9,8 @@ mod epochs;
 mod known_requests;
 mod network;
 mod noise;
+#[cfg(test)]
+mod one_by_one;
 mod recent;
 mod request;
 pub mod sample;
@@ -56,7 +58,7 @@ struct Bounds {
 /// contrast.observe(&session.take());
 /// assert_eq!(contrast.buses().count(), 1);
 /// ```
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct Contrast {
     buses: BTreeMap<String, BusContrast>,
     /// Whether something was left out, for want of room.
@@ -105,7 +107,7 @@ impl Contrast {
                 }
             }
         }
-        self.buses.values_mut().for_each(|bus| bus.end_batch(&exchanges));
+        self.buses.values_mut().for_each(BusContrast::end_batch);
     }
 
     /// Leaves out what is beyond the bounds. What is kept depends on names only: what is among the least hashes of the whole is
@@ -123,13 +125,17 @@ impl Contrast {
             let all = self.buses.iter().flat_map(|(name, bus)| bus.units.keys().map(move |unit| of(name, u64::from(*unit) + 1)));
             let limit = limit(all.collect(), most.units).expect("there are more");
             self.overflowed = true;
-            self.buses.iter_mut().for_each(|(name, bus)| bus.units.retain(|unit, _| of(name, u64::from(*unit) + 1) < limit));
+            for (name, bus) in &mut self.buses {
+                bus.settle();
+                bus.units.retain(|unit, _| of(name, u64::from(*unit) + 1) < limit);
+            }
         }
         if self.buses.values().map(|bus| bus.requests.len()).sum::<usize>() > most.requests {
             let all = self.buses.iter().flat_map(|(name, bus)| bus.requests.hashes().map(move |hash| of(name, hash)));
             let limit = limit(all.collect(), most.requests).expect("there are more");
             self.overflowed = true;
             for (name, bus) in &mut self.buses {
+                bus.settle();
                 bus.requests.retain(|hash| of(name, hash) < limit);
                 bus.forget();
             }

@@ -89,8 +89,8 @@ impl Days {
                 "date": day.map(|day| time_text(day * DAY_NS)[..10].to_owned()), "bus": name, "seconds": seconds(contrast),
             });
             let report = Report::of(contrast);
-            let (row_keys, document) = (row.as_object_mut().expect("made so"), report.json().as_object().expect("made so"));
-            row_keys.extend(document.clone());
+            let (Json::Object(keys), Json::Object(document)) = (&mut row, report.json()) else { unreachable!("both are maps") };
+            keys.extend(document);
             row
         })
         .collect()

@@ -291,7 +291,7 @@ fn answering_unit(mode: Mode, wire: &[u8]) -> Option<u8> {
 }
 
 /// Answers to different requests are compared by so many bytes.
-const COMPARED_BYTES: usize = 4;
+pub(crate) const COMPARED_BYTES: usize = 4;
 
 /// What a block of data looks like; `bits` are no registers.
 #[inline(always)]
@@ -306,17 +306,18 @@ pub(crate) fn data(block: &[u8], bits: bool) -> Data {
     };
     let last = block.last_chunk().map_or(0, |pair| u16::from_be_bytes(*pair));
     let touches = [head[0] == 0xFFFF || last == 0xFFFF, head[0] == 0 || last == 0];
-    // All bytes are looked at only where a register may be one of many alike; a single byte is none.
-    let is_all = |byte: u8, touches: bool| {
-        let may_be = !bits && (touches || block.len() == 1);
-        may_be && !block.is_empty() && block.iter().all(|other| *other == byte)
+    // All bytes are looked at only where a register may be one of many alike; a single byte is none, and begins with 0 then.
+    let is_all = |byte: u8| !bits && !block.is_empty() && block.iter().all(|other| *other == byte);
+    let (all_ones, all_zeros) = match touches {
+        [false, false] => (false, false),
+        [true, _] | [_, true] => (is_all(0xFF), is_all(0)),
     };
     Data {
         is_present: true,
         head,
         touches,
-        all_ones: is_all(0xFF, touches[0]),
-        all_zeros: is_all(0, touches[1]),
+        all_ones,
+        all_zeros,
         opening,
         length: block.len() as u16,
     }

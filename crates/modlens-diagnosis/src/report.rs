@@ -13,11 +13,18 @@ use serde_json::{json, Value as Json};
 use crate::claim::View;
 use crate::contrast::Contrast;
 use crate::kinds;
+use crate::statistics::Share;
 
 /// What the doctor says of a recording.
+#[derive(Clone)]
 pub struct Report {
     rows: Vec<DiagnosisRow>,
-    document: Json,
+    verdict: &'static str,
+    sentence: String,
+    /// Those that tell how the line works, and which of them failed.
+    requests: Share,
+    reserves: Vec<Json>,
+    not_judged: Vec<Json>,
 }
 
 impl Report {
@@ -43,19 +50,13 @@ impl Report {
         rows.sort_by_key(|(spoiled, row)| std::cmp::Reverse(harm(*spoiled, row)));
         let rows: Vec<DiagnosisRow> = rows.into_iter().map(|(_, row)| row).collect();
         let (word, sentence) = verdict::verdict(&buses, &rows);
-        let requests: u64 = buses.iter().map(|(_, bus)| bus.requests_seen.total).sum();
-        let failed: u64 = buses.iter().map(|(_, bus)| bus.requests_seen.failed).sum();
-        let document = json!({
-            "verdict": word.text(), "sentence": sentence, "requests": requests, "failed": failed,
-            "diagnoses": rows.iter().map(row_json).collect::<Vec<_>>(),
-            "reserves": reserves, "not_judged": unjudged,
-        });
-        Self { rows, document }
+        let requests = buses.iter().fold(Share::default(), |sum, (_, bus)| sum.with(bus.requests_seen.share()));
+        Self { rows, verdict: word.text(), sentence, requests, reserves, not_judged: unjudged }
     }
 
     /// The diagnoses, by harm.
-    pub fn into_rows(self) -> Vec<DiagnosisRow> {
-        self.rows
+    pub fn rows(&self) -> &[DiagnosisRow] {
+        &self.rows
     }
 
     /// The numbers of the transactions that the diagnoses name as examples.
@@ -64,8 +65,22 @@ impl Report {
     }
 
     /// The whole as JSON; `docs/doctor.schema.json` describes it.
-    pub fn json(&self) -> &Json {
-        &self.document
+    pub fn json(&self) -> Json {
+        self.with(self.rows.iter())
+    }
+
+    /// The same with the worst diagnosis of each kind alone: a line may have a thousand of one.
+    pub fn brief(&self) -> Json {
+        let is_first = |at: usize, code: &str| self.rows[..at].iter().all(|row| row.code != code);
+        self.with(self.rows.iter().enumerate().filter(|(at, row)| is_first(*at, row.code)).map(|(_, row)| row))
+    }
+
+    fn with<'a>(&'a self, rows: impl Iterator<Item = &'a DiagnosisRow>) -> Json {
+        json!({
+            "verdict": self.verdict, "sentence": self.sentence, "requests": self.requests.total, "failed": self.requests.failed,
+            "diagnoses": rows.map(row_json).collect::<Vec<_>>(),
+            "reserves": self.reserves, "not_judged": self.not_judged,
+        })
     }
 }
 

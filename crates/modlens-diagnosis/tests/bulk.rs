@@ -19,7 +19,7 @@ fn counted(batches: &[Batch]) -> Contrast {
 }
 
 fn report(contrast: &Contrast) -> serde_json::Value {
-    Report::of(contrast).json().clone()
+    Report::of(contrast).json()
 }
 
 proptest! {
@@ -49,7 +49,7 @@ proptest! {
     ) {
         let whole = counted(&batches_without_clock(&exchanges, false));
         let compact = counted(&batches_without_clock(&exchanges, true));
-        prop_assert_eq!(&whole, &compact);
+        prop_assert!(whole.buses().eq(compact.buses()));
         prop_assert_eq!(report(&whole), report(&compact));
     }
 }

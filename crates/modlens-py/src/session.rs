@@ -1,5 +1,6 @@
 //! The session: bytes of any source go in, batches of rows come out.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use modlens_diagnosis::contrast::Contrast;
@@ -62,8 +63,12 @@ pub struct Session {
     core: Core,
     /// What is counted for diagnoses, if these are wanted.
     contrast: Option<Contrast>,
+    /// What the doctor has said of that at the end of the recordings.
+    report: Option<Report>,
     /// What is collected for reports, if they are wanted.
     overview: Option<Overview>,
+    /// The overview has the courses alone.
+    shows_text: bool,
     buses: usize,
 }
 
@@ -91,6 +96,7 @@ impl Session {
                 TableKind::Diagnoses => contrast = Some(Contrast::default()),
             }
         }
+        let shows_text = overview == "courses";
         let overview = match overview {
             "none" => None,
             "courses" => Some(Overview::of_courses()),
@@ -108,7 +114,7 @@ impl Session {
         if let Some(name) = bus_name {
             core.name_buses(name);
         }
-        Ok(Self { core, contrast, overview, buses: 0 })
+        Ok(Self { core, contrast, report: None, overview, shows_text, buses: 0 })
     }
 
     #[pyo3(signature = (profile, units, *, bus=None))]
@@ -352,9 +358,8 @@ impl Session {
     fn conclude(&mut self, py: Python<'_>) -> Batch {
         let batch = py.detach(|| {
             let mut batch = self.take_counted();
-            if let Some(contrast) = &self.contrast {
-                batch.diagnoses = Report::of(contrast).into_rows();
-            }
+            self.report = self.contrast.as_ref().map(Report::of);
+            batch.diagnoses = self.report.as_ref().map_or_else(Vec::new, |report| report.rows().to_vec());
             batch
         });
         Batch::new(batch)
@@ -362,15 +367,17 @@ impl Session {
 
     /// What the doctor says so far, as JSON; null where diagnoses are not wanted.
     fn doctor(&self) -> String {
-        self.contrast.as_ref().map_or(serde_json::Value::Null, |contrast| Report::of(contrast).json().clone()).to_string()
+        self.report().map_or(serde_json::Value::Null, |report| report.json()).to_string()
     }
 
     /// Doctor, statistics and overview in one; null where something is not wanted.
     fn document(&self) -> String {
-        let report = self.contrast.as_ref().map(Report::of);
-        let examples: Vec<u64> = report.as_ref().map_or_else(Vec::new, Report::examples);
+        let report = self.report();
+        let examples: Vec<u64> = report.as_deref().map_or_else(Vec::new, Report::examples);
+        // Courses are asked for where text is shown, which tells of each kind of diagnosis the worst one.
+        let said = if self.shows_text { Report::brief } else { Report::json };
         json!({
-            "doctor": report.as_ref().map(Report::json), "statistics": self.core.stats_json(),
+            "doctor": report.as_deref().map(said), "statistics": self.core.stats_json(),
             "overview": self.overview.as_ref().map(|overview| overview.json(&examples)),
         })
         .to_string()
@@ -409,6 +416,7 @@ impl Session {
 impl Session {
     /// The rows of the engine, counted for the doctor.
     fn take_counted(&mut self) -> modlens_engine::records::Batch {
+        self.report = None;
         let batch = self.core.take();
         if let Some(contrast) = &mut self.contrast {
             contrast.observe(&batch);
@@ -417,6 +425,14 @@ impl Session {
             overview.observe(&batch);
         }
         batch
+    }
+
+    /// What the doctor says so far; `None` where diagnoses are not wanted.
+    fn report(&self) -> Option<Cow<'_, Report>> {
+        match (&self.report, &self.contrast) {
+            (Some(report), _) => Some(Cow::Borrowed(report)),
+            (None, contrast) => contrast.as_ref().map(|contrast| Cow::Owned(Report::of(contrast))),
+        }
     }
 
     /// The engine, for the inbox, which feeds it without the interpreter.

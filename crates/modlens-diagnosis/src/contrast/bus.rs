@@ -20,11 +20,13 @@ use super::request::{RequestCounts, MAX_REQUESTS};
 use super::sample::Sample;
 use super::tally::Tally;
 use super::unit::UnitCounts;
-use crate::clean::Exchanges;
 use crate::observation::{FrameObservation, Observation, RequestKey, DAMAGED_PARTS};
 
 /// What is counted of a row depends on at most so many rows before it.
 pub const WINDOW: usize = 64;
+
+/// So many rows may be pending, for which numbers of 32 bits are enough.
+const MAX_PENDING: u64 = 1 << 30;
 
 /// What is known of a bus beforehand.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -76,6 +78,8 @@ pub struct FrameCounts {
 }
 
 /// The counters of one bus.
+///
+/// Exchanges that went well are pending until somebody asks (`settle`); two with something pending are not equal.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BusContrast {
     /// What is known beforehand.
@@ -100,8 +104,8 @@ pub struct BusContrast {
     first_transactions: VecDeque<Observation>,
     frames_seen: u64,
     pub(super) transactions_seen: u64,
-    /// Whether something is pending.
-    pub(super) is_pending: bool,
+    /// Frames and transactions that are pending.
+    pub(super) pending: u64,
     pub(super) clean_units: CleanUnits,
     pub(super) known: KnownRequests,
 }
@@ -128,7 +132,8 @@ impl BusContrast {
         if !is_clean || self.frames_seen < WINDOW as u64 {
             return false;
         }
-        (self.frames_seen, self.is_pending) = (self.frames_seen + 1, true);
+        self.frames_seen += 1;
+        self.pending += 1;
         self.context.last_txn = row.txn.unwrap_or(self.context.last_txn);
         self.context.last_good = Some((row.number, row.direction, row.unit));
         self.facts.mode = Some(row.mode);
@@ -153,7 +158,7 @@ impl BusContrast {
         let in_bulk = &exchanges[rest..];
         let bytes = in_bulk.iter().map(|row| u64::from(row.lengths[0]) + u64::from(row.lengths[1])).sum();
         self.frames_seen += 2 * in_bulk.len() as u64;
-        self.is_pending = true;
+        self.pending += in_bulk.len() as u64;
         self.frames.count_compact(2 * in_bulk.len() as u64, bytes);
         self.facts.mode = Some(Mode::Rtu);
         self.context.last_txn = run.number + count - 1;
@@ -165,20 +170,26 @@ impl BusContrast {
         self.known.clear(self.context.recent.count());
     }
 
-    /// Leaves this batch behind: what was read is looked up, and all is counted.
-    pub(super) fn end_batch(&mut self, exchanges: &Exchanges<'_>) {
-        self.context.recent.look_up(exchanges);
-        self.settle();
+    /// Leaves a batch behind.
+    pub(super) fn end_batch(&mut self) {
+        if self.pending > MAX_PENDING {
+            self.settle();
+        }
     }
 
     /// Counts what is pending, before anything is shown or merged.
     pub(super) fn settle(&mut self) {
-        if !std::mem::take(&mut self.is_pending) {
+        if std::mem::take(&mut self.pending) == 0 {
             return;
         }
         self.frames.settle();
-        (0..self.known.len()).for_each(|index| self.settle_request(index));
+        self.settle_requests();
         self.clean_units.all_pending().for_each(|(unit, pending)| self.units.entry(unit).or_default().settle(pending));
+    }
+
+    /// Counts what is pending of all requests.
+    pub(super) fn settle_requests(&mut self) {
+        (0..self.known.len()).for_each(|index| self.settle_request(index));
     }
 
     /// Counts what is pending of a request, before anything else is counted of it; of its unit it stays pending.
@@ -240,6 +251,12 @@ impl BusContrast {
 
     /// Adds the part behind this one.
     pub(super) fn merge(&mut self, later: &Self) {
+        self.settle();
+        if later.pending > 0 {
+            let mut settled = later.clone();
+            settled.settle();
+            return self.merge(&settled);
+        }
         later.first_frames.iter().for_each(|seen| self.frame(seen.clone()));
         later.first_transactions.iter().for_each(|seen| self.transaction(seen.clone()));
         self.frames_seen += later.frames_seen - later.first_frames.len() as u64;
@@ -257,7 +274,6 @@ impl BusContrast {
         }
         self.requests.merge(&later.requests, RequestCounts::merge);
         self.facts = BusFacts { mode: later.facts.mode.or(self.facts.mode), ..later.facts.clone() };
-        self.settle();
         self.forget();
     }
 
@@ -298,7 +314,7 @@ impl BusContrast {
             self.requests_seen.count(seen.outcome.is_failure(), seen.place);
         }
         let unit = self.units.entry(seen.unit).or_default();
-        if let Some(pending) = self.clean_units.pending(seen.unit) {
+        if let Some(pending) = self.clean_units.open(seen.unit) {
             unit.settle_order(pending);
         }
         unit.count(seen, before);
@@ -306,7 +322,7 @@ impl BusContrast {
             self.units.entry(unit).or_default().overtaken.count(place, waited, needed);
         }
         let Some(key) = seen.key().filter(|_| seen.outcome.counts()) else { return };
-        if let Some(index) = self.known.find(key) {
+        if let Some(index) = self.known.find(key.number()) {
             self.settle_request(index);
         }
         if let Some(counts) = self.requests.entry(key.hash(), key) {

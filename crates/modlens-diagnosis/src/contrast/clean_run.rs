@@ -4,7 +4,7 @@ use modlens_engine::records::{ExchangeRun, Transaction};
 
 use super::bus::{BusContrast, WINDOW};
 use super::context::PreviousAnswer;
-use super::recent::Remembered;
+use super::recent::Answer;
 use super::tally::fingerprint;
 use crate::clean::{Clean, Exchanges};
 use crate::observation::{Observation, RequestKey};
@@ -29,159 +29,163 @@ impl BusContrast {
     /// gives how many.
     fn clean_exchanges(&mut self, exchanges: &Exchanges<'_>, run: &ExchangeRun, from: usize) -> usize {
         let Some(mut before) = self.before_clean() else { return 0 };
-        let mut at = from;
-        while at < run.exchanges.length as usize {
-            let index = run.exchanges.start as usize + at;
-            let Some(seen) = exchanges.clean(index, run.number + at as u64) else { break };
-            if !self.take_clean(exchanges, &seen, Remembered::Exchange(index as u32), before) {
+        let mut count = 0;
+        for exchange in &run.exchanges.of(&exchanges.batch.exchanges)[from..] {
+            let Some(seen) = exchanges.clean(exchange, run.number + (from + count) as u64) else { break };
+            let request = seen.key.number();
+            if !self.take_clean(exchanges, seen, request, before) {
                 break;
             }
-            before = seen.key;
-            at += 1;
+            before = request;
+            count += 1;
         }
-        self.pass_clean((at - from) as u64, before);
-        at - from
+        self.pass_clean(count, before);
+        count
     }
 
     /// Takes the transaction of a row.
     pub(super) fn row(&mut self, exchanges: &Exchanges<'_>, row: &Transaction) {
         let (batch, functions) = (exchanges.batch, exchanges.functions);
         if let (Some(before), Some(seen)) = (self.before_clean(), Clean::of(batch, functions, row)) {
-            let remembered = Remembered::Answer((seen.data.length > 0).then_some((seen.key, seen.data)));
-            if self.take_clean(exchanges, &seen, remembered, before) {
-                self.pass_clean(1, seen.key);
+            let request = seen.key.number();
+            if self.take_clean(exchanges, seen, request, before) {
+                self.pass_clean(1, request);
                 return;
             }
         }
-        let seen = Observation::of(batch, functions, row);
-        if seen.data.length > 0 {
-            // It is compared with what was read before.
-            self.context.recent.look_up(exchanges);
-        }
-        self.transaction(seen);
+        self.transaction(Observation::of(batch, functions, row));
     }
 
-    /// The request before the next one, if the next one may be counted in bulk.
+    /// The request before the next one, as a number, if the next one may be counted in bulk.
     #[inline]
-    fn before_clean(&self) -> Option<RequestKey> {
-        self.context.request_before().filter(|_| self.transactions_seen >= WINDOW as u64)
+    fn before_clean(&self) -> Option<u64> {
+        let before = self.context.request_before().filter(|_| self.transactions_seen >= WINDOW as u64)?;
+        Some(before.number())
     }
 
     /// Leaves behind exchanges that went well, the last of which asked this.
     #[inline]
-    fn pass_clean(&mut self, count: u64, last: RequestKey) {
+    fn pass_clean(&mut self, count: usize, last: u64) {
         if count > 0 {
-            (self.transactions_seen, self.is_pending) = (self.transactions_seen + count, true);
-            self.requests_seen.count_good(count);
-            self.context.follow_clean(last);
+            self.transactions_seen += count as u64;
+            self.pending += count as u64;
+            self.requests_seen.count_good(count as u64);
+            self.context.follow_clean(RequestKey::of_number(last));
         }
     }
 
-    /// Notes an exchange that went well, behind another one; false, and nothing is done, where more is to be noted of it.
+    /// Notes an exchange that went well, behind another one, whose requests have these numbers; false, and nothing is done, where
+    /// more is to be noted of it.
     #[inline(always)]
-    #[allow(clippy::inline_always)] // Its argument is large, and would be written and read again for each exchange.
-    fn take_clean(
-        &mut self,
-        exchanges: &Exchanges<'_>,
-        seen: &Clean<'_>,
-        remembered: Remembered,
-        before: RequestKey,
-    ) -> bool {
-        let index = match self.known.find(seen.key) {
-            Some(index) => index,
-            None => self.meet(exchanges, seen.key),
-        };
-        let (number, is_read) = (self.context.recent.next_number(), seen.data.length > 0);
-        let known = self.known.at(index);
-        if is_read && number <= known.recent_until {
-            let own = known.head;
-            if self.context.may_be_odd(seen.data, own) && self.is_odd(exchanges, seen, own, before) {
+    // What an exchange shows is large; by value, and inlined, no more of it is made than is asked for.
+    #[allow(clippy::inline_always)]
+    fn take_clean(&mut self, exchanges: &Exchanges<'_>, seen: Clean, request: u64, before: u64) -> bool {
+        let is_read = seen.data.length > 0;
+        let found = self.known.find(request).or_else(|| self.meet(seen.key, is_read));
+        let transaction = self.context.recent.next_number();
+        if let Some(index) = found.filter(|_| is_read) {
+            let known = self.known.at(index);
+            let is_recent = transaction <= known.recent_until;
+            if is_recent && self.context.may_be_odd(seen.key, seen.data, known.head, before) {
                 return false;
             }
         }
-        if !self.takes_clean(seen.key.unit) {
+        if !self.clean_units.is_open(seen.key.unit) && !self.open_unit(seen.key.unit) {
             return false;
         }
         let unit = self.clean_units.of(seen.key.unit);
         unit.good += 1;
         unit.behind_writes += u64::from(self.context.is_behind_write());
-        let known = self.known.at(index);
-        if is_read {
-            known.note(number, seen.data.head);
+        match found {
+            Some(index) => self.note_request(index, seen, request, before),
+            None => self.count_one(seen.key, before),
         }
-        let is_plain = seen.data.is_plain();
-        let pending = &mut known.pending;
-        pending.good += 1;
-        pending.writes = seen.writes;
-        pending.usual += u32::from(seen.data.is_present && !is_plain);
-        pending.near[0] += u32::from(seen.data.touches[0] && !is_plain);
-        pending.near[1] += u32::from(seen.data.touches[1] && !is_plain);
-        if !pending.is_behind(before) {
-            self.count_other_pair(index, seen.key, before);
+        self.context.recent.push(Answer::new(request, seen.data));
+        if seen.writes {
+            self.context.note_write();
         }
-        self.context.recent.remember(remembered);
-        if is_plain || seen.writes {
-            self.note_contents(index, seen);
+        if let Some(index) = found.filter(|_| seen.writes || seen.data.is_plain()) {
+            self.note_contents(exchanges, index, seen);
         }
         if seen.starts[0].is_some() || seen.starts[1].is_some() || seen.gap.is_some() || seen.response_time.is_some() {
-            self.note_times(index, seen, before.unit);
+            self.note_times(found, seen, RequestKey::of_number(before).unit);
         } else {
             self.context.previous_answer = None;
         }
         true
     }
 
-    /// Makes a request known, and gives its index.
+    /// Makes a request known, and gives its index. One that reads nothing and for whose counters there is no room stays unknown:
+    /// there is nothing to be known of it.
     #[inline(never)]
-    fn meet(&mut self, exchanges: &Exchanges<'_>, key: RequestKey) -> usize {
-        if self.known.is_full() {
-            (0..self.known.len()).for_each(|index| self.settle_request(index));
-            self.known.clear(self.context.recent.count());
+    fn meet(&mut self, key: RequestKey, is_read: bool) -> Option<usize> {
+        let slot = self.requests.slot(key.hash(), key);
+        if slot.is_none() && !is_read {
+            return None;
         }
-        let index = self.known.add(key, self.requests.slot(key.hash(), key));
-        let number = self.context.recent.next_number();
-        if self.known.has_forgotten(number) {
-            self.context.recent.look_up(exchanges);
-            if let Some((last, data)) = self.context.recent.last_of(key) {
-                self.known.at(index).note(last, data.head);
+        if self.known.is_full() {
+            self.settle_requests();
+            self.forget();
+        }
+        let index = self.known.add(key, slot);
+        if self.known.has_forgotten(self.context.recent.next_number()) {
+            if let Some((last, answer)) = self.context.recent.last_of(key) {
+                self.known.at(index).note(last, answer.head);
             }
         }
-        index
+        Some(index)
     }
 
-    /// Whether the data of an exchange may be those of another request, or go on with its values.
-    #[inline(never)]
-    fn is_odd(&mut self, exchanges: &Exchanges<'_>, seen: &Clean<'_>, own: [u16; 2], before: RequestKey) -> bool {
-        self.context.recent.look_up(exchanges);
-        self.context.is_odd(seen.key, seen.data, own, before)
+    /// Whether from here on nothing but their number is to be noted of the exchanges with a unit.
+    #[cold]
+    fn open_unit(&mut self, unit: u8) -> bool {
+        let is_open = self.units.entry(unit).or_default().takes_clean();
+        self.clean_units.of(unit).is_open = is_open;
+        is_open
     }
 
-    /// Whether nothing but their number is to be noted of exchanges with a unit that went well.
-    #[inline]
-    fn takes_clean(&mut self, unit: u8) -> bool {
-        let pending = self.clean_units.of(unit);
-        if !pending.is_open {
-            pending.is_open = self.units.entry(unit).or_default().takes_clean();
+    /// Notes an exchange with its request.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
+    fn note_request(&mut self, index: usize, seen: Clean, request: u64, before: u64) {
+        let transaction = self.context.recent.next_number();
+        let known = self.known.at(index);
+        if seen.data.length > 0 {
+            known.note(transaction, seen.data.head);
         }
-        pending.is_open
+        let pending = &mut known.pending;
+        pending.good += 1;
+        pending.writes = seen.writes;
+        if seen.data.is_present && !seen.data.is_plain() {
+            pending.usual += 1;
+            pending.near[0] += u32::from(seen.data.touches[0]);
+            pending.near[1] += u32::from(seen.data.touches[1]);
+        }
+        if !pending.is_behind(before) {
+            self.count_other_pair(index, request, before);
+        }
     }
 
     /// Notes that an exchange came right behind another request than it mostly does.
     #[inline(never)]
-    fn count_other_pair(&mut self, index: usize, key: RequestKey, before: RequestKey) {
+    fn count_other_pair(&mut self, index: usize, request: u64, before: u64) {
         let known = self.known.at(index);
         let slot = known.slot;
         if let Some((before, pairs)) = known.pending.come_behind(before) {
-            self.count_pairs(key, slot, before, pairs);
+            self.count_pairs(RequestKey::of_number(request), slot, before, pairs);
         }
+    }
+
+    /// Notes an exchange with a request that has no counters, behind another one.
+    fn count_one(&mut self, key: RequestKey, before: u64) {
+        let unit = self.clean_units.of(key.unit);
+        unit.by_function.add(key.function, 1);
+        unit.by_previous.add(RequestKey::of_number(before).unit, 1);
     }
 
     /// Notes what an exchange has written, and values that are all FFFF or all 0000.
     #[inline(never)]
-    fn note_contents(&mut self, index: usize, seen: &Clean<'_>) {
-        if seen.writes {
-            self.context.note_write();
-        }
+    fn note_contents(&mut self, exchanges: &Exchanges<'_>, index: usize, seen: Clean) {
         if seen.data.is_plain() {
             self.settle_request(index);
         }
@@ -191,15 +195,15 @@ impl BusContrast {
             counts.count_data(seen.data, false, seen.place);
         }
         if seen.writes {
-            counts.count_written(fingerprint(seen.request), seen.place);
+            counts.count_written(fingerprint(seen.request.of(&exchanges.batch.arena)), seen.place);
         }
     }
 
     /// Notes what the times of an exchange tell.
     #[inline(never)]
-    fn note_times(&mut self, index: usize, seen: &Clean<'_>, unit_before: u8) {
-        self.units.entry(seen.key.unit).or_default().count_clean_times(seen, unit_before);
-        let slot = self.known.at(index).slot;
+    fn note_times(&mut self, found: Option<usize>, seen: Clean, unit_before: u8) {
+        self.units.entry(seen.key.unit).or_default().count_clean_times(&seen, unit_before);
+        let slot = found.and_then(|index| self.known.at(index).slot);
         if let Some(counts) = slot.and_then(|slot| self.requests.at(slot.into(), &seen.key)) {
             counts.count_period(seen.starts[0]);
         }

@@ -80,6 +80,18 @@ impl Few {
 }
 
 impl CleanUnits {
+    /// What is pending of a unit of which nothing but the number of further exchanges is to be noted.
+    #[inline]
+    pub fn open(&mut self, unit: u8) -> Option<&mut CleanCounts> {
+        self.0.get_mut(usize::from(unit)).filter(|counts| counts.is_open)
+    }
+
+    /// Whether there is such a unit.
+    #[inline]
+    pub fn is_open(&self, unit: u8) -> bool {
+        self.0.get(usize::from(unit)).is_some_and(|counts| counts.is_open)
+    }
+
     /// What is pending of a unit.
     #[inline]
     pub fn of(&mut self, unit: u8) -> &mut CleanCounts {
@@ -87,11 +99,6 @@ impl CleanUnits {
             self.0.resize(UNITS, CleanCounts::default());
         }
         &mut self.0[usize::from(unit)]
-    }
-
-    /// What is pending of a unit, if there is anything.
-    pub fn pending(&mut self, unit: u8) -> Option<&mut CleanCounts> {
-        self.0.get_mut(usize::from(unit)).filter(|counts| counts.is_open)
     }
 
     /// The units of which something is pending.

@@ -6,7 +6,7 @@ use modlens_protocol::direction::Direction;
 use modlens_protocol::Ns;
 
 use super::before::Before;
-use super::recent::RecentAnswers;
+use super::recent::{Answer, RecentAnswers};
 use super::tally::Place;
 use crate::observation::{response_part, Data, FrameObservation, Observation, Outcome, RequestKey, Shift};
 
@@ -197,18 +197,17 @@ impl Context {
         self.previous_request = Some(PreviousRequest { key, failed: false, age: 0 });
     }
 
-    /// Whether there is any reason to ask `is_odd`.
+    /// Whether the data of an exchange that went well may be those of another request, or go on with its values. `own` are the
+    /// first registers of the answer before to the same request, `before` is the number of the request before.
     #[inline]
-    pub fn may_be_odd(&self, data: Data, own: [u16; 2]) -> bool {
-        distance(own, data.head) >= FAR || self.is_behind_silence()
+    pub fn may_be_odd(&self, key: RequestKey, data: Data, own: [u16; 2], before: u64) -> bool {
+        let is_far = distance(own, data.head) >= FAR;
+        (is_far && self.is_like_another(key, data)) || (self.is_behind_silence() && self.may_be_shifted(key, data, before))
     }
 
-    /// Whether the data of an exchange that went well may be those of another request, or go on with its values. `own` are the
-    /// first registers of the answer before to the same request, `before` is the request before.
     #[inline(never)]
-    pub fn is_odd(&self, key: RequestKey, data: Data, own: [u16; 2], before: RequestKey) -> bool {
-        (distance(own, data.head) >= FAR && self.is_like_another(key, data))
-            || (self.is_behind_silence() && self.shift(key, data, Some(before)).is_some())
+    fn may_be_shifted(&self, key: RequestKey, data: Data, before: u64) -> bool {
+        self.shift(key, data, Some(RequestKey::of_number(before))).is_some()
     }
 
     /// Compares the data with those of the transactions before.
@@ -218,7 +217,7 @@ impl Context {
             seen.is_of_another = self.is_of_another(key, seen.data);
             seen.shift = self.shift(key, seen.data, self.previous_request.map(|before| before.key));
         }
-        self.recent.push(key.map(|key| (key, seen.data)));
+        self.recent.push(seen.key().map_or(Answer::default(), |key| Answer::new(key.number(), seen.data)));
         if matches!(seen.outcome, Outcome::Silent | Outcome::NotSeen) {
             self.behind_silence_until = self.recent.count() + 1 + BEHIND_SILENCE;
         }
@@ -235,8 +234,8 @@ impl Context {
         if data.length < LEAST_COMPARED_BYTES || data.is_plain() {
             return false;
         }
-        let mut others = self.recent.newest_first().take(COMPARED).flatten();
-        others.any(|(other, others)| others.opening == data.opening && other.unit == key.unit && other != key)
+        let mut others = self.recent.newest_first().take(COMPARED).filter(|others| others.begins_like(data));
+        others.any(|others| others.key().unit == key.unit && others.key() != key)
     }
 
     /// Shortly behind a silence: whether the values go on as those of the request `before` did in front of it.
@@ -244,8 +243,8 @@ impl Context {
         let left = self.behind_silence_until.checked_sub(self.recent.next_number())?;
         let since = BEHIND_SILENCE.checked_sub(left)?;
         let before = before.filter(|before| before.unit == key.unit && *before != key)?;
-        let in_front = || self.recent.newest_first().skip(since as usize + 1).flatten();
-        let last_of = |key: RequestKey| in_front().find(|(other, _)| *other == key).map(|(_, data)| data);
+        let in_front = || self.recent.newest_first().skip(since as usize + 1).filter(|answer| answer.length > 0);
+        let last_of = |key: RequestKey| in_front().find(|answer| answer.key() == key);
         let (own, others) = (last_of(key)?, last_of(before)?);
         if own.length != data.length || others.length != data.length || distance(own.head, data.head) < FAR {
             return None;
@@ -253,7 +252,7 @@ impl Context {
         if distance(others.head, data.head) * 8 >= distance(own.head, data.head) {
             return (distance(others.head, data.head) >= FAR).then_some(Shift::Elsewhere);
         }
-        Some(Shift::ToRequestBefore(bits(others, data)))
+        Some(Shift::ToRequestBefore(bits(others.head, data)))
     }
 
     /// What the rows after a later part need to know.
@@ -285,8 +284,8 @@ fn distance(one: [u16; 2], other: [u16; 2]) -> u32 {
 }
 
 /// Values so near to each other come about by accident once in 2 to the power of this.
-fn bits(one: Data, other: Data) -> u32 {
-    let registers = usize::from(one.length / 2).min(2);
-    let near = |at: usize| 16u32.saturating_sub((2 * u32::from(one.head[at].abs_diff(other.head[at])) + 1).ilog2());
+fn bits(one: [u16; 2], other: Data) -> u32 {
+    let registers = usize::from(other.length / 2).min(2);
+    let near = |at: usize| 16u32.saturating_sub((2 * u32::from(one[at].abs_diff(other.head[at])) + 1).ilog2());
     (0..registers).map(near).sum()
 }

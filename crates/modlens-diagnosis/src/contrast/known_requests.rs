@@ -79,23 +79,23 @@ impl PendingExchanges {
         std::mem::replace(self, Self { after: self.after, ..Self::default() })
     }
 
-    /// Whether one came right behind the request that mostly does, which counts it.
+    /// Whether one came right behind the request that mostly does, which counts it; `before` is its number.
     #[inline]
-    pub fn is_behind(&mut self, before: RequestKey) -> bool {
-        let is_expected = self.after == before.number();
+    pub fn is_behind(&mut self, before: u64) -> bool {
+        let is_expected = self.after == before;
         self.pairs += u32::from(is_expected);
         is_expected
     }
 
     /// One came right behind another request; gives which pairs are to be counted for that. If the request that mostly comes
     /// before has become the rarer one, that is another one from here on.
-    pub fn come_behind(&mut self, another: RequestKey) -> Option<(RequestKey, u32)> {
+    pub fn come_behind(&mut self, another: u64) -> Option<(RequestKey, u32)> {
         if self.other_pairs < self.pairs {
             self.other_pairs += 1;
-            return Some((another, 1));
+            return Some((RequestKey::of_number(another), 1));
         }
         let pairs = self.pairs();
-        (self.after, self.pairs, self.other_pairs) = (another.number(), 1, 0);
+        (self.after, self.pairs, self.other_pairs) = (another, 1, 0);
         pairs
     }
 
@@ -119,10 +119,9 @@ impl KnownRequest {
 }
 
 impl KnownRequests {
-    /// The index of a request.
+    /// The index of the request with this number.
     #[inline]
-    pub fn find(&self, key: RequestKey) -> Option<usize> {
-        let number = key.number();
+    pub fn find(&self, number: u64) -> Option<usize> {
         let mut place = place_of(number);
         loop {
             let index = *self.places.get(place)?;
@@ -175,7 +174,7 @@ impl KnownRequests {
 
     /// Notes the first registers of what was read, in the transaction with this number, which is counted otherwise.
     pub fn note(&mut self, key: RequestKey, transaction: u64, head: [u16; 2]) {
-        match self.find(key) {
+        match self.find(key.number()) {
             Some(index) => self.all[index].note(transaction, head),
             None => self.forgotten = transaction,
         }
@@ -204,16 +203,16 @@ mod tests {
     #[test]
     fn all_of_them_are_found_until_they_are_forgotten() {
         let mut all = KnownRequests::default();
-        assert_eq!(all.find(key(1)), None);
+        assert_eq!(all.find(key(1).number()), None);
         for address in 0..MAX_KNOWN as u16 {
             assert!(!all.is_full());
             assert_eq!(all.add(key(address), None), usize::from(address));
         }
         assert!(all.is_full());
-        assert!((0..MAX_KNOWN as u16).all(|address| all.find(key(address)) == Some(usize::from(address))));
-        assert!((0..99).all(|more| all.find(key(MAX_KNOWN as u16 + more)).is_none()));
+        assert!((0..MAX_KNOWN as u16).all(|address| all.find(key(address).number()) == Some(usize::from(address))));
+        assert!((0..99).all(|more| all.find(key(MAX_KNOWN as u16 + more).number()).is_none()));
         all.clear(1000);
-        assert_eq!(all.find(key(1)), None);
+        assert_eq!(all.find(key(1).number()), None);
         assert!(all.has_forgotten(1048) && !all.has_forgotten(1049));
         assert_eq!(key(9), RequestKey::of_number(key(9).number()));
     }

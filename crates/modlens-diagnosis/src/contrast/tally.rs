@@ -18,34 +18,47 @@ pub struct Place {
 }
 
 /// Numbers of transactions that stand for many: those whose hashes are least, so that order and parts do not matter.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Examples(Vec<(u64, u64)>);
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Examples {
+    /// Hashes and numbers, in order.
+    least: Vec<(u64, u64)>,
+    /// The greatest hash that there is room for. Nearly all are greater, and for these it is all that is looked at.
+    limit: u64,
+}
+
+impl Default for Examples {
+    fn default() -> Self {
+        Self { least: Vec::new(), limit: u64::MAX }
+    }
+}
 
 impl Examples {
+    #[inline]
     pub(super) fn add(&mut self, number: u64) {
-        if number == 0 {
-            return; // No transaction is near.
+        let hash = mix(number);
+        // No transaction is near one without a number.
+        if number != 0 && hash <= self.limit {
+            self.insert((hash, number));
         }
-        self.insert((mix(number), number));
     }
 
     fn insert(&mut self, one: (u64, u64)) {
-        if self.0.len() == EXAMPLES && self.0.last().is_some_and(|last| *last <= one) {
-            return;
+        if let Err(at) = self.least.binary_search(&one) {
+            self.least.insert(at, one);
+            self.least.truncate(EXAMPLES);
         }
-        if let Err(at) = self.0.binary_search(&one) {
-            self.0.insert(at, one);
-            self.0.truncate(EXAMPLES);
+        if let Some((hash, _)) = self.least.get(EXAMPLES - 1) {
+            self.limit = *hash;
         }
     }
 
     pub(super) fn merge(&mut self, other: &Self) {
-        other.0.iter().for_each(|one| self.insert(*one));
+        other.least.iter().for_each(|one| self.insert(*one));
     }
 
     /// The numbers in order.
     pub fn numbers(&self) -> Vec<u64> {
-        let mut numbers: Vec<u64> = self.0.iter().map(|(_, number)| *number).collect();
+        let mut numbers: Vec<u64> = self.least.iter().map(|(_, number)| *number).collect();
         numbers.sort_unstable();
         numbers
     }

@@ -277,7 +277,7 @@ pub struct LengthRatios {
 impl UnitCounts {
     /// Counts what the times of an exchange tell that went well, as did the one before, with this unit; the rest is left to
     /// `CleanCounts`.
-    pub(super) fn count_clean_times(&mut self, seen: &Clean<'_>, unit_before: u8) {
+    pub(super) fn count_clean_times(&mut self, seen: &Clean, unit_before: u8) {
         if let Some(time) = seen.response_time {
             self.response_times.add(time);
         }

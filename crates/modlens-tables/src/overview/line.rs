@@ -107,6 +107,7 @@ pub(super) struct RequestBucket {
 
 impl RequestBucket {
     /// Adds a compact exchange, without a response time.
+    #[inline]
     pub fn exchange(&mut self, status: Status) {
         self.transactions += 1;
         self.ok += u64::from(status == Status::Ok);

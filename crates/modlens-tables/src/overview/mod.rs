@@ -9,12 +9,12 @@
 mod examples;
 mod line;
 mod registers;
+mod requests;
 mod series;
 mod times;
 
 use std::borrow::Borrow;
-use std::collections::hash_map::Entry;
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 
 use modlens_engine::records::{Batch, Bus, Connection, End, Exchange, ExchangeRun, Frame, Part, Transaction};
 use modlens_protocol::line::LineSettings;
@@ -27,6 +27,7 @@ use crate::columns::each_value;
 use examples::Examples;
 use line::{bus_columns, p95_column, request_columns, us, BusBucket, RequestBucket};
 use registers::{Place, Registers, MAX_VALUES};
+use requests::{Requests, RequestsOfBus};
 use series::{resolution, Bucket, Range, Series};
 
 /// Buses that have series.
@@ -104,17 +105,8 @@ struct BusOverview {
     /// Where the last frame and the last transaction were, for rows without a time.
     last: [i64; 2],
     line: Series<BusBucket>,
-    /// By unit and function, as one number: it is looked up for each transaction.
-    requests: HashMap<u16, Requests, foldhash::fast::FixedState>,
+    requests: RequestsOfBus,
     registers: Registers,
-}
-
-/// The requests of one function to one unit.
-#[derive(Clone, Debug, PartialEq)]
-struct Requests {
-    series: Series<RequestBucket>,
-    /// The least hash of a transaction, by status.
-    examples: [u64; 8],
 }
 
 impl Overview {
@@ -279,15 +271,15 @@ impl Overview {
         own.settings = later.settings.or(own.settings);
         own.last = later.last;
         own.line.merge(&later.line, line);
-        // In order: which ones there is room for must not depend on that of a hash map.
-        for ((unit, function), counts) in later.sorted_requests() {
-            let key = u16::from_be_bytes([unit, function]);
-            if let Some(own) = own.requests.get_mut(&key) {
+        // In order: which ones there is room for must not depend on that in which they came.
+        for (key, counts) in later.requests.sorted() {
+            if let Some(index) = own.requests.find(key) {
+                let own = own.requests.at(index);
                 own.series.merge(&counts.series, of_requests);
                 own.examples.iter_mut().zip(counts.examples).for_each(|(own, more)| *own = (*own).min(more));
             } else if requests < MAX_REQUESTS {
                 requests += 1;
-                own.requests.insert(key, counts.clone());
+                own.requests.add(counts.clone());
             }
         }
         self.left_out.values += own.registers.merge(&later.registers, of_values, room) as u64;
@@ -311,10 +303,10 @@ impl Overview {
         let has_clock = bus.axis != Axis::Transactions;
         let has_load = has_clock && bus.settings.is_some();
         let line = range.within(self.bus_resolution());
-        let of_requests = bus.common(bus.requests.values().filter_map(|one| one.series.range()), self.request_resolution());
+        let of_requests = bus.common(bus.requests.iter().filter_map(|one| one.series.range()), self.request_resolution());
         let of_values = bus.common(bus.registers.range().into_iter(), self.value_resolution());
         // The text of the courses draws units only; these rows would be most of the document.
-        let shown = if self.is_of_courses { BTreeMap::new() } else { bus.sorted_requests() };
+        let shown = if self.is_of_courses { BTreeMap::new() } else { bus.requests.sorted() };
         let requests: Vec<Json> = shown
             .into_iter()
             .map(|((unit, function), counts)| {
@@ -400,7 +392,7 @@ impl BusOverview {
             axis,
             last: [0; 2],
             line: Series::new(axis.shift()),
-            requests: HashMap::default(),
+            requests: RequestsOfBus::default(),
             registers: Registers::default(),
         }
     }
@@ -420,15 +412,17 @@ impl BusOverview {
 
     /// The requests of one function to one unit; `None` if there is no room for them. `count` is how many there are of all buses.
     #[inline]
-    fn requests_of(&mut self, (unit, function): (u8, u8), count: &mut usize) -> Option<&mut Requests> {
-        match self.requests.entry(u16::from_be_bytes([unit, function])) {
-            Entry::Occupied(found) => Some(found.into_mut()),
-            Entry::Vacant(_) if *count == MAX_REQUESTS => None,
-            Entry::Vacant(place) => {
-                *count += 1;
-                Some(place.insert(Requests { series: Series::new(self.axis.shift()), examples: [u64::MAX; 8] }))
-            }
-        }
+    fn requests_of(&mut self, unit_and_function: (u8, u8), count: &mut usize) -> Option<&mut Requests> {
+        let index = self.requests.find(unit_and_function).or_else(|| self.add_requests(unit_and_function, count))?;
+        Some(self.requests.at(index))
+    }
+
+    #[cold]
+    fn add_requests(&mut self, unit_and_function: (u8, u8), count: &mut usize) -> Option<usize> {
+        (*count < MAX_REQUESTS).then(|| {
+            *count += 1;
+            self.requests.add(Requests::new(unit_and_function, self.axis.shift()))
+        })
     }
 
     #[inline]
@@ -507,15 +501,10 @@ impl BusOverview {
         }
     }
 
-    /// The requests by unit and function, so that output does not depend on the order of a hash map.
-    fn sorted_requests(&self) -> BTreeMap<(u8, u8), &Requests> {
-        self.requests.iter().map(|(key, counts)| (key.to_be_bytes().into(), counts)).collect()
-    }
-
     /// The 95th percentile of each unit's response times, all functions taken together.
     fn units_json(&self, range: Range) -> Json {
         let mut units: BTreeMap<u8, Vec<RequestBucket>> = BTreeMap::new();
-        for ((unit, _), counts) in self.sorted_requests() {
+        for ((unit, _), counts) in self.requests.sorted() {
             let more = counts.series.cut_to(range);
             match units.get_mut(&unit) {
                 Some(own) => own.iter_mut().zip(&more).for_each(|(own, more)| own.merge(more)),

@@ -29,11 +29,18 @@ impl<B: Bucket> Series<B> {
     /// The bucket at a position. There are `most` at most, for which buckets are joined if need be.
     #[inline]
     pub fn at(&mut self, position: i64, most: usize) -> &mut B {
-        let index = (position >> self.shift).wrapping_sub(self.first);
-        if index < 0 || index >= self.buckets.len() as i64 || self.buckets.len() > most {
+        let mut index = self.index_of(position);
+        if index >= self.buckets.len() || self.buckets.len() > most {
             self.make_room(position, most);
+            index = self.index_of(position);
         }
-        &mut self.buckets[((position >> self.shift) - self.first) as usize]
+        &mut self.buckets[index]
+    }
+
+    /// The index of the bucket at a position; of one that is before the first, beyond all that there may be.
+    #[inline]
+    fn index_of(&self, position: i64) -> usize {
+        (position >> self.shift).wrapping_sub(self.first) as usize
     }
 
     /// The width of the buckets.
@@ -75,6 +82,12 @@ impl<B: Bucket> Series<B> {
     #[cold]
     fn make_room(&mut self, position: i64, most: usize) {
         let number = position >> self.shift;
+        let after = number - self.first;
+        if !self.buckets.is_empty() && (self.buckets.len() as i64..most as i64).contains(&after) {
+            // It grows at its end, as it does nearly always.
+            self.buckets.resize_with(after as usize + 1, B::default);
+            return;
+        }
         let alone = Range { shift: self.shift, first: number, last: number };
         self.reshape(self.range().map_or(alone, |own| own.with(alone)).within(most));
     }
