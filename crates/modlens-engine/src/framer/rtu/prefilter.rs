@@ -171,16 +171,12 @@ impl RequestPrefilter {
             return short;
         }
         let observed = ObservedBytes::of(bytes, bits);
-        let mut likely = short;
-        for (among, need) in [(among & need.of_these, need.less), (among & !need.of_these, need.more)] {
-            if among & !self.long != 0 {
-                likely |= self.filter(among & !self.long, &ways, &observed, need, costs);
-            }
-            if among & self.long != 0 {
-                likely |= self.filter(among & self.long, &ways, &observed, need.min(LONG_REQUEST_PREFIX_BITS), costs);
-            }
-        }
-        likely
+        let classes = [
+            (among & need.of_these & !self.long, need.less),
+            (among & !need.of_these & !self.long, need.more),
+            (among & self.long, need.less.min(LONG_REQUEST_PREFIX_BITS)),
+        ];
+        short | self.filter(&classes, &ways, &observed, costs)
     }
 
     /// The requests of five bytes and more by how they may stand, damaged, at the first of these bytes. `align` accepts damage
@@ -193,21 +189,18 @@ impl RequestPrefilter {
         Ways { begins, headed, headless: self.with_pair_inside(first, second) }
     }
 
-    /// Those of `among` that may reach `need` bits in one of the ways in which `damage::alignment` (`align`) looks for a damaged
-    /// frame at the first of these bytes: flipped bits only, bytes missing in front, damage inside, or a collision. None is left
-    /// out wrongly: the sums are upper bounds.
+    /// Those of the requests that may reach the bits that their class needs in one of the ways in which `damage::alignment`
+    /// (`align`) looks for a damaged frame at the first of these bytes: flipped bits only, bytes missing in front, damage inside,
+    /// or a collision. None is left out wrongly: the sums are upper bounds.
     ///
-    /// For each way there are the requests that may be damaged so, and those that may agree with a byte at a place.
-    fn filter(&self, among: FrameSet, ways: &Ways, observed: &ObservedBytes<'_>, need: f32, costs: &DamageCosts) -> FrameSet {
-        if observed.total < need {
-            return 0;
-        }
-        let (begins, headed, headless) = (among & ways.begins, among & ways.headed, among & ways.headless);
-        // What passes in one way need not be tried in the next.
-        let mut passed = observed.may_reach(headed, need, &self.equal);
-        passed |= observed.may_reach(headless & !passed, need + costs.lost_head, &self.behind);
-        passed |= observed.may_reach(begins & !passed, need + costs.inside, &self.around);
-        passed | observed.may_reach(begins & !passed, need + costs.collision, &self.covering)
+    /// For each way there are the requests that may be damaged so, and those that may agree with a byte at a place. What passes
+    /// in one way need not be tried in the next.
+    fn filter(&self, classes: &Classes, ways: &Ways, observed: &ObservedBytes<'_>, costs: &DamageCosts) -> FrameSet {
+        let among = classes.iter().fold(0, |all, (set, _)| all | set);
+        let mut passed = observed.may_reach(among & ways.headed, classes, 0.0, &self.equal);
+        passed |= observed.may_reach(among & ways.headless & !passed, classes, costs.lost_head, &self.behind);
+        passed |= observed.may_reach(among & ways.begins & !passed, classes, costs.inside, &self.around);
+        passed | observed.may_reach(among & ways.begins & !passed, classes, costs.collision, &self.covering)
     }
 
     /// The requests that have this byte at this place, the first one being 0; none from place `JUDGED_BYTES` on.
@@ -223,6 +216,9 @@ impl RequestPrefilter {
     }
 }
 
+/// Requests by what they need, in bits.
+type Classes = [(FrameSet, f32); 3];
+
 /// The bytes in which requests are looked for, with their information content: at most one more than is judged, since a byte may
 /// be there twice.
 struct ObservedBytes<'a> {
@@ -232,8 +228,6 @@ struct ObservedBytes<'a> {
     rare: u32,
     /// Information content of all common bytes together.
     common_bits: f32,
-    /// An upper bound of the information content of all bytes together.
-    total: f32,
 }
 
 /// No byte has more bits than this.
@@ -244,11 +238,10 @@ impl<'a> ObservedBytes<'a> {
     #[inline]
     fn of(bytes: &'a [u8], bits: impl Fn(u8) -> f32) -> Self {
         let bytes = &bytes[..bytes.len().min(JUDGED_BYTES + 1)];
-        let mut this = Self { bytes, bits: [0.0; JUDGED_BYTES + 1], rare: 0, common_bits: 0.0, total: ROUNDING_BITS };
+        let mut this = Self { bytes, bits: [0.0; JUDGED_BYTES + 1], rare: 0, common_bits: 0.0 };
         for (at, (&byte, known)) in bytes.iter().zip(&mut this.bits).enumerate() {
             let content = bits(byte);
             *known = content;
-            this.total += content;
             // Without branches: the processor could not predict which bytes are common.
             this.rare |= u32::from(content >= COMMON_BYTE_BITS) << at;
             this.common_bits += if content >= COMMON_BYTE_BITS { 0.0 } else { content };
@@ -256,15 +249,16 @@ impl<'a> ObservedBytes<'a> {
         this
     }
 
-    /// Those of `among` with which bytes of `need` bits together may agree, an upper bound; `agreeing` has by place and byte value
-    /// the set of requests that agree with a byte. Sums are made only for requests that pass two cheaper tests: all bytes together have
-    /// enough bits, and enough of the rare ones agree.
+    /// Those of `among` with which bytes of so many bits together may agree as their class needs and the damage costs, an upper
+    /// bound; `agreeing` has by place and byte value the requests that agree with a byte. Sums are made only for requests with
+    /// which enough of the rare bytes agree.
     #[inline]
-    fn may_reach(&self, among: FrameSet, need: f32, agreeing: &[[FrameSet; 256]; PLACES]) -> FrameSet {
-        if among == 0 || self.total < need {
+    fn may_reach(&self, among: FrameSet, classes: &Classes, cost: f32, agreeing: &[[FrameSet; 256]; PLACES]) -> FrameSet {
+        if among == 0 {
             return 0;
         }
-        let among = among & self.with_enough_rare_bytes(need - self.common_bits, agreeing);
+        let enough = self.with_enough_rare_bytes(classes, cost, agreeing);
+        let among = among & enough;
         if among == 0 {
             return 0;
         }
@@ -276,13 +270,14 @@ impl<'a> ObservedBytes<'a> {
                 sums.add(agree, (STEPS_PER_BIT * bits) as u32 + 1);
             }
         }
-        among & sums.at_least(need)
+        let reaching = |&(set, need): &(FrameSet, f32)| if among & set == 0 { 0 } else { set & sums.at_least(need + cost) };
+        among & classes.iter().map(reaching).fold(0, |all, set| all | set)
     }
 
-    /// The requests with which so many rare bytes agree that these may be worth `need` bits together: none, one, two, or at
-    /// least three. Nearly everywhere too few do.
+    /// The requests with which so many rare bytes agree that these, with all of the common ones, may be worth what their class
+    /// needs: none, one, two, or at least three. Nearly everywhere too few do.
     #[inline]
-    fn with_enough_rare_bytes(&self, need: f32, agreeing: &[[FrameSet; 256]; PLACES]) -> FrameSet {
+    fn with_enough_rare_bytes(&self, classes: &Classes, cost: f32, agreeing: &[[FrameSet; 256]; PLACES]) -> FrameSet {
         let (mut one, mut two, mut three) = (0, 0, 0);
         let mut rare = self.rare;
         while rare != 0 {
@@ -293,12 +288,18 @@ impl<'a> ObservedBytes<'a> {
             two |= one & agree;
             one |= agree;
         }
-        match need {
-            _ if need <= ROUNDING_BITS => FrameSet::MAX,
-            _ if need <= MAX_BYTE_BITS + ROUNDING_BITS => one,
-            _ if need <= 2.0 * MAX_BYTE_BITS + ROUNDING_BITS => two,
-            _ => three,
+        let mut enough = 0;
+        for &(set, need) in classes {
+            let need = need + cost - self.common_bits;
+            enough |= set
+                & match need {
+                    _ if need <= ROUNDING_BITS => FrameSet::MAX,
+                    _ if need <= MAX_BYTE_BITS + ROUNDING_BITS => one,
+                    _ if need <= 2.0 * MAX_BYTE_BITS + ROUNDING_BITS => two,
+                    _ => three,
+                };
         }
+        enough
     }
 }
 

@@ -31,13 +31,16 @@ impl Search {
         let is_in_plain_noise = self.is_in_plain_noise(input, context) && !self.model.has_unit(frame[0]);
         let hypotheses_before = self.lattice.len();
         let substring = self.valid_substring(input, context, start, FrameBytes(frame));
+        let mut next_damaged_end_at = None;
         for direction in [REQUEST, RESPONSE] {
             let Some(score) = score::frame_score(&self.model, context, substring.frame.0, direction) else { continue };
             let contradiction = contradiction_cost(context, substring.declared, direction);
             let own_score = score + substring.timing_score - contradiction;
             let placements = self.best_placements(input, context, &substring, direction, own_score, floor);
             for placement in placements.into_iter().flatten() {
-                self.add_valid_hypothesis(&substring, direction, placement);
+                let next_damaged_end_at = *next_damaged_end_at
+                    .get_or_insert_with(|| first_damaged_end(input, context, self.scanned_to));
+                self.add_valid_hypothesis(&substring, direction, placement, next_damaged_end_at);
             }
         }
         if is_in_plain_noise && self.lattice.len() == hypotheses_before {
@@ -76,8 +79,15 @@ impl Search {
         }
     }
 
-    /// Adds this substring as a frame of this direction in this place.
-    fn add_valid_hypothesis(&mut self, substring: &ValidSubstring<'_>, direction: usize, placement: Placement) {
+    /// Adds this substring as a frame of this direction in this place. `next_damaged_end_at` is where a damaged one may end behind
+    /// it.
+    fn add_valid_hypothesis(
+        &mut self,
+        substring: &ValidSubstring<'_>,
+        direction: usize,
+        placement: Placement,
+        next_damaged_end_at: u64,
+    ) {
         let Placement { parent, path_score, frame_score, answers_outstanding } = placement;
         self.reserve_request();
         let before = self.lattice[parent].answerable;
@@ -89,13 +99,13 @@ impl Search {
             parent,
             answers_outstanding,
             answerable,
-            ..self.new_hypothesis(substring.start)
+            ..self.new_hypothesis(substring.start, next_damaged_end_at)
         });
     }
 
     /// A frame with a valid CRC from stream offset `start` (included) to `scanned_to` (excluded), of which nothing else is known
-    /// yet. A damaged one may end behind it as soon as that has `MIN_DAMAGED_FRAME_BYTES`.
-    fn new_hypothesis(&self, start: u64) -> Hypothesis {
+    /// yet but where a damaged one may end behind it.
+    fn new_hypothesis(&self, start: u64, next_damaged_end_at: u64) -> Hypothesis {
         Hypothesis {
             start,
             end: self.scanned_to,
@@ -104,7 +114,7 @@ impl Search {
             frame_score: 0.0,
             parent: ROOT,
             first_on_path: ROOT,
-            next_damaged_end_at: self.scanned_to + weights::MIN_DAMAGED_FRAME_BYTES,
+            next_damaged_end_at,
             answers_outstanding: false,
             is_crc_valid: true,
             answerable: Answerable::default(),
@@ -159,9 +169,8 @@ impl Search {
         let frame = &input.bytes()[range.clone()];
         let mut next_length: Option<u64> = None;
         for (direction, extent) in announced_lengths(context, frame).into_iter().flatten() {
-            let is_candidate = extent == Extent::Exactly(frame.len()) && frame[1] & EXCEPTION_BIT == 0;
-            if is_candidate && !ends_valid_frame && !crosses_known_pause(input, range.clone(), self.frame_gap_ns) {
-                self.add_damaged_hypothesis(context, parent, frame, side::index_of(direction));
+            if is_announced(extent, frame) && !ends_valid_frame && !crosses_known_pause(input, range.clone(), self.frame_gap_ns) {
+                self.add_damaged_hypothesis(input, context, parent, frame, side::index_of(direction));
             }
             let next = next_possible_length(extent, frame.len()).map(|length| length as u64);
             next_length = next.into_iter().chain(next_length).min();
@@ -172,7 +181,14 @@ impl Search {
     /// Adds a hypothesis: `frame`, which has an invalid CRC and goes from the end of the hypothesis `parent` (its index) to the
     /// last byte scanned. None is added if no such frame is expected there (`damaged_frame_score`). A response always answers
     /// the outstanding request, as no other response is expected.
-    fn add_damaged_hypothesis(&mut self, context: &FramerContext<'_>, parent: usize, frame: &[u8], direction: usize) {
+    fn add_damaged_hypothesis(
+        &mut self,
+        input: &Input,
+        context: &FramerContext<'_>,
+        parent: usize,
+        frame: &[u8],
+        direction: usize,
+    ) {
         let before = &self.lattice[parent];
         let outstanding = before.answerable.outstanding.map(|id| self.requests.get(id));
         let score = score::damaged_frame_score(&self.model, context, outstanding, frame, direction);
@@ -189,9 +205,29 @@ impl Search {
             answers_outstanding,
             is_crc_valid: false,
             answerable,
-            ..self.new_hypothesis(start)
+            ..self.new_hypothesis(start, first_damaged_end(input, context, self.scanned_to))
         });
     }
+}
+
+/// The stream offset at which a damaged frame may end first that begins at `start`; `u64::MAX` if none can. Where its first bytes
+/// have not come yet, they have to be looked at when they have.
+pub(super) fn first_damaged_end(input: &Input, context: &FramerContext<'_>, start: u64) -> u64 {
+    const SHORTEST: usize = weights::MIN_DAMAGED_FRAME_BYTES as usize;
+    let at = start.checked_sub(input.offset()).map_or(usize::MAX, |at| at as usize);
+    let shortest = input.bytes().get(at..).and_then(|bytes| bytes.first_chunk::<SHORTEST>());
+    let Some(shortest) = shortest else { return start + weights::MIN_DAMAGED_FRAME_BYTES };
+    let lengths = announced_lengths(context, shortest).into_iter().flatten().map(|(_, extent)| match extent {
+        _ if is_announced(extent, shortest) => Some(SHORTEST),
+        _ => next_possible_length(extent, SHORTEST),
+    });
+    lengths.flatten().min().map_or(u64::MAX, |length| start + length as u64)
+}
+
+/// Whether a damaged frame may have just these bytes, given what its header announces in one direction: never an exception
+/// response.
+fn is_announced(extent: Extent, frame: &[u8]) -> bool {
+    extent == Extent::Exactly(frame.len()) && frame[1] & EXCEPTION_BIT == 0
 }
 
 /// The next length above `length`, both in bytes, that a frame of this announced length can have; `None` if it can have none, or

@@ -2,12 +2,12 @@
 
 use crate::framer::rtu::score;
 use crate::framer::rtu::search::commit::Decision;
+use crate::framer::rtu::search::extend::first_damaged_end;
 use crate::framer::rtu::search::hypothesis::ROOT;
 use crate::framer::rtu::search::lattice::root_floor;
 use crate::framer::rtu::search::state::Search;
 use crate::framer::FramerContext;
 use crate::input::Input;
-use crate::weights::MIN_DAMAGED_FRAME_BYTES;
 use modlens_protocol::Ns;
 
 impl Search {
@@ -19,7 +19,7 @@ impl Search {
     /// may still hold back the end of one.
     pub fn advance(&mut self, input: &Input, context: &FramerContext<'_>, frame_gap_ns: Ns) -> Option<Decision> {
         if !self.is_scanning {
-            self.begin_scan();
+            self.begin_scan(input, context);
         }
         self.frame_gap_ns = frame_gap_ns;
         let waits_for_bytes = std::mem::take(&mut self.skip.needs_more_bytes);
@@ -91,12 +91,12 @@ impl Search {
     }
 
     /// Begins to scan behind the root.
-    fn begin_scan(&mut self) {
+    fn begin_scan(&mut self, input: &Input, context: &FramerContext<'_>) {
         let root_end = self.committed_offset();
         self.scanner.restart(root_end);
         self.scanned_to = root_end;
         self.model.update_costs();
-        self.lattice[ROOT].next_damaged_end_at = root_end + MIN_DAMAGED_FRAME_BYTES;
+        self.lattice[ROOT].next_damaged_end_at = first_damaged_end(input, context, root_end);
         self.skip.forget_decisions();
         self.skip.next_damaged_end_at = self.lattice[ROOT].next_damaged_end_at;
         self.skip.needs_more_bytes = false;

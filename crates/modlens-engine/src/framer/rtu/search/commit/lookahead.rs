@@ -295,6 +295,10 @@ impl Search {
 fn complete_frame_at(input: &Input, context: &FramerContext<'_>, at: usize, to: usize) -> FrameCheck {
     let bytes = &input.bytes()[at..];
     let is_known = context.known_units[usize::from(bytes[0])];
+    // Nearly all bytes are function codes of no such frame.
+    if !is_known && bytes[1] & EXCEPTION_BIT == 0 && context.functions.row(bytes[1], &bytes[2..]).is_none() {
+        return FrameCheck::NoFrame;
+    }
     for (_, extent) in announced_lengths(context, bytes).into_iter().flatten() {
         // Nearly always no such frame is there, and where the boundaries are does not matter.
         let is_out_of_question = match extent {
