@@ -268,7 +268,9 @@ class FileRun:
         core = self._core
         capture = self._settings.add_capture(core, recording.name)
         first = True
-        blocks = recording.blocks()
+        # Of a capture a fourth is Modbus, so that blocks are larger: many gave no row, and each takes
+        # a turn of all that is done with rows.
+        blocks = recording.blocks(_BLOCKS_AT_ONCE)
         for block in blocks:
             core.feed_capture(capture, block)
             if first:
@@ -276,7 +278,7 @@ class FileRun:
                 first = False
             yield core.take()
             if self._ahead is not None:
-                yield from self._read_ahead(blocks, core.lend_capture_reader(capture))
+                yield from self._read_ahead(blocks, core.lend_capture_reader(capture), at_once=1)
         core.feed_capture(capture, b"", final=True)
         core.flush(file=True)
         self._report_status(recording, core.capture(capture), ended=True)
@@ -284,11 +286,11 @@ class FileRun:
         yield core.take()
 
     def _read_ahead(
-        self, blocks: Iterator[bytes], reader: _modlens.Reader
+        self, blocks: Iterator[bytes], reader: _modlens.Reader, at_once: int = _BLOCKS_AT_ONCE
     ) -> Iterator[_modlens.Batch]:
         """Decode all further blocks, which are read meanwhile; the session has lent the reader."""
         assert self._ahead is not None
-        with closing(self._ahead(_read_several(reader, blocks))) as found:
+        with closing(self._ahead(_read_several(reader, blocks, at_once))) as found:
             for several in found:
                 for block in several:
                     yield self._core.take_read(block)
@@ -374,10 +376,10 @@ class FileRun:
 
 
 def _read_several(
-    reader: _modlens.Reader, blocks: Iterator[bytes]
+    reader: _modlens.Reader, blocks: Iterator[bytes], at_once: int
 ) -> Iterator[list[_modlens.ReadBlock]]:
-    """What is in all blocks, some blocks at a time."""
-    while several := list(islice(blocks, _BLOCKS_AT_ONCE)):
+    """What is in all blocks, so many blocks at a time."""
+    while several := list(islice(blocks, at_once)):
         yield reader.read(several)
 
 

@@ -113,12 +113,15 @@ class Recording:
         except (OSError, ValueError, AttributeError):
             return 0
 
-    def blocks(self) -> Iterator[bytes]:
-        """All bytes of the recording, once; an empty block means that no data have arrived yet."""
+    def blocks(self, together: int = 1) -> Iterator[bytes]:
+        """All bytes of the recording, once; an empty block means that no data have arrived yet.
+
+        A block has as many bytes as `together` blocks of `BLOCK_BYTES`.
+        """
         sample, self._sample = self._sample, b""
         if sample:
             yield sample
-        while (block := self._next_block()) is not None:
+        while (block := self._next_block(together * BLOCK_BYTES)) is not None:
             yield block
 
     def seekable(self) -> str | BinaryIO:
@@ -197,8 +200,8 @@ class Recording:
             sample += block
         return sample
 
-    def _next_block(self) -> bytes | None:
-        block = self._read(BLOCK_BYTES)
+    def _next_block(self, size: int) -> bytes | None:
+        block = self._read(size)
         if block is None and self._follow:
             time.sleep(WAIT_S)
             block = self._read_behind_end()

@@ -236,7 +236,7 @@ impl Session {
 
     #[pyo3(signature = (capture, data, *, r#final=false))]
     fn feed_capture(&mut self, py: Python<'_>, capture: usize, data: &[u8], r#final: bool) -> PyResult<()> {
-        if self.core.capture(capture).is_none() {
+        if !self.core.has_capture(capture) {
             return Err(PyIndexError::new_err(format!("capture {capture} was not added")));
         }
         py.detach(|| self.core.feed_capture(capture, data, r#final));

@@ -6,7 +6,6 @@
 use std::mem::size_of;
 
 use crate::fast_path::known_reads::{KnownRead, KnownReads};
-use crate::fast_path::packet_pairs::next_with_bytes;
 use crate::fast_path::packet_run::PacketRun;
 use crate::fast_path::rows::confidence_by_id;
 use crate::records::{PacketPair, Span};
@@ -106,6 +105,16 @@ impl KnownPairs {
         self.longest_wait = self.longest_wait.max(times[1] - times[0]);
         self.times = times;
     }
+}
+
+/// The next packet that has brought bytes. Those in front of it acknowledge others, which tells nothing; `None` at the first one
+/// that does not belong to the connection.
+#[inline]
+pub(super) fn next_with_bytes<'a, 'b>(
+    packets: &mut std::slice::Iter<'b, PacketInTurn<'a>>,
+    belongs: impl Fn(&PacketInTurn<'_>) -> bool,
+) -> Option<&'b PacketInTurn<'a>> {
+    packets.take_while(|packet| belongs(packet)).find(|packet| !packet.bytes.is_empty())
 }
 
 /// Whether two packets are one of the client and one of the server, of a connection whose server is recorded or not.

@@ -10,6 +10,8 @@
 //! any packet.
 
 use crate::fast_path::emit::ExchangePlaces;
+use crate::fast_path::known_pairs::next_with_bytes;
+use crate::fast_path::known_reads::KnownReads;
 use crate::fast_path::packet_run::{PacketRun, RequestInHand};
 use crate::fast_path::rows::{confidence_by_id, MatchedExchange};
 use crate::fast_path::tcp_batch::{match_packets, match_refusal, plain_request, KnownOfBus, LENGTH_AT};
@@ -164,10 +166,12 @@ impl Session {
         let response_time = response_time.filter(|&ns| ns >= current.run.min_measurable_ns);
         let key = expected.key();
         if exception == 0 {
+            let place = counters.or_else(|| self.stats.place_of(state.counts, key));
             let taken = times[1] - times[0];
-            self.stats.count_exchange(state.counts, (key, *counters), (Some(times[0]), Some(taken)), response_time);
-            if counters.is_none() {
-                state.known_reads.keep(&mut self.stats, state.counts, &packets[0][LENGTH_AT..], expected);
+            self.stats.count_exchange(state.counts, (key, place), (Some(times[0]), Some(taken)), response_time);
+            let request = &packets[0][LENGTH_AT..];
+            if counters.is_none() && KnownReads::takes(request, expected) {
+                state.known_reads.add(request, *expected, place);
             }
         } else {
             self.stats.record_refusal(state.counts, (key, exception), Some(times), response_time);
@@ -273,16 +277,6 @@ impl Session {
             self.feed_stream(ended.bus, true, &chunk, false);
         }
     }
-}
-
-/// The next packet that has brought bytes. Those in front of it acknowledge others, which tells nothing; `None` at the first one
-/// that does not belong to the connection.
-#[inline]
-pub(super) fn next_with_bytes<'a, 'b>(
-    packets: &mut std::slice::Iter<'b, PacketInTurn<'a>>,
-    belongs: impl Fn(&PacketInTurn<'_>) -> bool,
-) -> Option<&'b PacketInTurn<'a>> {
-    packets.take_while(|packet| belongs(packet)).find(|packet| !packet.bytes.is_empty())
 }
 
 /// The exchange of these two packets, if it is one without a doubt, or if the request is refused; then with the exception code,

@@ -20,10 +20,10 @@ use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Side, Times};
 use modlens_readers::pcap::metadata::{PortMetadata, RecordingSegment};
-use modlens_readers::pcap::{Capture, EndedConnection, Endpoint, Event, Interface, PacketInTurn, SerialContent, StreamChunk};
+use modlens_readers::pcap::{Capture, EndedConnection, Endpoint, Event, Interface, SerialContent, StreamChunk};
 
 /// Requests of quiet connections are given up at most so much later than their waiting time says.
-const SWEEP_NS: Ns = 1_000_000_000;
+pub(super) const SWEEP_NS: Ns = 1_000_000_000;
 
 /// Times before March 1973 are not dates: the clock started with the recording.
 const MIN_DATE_NS: Ns = 100_000_000 * 1_000_000_000;
@@ -62,6 +62,11 @@ impl Session {
         self.decide_waiting();
         state.reader = reader;
         self.captures[capture] = Some(state);
+    }
+
+    /// Whether this is the number of a capture that was added and is not closed.
+    pub fn has_capture(&self, capture: usize) -> bool {
+        matches!(self.captures.get(capture), Some(Some(_)))
     }
 
     /// What a capture has shown so far: packets, those that were skipped, the clock and its resolution.
@@ -103,42 +108,9 @@ impl Session {
         }
     }
 
-    /// Takes packets that came in turn. Requests that are followed by their responses are matched in pairs (`take_pairs`); each
-    /// other packet is taken as the events that it means.
-    fn take_in_turn(&mut self, state: &mut CaptureState, mut packets: &[PacketInTurn<'_>], interface: &Interface) {
-        let Some(first) = packets.first() else { return };
-        // Those behind it tell nothing more of the clock.
-        self.note_time(state, first.time, interface);
-        loop {
-            packets = self.take_pairs(state, packets);
-            let Some((packet, behind)) = packets.split_first() else { return };
-            packets = behind;
-            self.sweep_connections(state, packet.time);
-            let bus = state.slot(packet.slot as usize).bus.filter(|_| !packet.bytes.is_empty());
-            if let Some(bus) = bus {
-                self.note_recorded_side(bus, packet.server_side_recorded);
-                if !self.take_packet(bus, packet.from_client, &packet.chunk()) {
-                    self.feed_packet(bus, packet.from_client, &packet.chunk(), false);
-                }
-            }
-        }
-    }
-
-    /// Takes the pairs at the head of these packets that are exchanges of the connection at hand without a doubt; gives those
-    /// behind them. None of them may move the clock on so far that requests of other connections have to be looked after.
-    fn take_pairs<'a, 'b>(&mut self, state: &mut CaptureState, packets: &'b [PacketInTurn<'a>]) -> &'b [PacketInTurn<'a>] {
-        let (Some(bus), Some(first), Some(last_sweep)) = (self.bus_of_pairs(), packets.first(), state.last_sweep) else {
-            return packets;
-        };
-        if state.slot(first.slot as usize).bus != Some(bus) {
-            return packets;
-        }
-        self.match_pairs(packets, |packet| packet.slot == first.slot && (packet.time - last_sweep).abs() < SWEEP_NS)
-    }
-
     /// Feeds the bytes of a packet that is not matched as it comes.
     #[cold]
-    fn feed_packet(&mut self, bus: usize, from_client: bool, chunk: &StreamChunk<'_>, is_whole_message: bool) {
+    pub(super) fn feed_packet(&mut self, bus: usize, from_client: bool, chunk: &StreamChunk<'_>, is_whole_message: bool) {
         self.feed_stream(bus, from_client, chunk, is_whole_message);
         // So that the packets behind it can be matched as they come.
         if !is_whole_message && !from_client && self.may_match_packets(bus) {
@@ -174,7 +146,7 @@ impl Session {
     /// Notes whether the server's side of a connection is recorded, which its next bytes depend on. A change has what was fed
     /// before decided first.
     #[inline]
-    fn note_recorded_side(&mut self, bus: usize, is_recorded: bool) {
+    pub(super) fn note_recorded_side(&mut self, bus: usize, is_recorded: bool) {
         if self.buses[bus].pairing.response_side_recorded != is_recorded {
             self.decide_waiting();
         }
@@ -203,7 +175,7 @@ impl Session {
     /// coarsest of all interfaces so far. The recording begins with the first packet, unless modlens wrote the capture: then
     /// the metadata say when it began.
     #[inline]
-    fn note_time(&mut self, state: &mut CaptureState, time: Ns, interface: &Interface) {
+    pub(super) fn note_time(&mut self, state: &mut CaptureState, time: Ns, interface: &Interface) {
         if state.clock == Clock::None {
             let by_time = if time < MIN_DATE_NS { Clock::Relative } else { Clock::Utc };
             state.clock = interface.written_by_modlens.as_ref().map_or(by_time, |port| port.clock);
@@ -217,7 +189,7 @@ impl Session {
     /// Gives up the requests of all connections whose waiting time is over, once in `SWEEP_NS`: a connection on which nothing
     /// happens any more must not hold back the rows of the others.
     #[inline]
-    fn sweep_connections(&mut self, state: &mut CaptureState, now: Ns) {
+    pub(super) fn sweep_connections(&mut self, state: &mut CaptureState, now: Ns) {
         if !self.live && state.last_sweep.is_none_or(|last| (now - last).abs() >= SWEEP_NS) {
             self.sweep_all_connections(state, now);
         }

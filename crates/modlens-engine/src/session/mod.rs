@@ -2,7 +2,7 @@
 //!
 //! | question | file |
 //! |--|--|
-//! | what a source feeds: bytes and time, text, captures, logic samples | `feed`, `text`, `capture`, `logic` (state: `sources`) |
+//! | what a source feeds: bytes and time, text, captures, logic samples | `feed`, `text`, `capture` (`in_turn`), `logic` (state: `sources`) |
 //! | how another thread reads a text or a capture for it | `read_ahead` |
 //! | what is known of a bus and of a line | `bus`, `line`, `profiles` |
 //! | which line of a two-line tap is next | `two_lines` |
@@ -30,6 +30,7 @@ mod held;
 pub(crate) mod held_exchanges;
 mod held_rows;
 pub(crate) mod in_flight;
+mod in_turn;
 pub(crate) mod inner_pauses;
 pub(crate) mod lateness;
 pub(crate) mod line;

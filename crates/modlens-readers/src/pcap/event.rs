@@ -130,6 +130,23 @@ pub enum Event<'a> {
     },
 }
 
+impl<'a> PacketInTurn<'a> {
+    /// What it means: its time, and its bytes, if it has brought any.
+    pub fn events<'b>(&self, by: &'b Interface) -> impl Iterator<Item = Event<'b>>
+    where
+        'a: 'b,
+    {
+        let bytes = (!self.bytes.is_empty()).then(|| Event::Bytes {
+            slot: self.slot as usize,
+            from_client: self.from_client,
+            chunk: self.chunk(),
+            is_whole_message: false,
+            server_side_recorded: self.server_side_recorded,
+        });
+        [Some(Event::Time(self.time, by)), bytes].into_iter().flatten()
+    }
+}
+
 /// The number of packets that were not decoded, by reason, and of bytes that are missing.
 #[derive(Clone, Debug, Default)]
 pub struct SkipCounts {

@@ -10,11 +10,9 @@ use pcap_parser::{
     PcapNGOption,
 };
 
+use crate::pcap::classic::{numbers_of_header, time_of, ClassicPacket, ClassicPackets, MAX_RECORD_BYTES};
 use crate::pcap::metadata::{self, PortMetadata};
 use modlens_protocol::Ns;
-
-/// A record that announces more bytes is damaged. Wireshark limits packets to 256 KiB.
-const MAX_RECORD_BYTES: usize = 1 << 26;
 
 /// The bytes of a pcapng block beside its content: type, length, and length again.
 const NG_BLOCK_OVERHEAD: usize = 12;
@@ -176,15 +174,15 @@ impl CaptureFile {
             return None;
         }
         let by = Arc::clone(&self.interfaces[0]);
-        Some((ClassicPackets { rest: block, is_big_endian, number: self.packets, resolution: by.resolution }, by))
+        Some((ClassicPackets::new(block, is_big_endian, self.packets, by.resolution), by))
     }
 
     /// Notes that the packets up to here were taken, of those that `packets_of` gave for a block of this length. Gives what is
     /// behind them.
     pub fn pass<'a>(&mut self, packets: &ClassicPackets<'a>, block_length: usize) -> &'a [u8] {
-        self.packets = packets.number;
-        self.position += (block_length - packets.rest.len()) as u64;
-        packets.rest
+        self.packets = packets.number();
+        self.position += (block_length - packets.rest().len()) as u64;
+        packets.rest()
     }
 
     /// The bytes of a record that is not complete; at the end of the file they are lost.
@@ -356,46 +354,6 @@ impl CaptureFile {
     }
 }
 
-/// Packets of pcap that are whole in a block of input, one behind the other.
-#[derive(Clone, Debug)]
-pub struct ClassicPackets<'a> {
-    rest: &'a [u8],
-    is_big_endian: bool,
-    /// Number of the last packet that was taken.
-    number: u64,
-    resolution: Ns,
-}
-
-/// One of them.
-#[derive(Clone, Copy, Debug)]
-pub struct ClassicPacket<'a> {
-    /// Its number in the file, from 1.
-    pub number: u64,
-    /// When it was captured, in ns since 1970.
-    pub time: Ns,
-    /// The bytes that the capture kept.
-    pub data: &'a [u8],
-    /// The length of the packet on the wire.
-    pub length: usize,
-}
-
-impl<'a> Iterator for ClassicPackets<'a> {
-    type Item = ClassicPacket<'a>;
-
-    /// The next packet. What is behind the last one is less than a record, or damage.
-    #[inline]
-    fn next(&mut self) -> Option<ClassicPacket<'a>> {
-        let (header, behind) = self.rest.split_first_chunk()?;
-        let [seconds, fraction, kept, length] = numbers_of_header(header, self.is_big_endian);
-        let kept = kept as usize;
-        let (data, rest) = behind.split_at_checked(kept).filter(|_| kept <= MAX_RECORD_BYTES)?;
-        self.rest = rest;
-        self.number += 1;
-        let time = time_of([seconds, fraction], self.resolution);
-        Some(ClassicPacket { number: self.number, time, data, length: length as usize })
-    }
-}
-
 impl<'a> ClassicPacket<'a> {
     /// The packet as one of any file; `by` is the only interface of its file.
     pub fn captured(self, by: &'a Interface) -> CapturedPacket<'a> {
@@ -405,38 +363,12 @@ impl<'a> ClassicPacket<'a> {
     }
 }
 
-/// The time of a packet of pcap, in ns since 1970.
-#[inline]
-fn time_of([seconds, fraction]: [u32; 2], resolution: Ns) -> Ns {
-    Ns::from(seconds) * 1_000_000_000 + Ns::from(fraction) * resolution
-}
-
 impl Interface {
     /// Converts a timestamp to ns since 1970.
     fn time(&self, ticks: u64) -> Ns {
         let ticks_per_second = u128::from(self.ticks_per_second.max(1));
         (u128::from(ticks) * 1_000_000_000 / ticks_per_second) as Ns + self.offset_s * 1_000_000_000
     }
-}
-
-/// The header of a packet of pcap: seconds, their fraction, bytes that were kept, and bytes on the wire.
-pub(super) const RECORD_HEADER_BYTES: usize = 16;
-
-/// The numbers of such a header: seconds, their fraction, the bytes that are kept, and those on the wire.
-#[inline]
-pub(super) fn numbers_of_header(header: &[u8; RECORD_HEADER_BYTES], is_big_endian: bool) -> [u32; 4] {
-    let word = |at: usize| u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
-    let numbers = [word(0), word(4), word(8), word(12)];
-    if is_big_endian {
-        return swapped(numbers);
-    }
-    numbers
-}
-
-/// Few machines that capture are big-endian: the numbers of others are not swapped on suspicion.
-#[cold]
-fn swapped(numbers: [u32; 4]) -> [u32; 4] {
-    numbers.map(u32::swap_bytes)
 }
 
 /// Checks the length that a block announces; an impossible one means that the file is damaged.

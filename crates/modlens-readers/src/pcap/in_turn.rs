@@ -3,8 +3,6 @@
 //! Nearly all packets of a capture are the next ones of connections that go on: nothing is to be said of them but when they came
 //! and which bytes they brought. To hand each of them on by itself, as two events, took as long as to read it.
 
-use crate::pcap::event::Event;
-use crate::pcap::file::Interface;
 use crate::pcap::stream::StreamChunk;
 use modlens_protocol::Ns;
 
@@ -36,20 +34,5 @@ impl<'a> PacketInTurn<'a> {
     pub fn chunk(&self) -> StreamChunk<'a> {
         let Self { time, number, bytes, side, .. } = *self;
         StreamChunk { side: usize::from(side), bytes, packet: number, time: Some(time), missing: 0, cut: false }
-    }
-
-    /// What it means: its time, and its bytes, if it has brought any.
-    pub fn events<'b>(&self, by: &'b Interface) -> impl Iterator<Item = Event<'b>>
-    where
-        'a: 'b,
-    {
-        let bytes = (!self.bytes.is_empty()).then(|| Event::Bytes {
-            slot: self.slot as usize,
-            from_client: self.from_client,
-            chunk: self.chunk(),
-            is_whole_message: false,
-            server_side_recorded: self.server_side_recorded,
-        });
-        [Some(Event::Time(self.time, by)), bytes].into_iter().flatten()
     }
 }

@@ -187,7 +187,8 @@ impl Stream {
 
     /// Takes a segment with all of its payload that `take` would deliver as it is and at once: the stream is steady, and it is the
     /// next one of its side and new. `false`, with nothing changed, if it is not. The caller delivers the payload.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // Called for each packet, with hardly more to do than a call.
     pub fn take_next(&mut self, side: usize, it: &PlainSegment<'_>, time: Ns) -> bool {
         if self.sides[side].next != Some(it.sequence) || self.is_blocked(side, Some(it.acknowledged)) {
             return false;

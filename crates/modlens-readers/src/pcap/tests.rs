@@ -4,7 +4,7 @@
 use pcap_parser::{parse_pcap_frame, parse_pcap_frame_be};
 use proptest::prelude::*;
 
-use crate::pcap::file::numbers_of_header;
+use crate::pcap::classic::numbers_of_header;
 use crate::pcap::{Capture, Event, KeptEvents, Ports};
 use modlens_protocol::functions::Functions;
 
