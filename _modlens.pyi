@@ -341,6 +341,15 @@ class Table:
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
 
 @final
+class LineEncoder:
+    """Makes lines of rows of a table, batch by batch; `Table.lines` says which."""
+
+    def __new__(cls, format: str, table: str, columns: Sequence[str]) -> LineEncoder:
+        """`table` is the name of the table. ValueError for what is not there."""
+    def pieces(self, table: Table, *, header: bool = False) -> Pieces:
+        """The lines of these rows, also beside those of others."""
+
+@final
 class Pieces:
     """Text of a table's rows, piece by piece."""
 

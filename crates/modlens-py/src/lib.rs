@@ -131,6 +131,7 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<table::Predicate>()?;
     module.add_class::<table::Row>()?;
     module.add_class::<table::Table>()?;
+    module.add_class::<lines::LineEncoder>()?;
     module.add_class::<lines::Pieces>()?;
     module.add_class::<stream::ArrowStream>()?;
     module.add_class::<inbox::Inbox>()?;
