@@ -106,11 +106,13 @@ pub struct Pieces {
 }
 
 impl Pieces {
-    fn has_more(&self) -> bool {
+    /// Whether there is text left.
+    pub(crate) fn has_more(&self) -> bool {
         !self.header.is_empty() || self.next < self.table.len()
     }
 
-    fn fill(&mut self, block: &mut TextBlock) {
+    /// Appends lines until the block is full, or there are no more.
+    pub(crate) fn fill(&mut self, block: &mut TextBlock) {
         block.append(&take(&mut self.header));
         let (table, rows) = (&self.table, self.next..self.table.len());
         self.next = match &mut self.writer {

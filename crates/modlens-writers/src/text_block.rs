@@ -152,9 +152,15 @@ impl TextBlock {
 
     /// Makes it empty.
     pub fn clear(&mut self) {
-        self.length = 0;
+        self.drop_first(self.length);
+    }
+
+    /// Takes the first bytes off, which are written.
+    pub fn drop_first(&mut self, count: usize) {
+        self.bytes.copy_within(count..self.length, 0);
+        self.length -= count;
         // A row may have been longer than any block.
-        self.bytes.truncate(ROOM + SLACK);
+        self.bytes.truncate(self.length.max(ROOM + SLACK));
         self.bytes.shrink_to(ROOM + SLACK);
     }
 
