@@ -341,6 +341,33 @@ class Table:
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
 
 @final
+class OutputFile:
+    """A file that is open for writing; `OSError` as Python's own functions raise it.
+
+    `way` is `whole` for one that nobody reads before it is complete, `growing` for a new one that
+    grows by whole rows, `special` for a device, a pipe or the like.
+    """
+
+    def __new__(cls, path: str, way: str) -> OutputFile: ...
+    def append(self, data: bytes) -> None:
+        """Write these bytes. Of a growing file, bytes that do not fit are taken off again."""
+    def append_lines(self, lines: Pieces) -> None:
+        """Write these lines; of a whole file the last ones may be written later."""
+    def close(self) -> None:
+        """Write what is left, and close."""
+    def discard(self) -> None:
+        """Close, whatever is left."""
+
+@final
+class LineEncoder:
+    """Makes lines of rows of a table, batch by batch; `Table.lines` says which."""
+
+    def __new__(cls, format: str, table: str, columns: Sequence[str]) -> LineEncoder:
+        """`table` is the name of the table. ValueError for what is not there."""
+    def pieces(self, table: Table, *, header: bool = False) -> Pieces:
+        """The lines of these rows, also beside those of others."""
+
+@final
 class Pieces:
     """Text of a table's rows, piece by piece."""
 

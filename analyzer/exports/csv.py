@@ -22,15 +22,16 @@ class Format(exports.Format):
     def __init__(self, options: exports.ExportOptions) -> None:
         super().__init__(options)
         self._header_written = False
+        self._lines = _modlens.LineEncoder(self.name, options.table, options.columns)
 
     def encoder(self) -> Callable[[_modlens.Table], Iterable[bytes]]:
         """What encodes the next rows; the first one puts the line of column names before them."""
         header = self._begin()
-        return lambda table: table.lines(self.name, self.options.columns, header=header)
+        return lambda table: self._lines.pieces(table, header=header)
 
     def encode_blocks(self, table: _modlens.Table) -> Iterable[bytes]:
         """Encode rows, the first time with the line of column names."""
-        return table.lines(self.name, self.options.columns, header=self._begin())
+        return self._lines.pieces(table, header=self._begin())
 
     def encode(self, table: _modlens.Table) -> bytes:
         """Encode rows in one block."""

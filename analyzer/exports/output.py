@@ -13,8 +13,10 @@ import errno
 import os
 import stat
 import sys
-from typing import Protocol
+from collections.abc import Callable, Iterable
+from typing import Protocol, TypeVar
 
+import _modlens
 from analyzer.visible import for_terminal
 from dissectors.errors import SourceError
 
@@ -24,11 +26,14 @@ __all__ = [
     "NewAtomicFile",
     "Output",
     "StandardOutput",
+    "append_pieces",
     "as_source_error",
     "is_special",
     "open_output",
     "partial_name",
 ]
+
+T = TypeVar("T")
 
 
 class Output(Protocol):
@@ -54,57 +59,55 @@ class Output(Protocol):
 
 
 class _File:
-    """A file descriptor that is open for writing."""
+    """A file that is open for writing; `way` is that of `_modlens.OutputFile`."""
 
-    def __init__(self, name: str, path: str, flags: int) -> None:
+    def __init__(self, name: str, path: str, way: str) -> None:
         self.name = name
         try:
-            self._fd: int | None = os.open(
-                path, os.O_WRONLY | getattr(os, "O_BINARY", 0) | flags, 0o666
-            )
+            self._file: _modlens.OutputFile | None = _modlens.OutputFile(path, way)
         except OSError as error:
             raise as_source_error(name, error) from error
 
     def append(self, data: bytes) -> None:
         """Append these bytes; after a failure further bytes are ignored."""
-        if self._fd is None:
-            return
-        view = memoryview(data)
+        if self._file is not None:
+            self._append(self._file.append, data)
+
+    def append_lines(self, lines: _modlens.Pieces) -> None:
+        """Append these lines, of which no bytes are made for Python."""
+        if self._file is not None:
+            self._append(self._file.append_lines, lines)
+
+    def _append(self, append: Callable[[T], None], what: T) -> None:
         try:
-            while view:
-                view = view[os.write(self._fd, view) :]
+            append(what)
         except OSError as error:
-            self._take_back(len(data) - len(view))
             self.rollback()
             if isinstance(error, BrokenPipeError):
                 raise
             raise as_source_error(self.name, error) from error
 
-    def _take_back(self, count: int) -> None:
-        """Cut the last `count` bytes off, which are the beginning of rows that did not fit."""
-
     def close(self, *, interrupted: bool = False) -> None:
         """Complete the file; does nothing after `rollback`."""
-        if self._fd is None:
+        file, self._file = self._file, None
+        if file is None:
             return
         try:
-            self._finish(self._fd)
+            file.close()
+            self._finish()
         except OSError as error:
-            self._fd = None
             self._delete_temporary()
             raise as_source_error(self.name, error) from error
 
     def rollback(self) -> None:
         """Close and delete the incomplete file, if it is still open."""
-        fd, self._fd = self._fd, None
-        if fd is not None:
-            with contextlib.suppress(OSError):
-                os.close(fd)
+        file, self._file = self._file, None
+        if file is not None:
+            file.discard()
             self._delete_temporary()
 
-    def _finish(self, fd: int) -> None:
-        os.close(fd)
-        self._fd = None
+    def _finish(self) -> None:
+        """Give the complete file its name."""
 
     def _delete_temporary(self) -> None:
         """Delete the incomplete file."""
@@ -122,19 +125,18 @@ class AtomicFile(_File):
         folder, base = os.path.split(self._path)
         self._temporary_path = os.path.join(folder, f".{base}.{os.getpid()}")
         if self._writes_directly:
-            super().__init__(path, self._path, 0)
+            super().__init__(path, self._path, "special")
         else:
-            super().__init__(path, self._temporary_path, os.O_CREAT | os.O_TRUNC)
+            super().__init__(path, self._temporary_path, "whole")
 
     def close(self, *, interrupted: bool = False) -> None:
         """Rename the file to its name, or beside it where the export was `interrupted`."""
-        if interrupted and self._fd is not None and not self._writes_directly:
+        if interrupted and self._file is not None and not self._writes_directly:
             shown = self._path if os.path.islink(self.name) else self.name
             self.name, self._path = partial_name(shown), partial_name(self._path)
         super().close()
 
-    def _finish(self, fd: int) -> None:
-        super()._finish(fd)
+    def _finish(self) -> None:
         if not self._writes_directly:
             os.replace(self._temporary_path, self._path)
 
@@ -161,13 +163,7 @@ class GrowingFile(_File):
     """
 
     def __init__(self, path: str) -> None:
-        flags = 0 if is_special(path) else os.O_CREAT | os.O_EXCL
-        super().__init__(path, path, flags | os.O_APPEND)
-
-    def _take_back(self, count: int) -> None:
-        if self._fd is not None and count:
-            with contextlib.suppress(OSError):
-                os.ftruncate(self._fd, os.fstat(self._fd).st_size - count)
+        super().__init__(path, path, "special" if is_special(path) else "growing")
 
 
 class StandardOutput:
@@ -206,6 +202,16 @@ def open_output(path: str | None, *, growing: bool) -> Output:
     if path is None:
         return StandardOutput()
     return GrowingFile(path) if growing else AtomicFile(path)
+
+
+def append_pieces(output: Output, pieces: Iterable[bytes]) -> None:
+    """Append bytes one after the other: lines for a file go there by the shortest way."""
+    if isinstance(output, _File) and isinstance(pieces, _modlens.Pieces):
+        output.append_lines(pieces)
+        return
+    for data in pieces:
+        if data:
+            output.append(data)
 
 
 def partial_name(path: str) -> str:

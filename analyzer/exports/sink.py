@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from analyzer.columns import TABLES, pick
 from analyzer.exports import ExportOptions, Format, MultiTableFormat, format_of, load
 from analyzer.exports.empty_columns import EmptyColumns
-from analyzer.exports.output import Output
+from analyzer.exports.output import Output, append_pieces
 from dissectors.errors import UsageError
 
 if TYPE_CHECKING:
@@ -175,9 +175,7 @@ class ExportSink:
         return partial(self._write, pieces, len(rows), seen)
 
     def _write(self, pieces: Iterable[bytes], row_count: int, seen: Container[str]) -> None:
-        for data in pieces:
-            if data:
-                self._output.append(data)
+        append_pieces(self._output, pieces)
         self.row_count += row_count
         self._empty_columns.drop(seen)
 

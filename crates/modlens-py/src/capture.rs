@@ -1,12 +1,13 @@
 //! Writes captures of decoded frames.
 
 use modlens_writers::capture::{Capture as Core, CaptureOptions, Encapsulation};
+use modlens_writers::BLOCK_BYTES;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
 use crate::arguments::value_error;
 use crate::batch::Batch;
-use crate::lines::{as_bytes, BLOCK_BYTES};
+use crate::lines::as_bytes;
 use crate::table::Table;
 
 /// A writer of frames as pcapng or pcap.

@@ -13,6 +13,7 @@ mod functions;
 mod inbox;
 mod line_search;
 mod lines;
+mod output_file;
 mod profile;
 mod read_ahead;
 mod recorder;
@@ -131,6 +132,8 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<table::Predicate>()?;
     module.add_class::<table::Row>()?;
     module.add_class::<table::Table>()?;
+    module.add_class::<output_file::OutputFile>()?;
+    module.add_class::<lines::LineEncoder>()?;
     module.add_class::<lines::Pieces>()?;
     module.add_class::<stream::ArrowStream>()?;
     module.add_class::<inbox::Inbox>()?;

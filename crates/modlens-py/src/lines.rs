@@ -1,24 +1,25 @@
 //! Rows as lines of CSV or JSON, in blocks.
 
 use std::cell::RefCell;
+use std::mem::take;
+use std::sync::{Arc, Mutex, PoisonError};
 
-use modlens_tables::columns::Table as Core;
+use modlens_tables::columns::{Table as Core, TableKind};
 use modlens_writers::csv::{self, Csv};
 use modlens_writers::jsonl::Jsonl;
-use modlens_writers::lines::LineWriter;
+use modlens_writers::{LineWriter, TextBlock};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
 use crate::arguments::value_error;
-
-/// A block ends with the row that makes it longer than this. Blocks of this size stay in the processor's cache until they
-/// are written, and their memory is reused: that of larger ones, malloc gives back to the system, which clears it each time. A
-/// file takes smaller ones more slowly, a third in blocks of half the size.
-pub const BLOCK_BYTES: usize = 1 << 17;
+use crate::table::{column_indices, Table};
 
 thread_local! {
-    /// Memory in which blocks are made. It is reused, because allocating it costs more than writing the text.
+    /// Memory in which bytes are made. It is reused, because allocating it costs more than writing the text.
     static SCRATCH: RefCell<Vec<u8>> = RefCell::default();
+
+    /// The same for blocks of lines.
+    static BLOCK: RefCell<Option<TextBlock>> = const { RefCell::new(None) };
 }
 
 /// Calls `fill` with an empty buffer, without the lock of the interpreter, and returns a copy of its content as `bytes`.
@@ -32,46 +33,99 @@ pub fn as_bytes(py: Python<'_>, fill: impl FnOnce(&mut Vec<u8>) + Send) -> Bound
 }
 
 /// The writer of one format.
-enum Format {
-    Csv(LineWriter<Csv>),
-    Jsonl(LineWriter<Jsonl>),
+enum Writer {
+    Csv(Box<LineWriter<Csv>>),
+    Jsonl(Box<LineWriter<Jsonl>>),
+}
+
+/// Makes lines of rows of a table, batch by batch.
+#[pyclass(frozen, module = "_modlens")]
+pub struct LineEncoder {
+    kind: TableKind,
+    columns: Vec<usize>,
+    is_csv: bool,
+    /// The names of the columns, as they stand in front of the rows.
+    header: Vec<u8>,
+    /// Writers that nobody uses. They keep texts from one batch to the next.
+    free: Arc<Mutex<Vec<Writer>>>,
+}
+
+#[pymethods]
+impl LineEncoder {
+    #[new]
+    fn new(format: &str, table: &str, columns: Vec<String>) -> PyResult<Self> {
+        let kind = TableKind::from_name(table).ok_or_else(|| value_error(format!("no table {table:?}")))?;
+        Self::of_kind(format, kind, &columns)
+    }
+
+    #[pyo3(signature = (table, *, header=false))]
+    fn pieces(&self, table: &Table, header: bool) -> PyResult<Pieces> {
+        if table.core.kind != self.kind {
+            return Err(value_error(format!("lines of {} got {}", self.kind.name(), table.core.kind.name())));
+        }
+        Ok(self.pieces_of(&table.core, header))
+    }
+}
+
+impl LineEncoder {
+    /// For this format and these columns of a table.
+    pub(crate) fn of_kind(format: &str, kind: TableKind, columns: &[String]) -> PyResult<Self> {
+        let is_csv = match format {
+            "csv" => true,
+            "jsonl" => false,
+            other => return Err(value_error(format!("format {other:?} is neither csv nor jsonl"))),
+        };
+        let mut header = Vec::new();
+        if is_csv {
+            csv::header(&columns.iter().map(String::as_str).collect::<Vec<_>>(), &mut header);
+        }
+        Ok(Self { kind, columns: column_indices(kind, columns)?, is_csv, header, free: Arc::default() })
+    }
+
+    /// The lines of a table. `header` puts the names of the columns in front, if the format is CSV.
+    pub(crate) fn pieces_of(&self, table: &Core, header: bool) -> Pieces {
+        let free = self.free.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let writer = free.unwrap_or_else(|| match self.is_csv {
+            true => Writer::Csv(Box::new(LineWriter::new(self.kind, &self.columns))),
+            false => Writer::Jsonl(Box::new(LineWriter::new(self.kind, &self.columns))),
+        });
+        let header = if header { self.header.clone() } else { Vec::new() };
+        Pieces { table: table.clone(), writer: Some(writer), free: Arc::clone(&self.free), header, next: 0 }
+    }
 }
 
 /// The lines of a table's rows, a block at a time.
 #[pyclass(module = "_modlens")]
 pub struct Pieces {
     table: Core,
-    format: Format,
+    /// Until it is given back.
+    writer: Option<Writer>,
+    free: Arc<Mutex<Vec<Writer>>>,
     header: Vec<u8>,
     next: usize,
 }
 
 impl Pieces {
-    /// The lines of a table with these columns. `header` puts the names of the columns in front, if the format is CSV.
-    pub fn new(table: &Core, format: &str, columns: &[String], header: bool) -> PyResult<Self> {
-        let columns_by_index: Vec<usize> =
-            columns.iter().map(|key| table.kind.column(key)).collect::<Result<_, _>>().map_err(value_error)?;
-        let mut names = Vec::new();
-        let format = match format {
-            "csv" => {
-                if header {
-                    csv::header(&columns.iter().map(String::as_str).collect::<Vec<_>>(), &mut names);
-                }
-                Format::Csv(LineWriter::new(table, &columns_by_index))
-            }
-            "jsonl" => Format::Jsonl(LineWriter::new(table, &columns_by_index)),
-            other => return Err(value_error(format!("format {other:?} is neither csv nor jsonl"))),
-        };
-        Ok(Self { table: table.clone(), format, header: names, next: 0 })
+    /// Whether there is text left.
+    pub(crate) fn has_more(&self) -> bool {
+        !self.header.is_empty() || self.next < self.table.len()
     }
 
-    fn fill(&mut self, out: &mut Vec<u8>) {
-        out.append(&mut self.header);
+    /// Appends lines until the block is full, or there are no more.
+    pub(crate) fn fill(&mut self, block: &mut TextBlock) {
+        block.append(&take(&mut self.header));
         let (table, rows) = (&self.table, self.next..self.table.len());
-        self.next = match &mut self.format {
-            Format::Csv(lines) => lines.rows(table, rows, BLOCK_BYTES, out),
-            Format::Jsonl(lines) => lines.rows(table, rows, BLOCK_BYTES, out),
+        self.next = match &mut self.writer {
+            Some(Writer::Csv(lines)) => lines.rows(table, rows, block),
+            Some(Writer::Jsonl(lines)) => lines.rows(table, rows, block),
+            None => rows.end,
         };
+    }
+}
+
+impl Drop for Pieces {
+    fn drop(&mut self) {
+        self.free.lock().unwrap_or_else(PoisonError::into_inner).extend(self.writer.take());
     }
 }
 
@@ -82,7 +136,13 @@ impl Pieces {
     }
 
     fn __next__<'py>(&mut self, py: Python<'py>) -> Option<Bound<'py, PyBytes>> {
-        let more = !self.header.is_empty() || self.next < self.table.len();
-        more.then(|| as_bytes(py, |out| self.fill(out)))
+        self.has_more().then(|| {
+            let mut block = BLOCK.take().unwrap_or_default();
+            py.detach(|| self.fill(&mut block));
+            let bytes = PyBytes::new(py, block.text());
+            block.clear();
+            BLOCK.set(Some(block));
+            bytes
+        })
     }
 }

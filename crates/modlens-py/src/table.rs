@@ -17,7 +17,7 @@ use pyo3::IntoPyObjectExt;
 
 use crate::arguments::value_error;
 use crate::capsule::stream_capsule;
-use crate::lines::{as_bytes, Pieces};
+use crate::lines::{as_bytes, LineEncoder, Pieces};
 
 /// A compiled filter for one table.
 #[pyclass(frozen, module = "_modlens")]
@@ -89,7 +89,7 @@ impl Table {
 
     #[pyo3(signature = (format, columns, *, header=false))]
     fn lines(&self, format: &str, columns: Vec<String>, header: bool) -> PyResult<Pieces> {
-        Pieces::new(&self.core, format, &columns, header)
+        Ok(LineEncoder::of_kind(format, self.core.kind, &columns)?.pieces_of(&self.core, header))
     }
 
     #[pyo3(signature = (columns, start=0, count=usize::MAX))]

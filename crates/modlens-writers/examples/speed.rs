@@ -18,7 +18,7 @@ use modlens_writers::capture::{Capture, CaptureOptions};
 use modlens_writers::csv::Csv;
 use modlens_writers::jsonl::Jsonl;
 use modlens_writers::line_format::LineFormat;
-use modlens_writers::lines::LineWriter;
+use modlens_writers::{LineWriter, TextBlock};
 use rustix::time::{clock_gettime, ClockId};
 
 /// Takes a batch, or nothing at the end, and hands its text on; gives the rows.
@@ -52,16 +52,15 @@ fn some(columns: &[&str]) -> Vec<usize> {
 }
 
 fn lines<F: LineFormat>(kind: TableKind, columns: Vec<usize>) -> Writer {
-    let mut out = Vec::new();
+    let (mut lines, mut block) = (LineWriter::<F>::new(kind, &columns), TextBlock::default());
     Box::new(move |batch, write| {
         let Some(batch) = batch else { return 0 };
         let table = Table::new(Arc::clone(batch), kind);
-        let mut lines = LineWriter::<F>::new(&table, &columns);
         let mut next = 0;
         while next < table.len() {
-            out.clear();
-            next = lines.rows(&table, next..table.len(), PIECE, &mut out);
-            write(&out);
+            block.clear();
+            next = lines.rows(&table, next..table.len(), &mut block);
+            write(block.text());
         }
         table.len()
     })

@@ -5,7 +5,7 @@ use std::mem::ManuallyDrop;
 use memchr::memchr3;
 
 use crate::line_format::{FileNameCheck, LineFormat};
-use crate::line_room::Separator;
+use crate::text_block::Separator;
 use crate::LineWriter;
 use modlens_protocol::decimal::{push_int, push_short};
 use modlens_protocol::hex::push_hex;
@@ -26,7 +26,7 @@ pub fn header(keys: &[&str], out: &mut Vec<u8>) {
 
 /// Appends the rows of a table.
 pub fn rows(table: &Table, columns: &[usize], out: &mut Vec<u8>) {
-    LineWriter::<Csv>::new(table, columns).rows(table, 0..table.len(), usize::MAX, out);
+    LineWriter::<Csv>::new(table.kind, columns).all(table, out);
 }
 
 /// A line of CSV.
@@ -55,20 +55,15 @@ impl LineFormat for Csv {
     fn push_key(&mut self, _: usize) {}
 
     #[inline]
-    fn column_behind_key(&mut self, _: usize) {}
-
-    #[inline]
     fn end_value(&mut self) {
         self.out.push(b',');
     }
 
     #[inline]
-    fn begin(&mut self) {}
-
-    #[inline]
-    fn end(&mut self) {
-        self.out.pop(); // the comma after the last value
-        self.out.extend_from_slice(b"\r\n");
+    fn complete(texts: &mut [Vec<u8>]) {
+        let Some(last) = texts.last_mut() else { return };
+        last.pop(); // the comma after the last value
+        last.extend_from_slice(b"\r\n");
     }
 }
 

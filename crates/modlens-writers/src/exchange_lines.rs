@@ -1,12 +1,16 @@
 //! Lines of compact exchanges: of each bus and kind, the text between the values that differ is made once.
 
+use std::mem::take;
 use std::slice;
 
+use modlens_protocol::decimal::decimal_texts;
 use modlens_protocol::timestamp::TimeFormatter;
 use modlens_tables::columns::{ColumnReader, ExchangeDuration, ExchangeNumber, ExchangeRef, ExchangeValue, Table};
 
 use crate::line_format::LineFormat;
-use crate::line_room::{FixedText, HighDigits, Line, LineRoom, DURATION_BYTES, LINE_BYTES, NUMBER_BYTES, TIME_BYTES};
+use crate::text_block::{
+    FixedText, HighDigits, Line, NumberTexts, TextBlock, DURATION_BYTES, LINE_BYTES, NUMBER_BYTES, TIME_BYTES,
+};
 
 /// The most bytes of request and response together of an exchange that is written here: more than any exchange has whose PDUs have
 /// 253 bytes each (application protocol, 4.1).
@@ -53,8 +57,11 @@ impl<F> StepValue<F> {
     }
 }
 
-/// What was written before, from which the next text differs little.
+/// What was written before, from which the next text differs little, and the texts of numbers.
 struct Memory {
+    numbers: &'static NumberTexts,
+    /// Each with what stands between the numbers of a list behind it.
+    registers: &'static NumberTexts,
     stamp: TimeFormatter,
     high_digits: [HighDigits; ExchangeNumber::COUNT],
 }
@@ -71,13 +78,17 @@ impl Memory {
         line: Line<'a>,
     ) -> Line<'a> {
         match value {
-            ExchangeValue::Number(number) => line.number(numbers[number as usize], &mut self.high_digits[number as usize]),
+            ExchangeValue::Number(number) => {
+                line.number(numbers[number as usize], &mut self.high_digits[number as usize], self.numbers)
+            }
             // Its text stands around the number.
             ExchangeValue::Source => {
                 let origin = ExchangeNumber::Origin as usize;
-                line.number(numbers[origin], &mut self.high_digits[origin])
+                line.number(numbers[origin], &mut self.high_digits[origin], self.numbers)
             }
-            ExchangeValue::RequestWord(at) | ExchangeValue::ListOfRequestWord(at) => line.word(exchange.request_word(at)),
+            ExchangeValue::RequestWord(at) | ExchangeValue::ListOfRequestWord(at) => {
+                line.word(exchange.request_word(at), self.numbers)
+            }
             ExchangeValue::Time => match exchange.start() {
                 Some(ns) => line.time(ns, &mut self.stamp),
                 None => line,
@@ -88,7 +99,7 @@ impl Memory {
             },
             ExchangeValue::Unconfirmed => line.truth(exchange.is_unconfirmed()),
             ExchangeValue::Frame(half) => line.hex(exchange.frame(half)),
-            ExchangeValue::Registers(half, at) => line.registers(exchange.block(half, at), F::SEPARATOR),
+            ExchangeValue::Registers(half, at) => line.registers(exchange.block(half, at), self.registers),
             ExchangeValue::Bits(half, at) => line.bits(exchange.block(half, at), exchange.quantity(), F::SEPARATOR),
         }
     }
@@ -97,40 +108,57 @@ impl Memory {
 /// The numbers of an exchange.
 type Numbers = [u64; ExchangeNumber::COUNT];
 
-/// Writes compact exchanges of one table as lines.
-pub(crate) struct ExchangeLines<F> {
-    columns: Vec<usize>,
-    room: LineRoom,
-    memory: Memory,
-    /// The bus to which the lines belong.
+/// The lines of a bus.
+struct BusLines<F> {
+    /// Its index.
     bus: Option<u32>,
     /// By kind (`Exchange::kind`).
     lines: Vec<Option<ExchangeLine<F>>>,
 }
 
+/// Buses whose lines are kept, each in a place that follows from its index: those of a capture take turns.
+const KEPT_BUSES: usize = 16;
+
+/// Writes compact exchanges of one table as lines.
+pub(crate) struct ExchangeLines<F> {
+    columns: Vec<usize>,
+    memory: Memory,
+    buses: [BusLines<F>; KEPT_BUSES],
+}
+
 impl<F: LineFormat> ExchangeLines<F> {
     pub(crate) fn new(columns: &[usize]) -> Self {
-        let memory = Memory { stamp: TimeFormatter::default(), high_digits: Default::default() };
-        Self { columns: columns.to_vec(), room: LineRoom::new(), memory, bus: None, lines: Vec::new() }
+        let memory = Memory {
+            numbers: decimal_texts(),
+            registers: F::SEPARATOR.number_texts(),
+            stamp: TimeFormatter::default(),
+            high_digits: Default::default(),
+        };
+        let buses = [const { BusLines { bus: None, lines: Vec::new() } }; KEPT_BUSES];
+        Self { columns: columns.to_vec(), memory, buses }
     }
 
-    /// Appends the line of an exchange. False if that may be too long; nothing is written then.
+    /// Appends the line of an exchange. `None` if there may be no room for it; nothing is written then.
     #[inline]
-    pub(crate) fn push(&mut self, table: &Table, exchange: &ExchangeRef<'_>, format: &mut F) -> bool {
-        let kind = exchange.kind();
-        if self.bus != Some(exchange.bus()) {
-            (self.bus, self.lines) = (Some(exchange.bus()), Vec::new());
+    pub(crate) fn push(
+        &mut self,
+        table: &Table,
+        exchange: &ExchangeRef<'_>,
+        format: &mut F,
+        block: &mut TextBlock,
+    ) -> Option<()> {
+        let (bus, kind) = (exchange.bus(), exchange.kind());
+        let mut of_bus = &self.buses[bus as usize % KEPT_BUSES];
+        if of_bus.bus != Some(bus) || of_bus.lines.get(kind).is_none_or(Option::is_none) {
+            self.add_line(table, exchange, format);
+            of_bus = &self.buses[bus as usize % KEPT_BUSES];
         }
-        if self.lines.get(kind).is_none_or(Option::is_none) {
-            self.add_line(kind, table, exchange, format);
-        }
-        let Some(Some(line)) = self.lines.get(kind) else { return false };
+        let line = of_bus.lines.get(kind)?.as_ref()?;
         if !line.has_room || exchange.byte_count() > EXCHANGE_BYTES {
-            return false;
+            return None;
         }
-        format.begin();
         let numbers = exchange.numbers();
-        let mut text = self.room.line().text(&line.head);
+        let mut text = block.line()?.text(&line.head);
         for Step { value, behind } in &line.steps {
             text = match value {
                 StepValue::Direct(value) => self.memory.push::<F>(*value, exchange, &numbers, text),
@@ -138,72 +166,97 @@ impl<F: LineFormat> ExchangeLines<F> {
                     Some(ns) => text.duration(ns),
                     None => text.without_last(*before),
                 },
-                StepValue::Cell(at, reader) => {
-                    let text = text.move_to(format.out());
-                    format.column_behind_key(*at);
-                    reader.pass_exchanges(slice::from_ref(exchange), format);
-                    text
-                }
+                StepValue::Cell(at, reader) => text.any_text(cell(*at, reader, exchange, format))?,
             }
             .text(behind);
         }
-        text.move_to(format.out());
-        format.end();
-        true
+        let end = text.end();
+        block.add(end);
+        Some(())
     }
 
     /// Keeps how lines of exchanges of this bus and kind are made.
     #[cold]
-    fn add_line(&mut self, kind: usize, table: &Table, exchange: &ExchangeRef<'_>, format: &mut F) {
-        let line = self.line(table, exchange, format);
-        if self.lines.len() <= kind {
-            self.lines.resize_with(kind + 1, || None);
+    fn add_line(&mut self, table: &Table, exchange: &ExchangeRef<'_>, format: &mut F) {
+        let (bus, kind, line) = (exchange.bus(), exchange.kind(), self.line(table, exchange, format));
+        let of_bus = &mut self.buses[bus as usize % KEPT_BUSES];
+        if of_bus.bus != Some(bus) {
+            *of_bus = BusLines { bus: Some(bus), lines: Vec::new() };
         }
-        self.lines[kind] = Some(line);
+        if of_bus.lines.len() <= kind {
+            of_bus.lines.resize_with(kind + 1, || None);
+        }
+        of_bus.lines[kind] = Some(line);
     }
 
     /// How lines of exchanges of this bus and kind are made.
     fn line(&self, table: &Table, exchange: &ExchangeRef<'_>, format: &mut F) -> ExchangeLine<F> {
         let mut values: Vec<StepValue<F>> = Vec::new();
-        let mut texts: Vec<FixedText> = Vec::new();
-        let start = format.out().len();
-        let take_text = |format: &mut F| {
-            let text = FixedText::new(&format.out()[start..]);
-            format.out().truncate(start);
-            text
-        };
+        let mut texts: Vec<Vec<u8>> = Vec::new();
+        let mut begins_with_value = false;
+        format.out().clear();
         for (at, &column) in self.columns.iter().enumerate() {
             let reader = table.kind.reader(column);
             if table.is_exchange_constant(column, exchange) {
                 format.column(at);
                 reader.pass_exchanges(slice::from_ref(exchange), format);
             } else {
-                let before = format.out().len();
-                format.push_key(at);
-                let key_bytes = format.out().len() - before;
-                let value = exchange.value_of(&table.kind.columns()[column].key);
-                let [opening, closing] = match value {
-                    Some(ExchangeValue::Source) => around_number(at, &reader, exchange, format),
-                    value => value.map_or([Vec::new(), Vec::new()], around_value::<F>),
-                };
-                format.out().extend(opening);
-                texts.push(take_text(format));
-                values.push(match value {
-                    Some(ExchangeValue::Duration(duration)) => StepValue::Duration(duration, key_bytes),
-                    Some(value) => StepValue::Direct(value),
-                    None => StepValue::Cell(at, reader),
-                });
+                begins_with_value |= values.is_empty() && format.out().is_empty();
+                let (value, closing) = self.value(at, reader, &table.kind.columns()[column].key, exchange, format);
+                texts.push(take(format.out()));
                 format.out().extend(closing);
+                values.push(value);
             }
             format.end_value();
         }
-        texts.push(take_text(format));
-        let most_bytes = texts.iter().map(FixedText::len).chain(values.iter().map(StepValue::most_bytes)).sum::<usize>();
-        let mut texts = texts.into_iter();
+        texts.push(take(format.out()));
+        let first = texts[0].clone();
+        F::complete(&mut texts);
+        let most_bytes = texts.iter().map(Vec::len).chain(values.iter().map(StepValue::most_bytes)).sum::<usize>();
+        // Where the format writes the first key in a way of its own and that may be taken off, another one would be the first.
+        let first_may_be_null =
+            begins_with_value && matches!(values.first(), Some(StepValue::Duration(..) | StepValue::Cell(..)));
+        let has_room = most_bytes <= LINE_BYTES && !(first_may_be_null && texts[0] != first);
+        let mut texts = texts.iter().map(|text| FixedText::new(text));
         let head = texts.next().expect("at least one text");
         let steps = values.into_iter().zip(texts).map(|(value, behind)| Step { value, behind }).collect();
-        ExchangeLine { head, steps, has_room: most_bytes <= LINE_BYTES }
+        ExchangeLine { head, steps, has_room }
     }
+
+    /// Appends what stands before a value to the output of the format; gives how it is written, and what stands behind it.
+    fn value(
+        &self,
+        at: usize,
+        reader: ColumnReader<F>,
+        key: &str,
+        exchange: &ExchangeRef<'_>,
+        format: &mut F,
+    ) -> (StepValue<F>, Vec<u8>) {
+        let Some(value) = exchange.value_of(key) else { return (StepValue::Cell(at, reader), Vec::new()) };
+        if value == ExchangeValue::Source {
+            let before = take(format.out());
+            let [opening, closing] = around_number(cell(at, &reader, exchange, format), exchange);
+            *format.out() = [before, opening].concat();
+            return (StepValue::Direct(value), closing);
+        }
+        let [opening, closing] = around_value::<F>(value);
+        let before = format.out().len();
+        format.push_key(at);
+        let key_bytes = format.out().len() - before;
+        format.out().extend(opening);
+        match value {
+            ExchangeValue::Duration(duration) => (StepValue::Duration(duration, key_bytes), closing),
+            value => (StepValue::Direct(value), closing),
+        }
+    }
+}
+
+/// The text of a cell, with what stands before it; empty where there is no value.
+fn cell<'f, F: LineFormat>(at: usize, reader: &ColumnReader<F>, exchange: &ExchangeRef<'_>, format: &'f mut F) -> &'f [u8] {
+    format.out().clear();
+    format.column(at);
+    reader.pass_exchanges(slice::from_ref(exchange), format);
+    format.out()
 }
 
 /// What the format puts before a value and behind it.
@@ -216,14 +269,10 @@ fn around_value<F: LineFormat>(value: ExchangeValue) -> [Vec<u8>; 2] {
     .map(|mark| mark.as_bytes().to_vec())
 }
 
-/// What the text of a column has before the number of the position in the input, and behind it.
-fn around_number<F: LineFormat>(at: usize, reader: &ColumnReader<F>, exchange: &ExchangeRef<'_>, format: &mut F) -> [Vec<u8>; 2] {
-    let start = format.out().len();
-    format.column_behind_key(at);
-    reader.pass_exchanges(slice::from_ref(exchange), format);
-    let text = format.out().split_off(start);
+/// What a text that shows the position in the input has before the number and behind it.
+fn around_number(text: &[u8], exchange: &ExchangeRef<'_>) -> [Vec<u8>; 2] {
     let number = exchange.numbers()[ExchangeNumber::Origin as usize].to_string();
     // It is the last thing in it, but for a quote.
-    let begin = memchr::memmem::rfind(&text, number.as_bytes()).expect("the column shows it");
+    let begin = memchr::memmem::rfind(text, number.as_bytes()).expect("the column shows it");
     [text[..begin].to_vec(), text[begin + number.len()..].to_vec()]
 }

@@ -3,7 +3,7 @@
 use std::mem::ManuallyDrop;
 
 use crate::line_format::{FileNameCheck, LineFormat};
-use crate::line_room::Separator;
+use crate::text_block::Separator;
 use crate::LineWriter;
 use modlens_protocol::decimal::{push_int, push_short};
 use modlens_protocol::finding::Finding;
@@ -14,7 +14,7 @@ use modlens_tables::columns::{Cell, CellSink, Table};
 
 /// Appends the rows of a table.
 pub fn rows(table: &Table, columns: &[usize], out: &mut Vec<u8>) {
-    LineWriter::<Jsonl>::new(table, columns).rows(table, 0..table.len(), usize::MAX, out);
+    LineWriter::<Jsonl>::new(table.kind, columns).all(table, out);
 }
 
 /// Writes a line of JSON.
@@ -26,10 +26,6 @@ pub struct Jsonl {
     keys: Vec<KeyText>,
     /// The index of the current column.
     at: usize,
-    /// Whether its key is written already.
-    has_key: bool,
-    /// Where the current line begins in `out`.
-    start: usize,
 }
 
 /// Room for the longest column name with a comma, quotes and a colon around it. A copy of fixed size is faster.
@@ -67,7 +63,7 @@ impl LineFormat for Jsonl {
 
     #[inline]
     fn column(&mut self, at: usize) {
-        (self.at, self.has_key) = (at, false);
+        self.at = at;
     }
 
     #[inline]
@@ -79,26 +75,20 @@ impl LineFormat for Jsonl {
     }
 
     #[inline]
-    fn column_behind_key(&mut self, at: usize) {
-        (self.at, self.has_key) = (at, true);
-    }
-
-    #[inline]
     fn end_value(&mut self) {}
-
-    #[inline]
-    fn begin(&mut self) {
-        self.start = self.out.len();
-    }
 
     /// The comma before the first value is replaced by the opening brace.
     #[inline]
-    fn end(&mut self) {
-        match self.out.get_mut(self.start) {
-            Some(comma) => *comma = b'{',
-            None => self.out.push(b'{'),
+    fn complete(texts: &mut [Vec<u8>]) {
+        if let Some(first) = texts.first_mut() {
+            match first.first_mut() {
+                Some(comma) => *comma = b'{',
+                None => first.push(b'{'),
+            }
         }
-        self.out.extend_from_slice(b"}\n");
+        if let Some(last) = texts.last_mut() {
+            last.extend_from_slice(b"}\n");
+        }
     }
 }
 
@@ -108,14 +98,9 @@ impl CellSink for Jsonl {
     fn put_cell(&mut self, cell: Cell<'_>) {
         let cell = ManuallyDrop::new(cell);
         if matches!(*cell, Cell::Null) {
-            if self.has_key {
-                self.out.truncate(self.out.len() - self.keys[self.at].length);
-            }
             return;
         }
-        if !self.has_key {
-            self.push_key(self.at);
-        }
+        self.push_key(self.at);
         let out = &mut self.out;
         match *cell {
             Cell::Int(n) => push_int(n, out),

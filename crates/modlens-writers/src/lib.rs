@@ -18,11 +18,11 @@ mod exchange_lines;
 pub mod influx;
 pub mod jsonl;
 pub mod line_format;
-mod line_room;
 pub mod lines;
 pub mod mqtt;
+mod text_block;
 pub mod view;
 pub mod zeek;
 
-pub use line_room::Separator;
 pub use lines::LineWriter;
+pub use text_block::{Separator, TextBlock, BLOCK_BYTES};

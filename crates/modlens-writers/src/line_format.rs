@@ -2,7 +2,7 @@
 
 use modlens_tables::columns::CellSink;
 
-use crate::line_room::Separator;
+use crate::text_block::Separator;
 
 /// A text format: writes the values of a line.
 pub trait LineFormat: CellSink + Default + 'static {
@@ -18,7 +18,7 @@ pub trait LineFormat: CellSink + Default + 'static {
     /// Tells the format the names of the columns, before the first line.
     fn columns(&mut self, keys: &[&str]);
 
-    /// The output. A writer exchanges its own buffer for this one, so that the format does not need to borrow it.
+    /// The line that is being made.
     fn out(&mut self) -> &mut Vec<u8>;
 
     /// Announces the column (by index) of the next value.
@@ -27,18 +27,11 @@ pub trait LineFormat: CellSink + Default + 'static {
     /// Appends what stands before a value of a column.
     fn push_key(&mut self, at: usize);
 
-    /// Announces the column of the next value like `column`, where `push_key` has been called for it. If there is no value, what
-    /// that has appended is taken off again.
-    fn column_behind_key(&mut self, at: usize);
-
     /// Ends a value.
     fn end_value(&mut self);
 
-    /// Begins a line.
-    fn begin(&mut self);
-
-    /// Ends a line.
-    fn end(&mut self);
+    /// Makes a line of values a whole one. These are its texts, at least one: what differs from line to line stands between them.
+    fn complete(texts: &mut [Vec<u8>]);
 }
 
 /// Remembers whether the name of the input file needs quoting or escaping. It is mostly the same as in the row before.

@@ -2,12 +2,17 @@
 //! a bus share is formatted once and copied.
 
 use std::ops::Range;
+use std::slice;
+use std::sync::Arc;
 
+use modlens_engine::records::{Batch, Buses};
 use modlens_protocol::decimal::push_short;
-use modlens_tables::columns::{ColumnReader, RowRef, Table, TableRow};
+use modlens_protocol::functions::Functions;
+use modlens_tables::columns::{ColumnReader, RowRef, Table, TableKind, TableRow};
 
 use crate::exchange_lines::ExchangeLines;
 use crate::line_format::LineFormat;
+use crate::text_block::TextBlock;
 
 /// One column, or adjacent columns with values that all rows of a bus share.
 enum ColumnGroup<F> {
@@ -17,56 +22,83 @@ enum ColumnGroup<F> {
     Shared(Vec<(usize, ColumnReader<F>)>, Vec<u8>),
 }
 
-/// Writes rows of one table as lines.
+/// Writes rows of one table as lines, batch by batch.
 pub struct LineWriter<F> {
+    kind: TableKind,
+    columns: Vec<usize>,
+    /// What the batch before said of buses and functions. The texts that are kept belong to it.
+    known: Option<(Arc<Buses>, Option<Arc<Functions>>)>,
     format: F,
     steps: Vec<ColumnGroup<F>>,
-    /// The bus to which the kept texts belong.
+    /// The bus to which the kept texts of `steps` belong.
     bus: Option<u32>,
     exchange_lines: ExchangeLines<F>,
 }
 
 impl<F: LineFormat> LineWriter<F> {
-    /// A writer for these columns of a table, to be used for one batch only: the next batch may number its buses
-    /// differently.
-    pub fn new(table: &Table, columns: &[usize]) -> Self {
-        let keys: Vec<&str> = columns.iter().map(|&column| table.kind.columns()[column].key.as_str()).collect();
+    /// A writer for these columns of a table.
+    pub fn new(kind: TableKind, columns: &[usize]) -> Self {
+        let keys: Vec<&str> = columns.iter().map(|&column| kind.columns()[column].key.as_str()).collect();
         let mut format = F::default();
         format.columns(&keys);
         let mut steps: Vec<ColumnGroup<F>> = Vec::with_capacity(columns.len());
         for (at, &column) in columns.iter().enumerate() {
-            let reader = table.kind.reader(column);
-            match (steps.last_mut(), table.kind.is_constant_per_bus(column)) {
+            let reader = kind.reader(column);
+            match (steps.last_mut(), kind.is_constant_per_bus(column)) {
                 (Some(ColumnGroup::Shared(shared, _)), true) => shared.push((at, reader)),
                 (_, true) => steps.push(ColumnGroup::Shared(vec![(at, reader)], Vec::new())),
                 _ => steps.push(ColumnGroup::Own(at, reader)),
             }
         }
-        Self { format, steps, bus: None, exchange_lines: ExchangeLines::new(columns) }
+        let exchange_lines = ExchangeLines::new(columns);
+        Self { kind, columns: columns.to_vec(), known: None, format, steps, bus: None, exchange_lines }
     }
 
-    /// Appends rows until `out` holds `enough` bytes. Returns the next row to be written.
-    pub fn rows(&mut self, table: &Table, rows: Range<usize>, enough: usize, out: &mut Vec<u8>) -> usize {
-        std::mem::swap(self.format.out(), out);
-        let next = table.each_row(rows, |row| {
+    /// Appends rows until the block is full. Returns the next row to be written.
+    pub fn rows(&mut self, table: &Table, rows: Range<usize>, block: &mut TextBlock) -> usize {
+        self.keep_or_forget(&table.batch);
+        table.each_row(rows, |row| {
             match row {
-                TableRow::Compact(exchange) if self.exchange_lines.push(table, exchange, &mut self.format) => {}
-                row => row.with_whole(|row| self.row(row)),
+                TableRow::Compact(exchange) if self.exchange_lines.push(table, exchange, &mut self.format, block).is_some() => {}
+                row => row.with_whole(|row| self.row(row, block)),
             }
-            self.format.out().len() < enough
+            !block.is_full()
+        })
+    }
+
+    /// Appends all rows.
+    pub(crate) fn all(&mut self, table: &Table, out: &mut Vec<u8>) {
+        let (mut block, mut next) = (TextBlock::default(), 0);
+        while next < table.len() {
+            block.clear();
+            next = self.rows(table, next..table.len(), &mut block);
+            out.extend_from_slice(block.text());
+        }
+    }
+
+    /// Begins anew where a batch has other buses or functions than the one before: only then may the texts that are kept be others.
+    fn keep_or_forget(&mut self, batch: &Batch) {
+        let is_known = self.known.as_ref().is_some_and(|(buses, functions)| {
+            let are_same_functions = match (functions, &batch.functions) {
+                (Some(one), Some(other)) => Arc::ptr_eq(one, other),
+                (one, other) => one.is_none() && other.is_none(),
+            };
+            Arc::ptr_eq(buses, &batch.buses) && are_same_functions
         });
-        std::mem::swap(self.format.out(), out);
-        next
+        if !is_known {
+            // To hold them means that no other ones come to lie in their place.
+            let known = Some((Arc::clone(&batch.buses), batch.functions.clone()));
+            *self = Self { known, ..Self::new(self.kind, &self.columns) };
+        }
     }
 
     /// Appends one row.
-    #[inline]
-    fn row(&mut self, row: &RowRef<'_>) {
+    fn row(&mut self, row: &RowRef<'_>, block: &mut TextBlock) {
         if row.bus() != self.bus {
             self.change_bus(row);
         }
         let format = &mut self.format;
-        format.begin();
+        format.out().clear();
         for step in &self.steps {
             match step {
                 ColumnGroup::Own(at, reader) => {
@@ -77,7 +109,8 @@ impl<F: LineFormat> LineWriter<F> {
                 ColumnGroup::Shared(_, text) => push_short(text, format.out()),
             }
         }
-        format.end();
+        F::complete(slice::from_mut(format.out()));
+        block.append(format.out());
     }
 
     /// Formats the shared columns anew for the bus of this row.
@@ -86,15 +119,13 @@ impl<F: LineFormat> LineWriter<F> {
         self.bus = row.bus();
         for step in &mut self.steps {
             let ColumnGroup::Shared(columns, text) = step else { continue };
-            let start = self.format.out().len();
+            self.format.out().clear();
             for (at, reader) in columns.iter() {
                 self.format.column(*at);
                 row.emit(reader, &mut self.format);
                 self.format.end_value();
             }
-            text.clear();
-            text.extend_from_slice(&self.format.out()[start..]);
-            self.format.out().truncate(start);
+            text.clone_from(self.format.out());
         }
     }
 }

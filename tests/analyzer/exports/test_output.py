@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from analyzer import SourceError
-from analyzer.exports.output import AtomicFile, GrowingFile
+import _modlens
+from analyzer import SourceError, decode
+from analyzer.exports.output import AtomicFile, GrowingFile, append_pieces
 
 FULL = Path("/dev/full")
 
@@ -113,3 +114,47 @@ def test_a_full_disk_is_reported_once(kind: type[AtomicFile | GrowingFile], tmp_
     output.append(b"more")
     output.close()
     assert FULL.exists()
+
+
+def batches(captures: Path) -> list[_modlens.Batch]:
+    """Those of a recording, again and again."""
+    return (
+        list(
+            decode(captures / "pymodbus_all_functions" / "recording.jsonl").batches("transactions")
+        )
+        * 400
+    )
+
+
+@pytest.mark.parametrize("kind", [AtomicFile, GrowingFile])
+@pytest.mark.parametrize("name", ["csv", "jsonl"])
+def test_lines_are_the_bytes_that_they_are_made_of(
+    kind: type[AtomicFile | GrowingFile], name: str, tmp_path: Path, captures: Path
+) -> None:
+    """Lines that go straight to a file are those that come as bytes, also with others between."""
+    path = tmp_path / "out"
+    columns = [
+        "txn",
+        "time",
+        "bus",
+        "unit",
+        "function",
+        "data",
+        "write_data",
+        "request_hex",
+        "source",
+    ]
+    lines = _modlens.LineEncoder(name, "transactions", columns)
+    output, expected = kind(str(path)), b""
+    for number, batch in enumerate(batches(captures)):
+        header = number % 50 == 0
+        append_pieces(output, lines.pieces(batch.transactions, header=header))
+        expected += b"".join(batch.transactions.lines(name, columns, header=header))
+        if number % 70 == 0:
+            output.append(b"between\n")
+            expected += b"between\n"
+        if kind is GrowingFile and number % 40 == 0:
+            assert path.read_bytes() == expected
+    output.close()
+    assert path.read_bytes() == expected
+    assert len(expected) > 1 << 18

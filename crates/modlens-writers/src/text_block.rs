@@ -1,13 +1,20 @@
-//! Room for the text of one line whose length has a bound that is known before: its pieces are written one behind the other, and
-//! nobody asks for each whether there is room.
+//! A block of text that is written to a file in one piece. Lines whose length has a bound that is known before are made in it: their
+//! pieces are written one behind the other, and nobody asks for each whether there is room.
 
 use modlens_protocol::decimal::{decimal_texts, texts_with_comma};
 use modlens_protocol::hex::digits_of;
 use modlens_protocol::timestamp::{TimeFormatter, SECOND_BYTES};
 use modlens_protocol::Ns;
 
-/// The most bytes that a line in this room may have.
+/// A block ends with the row that makes it longer than this. Blocks of this size stay in the processor's cache until they
+/// are written. A file takes smaller ones more slowly, a third in blocks of half the size.
+pub const BLOCK_BYTES: usize = 1 << 17;
+
+/// The most bytes that a line may have that is made in a block.
 pub(crate) const LINE_BYTES: usize = 1 << 14;
+
+/// Where lines are made that begin before `BLOCK_BYTES`: no place in them is behind it. A power of two.
+const ROOM: usize = 2 * BLOCK_BYTES;
 
 /// Pieces are copied in sizes that the compiler knows: so far the last one may reach behind the line.
 const SLACK: usize = 64;
@@ -38,6 +45,9 @@ const fn bit_texts(separator: u8) -> [[u8; 16]; 256] {
     texts
 }
 
+/// The texts of all numbers of 16 bits (`decimal_texts`).
+pub(crate) type NumberTexts = [[u8; 8]; 1 << 16];
+
 /// What stands between the numbers of a list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Separator {
@@ -50,7 +60,7 @@ pub enum Separator {
 impl Separator {
     /// The texts of all numbers of 16 bits, each with the separator behind it.
     #[inline]
-    fn number_texts(self) -> &'static [[u8; 8]; 1 << 16] {
+    pub(crate) fn number_texts(self) -> &'static NumberTexts {
         match self {
             Self::Blank => decimal_texts(),
             Self::Comma => texts_with_comma(),
@@ -84,10 +94,6 @@ impl FixedText {
         });
         Self { length: text.len(), first: pieces.next().unwrap_or_default(), pieces: pieces.collect() }
     }
-
-    pub(crate) fn len(&self) -> usize {
-        self.length
-    }
 }
 
 /// A number whose digits but for the last four are remembered: numbers that rise by one or two from line to line have them in common.
@@ -109,26 +115,78 @@ impl HighDigits {
     }
 }
 
-/// The room for a line.
-pub(crate) struct LineRoom(Box<[u8; LINE_BYTES + SLACK]>);
-
-/// A line as far as it is written.
-///
-/// It is handed on by value, so that its length stays in a register.
-pub(crate) struct Line<'a> {
-    room: &'a mut [u8; LINE_BYTES + SLACK],
+/// A block of text.
+pub struct TextBlock {
+    /// The text, and room behind it.
+    bytes: Vec<u8>,
     length: usize,
 }
 
-impl LineRoom {
-    pub(crate) fn new() -> Self {
-        Self(Box::new([0; LINE_BYTES + SLACK]))
+/// A line in a block as far as it is written.
+///
+/// It is handed on by value, so that the length stays in a register, and has two words, as many as a function can return in registers.
+pub(crate) struct Line<'a> {
+    room: &'a mut [u8; ROOM + SLACK],
+    /// Of the block.
+    length: usize,
+}
+
+impl Default for TextBlock {
+    /// An empty one. The system gives memory for what is written to.
+    fn default() -> Self {
+        Self { bytes: vec![0; ROOM + SLACK], length: 0 }
+    }
+}
+
+impl TextBlock {
+    /// The text.
+    pub fn text(&self) -> &[u8] {
+        &self.bytes[..self.length]
     }
 
-    /// An empty line.
+    /// Whether the block is as long as it should be.
     #[inline]
-    pub(crate) fn line(&mut self) -> Line<'_> {
-        Line { room: &mut self.0, length: 0 }
+    pub fn is_full(&self) -> bool {
+        self.length >= BLOCK_BYTES
+    }
+
+    /// Makes it empty.
+    pub fn clear(&mut self) {
+        self.drop_first(self.length);
+    }
+
+    /// Takes the first bytes off, which are written.
+    pub fn drop_first(&mut self, count: usize) {
+        self.bytes.copy_within(count..self.length, 0);
+        self.length -= count;
+        // A row may have been longer than any block.
+        self.bytes.truncate(self.length.max(ROOM + SLACK));
+        self.bytes.shrink_to(ROOM + SLACK);
+    }
+
+    /// Appends a text of any length.
+    pub fn append(&mut self, text: &[u8]) {
+        let end = self.length + text.len();
+        if end > self.bytes.len() {
+            self.bytes.resize(end, 0);
+        }
+        self.bytes[self.length..end].copy_from_slice(text);
+        self.length = end;
+    }
+
+    /// A new line behind the text, which is part of it once it is given to `add`; `None` where the block is full.
+    #[inline]
+    pub(crate) fn line(&mut self) -> Option<Line<'_>> {
+        if self.is_full() {
+            return None;
+        }
+        Some(Line { room: self.bytes.first_chunk_mut()?, length: self.length })
+    }
+
+    /// Adds a line of this block, of which its length is left.
+    #[inline]
+    pub(crate) fn add(&mut self, line_end: usize) {
+        self.length = line_end;
     }
 }
 
@@ -138,7 +196,7 @@ impl Line<'_> {
     #[inline(always)]
     fn put<const BYTES: usize>(mut self, bytes: &[u8; BYTES], length: usize) -> Self {
         // The mask, which changes nothing, tells the compiler that all of it lies in the room.
-        self.room[self.length & (LINE_BYTES - 1)..][..BYTES].copy_from_slice(bytes);
+        self.room[self.length & (ROOM - 1)..][..BYTES].copy_from_slice(bytes);
         self.length += length;
         self
     }
@@ -157,8 +215,7 @@ impl Line<'_> {
 
     /// Appends a number.
     #[inline(always)]
-    pub(crate) fn number(self, number: u64, high: &mut HighDigits) -> Self {
-        let texts = decimal_texts();
+    pub(crate) fn number(self, number: u64, high: &mut HighDigits, texts: &NumberTexts) -> Self {
         if let Some(entry) = texts.get(number as usize) {
             return self.put(entry, usize::from(entry[7]));
         }
@@ -172,8 +229,8 @@ impl Line<'_> {
 
     /// Appends a number of 16 bits.
     #[inline(always)]
-    pub(crate) fn word(self, number: u16) -> Self {
-        let entry = &decimal_texts()[usize::from(number)];
+    pub(crate) fn word(self, number: u16, texts: &NumberTexts) -> Self {
+        let entry = &texts[usize::from(number)];
         self.put(entry, usize::from(entry[7]))
     }
 
@@ -192,7 +249,7 @@ impl Line<'_> {
         } else if let Some(entry) = texts.get((number / 100_000_000) as usize) {
             self.put(entry, usize::from(entry[7])).put(&four(number / 10_000), 4).put(&four(number), 4)
         } else {
-            self.number(number, &mut HighDigits::default())
+            self.number(number, &mut HighDigits::default(), texts)
         }
     }
 
@@ -255,14 +312,13 @@ impl Line<'_> {
         self
     }
 
-    /// Appends registers, the high byte of each first.
+    /// Appends registers, the high byte of each first. The texts have what stands between two behind each.
     #[inline]
-    pub(crate) fn registers(mut self, bytes: &[u8], separator: Separator) -> Self {
-        let texts = separator.number_texts();
+    pub(crate) fn registers(mut self, bytes: &[u8], texts: &NumberTexts) -> Self {
         let registers = bytes.as_chunks::<2>().0;
         for register in registers {
-            let entry = &texts[usize::from(u16::from_be_bytes(*register))];
-            self = self.put(entry, usize::from(entry[7]) + 1);
+            let entry = texts[usize::from(u16::from_be_bytes(*register))];
+            self = self.put(&entry, (u64::from_le_bytes(entry) >> 56) as usize + 1);
         }
         self.length -= usize::from(!registers.is_empty());
         self
@@ -280,6 +336,18 @@ impl Line<'_> {
         self
     }
 
+    /// Appends a text of any length; `None` if there is no room for it.
+    #[inline]
+    pub(crate) fn any_text(mut self, text: &[u8]) -> Option<Self> {
+        let end = self.length + text.len();
+        if end > ROOM - LINE_BYTES {
+            return None;
+        }
+        self.room[self.length..end].copy_from_slice(text);
+        self.length = end;
+        Some(self)
+    }
+
     /// Takes off what was appended last.
     #[inline(always)]
     pub(crate) fn without_last(mut self, length: usize) -> Self {
@@ -287,12 +355,10 @@ impl Line<'_> {
         self
     }
 
-    /// Moves what is written to the end of `out`.
+    /// Where it ends in the block.
     #[inline(always)]
-    pub(crate) fn move_to(mut self, out: &mut Vec<u8>) -> Self {
-        out.extend_from_slice(&self.room[..self.length]);
-        self.length = 0;
-        self
+    pub(crate) fn end(self) -> usize {
+        self.length
     }
 }
 
@@ -308,11 +374,28 @@ mod tests {
 
     /// What `write` appends to a line that has begun, and what `push` appends to a vector.
     fn both(write: impl FnOnce(Line<'_>) -> Line<'_>, push: impl FnOnce(&mut Vec<u8>)) -> [String; 2] {
-        let (mut room, mut written, mut pushed) = (LineRoom::new(), Vec::new(), b"before".to_vec());
-        room.0.fill(b'?');
-        write(room.line().text(&FixedText::new(b"before"))).move_to(&mut written);
+        let (mut block, mut pushed) = (TextBlock::default(), b"before".to_vec());
+        block.bytes.fill(b'?');
+        block.append(b"bef");
+        let line = block.line().expect("it is not full").text(&FixedText::new(b"ore"));
+        let end = write(line).end();
+        block.add(end);
         push(&mut pushed);
-        [written, pushed].map(|text| String::from_utf8(text).expect("ASCII"))
+        [block.text().to_vec(), pushed].map(|text| String::from_utf8(text).expect("ASCII"))
+    }
+
+    #[test]
+    fn a_text_may_be_longer_than_a_block() {
+        let mut block = TextBlock::default();
+        block.append(&[b'a'; BLOCK_BYTES - 1]);
+        let line = block.line().expect("it is not full").text(&FixedText::new(b"bc"));
+        assert!(line.any_text(&[b'd'; ROOM]).is_none());
+        assert_eq!(block.text().len(), BLOCK_BYTES - 1);
+        block.append(&[b'b'; 3 * ROOM]);
+        assert!(block.is_full() && block.line().is_none());
+        assert_eq!((block.text().len(), block.text().ends_with(b"b")), (BLOCK_BYTES - 1 + 3 * ROOM, true));
+        block.clear();
+        assert!(block.text().is_empty() && block.line().is_some());
     }
 
     fn number() -> impl Strategy<Value = u64> {
@@ -325,7 +408,7 @@ mod tests {
             let next = number.saturating_add(step).min(i64::MAX as u64);
             let mut high = HighDigits::default();
             for number in [number, next, number] {
-                let [written, pushed] = both(|line| line.number(number, &mut high), |out| push_int(number as i64, out));
+                let [written, pushed] = both(|line| line.number(number, &mut high, decimal_texts()), |out| push_int(number as i64, out));
                 prop_assert_eq!(written, pushed);
             }
             let ns = ns >> shift;
@@ -348,7 +431,7 @@ mod tests {
                     Separator::Comma => push_items::<b','>(items, out),
                 };
                 let [written, pushed] =
-                    both(|line| line.registers(&bytes, separator), |out| push(&Items::Words(&bytes), out));
+                    both(|line| line.registers(&bytes, separator.number_texts()), |out| push(&Items::Words(&bytes), out));
                 prop_assert_eq!(written, pushed);
                 let [written, pushed] =
                     both(|line| line.bits(&bytes, bits, separator), |out| push(&Items::Bits(&bytes, bits), out));
@@ -356,9 +439,8 @@ mod tests {
             }
             let [written, pushed] = both(|line| line.hex(&bytes), |out| push_hex(&bytes, out));
             prop_assert_eq!(written, pushed);
-            let [written, pushed] = both(|line| line.text(&FixedText::new(&bytes[..bytes.len() / 2])), |out| {
-                out.extend_from_slice(&bytes[..bytes.len() / 2]);
-            }).map(|text| text.len());
+            let text: Vec<u8> = bytes.iter().map(|byte| b'a' + byte % 26).collect();
+            let [written, pushed] = both(|line| line.text(&FixedText::new(&text)), |out| out.extend_from_slice(&text));
             prop_assert_eq!(written, pushed);
         }
     }
