@@ -12,6 +12,7 @@ use crate::framer::rtu::RtuFramer;
 use crate::framer::PauseEvidence;
 use crate::pairing::Pairing;
 use crate::records::Exchange;
+use crate::session::profiles::{Lesson, Profiles};
 use crate::stats::{RequestPlace, Stats};
 use crate::weights::CERTAIN_DIRECTION_BITS;
 use modlens_protocol::framing::Mode;
@@ -23,6 +24,7 @@ pub(super) struct Known<'a> {
     pub framer: &'a mut RtuFramer,
     pub pairing: &'a mut Pairing,
     pub reads: &'a mut KnownReads,
+    pub profiles: &'a mut Profiles,
     /// Units that took part in a good frame, and those in a paired transaction.
     pub units: [&'a mut [bool; 256]; 2],
     pub stats: &'a mut Stats,
@@ -64,17 +66,28 @@ impl CompactRun {
         let of_reads = rtu_transaction_confidence(false, u8::MAX);
         loop {
             let (start, rest) = ((arena_start + self.bytes) as u32, &bytes[self.bytes..]);
-            if let Some((KnownRead { bytes: request, expected, .. }, counters)) = next_known_read(known.framer, known.reads, rest)
-            {
+            if let Some((read, counters)) = next_known_read(known.framer, known.reads, rest) {
+                let KnownRead { bytes: request, expected, settled, .. } = read;
+                let lesson = known.profiles.learn_unsettled(*settled, known.functions, || of_points(expected, rest));
+                if lesson == Some(Lesson::Refused) {
+                    break;
+                }
                 known.stats.record_exchange_at(known.counts, expected.key(), counters);
                 known.framer.learn_in_run(&mut self.learned, request, &rest[request.len()..], false);
                 self.first_requests += 1;
                 exchanges.push(expected.compact(start, expected.rtu_lengths(), of_reads, 0));
                 self.pass(expected, CERTAIN_DIRECTION_BITS);
+                if lesson == Some(Lesson::Settled) {
+                    let request = *request;
+                    known.reads.settle(request, known.profiles.generation());
+                }
                 continue;
             }
             let answered = self.last.map_or(answered_before, |(at, _)| Answered::by_exchange(bytes[at], bytes[at + 1]));
             let Some(decided) = next_exchange(&known, rest, answered, pause) else { break };
+            if !known.profiles.are_none() && !known.learn_points(&decided, rest) {
+                break;
+            }
             exchanges.push(self.take_decided(&mut known, &decided, rest, start, pause));
         }
         known.framer.learn_run(&mut self.learned);
@@ -121,6 +134,17 @@ impl CompactRun {
 }
 
 impl Known<'_> {
+    /// Learns what the profile of its unit learns from an exchange at the head of these bytes. `false`, with nothing learned, if
+    /// the profile may have something to say to it.
+    #[inline(never)]
+    fn learn_points(&mut self, Decided { expected, exception }: &Decided, bytes: &[u8]) -> bool {
+        if *exception != 0 {
+            return self.profiles.pass_over_refusal(expected.unit, expected.code);
+        }
+        let (request, block) = of_points(expected, bytes);
+        self.profiles.learn_block(self.functions, request, block) != Lesson::Refused
+    }
+
     /// Notes that a unit has answered.
     fn note_unit(&mut self, unit: u8) {
         self.units.iter_mut().for_each(|units| units[usize::from(unit)] = true);
@@ -140,6 +164,14 @@ impl Known<'_> {
             self.reads.add(request, expected, Some(counters));
         }
     }
+}
+
+/// What a profile learns from: the request at the head of these bytes, which begins with the unit, and the data of its response,
+/// if it reads.
+#[inline]
+fn of_points<'a>(expected: &ExpectedExchange, bytes: &'a [u8]) -> (&'a [u8], Option<&'a [u8]>) {
+    let (request, response) = bytes.split_at(expected.rtu_lengths()[0]);
+    (request, expected.read_data(&response[..expected.response_bytes]))
 }
 
 /// The read at the head of these bytes and the place of its counters, if both are known and its response follows without doubt:

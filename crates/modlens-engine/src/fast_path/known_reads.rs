@@ -23,6 +23,8 @@ pub(super) struct KnownRead {
     pub expected: ExpectedExchange,
     /// Where the statistics count it; `None` if they have no room for it.
     pub counters: Option<RequestPlace>,
+    /// The generation of the bus's profiles (`Profiles::generation`) in which they have nothing more to learn from it.
+    pub settled: u32,
 }
 
 impl KnownReads {
@@ -58,7 +60,7 @@ impl KnownReads {
     #[cold]
     pub(super) fn add(&mut self, request: &[u8], expected: ExpectedExchange, counters: Option<RequestPlace>) {
         let Ok(bytes) = <[u8; READ_BYTES]>::try_from(request) else { return };
-        let new = KnownRead { bytes, expected, counters };
+        let new = KnownRead { bytes, expected, counters, settled: 0 };
         if self.0.is_empty() {
             self.0.resize(FIRST_PLACES, None);
         }
@@ -68,6 +70,15 @@ impl KnownReads {
             known.into_iter().flatten().for_each(|known| self.put(known));
         }
         self.put(new);
+    }
+
+    /// Notes that the profiles of this generation have nothing more to learn from a read that is kept.
+    #[cold]
+    pub(super) fn settle(&mut self, bytes: [u8; READ_BYTES], generation: u32) {
+        let place = self.place(bytes);
+        if let Some(known) = self.0[place].as_mut().filter(|known| known.bytes == bytes) {
+            known.settled = generation;
+        }
     }
 
     fn put(&mut self, known: KnownRead) {

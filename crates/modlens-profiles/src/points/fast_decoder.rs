@@ -32,10 +32,47 @@ enum DecoderKind {
     Float64(Order),
 }
 
+/// How the numbers of a group of points are decoded, for which there is a loop of its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum NumberForm {
+    /// An unsigned register without scale.
+    Register,
+    /// An unsigned register divided by this power of ten.
+    ScaledRegister(f64),
+    /// A single precision float in two registers.
+    Float32(IntegerDecoder),
+    /// An integer in so many registers.
+    Integer(IntegerDecoder, u16),
+}
+
+impl NumberForm {
+    /// Whether one of the numbers whose registers begin at these offsets satisfies `is_wanted`. Without branches, so that the
+    /// numbers of a group are decoded side by side.
+    #[inline]
+    pub(super) fn any(self, offsets: &[u16], bytes: &[u8], is_wanted: impl Fn(f64) -> bool) -> bool {
+        let register = |two| f64::from(u16::from_be_bytes(two));
+        match self {
+            Self::Register => any_of(offsets, bytes, |two| is_wanted(register(two))),
+            Self::ScaledRegister(divisor) => any_of(offsets, bytes, |two| is_wanted(register(two) / divisor)),
+            Self::Float32(integer) => any_of(offsets, bytes, |four| is_wanted(integer.float(u32::from_be_bytes(four)))),
+            Self::Integer(integer, width) => offsets.iter().fold(false, |any, &at| {
+                let registers = load_two_registers(bytes, usize::from(at), width);
+                any | registers.is_ok_and(|registers| is_wanted(integer.number(registers)))
+            }),
+        }
+    }
+}
+
+/// Whether the bytes at one of these offsets satisfy `is_wanted`; all of them are looked at.
+#[inline]
+fn any_of<const N: usize>(offsets: &[u16], bytes: &[u8], is_wanted: impl Fn([u8; N]) -> bool) -> bool {
+    offsets.iter().fold(false, |any, &at| any | array(bytes, usize::from(at)).is_ok_and(&is_wanted))
+}
+
 /// How to extract an integer from one or two registers. All of the operations below are always executed; neutral
 /// operands disable them, so that the code needs no branches.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct IntegerDecoder {
+pub(super) struct IntegerDecoder {
     /// Whether the low byte of a register comes first.
     has_swapped_bytes: bool,
     /// Rotation to the left, in bits, that moves the most significant register to the front.
@@ -106,6 +143,17 @@ impl FastDecoder {
         }
     }
 
+    /// How its numbers are decoded in a loop; `None` of the rare ways, which have none.
+    pub(super) fn form(&self) -> Option<NumberForm> {
+        match self.kind {
+            DecoderKind::UnsignedRegister => Some(NumberForm::Register),
+            DecoderKind::ScaledRegister => Some(NumberForm::ScaledRegister(self.integer.divisor)),
+            DecoderKind::Float32 => Some(NumberForm::Float32(self.integer)),
+            DecoderKind::Integer => Some(NumberForm::Integer(self.integer, self.width)),
+            DecoderKind::General | DecoderKind::Factor { .. } | DecoderKind::Float64(_) => None,
+        }
+    }
+
     /// The number whose first register stands at byte offset `at`. `Err` if the caller has to take the general path, or
     /// the registers are not there.
     ///
@@ -120,8 +168,7 @@ impl FastDecoder {
             return Ok(f64::from(u16::from_be_bytes(array(bytes, at)?)) / self.integer.divisor);
         }
         if self.kind == DecoderKind::Float32 {
-            let number = f32::from_bits(self.integer.most_significant_first(u32::from_be_bytes(array(bytes, at)?)));
-            return Ok(if number.is_finite() { f64::from(number) } else { NO_NUMBER });
+            return Ok(self.integer.float(u32::from_be_bytes(array(bytes, at)?)));
         }
         if self.kind == DecoderKind::Integer {
             return Ok(self.integer.number(load_two_registers(bytes, at, self.width)?));
@@ -196,6 +243,17 @@ impl IntegerDecoder {
             return NO_NUMBER;
         }
         (raw * self.digits + self.offset) as f64 / self.divisor
+    }
+
+    /// The float in the loaded registers; `NO_NUMBER` if it is not finite.
+    #[inline]
+    fn float(&self, registers: u32) -> f64 {
+        let number = f32::from_bits(self.most_significant_first(registers));
+        if number.is_finite() {
+            f64::from(number)
+        } else {
+            NO_NUMBER
+        }
     }
 
     /// The loaded registers with the most significant byte first.

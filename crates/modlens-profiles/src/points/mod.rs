@@ -8,11 +8,14 @@
 //! Scale factors that are points themselves are read here (`with_factors_from`) and applied in `conversion` and
 //! `fast_decoder`; `sunspec` finds the models of a device, and `order_check` watches whether an order makes sense.
 
+mod block_plan;
 mod conversion;
 mod fast_decoder;
 mod layout;
+mod number_groups;
 pub mod order_check;
 pub mod sunspec;
+mod unit_plans;
 mod value;
 
 use std::sync::Arc;
@@ -23,8 +26,10 @@ use modlens_protocol::register_type::Space;
 use fast_decoder::{FastDecoder, NO_NUMBER};
 use layout::Layout;
 
+pub use block_plan::{BlockPlan, BlockPlans};
 pub use conversion::Conversion;
 pub use layout::{LayoutEntry, LayoutPart, PartialBlock};
+pub use unit_plans::UnitPlans;
 pub use value::{push_float, Value};
 
 /// One value of a point, ready for decoding. A point with several values (an array) is compiled to one of these per
@@ -283,12 +288,15 @@ impl PlanInstance {
         buffer: &mut NumberBuffer,
         each: impl FnMut(&[f64]),
     ) {
-        let (decoders, factors) = (&self.plan.decoders[..], &self.factors[..]);
-        buffer.for_each_chunk(entries, each, |entry| {
-            let at = 2 * usize::from(entry.address.wrapping_sub(first));
-            let number = decoders[usize::from(entry.decoder)].number(bytes, at, factors);
-            number.unwrap_or_else(|()| self.long_number(*entry, bytes, at))
-        });
+        buffer.for_each_chunk(entries, each, |entry| self.entry_number(*entry, first, bytes));
+    }
+
+    /// The number of an entry in a block of registers from address `first` on, `NO_NUMBER` if it has none.
+    #[inline]
+    fn entry_number(&self, entry: LayoutEntry, first: u16, bytes: &[u8]) -> f64 {
+        let at = 2 * usize::from(entry.address.wrapping_sub(first));
+        let number = self.plan.decoders[usize::from(entry.decoder)].number(bytes, at, &self.factors);
+        number.unwrap_or_else(|()| self.long_number(entry, bytes, at))
     }
 
     /// The number of an entry by the general path through a `Value`, for points that the fast decoders do not cover.
@@ -324,6 +332,14 @@ impl PlanInstance {
     /// Whether the plan has scale factors, so that blocks must be searched for them.
     pub fn has_factors(&self) -> bool {
         !self.plan.scale_factor_points.is_empty()
+    }
+
+    /// Whether a scale factor begins in this block of registers.
+    pub fn has_factor_in(&self, space: Space, first: u16, bytes: usize) -> bool {
+        self.plan.scale_factor_points.iter().map(|&at| self.plan.compiled_point(at)).any(|factor| {
+            let end = usize::from(first) + bytes / 2;
+            self.plan.point(factor).space == space && (usize::from(first)..end).contains(&usize::from(factor.address))
+        })
     }
 
     /// Takes the scale factors from a block of registers that was read. Returns the plan with them if any has changed,

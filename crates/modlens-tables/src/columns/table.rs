@@ -204,7 +204,7 @@ impl Table {
     pub fn row(&self, row: usize) -> RowRef<'_> {
         let batch = &*self.batch;
         let of = match (&self.rows, self.kind) {
-            (Rows::Readings(rows), _) => RowOf::Reading(rows.item(batch, row)),
+            (Rows::Readings(rows), _) => RowOf::Reading(rows.item(row)),
             (_, TableKind::Frames) => RowOf::Frame(&batch.frames[self.index(row)]),
             (_, TableKind::Findings) => RowOf::Finding(&batch.findings[self.index(row)]),
             (_, TableKind::Connections) => RowOf::Connection(&batch.connections[self.index(row)]),
