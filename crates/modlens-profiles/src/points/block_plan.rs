@@ -7,7 +7,7 @@ use crate::points::number_groups::NumberGroups;
 use crate::points::{LayoutEntry, PlanInstance};
 use modlens_protocol::register_type::Space;
 
-/// The entries of a block, which has at least one value of a point.
+/// The entries of a block.
 #[derive(Debug)]
 pub struct BlockPlan {
     /// The plan, with the scale factors known at that moment.
@@ -21,8 +21,13 @@ pub struct BlockPlan {
 }
 
 impl BlockPlan {
-    /// Whether a number of this block of registers satisfies `is_wanted`. `bytes` are those of its registers. `NO_NUMBER` of an
-    /// entry without a number is asked for, too.
+    fn new(instance: &Arc<PlanInstance>, BlockKey { space, first, count }: BlockKey) -> Self {
+        let mut entries = Vec::with_capacity(usize::from(count));
+        instance.plan.block(space, first, usize::from(count), |entry| entries.push(entry));
+        Self { instance: Arc::clone(instance), entries, first, groups: OnceLock::new() }
+    }
+
+    /// Whether a number of this block of registers satisfies `is_wanted`, as no NaN does. `bytes` are those of its registers.
     #[inline]
     pub fn has_number(&self, bytes: &[u8], is_wanted: impl Fn(f64) -> bool) -> bool {
         let groups = self.groups.get_or_init(|| NumberGroups::new(&self.instance, &self.entries, self.first));
@@ -42,8 +47,9 @@ struct BlockKey {
 #[derive(Debug)]
 struct KnownBlock {
     key: BlockKey,
-    instance: Arc<PlanInstance>,
-    /// `None` of a block without a value of a point.
+    /// The address of the plan. Only where `plan` is there, it is sure to be still the same plan.
+    instance: usize,
+    /// What it contains, if it was asked for again.
     plan: Option<Arc<BlockPlan>>,
     /// The list that has it, and its place there.
     listed: (u64, u32),
@@ -53,7 +59,8 @@ struct KnownBlock {
 const FIRST_PLACES: usize = 16;
 const MAX_PLACES: usize = 1024;
 
-/// The blocks that were asked for last.
+/// The blocks that were asked for last. What a block contains is kept only if it comes again: a master may write somewhere else
+/// each time.
 #[derive(Debug, Default)]
 pub struct BlockPlans {
     places: Vec<Option<KnownBlock>>,
@@ -68,8 +75,8 @@ impl BlockPlans {
         self.list
     }
 
-    /// The place in a list of the block of `count` registers or bits from `first` on; it is added if it is not there. `None` if
-    /// no value of a point is in it. `list`: its number, and the blocks that were asked for with that.
+    /// The place in a list of the block of `count` registers or bits from `first` on; it is added if it is not there. `None` of a
+    /// block that did not come before, as far as is known. `list`: its number, and the blocks that were asked for with that.
     #[inline]
     pub fn place_of(
         &mut self,
@@ -78,14 +85,17 @@ impl BlockPlans {
         (space, first, count): (Space, u16, u16),
     ) -> Option<u32> {
         let key = BlockKey { space, first, count };
-        let at = self.place(key, instance);
-        match self.places.get(at) {
-            Some(Some(known)) if known.key == key && Arc::ptr_eq(&known.instance, instance) => {}
-            _ => self.add(key, instance),
-        }
-        let at = self.place(key, instance);
-        let known = self.places[at].as_mut()?;
-        let plan = known.plan.as_ref()?;
+        let address = Arc::as_ptr(instance) as usize;
+        let at = self.place(key, address);
+        let same = |known: &&mut KnownBlock| known.key == key && known.instance == address;
+        let Some(known) = self.places.get_mut(at).and_then(Option::as_mut).filter(same) else {
+            self.note(KnownBlock { key, instance: address, plan: None, listed: (list, 0) });
+            return None;
+        };
+        let plan = known.plan.get_or_insert_with(|| {
+            known.listed = (0, 0);
+            Arc::new(BlockPlan::new(instance, key))
+        });
         if known.listed.0 != list {
             known.listed = (list, plans.len() as u32);
             plans.push(Arc::clone(plan));
@@ -95,36 +105,35 @@ impl BlockPlans {
 
     /// The place of a block: some of the highest bits of its product with an odd number without pattern.
     #[inline]
-    fn place(&self, key: BlockKey, instance: &Arc<PlanInstance>) -> usize {
+    fn place(&self, key: BlockKey, instance: usize) -> usize {
         let block = (key.space as u64) << 32 | u64::from(key.first) << 16 | u64::from(key.count);
-        let mixed = (block ^ (Arc::as_ptr(instance) as u64) << 24).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        let mixed = (block ^ (instance as u64) << 24).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         (mixed >> (u64::BITS - MAX_PLACES.ilog2())) as usize & self.places.len().wrapping_sub(1)
     }
 
-    /// Finds out what a block contains. If there is another one at its place, there come to be more places, or at last it takes
-    /// that place.
-    #[cold]
-    fn add(&mut self, key: BlockKey, instance: &Arc<PlanInstance>) {
-        let BlockKey { space, first, count } = key;
-        let mut entries = Vec::new();
-        instance.plan.block(space, first, usize::from(count), |entry| entries.push(entry));
-        let has_point = entries.iter().any(|entry| entry.compiled_index().is_some());
-        let instance = Arc::clone(instance);
-        let plan =
-            has_point.then(|| Arc::new(BlockPlan { instance: Arc::clone(&instance), entries, first, groups: OnceLock::new() }));
+    /// Notes that a block has come. If its place has one that comes again and again, there come to be more places, or at last it
+    /// has none.
+    #[inline(never)]
+    fn note(&mut self, block: KnownBlock) {
         if self.places.is_empty() {
             self.places.resize_with(FIRST_PLACES, || None);
         }
-        while self.places[self.place(key, &instance)].is_some() && self.places.len() < MAX_PLACES {
+        // One that has not come since the list before may go.
+        let list = self.list;
+        let stays = |known: &KnownBlock| known.plan.is_some() && known.listed.0 + 1 >= list;
+        while self.places[self.place(block.key, block.instance)].as_ref().is_some_and(stays) {
+            if self.places.len() == MAX_PLACES {
+                return;
+            }
             let known = std::mem::take(&mut self.places);
             self.places.resize_with(2 * known.len(), || None);
             known.into_iter().flatten().for_each(|known| self.put(known));
         }
-        self.put(KnownBlock { key, instance, plan, listed: (0, 0) });
+        self.put(block);
     }
 
-    fn put(&mut self, known: KnownBlock) {
-        let at = self.place(known.key, &known.instance);
-        self.places[at] = Some(known);
+    fn put(&mut self, block: KnownBlock) {
+        let at = self.place(block.key, block.instance);
+        self.places[at] = Some(block);
     }
 }

@@ -181,6 +181,13 @@ impl Plan {
         &self.entries
     }
 
+    /// Whether a value may lie in a block of `count` registers or bits from address `first` on. Where the answer is no, each of
+    /// them is an entry of its own.
+    #[inline]
+    pub fn has_point_near(&self, space: Space, first: u16, count: usize) -> bool {
+        self.layouts[space as usize].has_region_in(first, count)
+    }
+
     /// Splits a block of `count` registers or bits from address `first` into parts: slices of `entries`, bare
     /// registers, and partial blocks at its ends.
     #[inline]

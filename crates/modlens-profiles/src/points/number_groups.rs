@@ -49,7 +49,7 @@ impl NumberGroups {
         Self { groups, offsets, others, first }
     }
 
-    /// Whether a number of the block, of which these are the bytes, satisfies `is_wanted`; `NO_NUMBER` stands for none.
+    /// Whether a number of the block, of which these are the bytes, satisfies `is_wanted`, as no NaN does.
     #[inline]
     pub(super) fn any(&self, instance: &PlanInstance, bytes: &[u8], is_wanted: impl Fn(f64) -> bool) -> bool {
         let (mut start, mut found) = (0, false);

@@ -23,9 +23,19 @@ pub(super) struct ReadingBlock {
     pub first: u16,
     /// The number of its first row.
     pub row: u32,
-    /// Index in `ReadingBlocks::plans`, or `NO_PLAN`: each register or bit is a row.
-    plan: u32,
+    contents: Contents,
     pub data: Data,
+}
+
+/// Where the layout entries of a block's rows are found.
+#[derive(Clone, Copy, Debug)]
+enum Contents {
+    /// Each register or bit is a row.
+    Bare,
+    /// In the plan with this index in `ReadingBlocks::plans`.
+    Known(u32),
+    /// Those of this index in `ReadingBlocks::others`.
+    Other(u32),
 }
 
 /// Where the values of a block are stored.
@@ -34,7 +44,7 @@ pub(super) enum Data {
     /// Registers in the batch's arena.
     Words(Span),
     /// This many packed bits in the batch's arena.
-    Bits(Span, usize),
+    Bits(Span, u32),
     /// The value of a single register write.
     Register(i32),
     /// The value of a single coil write.
@@ -45,8 +55,12 @@ pub(super) enum Data {
 #[derive(Debug, Default)]
 pub(super) struct ReadingBlocks {
     pub blocks: Vec<ReadingBlock>,
-    /// What blocks with points contain.
+    /// What blocks with points contain that came before.
     plans: Vec<Arc<BlockPlan>>,
+    /// The plan of each other block with points, and the index of its first entry in `entries`.
+    others: Vec<(Arc<PlanInstance>, u32)>,
+    /// The entries of those, block by block.
+    entries: Vec<LayoutEntry>,
     pub rows: u32,
     /// The index of the block that contains each `STRIDE`th row, from which a row's block is found in a few steps; once somebody
     /// has asked for a row.
@@ -56,16 +70,13 @@ pub(super) struct ReadingBlocks {
 /// The number of rows between two entries of the directory.
 const STRIDE: u32 = 16;
 
-/// In place of the plan of a block without points.
-const NO_PLAN: u32 = u32::MAX;
-
 impl ReadingBlock {
     /// The values of the block.
     #[inline]
     pub fn items<'a>(&self, batch: &'a Batch) -> Items<'a> {
         match self.data {
             Data::Words(span) => Items::Words(span.of(&batch.arena)),
-            Data::Bits(span, count) => Items::Bits(span.of(&batch.arena), count),
+            Data::Bits(span, count) => Items::Bits(span.of(&batch.arena), count as usize),
             Data::Register(value) | Data::Coil(value) => Items::One(value),
         }
     }
@@ -83,9 +94,21 @@ impl ReadingBlocks {
     #[inline]
     pub fn entry(&self, block: &ReadingBlock, row: u32) -> LayoutEntry {
         let in_block = (row - block.row) as usize;
-        match self.plans.get(block.plan as usize) {
-            Some(plan) => plan.entries[in_block],
+        match self.plan_of(block) {
+            Some((_, entries)) => entries[in_block],
             None => LayoutEntry::bare(block.first.wrapping_add(in_block as u16)),
+        }
+    }
+
+    /// The plan of a block with points, and the entries from its first one on.
+    #[inline]
+    fn plan_of(&self, block: &ReadingBlock) -> Option<(&PlanInstance, &[LayoutEntry])> {
+        match block.contents {
+            Contents::Bare => None,
+            Contents::Known(at) => self.plans.get(at as usize).map(|plan| (&*plan.instance, &plan.entries[..])),
+            Contents::Other(at) => {
+                self.others.get(at as usize).map(|(instance, first)| (&**instance, &self.entries[*first as usize..]))
+            }
         }
     }
 
@@ -116,12 +139,13 @@ impl ReadingBlocks {
         (self.blocks.get(block + 1).map_or(self.rows, |next| next.row) - self.blocks[block].row) as usize
     }
 
-    /// Whether a number of this block of registers, which has these bytes, is wanted.
+    /// Whether a number of this block of registers, which has these bytes, may be wanted. No number is never wanted.
     #[inline]
-    pub fn has_number(&self, block: &ReadingBlock, bytes: &[u8], is_wanted: impl Fn(f64) -> bool) -> bool {
-        match self.plans.get(block.plan as usize) {
-            Some(plan) => plan.has_number(bytes, is_wanted),
-            None => {
+    pub fn may_have_number(&self, block: &ReadingBlock, bytes: &[u8], is_wanted: impl Fn(f64) -> bool) -> bool {
+        match block.contents {
+            Contents::Known(at) => self.plans[at as usize].has_number(bytes, is_wanted),
+            Contents::Other(_) => true,
+            Contents::Bare => {
                 let number = |pair: &[u8; 2]| f64::from(u16::from_be_bytes(*pair));
                 bytes.as_chunks().0.iter().fold(false, |any, pair| any | is_wanted(number(pair)))
             }
@@ -138,10 +162,10 @@ impl ReadingBlocks {
         buffer: &mut NumberBuffer,
         each: impl FnMut(&[f64]),
     ) {
-        let Some(plan) = self.plans.get(block.plan as usize) else {
+        let Some((instance, entries)) = self.plan_of(block) else {
             return bare_numbers(&block.items(batch), rows, buffer, each);
         };
-        let (instance, entries) = (&plan.instance, &plan.entries[..]);
+        let entries = &entries[..rows];
         match block.data {
             Data::Words(span) => instance.numbers(entries, block.first, span.of(&batch.arena), buffer, each),
             Data::Register(value) => instance.numbers(entries, block.first, &(value as u16).to_be_bytes(), buffer, each),
@@ -256,7 +280,7 @@ impl<'a> Listing<'a> {
             let span = Span { start: exchange.start + request + before, length: response - before - behind };
             let (data, count) = if is_bits {
                 let count = u32::from(exchange.quantity).min(8 * span.length);
-                (Data::Bits(span, count as usize), count)
+                (Data::Bits(span, count), count)
             } else {
                 (Data::Words(span), span.length / 2)
             };
@@ -280,7 +304,7 @@ impl<'a> Listing<'a> {
             let Some((first, items)) = block else { continue };
             let data = match items {
                 Items::Words(bytes) => Data::Words(batch.span_of(bytes)),
-                Items::Bits(bytes, count) => Data::Bits(batch.span_of(bytes), count),
+                Items::Bits(bytes, count) => Data::Bits(batch.span_of(bytes), count as u32),
                 Items::One(value) if space.is_some_and(Space::is_bits) => Data::Coil(value),
                 Items::One(value) => Data::Register(value),
                 Items::Numbers(_) => continue, // Of rows; no transaction carries them.
@@ -291,7 +315,8 @@ impl<'a> Listing<'a> {
     }
 
     /// Adds a block of `count` registers or bits of the transaction at hand, with the profile of its unit, if there is one.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // What a block consists of would be written to memory twice, and read too early.
     fn add_block(
         &mut self,
         is_write: bool,
@@ -299,14 +324,37 @@ impl<'a> Listing<'a> {
         data: Data,
         count: usize,
         plan: Option<(Space, &Arc<PlanInstance>)>,
-        KnownBlocks { blocks, list }: &mut KnownBlocks<'_>,
+        known: &mut KnownBlocks<'_>,
     ) {
-        let plans = &mut self.all.plans;
+        let row = self.all.rows;
+        let contents = match plan.filter(|(space, instance)| instance.plan.has_point_near(*space, first, count)) {
+            None => {
+                self.all.rows += count as u32;
+                Contents::Bare
+            }
+            Some((space, instance)) => self.contents(instance, (space, first, count), known),
+        };
+        self.all.blocks.push(ReadingBlock { txn: self.transactions, is_write, first, row, contents, data });
+    }
+
+    /// What a block with points contains; counts its rows.
+    #[inline(never)]
+    fn contents(
+        &mut self,
+        instance: &Arc<PlanInstance>,
+        (space, first, count): (Space, u16, usize),
+        KnownBlocks { blocks, list }: &mut KnownBlocks<'_>,
+    ) -> Contents {
+        let all = &mut self.all;
         // No block of a PDU has more bits than a number of 16 bits counts.
-        let place = plan.and_then(|(space, instance)| blocks.place_of((*list, plans), instance, (space, first, count as u16)));
-        let rows = place.map_or(count, |place| plans[place as usize].entries.len());
-        let plan = place.unwrap_or(NO_PLAN);
-        self.all.blocks.push(ReadingBlock { txn: self.transactions, is_write, first, row: self.all.rows, plan, data });
-        self.all.rows += rows as u32;
+        if let Some(place) = blocks.place_of((*list, &mut all.plans), instance, (space, first, count as u16)) {
+            all.rows += all.plans[place as usize].entries.len() as u32;
+            return Contents::Known(place);
+        }
+        let start = all.entries.len();
+        instance.plan.block(space, first, count, |entry| all.entries.push(entry));
+        all.rows += (all.entries.len() - start) as u32;
+        all.others.push((Arc::clone(instance), start as u32));
+        Contents::Other(all.others.len() as u32 - 1)
     }
 }

@@ -54,7 +54,7 @@ impl ReadingRows {
             let may_be_kept = match block.data {
                 Data::Bits(..) => !no_bit,
                 // Most filters keep few rows, so all numbers are first tested without their order.
-                Data::Words(span) => self.all.has_number(block, span.of(&batch.arena), &keep),
+                Data::Words(span) => self.all.may_have_number(block, span.of(&batch.arena), &keep),
                 Data::Register(_) | Data::Coil(_) => true,
             };
             if may_be_kept {
