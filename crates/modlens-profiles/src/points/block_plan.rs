@@ -3,7 +3,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use crate::points::number_groups::NumberGroups;
+use crate::points::number_groups::{NumberGroups, RegisterBuffer};
 use crate::points::{LayoutEntry, PlanInstance};
 use modlens_protocol::register_type::Space;
 
@@ -29,9 +29,9 @@ impl BlockPlan {
 
     /// Whether a number of this block of registers satisfies `is_wanted`, as no NaN does. `bytes` are those of its registers.
     #[inline]
-    pub fn has_number(&self, bytes: &[u8], is_wanted: impl Fn(f64) -> bool) -> bool {
+    pub fn has_number(&self, bytes: &[u8], buffer: &mut RegisterBuffer, is_wanted: impl Fn(f64) -> bool) -> bool {
         let groups = self.groups.get_or_init(|| NumberGroups::new(&self.instance, &self.entries, self.first));
-        groups.any(&self.instance, bytes, is_wanted)
+        groups.any(&self.instance, bytes, buffer, is_wanted)
     }
 }
 

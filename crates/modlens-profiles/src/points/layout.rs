@@ -100,6 +100,7 @@ impl Layout {
     }
 
     /// Whether a block of `count` registers or bits from address `first` on touches a region.
+    #[inline]
     pub fn has_region_in(&self, first: u16, count: usize) -> bool {
         let (first, end) = (usize::from(first), usize::from(first) + count);
         let behind = self.regions.partition_point(|region| region.end() <= first);
@@ -128,6 +129,7 @@ impl Layout {
 }
 
 impl Region {
+    #[inline]
     fn end(&self) -> usize {
         self.first + self.borders.len() - 1
     }

@@ -29,6 +29,7 @@ use layout::Layout;
 pub use block_plan::{BlockPlan, BlockPlans};
 pub use conversion::Conversion;
 pub use layout::{LayoutEntry, LayoutPart, PartialBlock};
+pub use number_groups::RegisterBuffer;
 pub use unit_plans::UnitPlans;
 pub use value::{push_float, Value};
 
@@ -300,7 +301,7 @@ impl PlanInstance {
 
     /// The number of an entry in a block of registers from address `first` on, `NO_NUMBER` if it has none.
     #[inline]
-    fn entry_number(&self, entry: LayoutEntry, first: u16, bytes: &[u8]) -> f64 {
+    pub fn entry_number(&self, entry: LayoutEntry, first: u16, bytes: &[u8]) -> f64 {
         let at = 2 * usize::from(entry.address.wrapping_sub(first));
         let number = self.plan.decoders[usize::from(entry.decoder)].number(bytes, at, &self.factors);
         number.unwrap_or_else(|()| self.long_number(entry, bytes, at))

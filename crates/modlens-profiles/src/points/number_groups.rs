@@ -1,60 +1,90 @@
 //! The numbers of a block of registers, those together that are decoded alike: a loop for each way, without a decision for
-//! each number.
+//! each number, which the compiler does for several numbers at once.
 
 use crate::points::fast_decoder::NumberForm;
 use crate::points::{LayoutEntry, PlanInstance};
 
-/// The entries of a block by their decoder.
+/// Room for the registers of a block: a PDU has 253 bytes.
+const MOST_REGISTERS: usize = 128;
+
+/// The registers of a block as numbers. Kept by the caller, since it would have to be initialised for each block.
+#[derive(Debug)]
+pub struct RegisterBuffer {
+    /// In the order of their addresses.
+    by_address: [u16; MOST_REGISTERS],
+    /// Group by group.
+    by_group: [u16; MOST_REGISTERS],
+}
+
+impl Default for RegisterBuffer {
+    fn default() -> Self {
+        Self { by_address: [0; MOST_REGISTERS], by_group: [0; MOST_REGISTERS] }
+    }
+}
+
+/// The entries of a block by how they are decoded.
 #[derive(Debug)]
 pub(super) struct NumberGroups {
     groups: Vec<Group>,
-    /// Where the registers of each entry begin, in bytes, group by group.
-    offsets: Vec<u16>,
-    /// The entries of groups without a loop of their own, to be decoded one by one.
+    /// The places of the registers in the block, group by group.
+    places: Vec<u8>,
+    /// The entries that are decoded one by one.
     others: Vec<LayoutEntry>,
     /// The address of the first register.
     first: u16,
 }
 
-/// Entries with the same decoder.
+/// Entries that are decoded alike.
 #[derive(Debug)]
 struct Group {
     form: NumberForm,
-    /// The end of its part of `NumberGroups::offsets`.
+    /// The end of its part of `NumberGroups::places`.
     end: usize,
 }
 
 impl NumberGroups {
     /// Groups the entries of a block of registers from address `first` on.
     pub(super) fn new(instance: &PlanInstance, entries: &[LayoutEntry], first: u16) -> Self {
-        let decoder = |entry: &LayoutEntry| &instance.plan.decoders[usize::from(entry.decoder)];
-        let mut by_form: Vec<(NumberForm, Vec<u16>)> = Vec::new();
+        let mut by_form: Vec<(NumberForm, Vec<u8>)> = Vec::new();
         let mut others = Vec::new();
         for entry in entries {
-            let Some(form) = decoder(entry).form() else {
+            let form = instance.plan.decoders[usize::from(entry.decoder)].form();
+            let place = u8::try_from(entry.address.wrapping_sub(first)).ok().filter(|&at| usize::from(at) + 1 < MOST_REGISTERS);
+            let Some((form, place)) = form.zip(place) else {
                 others.push(*entry);
                 continue;
             };
-            let offset = 2 * entry.address.wrapping_sub(first);
+            let places = form.places(place);
             match by_form.iter_mut().find(|(known, _)| *known == form) {
-                Some((_, offsets)) => offsets.push(offset),
-                None => by_form.push((form, vec![offset])),
+                Some((_, of_form)) => of_form.extend(places),
+                None => by_form.push((form, places.collect())),
             }
         }
-        let (mut groups, mut offsets) = (Vec::new(), Vec::new());
+        let (mut groups, mut places) = (Vec::new(), Vec::new());
         for (form, of_form) in by_form {
-            offsets.extend(of_form);
-            groups.push(Group { form, end: offsets.len() });
+            places.extend(of_form);
+            groups.push(Group { form, end: places.len() });
         }
-        Self { groups, offsets, others, first }
+        Self { groups, places, others, first }
     }
 
     /// Whether a number of the block, of which these are the bytes, satisfies `is_wanted`, as no NaN does.
     #[inline]
-    pub(super) fn any(&self, instance: &PlanInstance, bytes: &[u8], is_wanted: impl Fn(f64) -> bool) -> bool {
+    pub(super) fn any(
+        &self,
+        instance: &PlanInstance,
+        bytes: &[u8],
+        RegisterBuffer { by_address, by_group }: &mut RegisterBuffer,
+        is_wanted: impl Fn(f64) -> bool,
+    ) -> bool {
+        by_address.iter_mut().zip(bytes.as_chunks().0).for_each(|(register, pair)| *register = u16::from_be_bytes(*pair));
+        by_group
+            .iter_mut()
+            .zip(&self.places)
+            .for_each(|(register, &at)| *register = by_address[usize::from(at) % MOST_REGISTERS]);
         let (mut start, mut found) = (0, false);
         for Group { form, end } in &self.groups {
-            found |= form.any(&self.offsets[start..*end], bytes, &is_wanted);
+            found |= form.any(&by_group[start..*end], &is_wanted);
             start = *end;
         }
         found || self.others.iter().any(|entry| is_wanted(instance.entry_number(*entry, self.first, bytes)))

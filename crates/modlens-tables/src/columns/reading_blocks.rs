@@ -8,7 +8,7 @@ use crate::columns::cell::Items;
 use crate::columns::function_rows::functions;
 use crate::columns::transaction_view::TransactionView;
 use modlens_engine::records::{Batch, ExchangeRun, Part, Span};
-use modlens_profiles::points::{BlockPlan, BlockPlans, LayoutEntry, NumberBuffer, PlanInstance, UnitPlans};
+use modlens_profiles::points::{BlockPlan, BlockPlans, LayoutEntry, NumberBuffer, PlanInstance, RegisterBuffer, UnitPlans};
 use modlens_protocol::functions::{Functions, Operation};
 use modlens_protocol::register_type::Space;
 
@@ -57,8 +57,9 @@ pub(super) struct ReadingBlocks {
     pub blocks: Vec<ReadingBlock>,
     /// What blocks with points contain that came before.
     plans: Vec<Arc<BlockPlan>>,
-    /// The plan of each other block with points, and the index of its first entry in `entries`.
-    others: Vec<(Arc<PlanInstance>, u32)>,
+    /// Of each other block with points the index of its plan in `instances`, and of its first entry in `entries`.
+    others: Vec<(u32, u32)>,
+    instances: Vec<Arc<PlanInstance>>,
     /// The entries of those, block by block.
     entries: Vec<LayoutEntry>,
     pub rows: u32,
@@ -107,7 +108,8 @@ impl ReadingBlocks {
             Contents::Bare => None,
             Contents::Known(at) => self.plans.get(at as usize).map(|plan| (&*plan.instance, &plan.entries[..])),
             Contents::Other(at) => {
-                self.others.get(at as usize).map(|(instance, first)| (&**instance, &self.entries[*first as usize..]))
+                let (instance, first) = *self.others.get(at as usize)?;
+                Some((&self.instances[instance as usize], &self.entries[first as usize..]))
             }
         }
     }
@@ -139,12 +141,21 @@ impl ReadingBlocks {
         (self.blocks.get(block + 1).map_or(self.rows, |next| next.row) - self.blocks[block].row) as usize
     }
 
-    /// Whether a number of this block of registers, which has these bytes, may be wanted. No number is never wanted.
+    /// Whether a number of this block of registers, which has these bytes, is wanted, as no NaN is.
     #[inline]
-    pub fn may_have_number(&self, block: &ReadingBlock, bytes: &[u8], is_wanted: impl Fn(f64) -> bool) -> bool {
+    pub fn has_number(
+        &self,
+        block: &ReadingBlock,
+        rows: usize,
+        bytes: &[u8],
+        buffer: &mut RegisterBuffer,
+        is_wanted: impl Fn(f64) -> bool,
+    ) -> bool {
         match block.contents {
-            Contents::Known(at) => self.plans[at as usize].has_number(bytes, is_wanted),
-            Contents::Other(_) => true,
+            Contents::Known(at) => self.plans[at as usize].has_number(bytes, buffer, is_wanted),
+            Contents::Other(_) => self.plan_of(block).is_some_and(|(instance, entries)| {
+                entries[..rows].iter().any(|entry| is_wanted(instance.entry_number(*entry, block.first, bytes)))
+            }),
             Contents::Bare => {
                 let number = |pair: &[u8; 2]| f64::from(u16::from_be_bytes(*pair));
                 bytes.as_chunks().0.iter().fold(false, |any, pair| any | is_wanted(number(pair)))
@@ -346,15 +357,23 @@ impl<'a> Listing<'a> {
         KnownBlocks { blocks, list }: &mut KnownBlocks<'_>,
     ) -> Contents {
         let all = &mut self.all;
-        // No block of a PDU has more bits than a number of 16 bits counts.
-        if let Some(place) = blocks.place_of((*list, &mut all.plans), instance, (space, first, count as u16)) {
+        // A single register hardly costs more to find out about than to remember. No block of a PDU has more bits than a number
+        // of 16 bits counts.
+        let known =
+            if count == 1 { None } else { blocks.place_of((*list, &mut all.plans), instance, (space, first, count as u16)) };
+        if let Some(place) = known {
             all.rows += all.plans[place as usize].entries.len() as u32;
             return Contents::Known(place);
         }
         let start = all.entries.len();
         instance.plan.block(space, first, count, |entry| all.entries.push(entry));
         all.rows += (all.entries.len() - start) as u32;
-        all.others.push((Arc::clone(instance), start as u32));
+        let known = all.instances.iter().position(|known| Arc::ptr_eq(known, instance));
+        let of_instance = known.unwrap_or_else(|| {
+            all.instances.push(Arc::clone(instance));
+            all.instances.len() - 1
+        });
+        all.others.push((of_instance as u32, start as u32));
         Contents::Other(all.others.len() as u32 - 1)
     }
 }

@@ -6,7 +6,7 @@ use crate::columns::cell::Items;
 use crate::columns::reading_blocks::{Data, ReadingBlock, ReadingBlocks};
 use crate::columns::transaction_view::TransactionView;
 use modlens_engine::records::Batch;
-use modlens_profiles::points::{LayoutEntry, NumberBuffer};
+use modlens_profiles::points::{LayoutEntry, NumberBuffer, RegisterBuffer};
 
 /// The rows of the table, or those that a filter has kept.
 #[derive(Clone, Debug)]
@@ -47,19 +47,22 @@ impl ReadingRows {
     /// NaN is false.
     pub fn with_numbers(&self, batch: &Batch, keep: impl Fn(f64) -> bool) -> Self {
         let mut rows = Vec::new();
-        let mut buffer = NumberBuffer::default();
+        let (mut buffer, mut registers) = (NumberBuffer::default(), RegisterBuffer::default());
         // A block of bits can be skipped at once if neither of the two possible numbers is kept.
         let no_bit = !keep(0.0) && !keep(1.0);
         for (at, block) in self.all.blocks.iter().enumerate() {
+            let count = self.all.rows_of(at);
+            let mut has_number = |bytes: &[u8]| self.all.has_number(block, count, bytes, &mut registers, &keep);
             let may_be_kept = match block.data {
                 Data::Bits(..) => !no_bit,
                 // Most filters keep few rows, so all numbers are first tested without their order.
-                Data::Words(span) => self.all.may_have_number(block, span.of(&batch.arena), &keep),
-                Data::Register(_) | Data::Coil(_) => true,
+                Data::Words(span) => has_number(span.of(&batch.arena)),
+                Data::Register(value) => has_number(&(value as u16).to_be_bytes()),
+                Data::Coil(_) => true,
             };
             if may_be_kept {
                 let mut from = block.row;
-                self.all.block_numbers(batch, block, self.all.rows_of(at), &mut buffer, |numbers| {
+                self.all.block_numbers(batch, block, count, &mut buffer, |numbers| {
                     rows.extend((from..).zip(numbers).filter(|(_, number)| keep(**number)).map(|(row, _)| row));
                     from += numbers.len() as u32;
                 });
