@@ -1,5 +1,5 @@
 //! Writes tables in text formats with one row per line: the columns of each row, one after the other. What all rows of
-//! a bus share is formatted once and copied.
+//! a bus share, or all readings of a block, is formatted once and copied.
 
 use std::ops::Range;
 
@@ -9,11 +9,11 @@ use modlens_tables::columns::{ColumnReader, RowRef, Table, TableRow};
 use crate::exchange_lines::ExchangeLines;
 use crate::line_format::LineFormat;
 
-/// One column, or adjacent columns with values that all rows of a bus share.
+/// One column, or adjacent columns with values that all rows of a group share (`RowRef::group`).
 enum ColumnGroup<F> {
     /// The index of a column whose value differs from row to row.
     Own(usize, ColumnReader<F>),
-    /// Columns that have the same values in all rows of a bus, and their text for the current bus.
+    /// Columns that have the same values in all rows of a group, and their text for the current one.
     Shared(Vec<(usize, ColumnReader<F>)>, Vec<u8>),
 }
 
@@ -21,13 +21,13 @@ enum ColumnGroup<F> {
 pub struct LineWriter<F> {
     format: F,
     steps: Vec<ColumnGroup<F>>,
-    /// The bus to which the kept texts belong.
-    bus: Option<u32>,
+    /// The group to which the kept texts belong.
+    group: Option<u32>,
     exchange_lines: ExchangeLines<F>,
 }
 
 impl<F: LineFormat> LineWriter<F> {
-    /// A writer for these columns of a table, to be used for one batch only: the next batch may number its buses
+    /// A writer for these columns of a table, to be used for one batch only: the next batch may number its groups
     /// differently.
     pub fn new(table: &Table, columns: &[usize]) -> Self {
         let keys: Vec<&str> = columns.iter().map(|&column| table.kind.columns()[column].key.as_str()).collect();
@@ -36,13 +36,13 @@ impl<F: LineFormat> LineWriter<F> {
         let mut steps: Vec<ColumnGroup<F>> = Vec::with_capacity(columns.len());
         for (at, &column) in columns.iter().enumerate() {
             let reader = table.kind.reader(column);
-            match (steps.last_mut(), table.kind.is_constant_per_bus(column)) {
+            match (steps.last_mut(), table.kind.is_constant_per_group(column)) {
                 (Some(ColumnGroup::Shared(shared, _)), true) => shared.push((at, reader)),
                 (_, true) => steps.push(ColumnGroup::Shared(vec![(at, reader)], Vec::new())),
                 _ => steps.push(ColumnGroup::Own(at, reader)),
             }
         }
-        Self { format, steps, bus: None, exchange_lines: ExchangeLines::new(columns) }
+        Self { format, steps, group: None, exchange_lines: ExchangeLines::new(columns) }
     }
 
     /// Appends rows until `out` holds `enough` bytes. Returns the next row to be written.
@@ -62,8 +62,8 @@ impl<F: LineFormat> LineWriter<F> {
     /// Appends one row.
     #[inline]
     fn row(&mut self, row: &RowRef<'_>) {
-        if row.bus() != self.bus {
-            self.change_bus(row);
+        if row.group() != self.group {
+            self.change_group(row);
         }
         let format = &mut self.format;
         format.begin();
@@ -80,10 +80,10 @@ impl<F: LineFormat> LineWriter<F> {
         format.end();
     }
 
-    /// Formats the shared columns anew for the bus of this row.
-    #[cold]
-    fn change_bus(&mut self, row: &RowRef<'_>) {
-        self.bus = row.bus();
+    /// Formats the shared columns anew for the group of this row.
+    #[inline(never)]
+    fn change_group(&mut self, row: &RowRef<'_>) {
+        self.group = row.group();
         for step in &mut self.steps {
             let ColumnGroup::Shared(columns, text) = step else { continue };
             let start = self.format.out().len();

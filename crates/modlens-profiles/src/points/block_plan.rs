@@ -23,7 +23,7 @@ pub struct BlockPlan {
 impl BlockPlan {
     fn new(instance: &Arc<PlanInstance>, BlockKey { space, first, count }: BlockKey) -> Self {
         let mut entries = Vec::with_capacity(usize::from(count));
-        instance.plan.block(space, first, usize::from(count), |entry| entries.push(entry));
+        instance.plan.extend_by_block((space, first, usize::from(count)), &mut entries);
         Self { instance: Arc::clone(instance), entries, first, groups: OnceLock::new() }
     }
 
@@ -47,12 +47,32 @@ struct BlockKey {
 #[derive(Debug)]
 struct KnownBlock {
     key: BlockKey,
-    /// The address of the plan. Only where `plan` is there, it is sure to be still the same plan.
+    /// The address of the plan. What is known holds the plan itself, so that nothing else has this address.
     instance: usize,
-    /// What it contains, if it was asked for again.
-    plan: Option<Arc<BlockPlan>>,
+    known: Option<KnownContents>,
     /// The list that has it, and its place there.
     listed: (u64, u32),
+}
+
+/// What a block contains, if it was asked for again.
+#[derive(Debug)]
+struct KnownContents {
+    /// The number of entries.
+    rows: u32,
+    /// `None` if no value of a point is near.
+    plan: Option<Arc<BlockPlan>>,
+    _instance: Arc<PlanInstance>,
+}
+
+/// Where the entries of a block are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BlockEntries {
+    /// Each register or bit is one.
+    Bare,
+    /// There are so many, at this place of the list.
+    Listed(u32, u32),
+    /// The block did not come before, as far as is known.
+    Unknown,
 }
 
 /// Places for blocks at first, and at most: powers of two.
@@ -68,6 +88,16 @@ pub struct BlockPlans {
     list: u64,
 }
 
+impl KnownContents {
+    #[cold]
+    fn new(instance: &Arc<PlanInstance>, key: BlockKey) -> Self {
+        let has_point = instance.plan.has_point_near(key.space, key.first, usize::from(key.count));
+        let plan = has_point.then(|| Arc::new(BlockPlan::new(instance, key)));
+        let rows = plan.as_ref().map_or(u32::from(key.count), |plan| plan.entries.len() as u32);
+        Self { rows, plan, _instance: Arc::clone(instance) }
+    }
+}
+
 impl BlockPlans {
     /// The number of a new list of blocks.
     pub fn begin_list(&mut self) -> u64 {
@@ -75,32 +105,33 @@ impl BlockPlans {
         self.list
     }
 
-    /// The place in a list of the block of `count` registers or bits from `first` on; it is added if it is not there. `None` of a
-    /// block that did not come before, as far as is known. `list`: its number, and the blocks that were asked for with that.
+    /// The entries of the block of `count` registers or bits from `first` on, which is added to a list if it is not there. `list`: its
+    /// number, and the blocks that were asked for with that.
     #[inline]
-    pub fn place_of(
+    pub fn entries_of(
         &mut self,
         (list, plans): (u64, &mut Vec<Arc<BlockPlan>>),
         instance: &Arc<PlanInstance>,
         (space, first, count): (Space, u16, u16),
-    ) -> Option<u32> {
+    ) -> BlockEntries {
         let key = BlockKey { space, first, count };
         let address = Arc::as_ptr(instance) as usize;
         let at = self.place(key, address);
-        let same = |known: &&mut KnownBlock| known.key == key && known.instance == address;
-        let Some(known) = self.places.get_mut(at).and_then(Option::as_mut).filter(same) else {
-            self.note(KnownBlock { key, instance: address, plan: None, listed: (list, 0) });
-            return None;
+        let same = |block: &&mut KnownBlock| block.key == key && block.instance == address;
+        let Some(block) = self.places.get_mut(at).and_then(Option::as_mut).filter(same) else {
+            self.note(KnownBlock { key, instance: address, known: None, listed: (0, 0) });
+            return BlockEntries::Unknown;
         };
-        let plan = known.plan.get_or_insert_with(|| {
-            known.listed = (0, 0);
-            Arc::new(BlockPlan::new(instance, key))
-        });
-        if known.listed.0 != list {
-            known.listed = (list, plans.len() as u32);
-            plans.push(Arc::clone(plan));
+        let KnownContents { rows, plan, .. } = block.known.get_or_insert_with(|| KnownContents::new(instance, key));
+        if block.listed.0 != list {
+            block.listed = (list, plans.len() as u32);
+            plans.extend(plan.clone());
         }
-        Some(known.listed.1)
+        if plan.is_some() {
+            BlockEntries::Listed(block.listed.1, *rows)
+        } else {
+            BlockEntries::Bare
+        }
     }
 
     /// The place of a block: some of the highest bits of its product with an odd number without pattern.
@@ -120,7 +151,7 @@ impl BlockPlans {
         }
         // One that has not come since the list before may go.
         let list = self.list;
-        let stays = |known: &KnownBlock| known.plan.is_some() && known.listed.0 + 1 >= list;
+        let stays = |block: &KnownBlock| block.known.is_some() && block.listed.0 + 1 >= list;
         while self.places[self.place(block.key, block.instance)].as_ref().is_some_and(stays) {
             if self.places.len() == MAX_PLACES {
                 return;

@@ -26,7 +26,7 @@ use modlens_protocol::register_type::Space;
 use fast_decoder::{FastDecoder, NO_NUMBER};
 use layout::Layout;
 
-pub use block_plan::{BlockPlan, BlockPlans};
+pub use block_plan::{BlockEntries, BlockPlan, BlockPlans};
 pub use conversion::Conversion;
 pub use layout::{LayoutEntry, LayoutPart, PartialBlock};
 pub use number_groups::RegisterBuffer;
@@ -217,10 +217,17 @@ impl Plan {
     /// Lists the entries of a block of `count` registers or bits, by address: the values that lie completely inside it,
     /// and every register or bit that belongs to none of those.
     pub fn block(&self, space: Space, first: u16, count: usize, mut visit: impl FnMut(LayoutEntry)) {
+        let mut entries = Vec::with_capacity(count);
+        self.extend_by_block((space, first, count), &mut entries);
+        entries.into_iter().for_each(&mut visit);
+    }
+
+    /// Appends the same entries.
+    pub fn extend_by_block(&self, (space, first, count): (Space, u16, usize), to: &mut Vec<LayoutEntry>) {
         self.split_block(space, first, count, |part| match part {
-            LayoutPart::Bare(addresses) => addresses.for_each(|address| visit(LayoutEntry::bare(address as u16))),
-            LayoutPart::Entries(entries) => self.entries[entries].iter().for_each(|entry| visit(*entry)),
-            LayoutPart::PartialBlock(partial_block) => self.partial_block(&partial_block, &mut visit),
+            LayoutPart::Bare(addresses) => to.extend(addresses.map(|address| LayoutEntry::bare(address as u16))),
+            LayoutPart::Entries(entries) => to.extend_from_slice(&self.entries[entries]),
+            LayoutPart::PartialBlock(partial_block) => self.partial_block(&partial_block, |entry| to.push(entry)),
         });
     }
 }
@@ -300,7 +307,8 @@ impl PlanInstance {
     }
 
     /// The number of an entry in a block of registers from address `first` on, `NO_NUMBER` if it has none.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // The body of the loops over entries.
     pub fn entry_number(&self, entry: LayoutEntry, first: u16, bytes: &[u8]) -> f64 {
         let at = 2 * usize::from(entry.address.wrapping_sub(first));
         let number = self.plan.decoders[usize::from(entry.decoder)].number(bytes, at, &self.factors);

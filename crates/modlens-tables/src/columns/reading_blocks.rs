@@ -8,7 +8,9 @@ use crate::columns::cell::Items;
 use crate::columns::function_rows::functions;
 use crate::columns::transaction_view::TransactionView;
 use modlens_engine::records::{Batch, ExchangeRun, Part, Span};
-use modlens_profiles::points::{BlockPlan, BlockPlans, LayoutEntry, NumberBuffer, PlanInstance, RegisterBuffer, UnitPlans};
+use modlens_profiles::points::{
+    BlockEntries, BlockPlan, BlockPlans, LayoutEntry, NumberBuffer, PlanInstance, RegisterBuffer, UnitPlans,
+};
 use modlens_protocol::functions::{Functions, Operation};
 use modlens_protocol::register_type::Space;
 
@@ -338,7 +340,7 @@ impl<'a> Listing<'a> {
         known: &mut KnownBlocks<'_>,
     ) {
         let row = self.all.rows;
-        let contents = match plan.filter(|(space, instance)| instance.plan.has_point_near(*space, first, count)) {
+        let contents = match plan {
             None => {
                 self.all.rows += count as u32;
                 Contents::Bare
@@ -348,25 +350,43 @@ impl<'a> Listing<'a> {
         self.all.blocks.push(ReadingBlock { txn: self.transactions, is_write, first, row, contents, data });
     }
 
-    /// What a block with points contains; counts its rows.
-    #[inline(never)]
+    /// What a block contains by a plan; counts its rows.
+    #[inline]
     fn contents(
         &mut self,
         instance: &Arc<PlanInstance>,
         (space, first, count): (Space, u16, usize),
         KnownBlocks { blocks, list }: &mut KnownBlocks<'_>,
     ) -> Contents {
-        let all = &mut self.all;
-        // A single register hardly costs more to find out about than to remember. No block of a PDU has more bits than a number
-        // of 16 bits counts.
-        let known =
-            if count == 1 { None } else { blocks.place_of((*list, &mut all.plans), instance, (space, first, count as u16)) };
-        if let Some(place) = known {
-            all.rows += all.plans[place as usize].entries.len() as u32;
-            return Contents::Known(place);
+        // No block of a PDU has more bits than a number of 16 bits counts. A single register hardly costs more to find out about
+        // than to remember.
+        let entries = match count {
+            1 => BlockEntries::Unknown,
+            _ => blocks.entries_of((*list, &mut self.all.plans), instance, (space, first, count as u16)),
+        };
+        match entries {
+            BlockEntries::Listed(place, rows) => {
+                self.all.rows += rows;
+                Contents::Known(place)
+            }
+            BlockEntries::Bare => {
+                self.all.rows += count as u32;
+                Contents::Bare
+            }
+            BlockEntries::Unknown => self.other_contents(instance, (space, first, count)),
+        }
+    }
+
+    /// The same of a block that did not come before.
+    #[inline(never)]
+    fn other_contents(&mut self, instance: &Arc<PlanInstance>, block: (Space, u16, usize)) -> Contents {
+        let (all, (space, first, count)) = (&mut self.all, block);
+        if !instance.plan.has_point_near(space, first, count) {
+            all.rows += count as u32;
+            return Contents::Bare;
         }
         let start = all.entries.len();
-        instance.plan.block(space, first, count, |entry| all.entries.push(entry));
+        instance.plan.extend_by_block(block, &mut all.entries);
         all.rows += (all.entries.len() - start) as u32;
         let known = all.instances.iter().position(|known| Arc::ptr_eq(known, instance));
         let of_instance = known.unwrap_or_else(|| {

@@ -45,6 +45,10 @@ pub(super) const READINGS: &[(&str, ReadItem)] = &[
     }),
 ];
 
+/// Columns that have the same value in all rows of a block.
+pub(super) const BLOCK_COLUMNS: [&str; 11] =
+    ["txn", "frame", "time", "elapsed_us", "bus", "client", "unit", "function", "register_type", "operation", "status"];
+
 /// The named values of a transaction as a JSON object, those written first; null if there are none.
 pub(super) fn named<'a>(batch: &'a Batch, exchange: TransactionView<'_>, instance: &PlanInstance) -> Cell<'a> {
     let mut map = Map::new();

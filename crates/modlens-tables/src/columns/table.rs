@@ -76,15 +76,16 @@ impl<'a> RowRef<'a> {
         }
     }
 
-    /// The index of its bus in the batch. `None` for readings, which have the bus of their transaction, and for connections,
-    /// which carry their ends themselves, and for diagnoses.
+    /// The number of the rows with which it shares some values: those of its bus or, of readings, those of what its transaction
+    /// has read or written. `None` for connections, which carry their ends themselves, and for diagnoses.
     #[inline]
-    pub fn bus(&self) -> Option<u32> {
+    pub fn group(&self) -> Option<u32> {
         match self.of {
             RowOf::Frame(row) => Some(row.bus),
             RowOf::Transaction(row) => Some(row.bus),
             RowOf::Finding(row) => Some(row.bus),
-            RowOf::Reading(_) | RowOf::Connection(_) | RowOf::Diagnosis(_) => None,
+            RowOf::Reading(row) => Some(row.block.row),
+            RowOf::Connection(_) | RowOf::Diagnosis(_) => None,
         }
     }
 }
