@@ -4,8 +4,8 @@ CPU seconds in one process, three passes over the same raw RTU bytes: one that b
 and nothing else; one that also builds the readings without a profile (a row a register) and looks
 at the value of each, because a filter asks for it; and one that does the same with a profile bound
 to all units, so that each value is converted. Holding registers, most of the traffic, are points of
-the profile: whole numbers, floats, scaled ones. Addresses and lengths of the requests are random,
-so no block is like the one before.
+the profile: whole numbers, floats, scaled ones. Addresses and lengths of the 120 reads are random,
+and so is the address of each write.
 """
 
 from __future__ import annotations
@@ -21,11 +21,14 @@ from bench.support.workload import UNITS, traffic
 SIZE = 16 << 20
 ROUNDS = 7
 
+FIRST = 0x1000
+"""The first address that the traffic has registers at (`bench.support.workload`)."""
+
 
 def profile() -> _modlens.Profile:
     """A point for every register of the traffic: one in four a float, one in four scaled."""
     lines = ["profile = 1"]
-    for address in range(0, 0x1080, 4):
+    for address in range(FIRST, FIRST + 0x1080, 4):
         for offset, keys in (
             (0, ""),
             (1, "scale = 0.1"),

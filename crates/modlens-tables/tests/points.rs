@@ -7,7 +7,7 @@ use std::fmt::Write;
 use std::sync::Arc;
 
 use modlens_engine::session::{BusOptions, Session, WantedTables};
-use modlens_profiles::points::{NumberBuffer, Plan, PlanInstance};
+use modlens_profiles::points::{BlockEntries, BlockPlan, BlockPlans, NumberBuffer, Plan, PlanInstance, RegisterBuffer};
 use modlens_profiles::profile::{Profile, ProfileFormat};
 use modlens_protocol::checksum::crc16;
 use modlens_protocol::framing::Mode;
@@ -128,6 +128,52 @@ proptest! {
     }
 
     #[test]
+    fn a_known_block_has_the_numbers_of_its_entries(
+        plan in profiles(),
+        factor in -25i16..25,
+        first in 0..200u16,
+        words in prop::collection::vec(prop_oneof![3 => any::<u16>(), 1 => Just(0x8000), 1 => Just(0), 1 => Just(u16::MAX)], 1..126),
+    ) {
+        let bound = PlanInstance::new(Arc::clone(&plan));
+        let holder = plan.compiled_points().iter().find(|value| value.name == "factor").unwrap();
+        let bound = Arc::new(bound.with_factors_from(Space::Holding, holder.address, &factor.to_be_bytes()).unwrap_or(bound));
+        let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_be_bytes()).collect();
+        let Some(block) = known_block(&bound, first, words.len()) else { return Ok(()) };
+        let mut numbers = Vec::new();
+        bound.numbers(&block.entries, first, &bytes, &mut NumberBuffer::default(), |some| numbers.extend_from_slice(some));
+        let mut buffer = RegisterBuffer::default();
+        let mut has = |wanted: &dyn Fn(f64) -> bool| block.has_number(&bytes, &mut buffer, wanted);
+        for number in numbers.iter().filter(|number| !number.is_nan()) {
+            prop_assert!(has(&|one| one.to_bits() == number.to_bits()), "{} is missing", number);
+        }
+        prop_assert!(!has(&|one| !one.is_nan() && numbers.iter().all(|number| number.to_bits() != one.to_bits())));
+    }
+
+    #[test]
+    fn a_list_has_each_block_where_it_says(plan in profiles(), blocks in prop::collection::vec((0..2usize, 0..9u16, 2..6u16), 1..60)) {
+        let units = [PlanInstance::new(Arc::clone(&plan)), PlanInstance::new(Arc::clone(&plan))].map(Arc::new);
+        let mut known = BlockPlans::default();
+        for asked in blocks.chunks(20) {
+            let (list, mut plans) = (known.begin_list(), Vec::new());
+            for &(unit, place, count) in asked {
+                let first = 30 * place;
+                let mut entries = Vec::new();
+                plan.block(Space::Holding, first, usize::from(count), |entry| entries.push(entry));
+                let block = (Space::Holding, first, count);
+                match known.entries_of((list, &mut plans), &units[unit], block) {
+                    BlockEntries::Listed(place, rows) => {
+                        let listed: &Arc<BlockPlan> = &plans[place as usize];
+                        prop_assert!(Arc::ptr_eq(&listed.instance, &units[unit]));
+                        prop_assert_eq!((&listed.entries, rows as usize), (&entries, entries.len()));
+                    }
+                    BlockEntries::Bare => prop_assert!(entries.iter().all(|entry| entry.compiled_index().is_none())),
+                    BlockEntries::Unknown => {}
+                }
+            }
+        }
+    }
+
+    #[test]
     fn rows_and_filters(plan in profiles(), polls in prop::collection::vec((0..300u16, 1..40u16, any::<u32>()), 1..20), limit in -100i32..40_000) {
         let wanted = WantedTables { frames: false, transactions: true, findings: false };
         let mut session = Session::new(Arc::new(Functions::default()), wanted, false, None);
@@ -150,6 +196,19 @@ proptest! {
             let twice = Predicate::new("readings", &format!(r#"["cmp", "<", ["col", "value"], ["num", {limit}]]"#)).unwrap();
             prop_assert_eq!(twice.filter(&quick).len(), (0..quick.len()).filter(|&row| twice.holds(&quick, row)).count());
         }
+    }
+}
+
+/// A block of holding registers that was asked for twice; `None` if no value is near.
+fn known_block(instance: &Arc<PlanInstance>, first: u16, count: usize) -> Option<Arc<BlockPlan>> {
+    let (mut known, mut plans) = (BlockPlans::default(), Vec::new());
+    let list = known.begin_list();
+    let block = (Space::Holding, first, count as u16);
+    assert_eq!(known.entries_of((list, &mut plans), instance, block), BlockEntries::Unknown);
+    match known.entries_of((list, &mut plans), instance, block) {
+        BlockEntries::Listed(0, _) => plans.pop(),
+        BlockEntries::Bare => None,
+        other => panic!("{other:?}"),
     }
 }
 

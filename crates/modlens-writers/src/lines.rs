@@ -1,5 +1,5 @@
 //! Writes tables in text formats with one row per line: the columns of each row, one after the other. What all rows of
-//! a bus share is formatted once and copied.
+//! a bus share, or all readings of a block, is formatted once and copied.
 
 use std::ops::Range;
 use std::slice;
@@ -14,11 +14,11 @@ use crate::exchange_lines::ExchangeLines;
 use crate::line_format::LineFormat;
 use crate::text_block::TextBlock;
 
-/// One column, or adjacent columns with values that all rows of a bus share.
+/// One column, or adjacent columns with values that all rows of a group share (`RowRef::group`).
 enum ColumnGroup<F> {
     /// The index of a column whose value differs from row to row.
     Own(usize, ColumnReader<F>),
-    /// Columns that have the same values in all rows of a bus, and their text for the current bus.
+    /// Columns that have the same values in all rows of a group, and their text for the current one.
     Shared(Vec<(usize, ColumnReader<F>)>, Vec<u8>),
 }
 
@@ -30,8 +30,8 @@ pub struct LineWriter<F> {
     known: Option<(Arc<Buses>, Option<Arc<Functions>>)>,
     format: F,
     steps: Vec<ColumnGroup<F>>,
-    /// The bus to which the kept texts of `steps` belong.
-    bus: Option<u32>,
+    /// The group to which the kept texts of `steps` belong.
+    group: Option<u32>,
     exchange_lines: ExchangeLines<F>,
 }
 
@@ -44,19 +44,21 @@ impl<F: LineFormat> LineWriter<F> {
         let mut steps: Vec<ColumnGroup<F>> = Vec::with_capacity(columns.len());
         for (at, &column) in columns.iter().enumerate() {
             let reader = kind.reader(column);
-            match (steps.last_mut(), kind.is_constant_per_bus(column)) {
+            match (steps.last_mut(), kind.is_constant_per_group(column)) {
                 (Some(ColumnGroup::Shared(shared, _)), true) => shared.push((at, reader)),
                 (_, true) => steps.push(ColumnGroup::Shared(vec![(at, reader)], Vec::new())),
                 _ => steps.push(ColumnGroup::Own(at, reader)),
             }
         }
         let exchange_lines = ExchangeLines::new(columns);
-        Self { kind, columns: columns.to_vec(), known: None, format, steps, bus: None, exchange_lines }
+        Self { kind, columns: columns.to_vec(), known: None, format, steps, group: None, exchange_lines }
     }
 
     /// Appends rows until the block is full. Returns the next row to be written.
     pub fn rows(&mut self, table: &Table, rows: Range<usize>, block: &mut TextBlock) -> usize {
         self.keep_or_forget(&table.batch);
+        // What readings share is numbered in each batch anew.
+        self.group = self.group.filter(|_| self.kind != TableKind::Readings);
         table.each_row(rows, |row| {
             match row {
                 TableRow::Compact(exchange) if self.exchange_lines.push(table, exchange, &mut self.format, block).is_some() => {}
@@ -94,8 +96,8 @@ impl<F: LineFormat> LineWriter<F> {
 
     /// Appends one row.
     fn row(&mut self, row: &RowRef<'_>, block: &mut TextBlock) {
-        if row.bus() != self.bus {
-            self.change_bus(row);
+        if row.group() != self.group {
+            self.change_group(row);
         }
         let format = &mut self.format;
         format.out().clear();
@@ -113,10 +115,10 @@ impl<F: LineFormat> LineWriter<F> {
         block.append(format.out());
     }
 
-    /// Formats the shared columns anew for the bus of this row.
-    #[cold]
-    fn change_bus(&mut self, row: &RowRef<'_>) {
-        self.bus = row.bus();
+    /// Formats the shared columns anew for the group of this row.
+    #[inline(never)]
+    fn change_group(&mut self, row: &RowRef<'_>) {
+        self.group = row.group();
         for step in &mut self.steps {
             let ColumnGroup::Shared(columns, text) = step else { continue };
             self.format.out().clear();

@@ -4,6 +4,8 @@ use std::sync::Arc;
 
 use modlens_engine::records::{Batch, Part};
 use modlens_engine::session::{BusOptions, Session, WantedTables};
+use modlens_profiles::points::Plan;
+use modlens_profiles::profile::{Profile, ProfileFormat};
 use modlens_protocol::checksum::crc16;
 use modlens_protocol::framing::Mode;
 use modlens_readers::chunk::Chunk;
@@ -61,15 +63,37 @@ fn line() -> impl Strategy<Value = Vec<u8>> {
 
 /// The batch of an RTU line without a clock, with compact exchanges, or rows alone.
 fn batch(bytes: &[u8], compact: bool) -> Batch {
+    batch_with(&[], bytes, compact)
+}
+
+/// The same where units have these profiles.
+fn batch_with(profiles: &[(u8, Arc<Plan>)], bytes: &[u8], compact: bool) -> Batch {
     let mut session =
         Session::new(Arc::default(), WantedTables { frames: true, transactions: true, findings: true }, false, None);
     if compact {
         session.emit_compact();
     }
+    for (unit, plan) in profiles {
+        session.bind(None, &[*unit], plan);
+    }
     let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("line") });
     session.feed(bus, &Chunk { bytes, ..Chunk::default() });
     session.flush();
     session.take()
+}
+
+/// Profiles of two of the three units: numbers in all orders, with a scale factor that changes; and one with a list of functions
+/// and words of its own for an exception.
+fn profiles() -> [(u8, Arc<Plan>); 2] {
+    let first = "[[registers]]\nat='hr:0'\nname='power'\nsf='factor'\n[[registers]]\nat='hr:1'\nname='factor'\ntype='s16'\n\
+        [[registers]]\nat='hr:2'\nname='float'\ntype='f32'\n[[registers]]\nat='ir:1'\nname='sum'\ntype='u32'\norder='CDAB'\n\
+        [[registers]]\nat='co:2'\nname='pump'\n[[registers]]\nat='hr:0x301'\nname='t'\nscale=0.1\n";
+    let second = "[device]\nfunctions = [1, 3, 6, 16]\n[device.exceptions]\n2 = 'not there'\n\
+        [[registers]]\nat='hr:1'\nname='state'\nenum={1='on'}\n";
+    [(1, first), (2, second)].map(|(unit, text)| {
+        let profile = Profile::parse(&format!("profile = 1\n{text}"), ProfileFormat::Toml).expect("it is a profile");
+        (unit, Arc::new(Plan::new(profile)))
+    })
 }
 
 /// A line of a log: the time, in milliseconds, and a frame in hex.
@@ -154,6 +178,15 @@ fn a_polled_line_has_compact_exchanges() {
     assert!(batch.transaction_parts().any(|part| matches!(part, Part::Compact(_))));
 }
 
+// The property of profiles would hold if there were none, too.
+#[test]
+fn a_line_with_a_profile_has_compact_exchanges() {
+    let polls = [exchange(1, 3, 2, 2, 7), exchange(1, 4, 1, 2, 7), exchange(3, 3, 2, 2, 7)].concat().concat();
+    let batch = batch_with(&profiles(), &polls.repeat(40), true);
+    assert!(batch.exchanges.len() > 90, "{} of 120", batch.exchanges.len());
+    assert!(batch.exchange_runs.iter().all(|run| run.points_of(1).is_some() && run.points_of(3).is_none()));
+}
+
 #[test]
 fn a_log_with_times_has_compact_exchanges() {
     let mut log = String::new();
@@ -190,6 +223,31 @@ proptest! {
         prop_assert_eq!(csv_of(&compact, &all), csv_of(&rows, &all));
         prop_assert_eq!(jsonl_of(&compact, &all), jsonl_of(&rows, &all));
         prop_assert_eq!(modlens_arrow::batch::batch(&compact), modlens_arrow::batch::batch(&rows));
+    }
+
+    #[test]
+    fn what_profiles_say_is_that_of_the_rows(bytes in line(), others in line()) {
+        let bytes = [bytes, others].concat();
+        let [compact, rows] = [true, false].map(|compact| Arc::new(batch_with(&profiles(), &bytes, compact)));
+        for kind in [TableKind::Transactions, TableKind::Readings, TableKind::Findings] {
+            let [compact, rows] = [&compact, &rows].map(|batch| Table::new(Arc::clone(batch), kind));
+            let count = kind.columns().len();
+            for column in 0..count {
+                prop_assert_eq!(csv_of(&compact, &[column]), csv_of(&rows, &[column]));
+                prop_assert_eq!(jsonl_of(&compact, &[column]), jsonl_of(&rows, &[column]));
+                prop_assert_eq!(compact.has_value(column), rows.has_value(column));
+            }
+            let all: Vec<usize> = (0..count).collect();
+            prop_assert_eq!(csv_of(&compact, &all), csv_of(&rows, &all));
+            prop_assert_eq!(jsonl_of(&compact, &all), jsonl_of(&rows, &all));
+            prop_assert_eq!(modlens_arrow::batch::batch(&compact), modlens_arrow::batch::batch(&rows));
+        }
+        let [compact, rows] = [&compact, &rows].map(|batch| {
+            let mut overview = Overview::default();
+            overview.observe(batch);
+            overview.json(&[])
+        });
+        prop_assert_eq!(compact, rows);
     }
 
     #[test]

@@ -15,6 +15,7 @@ use crate::framer::rtu::RtuFramer;
 use crate::framer::PauseEvidence;
 use crate::pairing::Pairing;
 use crate::records::Exchange;
+use crate::session::profiles::{Lesson, Profiles};
 use crate::stats::{RequestKey, Stats};
 use crate::weights::CERTAIN_DIRECTION_BITS;
 use modlens_protocol::checksum::crc_valid_at;
@@ -27,6 +28,7 @@ pub(super) struct Known<'a> {
     pub framer: &'a mut RtuFramer,
     pub pairing: &'a mut Pairing,
     pub reads: &'a mut KnownReads,
+    pub profiles: &'a mut Profiles,
     /// Units that took part in a good frame, and those in a paired transaction.
     pub units: [&'a mut [bool; 256]; 2],
     pub stats: &'a mut Stats,
@@ -91,22 +93,31 @@ impl CompactRun {
         known.framer.search.model.begin_run(&mut self.learned);
         loop {
             self.take_known_reads(&mut known, of, exchanges);
-            if let Some(write) = self.take_write(&mut known, of) {
-                exchanges.push(write);
-                continue;
+            if known.profiles.are_none() {
+                if let Some(write) = self.take_write(&mut known, of) {
+                    exchanges.push(write);
+                    continue;
+                }
             }
-            let answered = of.answered_behind(self.last);
-            let Some(decided) = next_exchange(&known, &of.bytes[self.length..], answered, of.pause) else { break };
+            let (rest, answered) = (&of.bytes[self.length..], of.answered_behind(self.last));
+            let Some(decided) = next_exchange(&known, rest, answered, of.pause) else { break };
+            let lesson = known.learn_points(&decided, rest);
+            if lesson == Lesson::Refused {
+                break;
+            }
             exchanges.push(self.take_decided(&mut known, &decided, of));
+            if lesson == Lesson::Settled {
+                known.reads.settle(rest, known.profiles.generation());
+            }
         }
         known.framer.learn_run(&mut self.learned);
         self.silence_share.map_or(CERTAIN_DIRECTION_BITS, |share| known.framer.mirrored_response_odds(share, of.pause))
     }
 
     /// Takes the reads that come next and are known by all of their bytes, and whose response follows without doubt, as
-    /// `next_exchange` and `take_decided` would one by one.
+    /// `next_exchange` and `take_decided` would one by one; not those of which a profile may have something to learn.
     fn take_known_reads(&mut self, known: &mut Known<'_>, of: &RunBytes<'_>, exchanges: &mut Vec<Exchange>) {
-        let model = &mut known.framer.search.model;
+        let (model, profiles) = (&mut known.framer.search.model, known.profiles.generation());
         let mut counts = known.stats.exchange_counts(known.counts);
         let (mut rest, mut last, most) = (&of.bytes[self.length..], self.last, self.learned.left());
         let mut taken = 0;
@@ -115,6 +126,7 @@ impl CompactRun {
             let Some(read) = known.reads.next(*request) else { break };
             let (Some(counters), length) = (read.counters, usize::from(read.exchange.lengths[1])) else { break };
             let is_answered = behind.len() >= length
+                && read.settled == profiles
                 && !(read.expected.resembles_response && of.answered_behind(last).may_be_again(&read.expected))
                 && model.is_familiar(read.exchange.unit, read.exchange.function, REQUEST)
                 && read.expected.is_answered_by(request, behind)
@@ -206,6 +218,18 @@ impl CompactRun {
 }
 
 impl Known<'_> {
+    /// Learns what the profile of its unit learns from an exchange at the head of these bytes.
+    fn learn_points(&mut self, Decided { expected, exception }: &Decided, bytes: &[u8]) -> Lesson {
+        if self.profiles.are_none() {
+            return Lesson::Settled;
+        }
+        if *exception != 0 {
+            return if self.profiles.pass_over_refusal(expected.unit, expected.code) { Lesson::Learned } else { Lesson::Refused };
+        }
+        let (request, block) = of_points(expected, bytes);
+        self.profiles.learn_block(self.functions, request, block)
+    }
+
     /// Notes that a unit has answered.
     #[inline]
     fn note_unit(&mut self, unit: u8) {
@@ -228,6 +252,13 @@ impl Known<'_> {
 #[inline]
 fn key_of(exchange: &Exchange) -> RequestKey {
     RequestKey::plain(exchange.unit, exchange.function, exchange.address, exchange.quantity)
+}
+
+/// What a profile learns from: the request at the head of these bytes, which begins with the unit, and the data of its response,
+/// if it reads.
+fn of_points<'a>(expected: &ExpectedExchange, bytes: &'a [u8]) -> (&'a [u8], Option<&'a [u8]>) {
+    let (request, response) = bytes.split_at(expected.rtu_lengths()[0]);
+    (request, expected.read_data(&response[..expected.response_bytes]))
 }
 
 /// The exchange at the head of these bytes, if `RtuFramer::next_exchange` would take it, too, or if it is refused without a

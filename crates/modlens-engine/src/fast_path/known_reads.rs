@@ -41,6 +41,8 @@ pub(super) struct KnownRead {
     pub exchange: Exchange,
     /// What the framer knows it by there.
     pub identity: RequestIdentity,
+    /// The generation of the bus's profiles (`Profiles::generation`) in which they have nothing more to learn from it.
+    pub settled: u32,
     /// Number of the read that followed it the last time.
     follower: u16,
 }
@@ -111,13 +113,23 @@ impl KnownReads {
         }
         let confidence = rtu_transaction_confidence(false, u8::MAX);
         let exchange = expected.compact(0, expected.rtu_lengths(), confidence, 0);
-        self.put(KnownRead { bytes, expected, counters, exchange, identity: RequestIdentity::of(request), follower: 0 });
+        self.put(KnownRead { bytes, expected, counters, exchange, identity: RequestIdentity::of(request), settled: 0, follower: 0 });
     }
 
     /// The place that a read has, or else the first free one that it may have.
     fn place_of(&self, bytes: [u8; READ_BYTES]) -> Option<usize> {
         let is_own = |number: usize| self.reads[number].bytes == bytes;
         self.places_for(bytes).find(|&place| usize::from(self.places[place]).checked_sub(1).is_none_or(is_own))
+    }
+
+    /// Notes that the profiles of this generation have nothing more to learn from the read at the head of these bytes, if it is
+    /// kept.
+    #[inline]
+    pub(super) fn settle(&mut self, bytes: &[u8], generation: u32) {
+        let place = bytes.first_chunk().and_then(|head| self.place_of(*head));
+        if let Some(number) = place.and_then(|place| usize::from(self.places[place]).checked_sub(1)) {
+            self.reads[number].settled = generation;
+        }
     }
 
     /// Puts a read into its place, or else into that of another read.

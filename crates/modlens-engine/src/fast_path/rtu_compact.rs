@@ -30,6 +30,7 @@ impl Session {
             framer,
             pairing: &mut state.pairing,
             reads: &mut state.known_reads,
+            profiles: &mut state.profiles,
             units: [&mut state.known_units, &mut state.paired_units],
             stats: &mut self.stats,
             counts: state.counts,
@@ -60,7 +61,9 @@ impl Session {
         state.pairing.record_untimed_exchanges(count, count - run.mirrored);
         let exchanges = Span { start: first as u32, length: count };
         let (number, frame) = (self.next_txn, self.next_frame);
-        self.batch.exchange_runs.push(ExchangeRun { bus: bus as u32, number, frame, offset, exchanges, packets: None });
+        // Nothing of the run has changed a profile.
+        let points = state.profiles.now();
+        self.batch.exchange_runs.push(ExchangeRun { bus: bus as u32, number, frame, offset, exchanges, packets: None, points });
         self.next_txn += u64::from(count);
         self.next_frame += 2 * u64::from(count);
         self.end_rtu_run(bus, &BatchTotals { exchanges: u64::from(count), bytes }, last);

@@ -9,9 +9,9 @@ use modlens_protocol::status::Status;
 
 /// Finds a function that the profile does not list. A damaged request may have had any function code, so it is left out.
 pub(crate) fn function(plan: &Plan, transaction: &PendingTransaction, found: &mut Found) {
-    let listed = &plan.profile.device.functions;
-    if !listed.is_empty() && !listed.contains(&transaction.function) && transaction.status != Status::BadRequest {
-        found.push((Finding::UnsupportedFunction, words::unsupported_function(transaction.function, listed)));
+    let device = &plan.profile.device;
+    if !device.lists_function(transaction.function) && transaction.status != Status::BadRequest {
+        found.push((Finding::UnsupportedFunction, words::unsupported_function(transaction.function, &device.functions)));
     }
 }
 

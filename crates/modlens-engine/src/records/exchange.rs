@@ -1,8 +1,11 @@
 //! Compact exchanges: what the rows of an exchange without a doubt follow from, in a twentieth of the room, or a fifth where it
 //! has times.
 
+use std::sync::Arc;
+
 use crate::records::rows::{FrameRef, Span, Transaction};
 use crate::weights::UNCONFIRMED_TRANSACTION_BITS;
+use modlens_profiles::points::{PlanInstance, UnitPlans};
 use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
@@ -142,6 +145,8 @@ pub struct ExchangeRun {
     pub exchanges: Span,
     /// Where there are times, those of their packets or lines; `None` on a line without a clock.
     pub packets: Option<PacketsOfRun>,
+    /// The profiles of the units of the bus, which are the same for all of them; `None` if no unit has one.
+    pub points: Option<Arc<UnitPlans>>,
 }
 
 /// The packets of a run on a connection, or the lines of one in a log.
@@ -176,7 +181,20 @@ impl ExchangeRun {
     #[inline]
     pub fn transaction(&self, exchanges: &[Exchange], pairs: &[PacketPair], at: usize) -> Transaction {
         let of_run = self.exchanges.of(exchanges);
-        self.transaction_of(&of_run[at], at, of_run[0].start, self.timing(pairs, at))
+        let points = self.points_of(of_run[at].unit).cloned();
+        Transaction { points, ..self.transaction_of(&of_run[at], at, of_run[0].start, self.timing(pairs, at)) }
+    }
+
+    /// The profile of a unit.
+    #[inline]
+    pub fn points_of(&self, unit: u8) -> Option<&Arc<PlanInstance>> {
+        self.points.as_ref()?.of_unit(unit)
+    }
+
+    /// The numbers of bytes in front of a PDU and behind it.
+    #[inline]
+    pub fn around_pdu(&self) -> [u32; 2] {
+        Exchange::around_pdu(self.mode())
     }
 
     /// Framing.
@@ -193,7 +211,8 @@ impl ExchangeRun {
     }
 
     /// The same, for an exchange that is at this place and has these times; the bytes of the first one begin at `first_start` in
-    /// the arena. Where a caller reads little of the row, little of it is made.
+    /// the arena. Where a caller reads little of the row, little of it is made, and the profile (`points_of`) is left out, since it
+    /// would have to be dropped.
     #[inline(always)]
     #[allow(clippy::inline_always)] // What the caller does not read is known only there.
     pub fn transaction_of(
@@ -205,7 +224,7 @@ impl ExchangeRun {
     ) -> Transaction {
         let Exchange { start, lengths, unit, function, confidence, exception, .. } = *exchange;
         let pair = timing.map(|timing| timing.pair);
-        let [before, behind] = Exchange::around_pdu(self.mode());
+        let [before, behind] = self.around_pdu();
         let [request, response] = lengths.map(u32::from);
         let frame = self.frame + 2 * at as u64;
         let frame_ref = |frame: u64, begin: u32, length: u32, side: usize| {
@@ -235,7 +254,6 @@ impl ExchangeRun {
             response: frame_ref(frame + 1, start + request, response, 1),
             // The finding of a refusal is the first of each batch.
             findings: Span { start: 0, length: u32::from(exception != 0) },
-            // A bus with profiles has no compact exchanges.
             points: None,
             origin: pair.map_or(self.offset + u64::from(start - first_start), |pair| pair.packet),
         }

@@ -48,6 +48,7 @@ impl HeldExchanges {
                 offset: 0,
                 exchanges: Span { start: first, length: 1 },
                 packets: Some(PacketsOfRun { first, recording_start: of_run.recording_start, mode: of_run.mode }),
+                points: None,
             });
         }
         self.exchanges.push(exchange);
@@ -71,7 +72,8 @@ impl HeldExchanges {
         while let Some(run) = self.runs.front_mut().filter(|run| run.number < oldest) {
             let ready = run.exchanges.length.min(u32::try_from(oldest - run.number).unwrap_or(u32::MAX));
             let packets = run.packets.map(|packets| PacketsOfRun { first: first_pair + given, ..packets });
-            to.exchange_runs.push(ExchangeRun { exchanges: Span { start: first + given, length: ready }, packets, ..*run });
+            let exchanges = Span { start: first + given, length: ready };
+            to.exchange_runs.push(ExchangeRun { exchanges, packets, ..run.clone() });
             given += ready;
             if ready < run.exchanges.length {
                 run.number += u64::from(ready);

@@ -86,7 +86,11 @@ mod tests {
 
     fn row(number: u64) -> Transaction {
         let exchanges = Span { start: 0, length: 1 };
-        ExchangeRun { bus: 0, number, frame: 1, offset: 0, exchanges, packets: None }.transaction(&[EXCHANGE], &[], 0)
+        ExchangeRun { bus: 0, number, frame: 1, offset: 0, exchanges, packets: None, points: None }.transaction(
+            &[EXCHANGE],
+            &[],
+            0,
+        )
     }
 
     fn push(held: &mut HeldRows, number: u64, is_compact: bool) {

@@ -215,7 +215,6 @@ impl Session {
             && !self.live
             && !state.lines[0].1.input.has_times
             && state.options.bus.place == Place::Offset
-            && state.profiles.are_none()
             && self.open.len() == 1
             && self.open.contains(&bus)
     }

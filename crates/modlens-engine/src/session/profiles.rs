@@ -7,7 +7,7 @@ use crate::findings::{self, Found};
 use crate::pairing::PendingTransaction;
 use modlens_profiles::points::order_check::OrderCheck;
 use modlens_profiles::points::sunspec::{marker, Chain};
-use modlens_profiles::points::{Plan, PlanInstance};
+use modlens_profiles::points::{Plan, PlanInstance, UnitPlans};
 use modlens_protocol::functions::{Functions, Operation};
 use modlens_protocol::pdu::u16_at;
 use modlens_protocol::register_type::Space;
@@ -24,28 +24,52 @@ pub(super) struct Assignment {
 /// The profiles of the units of one bus.
 #[derive(Default)]
 pub(crate) struct Profiles {
-    /// The profile of each unit with the scale factors known by now; empty while no unit has one.
-    by_unit: Vec<Option<Arc<PlanInstance>>>,
+    /// The profile of each unit with the scale factors known by now.
+    plans: Arc<UnitPlans>,
+    /// Changes with what blocks of a unit may teach: other points than before, or `SunSpec` models. 0 while no unit has a profile.
+    generation: u32,
     /// The `SunSpec` models of units that the user gave no profile for, as far as they have been read.
     sunspec_chains: HashMap<u8, Chain>,
-    /// For each unit, the check of the profile's order of bytes against the values.
+    /// For each unit, the check of the profile's order of bytes against the values; empty while no unit has a profile.
     order_checks: Vec<OrderCheck>,
+}
+
+/// What came of an exchange on the fast path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Lesson {
+    /// It was learned from.
+    Learned,
+    /// It taught nothing, and neither will another exchange with the same request in this generation (`Profiles::generation`).
+    Settled,
+    /// Nothing was learned: it may give a finding or change the profile, and has to go through `learn_from`.
+    Refused,
 }
 
 impl Profiles {
     /// Whether no unit has a profile.
     #[inline]
     pub(crate) fn are_none(&self) -> bool {
-        self.by_unit.is_empty()
+        self.plans.are_none()
+    }
+
+    /// The profiles as they are now; `None` if no unit has one.
+    #[inline]
+    pub(crate) fn now(&self) -> Option<Arc<UnitPlans>> {
+        (!self.are_none()).then(|| Arc::clone(&self.plans))
+    }
+
+    /// The number of times that something else than values has changed, for who remembers what is settled.
+    #[inline]
+    pub(crate) fn generation(&self) -> u32 {
+        self.generation
     }
 
     /// The profiles that the user gave to the units of a bus; a later assignment wins.
     pub(super) fn of_bus(assignments: &[Assignment], bus: &str) -> Self {
         let mut profiles = Self::default();
         for assignment in assignments.iter().filter(|given| given.bus.as_deref().is_none_or(|name| name == bus)) {
-            profiles.make_room();
             for &unit in &assignment.units {
-                profiles.by_unit[usize::from(unit)] = Some(Arc::new(PlanInstance::new(Arc::clone(&assignment.plan))));
+                profiles.set(unit, PlanInstance::new(Arc::clone(&assignment.plan)));
             }
         }
         profiles
@@ -64,30 +88,30 @@ impl Profiles {
         transaction: &PendingTransaction,
         found: &mut Found,
     ) -> Option<Arc<PlanInstance>> {
-        let unit = usize::from(transaction.unit);
         let read = registers_read(functions, transaction).filter(|_| transaction.status == Status::Ok);
         self.discover_models(transaction.unit, read);
-        let instance = self.by_unit.get_mut(unit)?.as_mut()?;
+        let instance = Arc::clone(self.plans.of_unit(transaction.unit)?);
         findings::profile::function(&instance.plan, transaction, found);
         if let Some((space, first, bytes)) = read {
-            let order_check = &mut self.order_checks[unit];
+            let order_check = &mut self.order_checks[usize::from(transaction.unit)];
             if instance.has_factors() || !order_check.done(&instance.plan) {
                 for mismatch in order_check.add_and_judge(&instance.plan, space, first, bytes) {
                     findings::profile::order(&instance.plan, &mismatch, found);
                 }
                 if let Some(changed) = instance.with_factors_from(space, first, bytes) {
-                    *instance = Arc::new(changed);
+                    Arc::make_mut(&mut self.plans).set(transaction.unit, changed);
+                    return self.of_unit(transaction.unit);
                 }
             }
         }
-        Some(Arc::clone(instance))
+        Some(instance)
     }
 
     /// Looks for `SunSpec` models in holding registers that were read. Not for a unit that has a profile from the user; for one
     /// without profile, or whose profile was made from its models, which may go on.
     fn discover_models(&mut self, unit: u8, read: Option<(Space, u16, &[u8])>) {
         let Some((Space::Holding, first, bytes)) = read else { return };
-        let has_profile = self.by_unit.get(usize::from(unit)).is_some_and(Option::is_some);
+        let has_profile = self.plans.of_unit(unit).is_some();
         if !has_profile || self.sunspec_chains.contains_key(&unit) {
             self.discover(unit, first, bytes);
         }
@@ -98,40 +122,79 @@ impl Profiles {
     /// `request` begins with the unit, `block` are the registers read, if any were.
     #[inline]
     pub(crate) fn learn_on_fast_path(&mut self, functions: &Functions, request: &[u8], block: Option<&[u8]>) -> bool {
-        self.by_unit.is_empty() || self.learn_block(functions, request, block)
+        self.are_none() || self.learn_block(functions, request, block) != Lesson::Refused
     }
 
-    /// The part of `learn_on_fast_path` for buses with profiles; it gives the same answer. A unit without profile, or a block of
-    /// bits, changes nothing: `true`. `false`, with nothing learned, if the unit has `SunSpec` models, if the profile does
+    /// The same for a request that was settled in this generation, if in any. `None` if that is the present one: nothing is left
+    /// to learn. `exchange` gives request and block.
+    #[inline]
+    pub(crate) fn learn_unsettled<'a>(
+        &mut self,
+        settled: u32,
+        functions: &Functions,
+        exchange: impl FnOnce() -> (&'a [u8], Option<&'a [u8]>),
+    ) -> Option<Lesson> {
+        if settled == self.generation {
+            return None;
+        }
+        let (request, block) = exchange();
+        Some(self.learn_block(functions, request, block))
+    }
+
+    /// The part of `learn_on_fast_path` for buses with profiles.
+    ///
+    /// A unit without profile, or a block of bits, changes nothing. Refused if the unit has `SunSpec` models, if the profile does
     /// not list the function or the table has no address space for it, if a scale factor would change, or if the check of the
     /// order of bytes has not begun or could be decided with this block. Else the block is added to the check of that order.
-    fn learn_block(&mut self, functions: &Functions, request: &[u8], block: Option<&[u8]>) -> bool {
-        let [unit, code, high, low, ..] = *request else { return false };
-        let Some(instance) = &self.by_unit[usize::from(unit)] else { return !self.sunspec_chains.contains_key(&unit) };
+    #[inline(never)]
+    pub(crate) fn learn_block(&mut self, functions: &Functions, request: &[u8], block: Option<&[u8]>) -> Lesson {
+        let [unit, code, high, low, ..] = *request else { return Lesson::Refused };
+        if self.sunspec_chains.contains_key(&unit) {
+            return Lesson::Refused;
+        }
+        let Some(instance) = self.plans.of_unit(unit) else { return Lesson::Settled };
         let (plan, first, order_check) =
             (&instance.plan, u16::from_be_bytes([high, low]), &mut self.order_checks[usize::from(unit)]);
-        let listed = &plan.profile.device.functions;
-        if self.sunspec_chains.contains_key(&unit) || !(listed.is_empty() || listed.contains(&code)) {
-            return false;
+        if !plan.profile.device.lists_function(code) {
+            return Lesson::Refused;
         }
-        let Some(block) = block.filter(|_| instance.has_factors() || !order_check.done(plan)) else { return true };
-        let space = functions.row(code, &request[2..]).and_then(|row| row.space);
-        let mut changes_nothing = |space| {
-            instance.with_factors_from(space, first, block).is_none() && order_check.add_unless_ready(plan, space, first, block)
-        };
-        space.is_some_and(|space| space.is_bits() || changes_nothing(space))
+        let Some(block) = block.filter(|_| instance.has_factors() || !order_check.done(plan)) else { return Lesson::Settled };
+        let Some(space) = functions.row(code, &request[2..]).and_then(|row| row.space) else { return Lesson::Refused };
+        if space.is_bits() {
+            return Lesson::Settled;
+        }
+        let changes_nothing =
+            instance.with_factors_from(space, first, block).is_none() && order_check.add_unless_ready(plan, space, first, block);
+        if !changes_nothing {
+            return Lesson::Refused;
+        }
+        if instance.has_factor_in(space, first, block.len()) || order_check.is_open(plan, space, first, block) {
+            Lesson::Learned
+        } else {
+            Lesson::Settled
+        }
+    }
+
+    /// Whether the fast path may take the refusal of a request with this unit and function: the profile has nothing to say to it.
+    pub(crate) fn pass_over_refusal(&self, unit: u8, code: u8) -> bool {
+        self.plans.of_unit(unit).is_none_or(|instance| {
+            let device = &instance.plan.profile.device;
+            device.lists_function(code) && device.exceptions.is_empty()
+        })
     }
 
     /// The profile of a unit.
     #[inline]
     pub(crate) fn of_unit(&self, unit: u8) -> Option<Arc<PlanInstance>> {
-        self.by_unit.get(usize::from(unit))?.clone()
+        self.plans.of_unit(unit).cloned()
     }
 
-    /// Makes room for the profiles of all units, before the first one is set.
-    fn make_room(&mut self) {
-        self.by_unit.resize(256, None);
+    /// Gives a unit a profile, whose order of bytes has not been checked yet.
+    fn set(&mut self, unit: u8, instance: PlanInstance) {
+        Arc::make_mut(&mut self.plans).set(unit, instance);
         self.order_checks.resize_with(256, OrderCheck::default);
+        self.order_checks[usize::from(unit)] = OrderCheck::default();
+        self.generation += 1;
     }
 
     /// Looks for `SunSpec` models in a block of holding registers: `bytes`, from the address `first` on. Without the marker,
@@ -143,14 +206,17 @@ impl Profiles {
         if marker(first, bytes).is_none() && (self.sunspec_chains.is_empty() || !self.sunspec_chains.contains_key(&unit)) {
             return;
         }
-        if self.sunspec_chains.entry(unit).or_default().follow(first, bytes) {
+        let known = self.sunspec_chains.len();
+        let is_longer = self.sunspec_chains.entry(unit).or_default().follow(first, bytes);
+        if is_longer {
             let plan = Arc::new(Plan::new(self.sunspec_chains[&unit].profile()));
-            self.make_room();
-            let slot = &mut self.by_unit[usize::from(unit)];
-            let instance =
-                slot.as_ref().map_or_else(|| PlanInstance::new(Arc::clone(&plan)), |old| old.extended(Arc::clone(&plan)));
-            *slot = Some(Arc::new(instance));
-            self.order_checks[usize::from(unit)] = OrderCheck::default();
+            let instance = match self.plans.of_unit(unit) {
+                Some(old) => old.extended(plan),
+                None => PlanInstance::new(plan),
+            };
+            self.set(unit, instance);
+        } else if self.sunspec_chains.len() > known && !self.are_none() {
+            self.generation += 1;
         }
     }
 }

@@ -32,10 +32,102 @@ enum DecoderKind {
     Float64(Order),
 }
 
+/// How the numbers of a group of points are decoded, for which there is a loop of its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum NumberForm {
+    /// An unsigned register without scale.
+    Register,
+    /// An unsigned register divided by a power of ten.
+    ScaledRegister {
+        divisor: f64,
+    },
+    /// A single precision float in two registers.
+    Float32 {
+        order: WordOrder,
+    },
+    /// An integer in one register, or in two.
+    Integer {
+        integer: IntegerDecoder,
+        order: WordOrder,
+    },
+    LongInteger {
+        integer: IntegerDecoder,
+        order: WordOrder,
+    },
+}
+
+/// Where the most significant byte of a number is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct WordOrder {
+    /// In the second of two registers.
+    is_second_higher: bool,
+    /// In the low byte of a register.
+    has_swapped_bytes: bool,
+}
+
+impl WordOrder {
+    /// The 32 bits in two registers, the higher one first.
+    #[inline]
+    fn join(self, [high, low]: [u16; 2]) -> u32 {
+        let bits = u32::from(high) << 16 | u32::from(low);
+        if self.has_swapped_bytes {
+            (bits & 0x00FF_00FF) << 8 | bits >> 8 & 0x00FF_00FF
+        } else {
+            bits
+        }
+    }
+}
+
+impl NumberForm {
+    /// The places in the block of the registers of an entry that begins at this one, in the order in which `any` wants them.
+    pub(super) fn places(self, at: u8) -> impl Iterator<Item = u8> {
+        let places = match self {
+            Self::Register | Self::ScaledRegister { .. } | Self::Integer { .. } => [Some(at), None],
+            Self::Float32 { order } | Self::LongInteger { order, .. } if order.is_second_higher => [Some(at + 1), Some(at)],
+            Self::Float32 { .. } | Self::LongInteger { .. } => [Some(at), Some(at + 1)],
+        };
+        places.into_iter().flatten()
+    }
+
+    /// Whether one of the numbers in these registers satisfies `is_wanted`. Without branches, so that the numbers are decoded side
+    /// by side.
+    #[inline]
+    pub(super) fn any(self, registers: &[u16], is_wanted: impl Fn(f64) -> bool) -> bool {
+        let pairs = registers.as_chunks().0;
+        match self {
+            Self::Register => any_of(registers, |&register| is_wanted(f64::from(register))),
+            Self::ScaledRegister { divisor } => any_of(registers, |&register| is_wanted(f64::from(register) / divisor)),
+            Self::Float32 { order } if order.has_swapped_bytes => any_of(pairs, |pair| is_wanted(float(order.join(*pair)))),
+            Self::Float32 { .. } => any_of(pairs, |[high, low]| is_wanted(float(u32::from(*high) << 16 | u32::from(*low)))),
+            Self::Integer { integer, order } => {
+                any_of(registers, |&register| is_wanted(integer.scaled(order.join([register, 0]))))
+            }
+            Self::LongInteger { integer, order } => any_of(pairs, |pair| is_wanted(integer.scaled(order.join(*pair)))),
+        }
+    }
+}
+
+/// Whether one of the items satisfies `is_wanted`; all of them are looked at.
+#[inline]
+fn any_of<T>(items: &[T], is_wanted: impl Fn(&T) -> bool) -> bool {
+    items.iter().fold(false, |any, item| any | is_wanted(item))
+}
+
+/// The float with these bits; `NO_NUMBER` if it is not finite.
+#[inline]
+fn float(bits: u32) -> f64 {
+    let number = f32::from_bits(bits);
+    if number.is_finite() {
+        f64::from(number)
+    } else {
+        NO_NUMBER
+    }
+}
+
 /// How to extract an integer from one or two registers. All of the operations below are always executed; neutral
 /// operands disable them, so that the code needs no branches.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct IntegerDecoder {
+pub(super) struct IntegerDecoder {
     /// Whether the low byte of a register comes first.
     has_swapped_bytes: bool,
     /// Rotation to the left, in bits, that moves the most significant register to the front.
@@ -106,6 +198,19 @@ impl FastDecoder {
         }
     }
 
+    /// How its numbers are decoded in a loop; `None` of the rare ways, which have none.
+    pub(super) fn form(&self) -> Option<NumberForm> {
+        let (integer, order) = (self.integer, self.integer.word_order());
+        match self.kind {
+            DecoderKind::UnsignedRegister => Some(NumberForm::Register),
+            DecoderKind::ScaledRegister => Some(NumberForm::ScaledRegister { divisor: integer.divisor }),
+            DecoderKind::Float32 => Some(NumberForm::Float32 { order }),
+            DecoderKind::Integer if self.width == 1 => Some(NumberForm::Integer { integer, order }),
+            DecoderKind::Integer => Some(NumberForm::LongInteger { integer, order }),
+            DecoderKind::General | DecoderKind::Factor { .. } | DecoderKind::Float64(_) => None,
+        }
+    }
+
     /// The number whose first register stands at byte offset `at`. `Err` if the caller has to take the general path, or
     /// the registers are not there.
     ///
@@ -120,8 +225,7 @@ impl FastDecoder {
             return Ok(f64::from(u16::from_be_bytes(array(bytes, at)?)) / self.integer.divisor);
         }
         if self.kind == DecoderKind::Float32 {
-            let number = f32::from_bits(self.integer.most_significant_first(u32::from_be_bytes(array(bytes, at)?)));
-            return Ok(if number.is_finite() { f64::from(number) } else { NO_NUMBER });
+            return Ok(float(self.integer.most_significant_first(u32::from_be_bytes(array(bytes, at)?))));
         }
         if self.kind == DecoderKind::Integer {
             return Ok(self.integer.number(load_two_registers(bytes, at, self.width)?));
@@ -191,7 +295,20 @@ impl IntegerDecoder {
     /// The scaled number in the loaded registers; `NO_NUMBER` if the raw number means "no value".
     #[inline]
     fn number(&self, registers: u32) -> f64 {
-        let raw = self.raw(self.most_significant_first(registers));
+        self.scaled(self.most_significant_first(registers))
+    }
+
+    /// The order of the registers that it loads.
+    fn word_order(&self) -> WordOrder {
+        // Swapping the bytes of 32 bits swaps the registers, too, and the rotation swaps them back.
+        let is_second_higher = self.has_swapped_bytes != (self.rotate_left != 0);
+        WordOrder { is_second_higher, has_swapped_bytes: self.has_swapped_bytes }
+    }
+
+    /// The same of registers with the most significant byte first.
+    #[inline]
+    fn scaled(&self, registers: u32) -> f64 {
+        let raw = self.raw(registers);
         if raw == self.nan {
             return NO_NUMBER;
         }

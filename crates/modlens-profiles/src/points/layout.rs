@@ -99,6 +99,14 @@ impl Layout {
         Self { regions }
     }
 
+    /// Whether a block of `count` registers or bits from address `first` on touches a region.
+    #[inline]
+    pub fn has_region_in(&self, first: u16, count: usize) -> bool {
+        let (first, end) = (usize::from(first), usize::from(first) + count);
+        let behind = self.regions.partition_point(|region| region.end() <= first);
+        self.regions.get(behind).is_some_and(|region| region.first < end)
+    }
+
     /// Splits a block of `count` registers or bits from address `first` into parts.
     pub fn split_block(&self, first: u16, count: usize, mut part: impl FnMut(LayoutPart)) {
         let (mut at, end) = (usize::from(first), usize::from(first) + count);
@@ -121,6 +129,7 @@ impl Layout {
 }
 
 impl Region {
+    #[inline]
     fn end(&self) -> usize {
         self.first + self.borders.len() - 1
     }

@@ -8,11 +8,14 @@
 //! Scale factors that are points themselves are read here (`with_factors_from`) and applied in `conversion` and
 //! `fast_decoder`; `sunspec` finds the models of a device, and `order_check` watches whether an order makes sense.
 
+mod block_plan;
 mod conversion;
 mod fast_decoder;
 mod layout;
+mod number_groups;
 pub mod order_check;
 pub mod sunspec;
+mod unit_plans;
 mod value;
 
 use std::sync::Arc;
@@ -23,8 +26,11 @@ use modlens_protocol::register_type::Space;
 use fast_decoder::{FastDecoder, NO_NUMBER};
 use layout::Layout;
 
+pub use block_plan::{BlockEntries, BlockPlan, BlockPlans};
 pub use conversion::Conversion;
 pub use layout::{LayoutEntry, LayoutPart, PartialBlock};
+pub use number_groups::RegisterBuffer;
+pub use unit_plans::UnitPlans;
 pub use value::{push_float, Value};
 
 /// One value of a point, ready for decoding. A point with several values (an array) is compiled to one of these per
@@ -176,6 +182,13 @@ impl Plan {
         &self.entries
     }
 
+    /// Whether a value may lie in a block of `count` registers or bits from address `first` on. Where the answer is no, each of
+    /// them is an entry of its own.
+    #[inline]
+    pub fn has_point_near(&self, space: Space, first: u16, count: usize) -> bool {
+        self.layouts[space as usize].has_region_in(first, count)
+    }
+
     /// Splits a block of `count` registers or bits from address `first` into parts: slices of `entries`, bare
     /// registers, and partial blocks at its ends.
     #[inline]
@@ -204,10 +217,17 @@ impl Plan {
     /// Lists the entries of a block of `count` registers or bits, by address: the values that lie completely inside it,
     /// and every register or bit that belongs to none of those.
     pub fn block(&self, space: Space, first: u16, count: usize, mut visit: impl FnMut(LayoutEntry)) {
+        let mut entries = Vec::with_capacity(count);
+        self.extend_by_block((space, first, count), &mut entries);
+        entries.into_iter().for_each(&mut visit);
+    }
+
+    /// Appends the same entries.
+    pub fn extend_by_block(&self, (space, first, count): (Space, u16, usize), to: &mut Vec<LayoutEntry>) {
         self.split_block(space, first, count, |part| match part {
-            LayoutPart::Bare(addresses) => addresses.for_each(|address| visit(LayoutEntry::bare(address as u16))),
-            LayoutPart::Entries(entries) => self.entries[entries].iter().for_each(|entry| visit(*entry)),
-            LayoutPart::PartialBlock(partial_block) => self.partial_block(&partial_block, &mut visit),
+            LayoutPart::Bare(addresses) => to.extend(addresses.map(|address| LayoutEntry::bare(address as u16))),
+            LayoutPart::Entries(entries) => to.extend_from_slice(&self.entries[entries]),
+            LayoutPart::PartialBlock(partial_block) => self.partial_block(&partial_block, |entry| to.push(entry)),
         });
     }
 }
@@ -283,12 +303,16 @@ impl PlanInstance {
         buffer: &mut NumberBuffer,
         each: impl FnMut(&[f64]),
     ) {
-        let (decoders, factors) = (&self.plan.decoders[..], &self.factors[..]);
-        buffer.for_each_chunk(entries, each, |entry| {
-            let at = 2 * usize::from(entry.address.wrapping_sub(first));
-            let number = decoders[usize::from(entry.decoder)].number(bytes, at, factors);
-            number.unwrap_or_else(|()| self.long_number(*entry, bytes, at))
-        });
+        buffer.for_each_chunk(entries, each, |entry| self.entry_number(*entry, first, bytes));
+    }
+
+    /// The number of an entry in a block of registers from address `first` on, `NO_NUMBER` if it has none.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // The body of the loops over entries.
+    pub fn entry_number(&self, entry: LayoutEntry, first: u16, bytes: &[u8]) -> f64 {
+        let at = 2 * usize::from(entry.address.wrapping_sub(first));
+        let number = self.plan.decoders[usize::from(entry.decoder)].number(bytes, at, &self.factors);
+        number.unwrap_or_else(|()| self.long_number(entry, bytes, at))
     }
 
     /// The number of an entry by the general path through a `Value`, for points that the fast decoders do not cover.
@@ -324,6 +348,14 @@ impl PlanInstance {
     /// Whether the plan has scale factors, so that blocks must be searched for them.
     pub fn has_factors(&self) -> bool {
         !self.plan.scale_factor_points.is_empty()
+    }
+
+    /// Whether a scale factor begins in this block of registers.
+    pub fn has_factor_in(&self, space: Space, first: u16, bytes: usize) -> bool {
+        self.plan.scale_factor_points.iter().map(|&at| self.plan.compiled_point(at)).any(|factor| {
+            let end = usize::from(first) + bytes / 2;
+            self.plan.point(factor).space == space && (usize::from(first)..end).contains(&usize::from(factor.address))
+        })
     }
 
     /// Takes the scale factors from a block of registers that was read. Returns the plan with them if any has changed,

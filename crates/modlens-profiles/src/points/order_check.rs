@@ -74,6 +74,11 @@ impl OrderCheck {
         true
     }
 
+    /// Whether this block has a value that is still to be judged.
+    pub fn is_open(&self, plan: &Plan, space: Space, first: u16, bytes: &[u8]) -> bool {
+        self.unjudged.unjudged_in_block(plan, space, first, bytes).next().is_some()
+    }
+
     /// Adds a block of registers that was read, and judges each point that now has enough samples.
     pub fn add_and_judge(&mut self, plan: &Plan, space: Space, first: u16, bytes: &[u8]) -> Vec<Mismatch> {
         if self.points.is_empty() {

@@ -64,6 +64,14 @@ pub struct Device {
     pub sunspec: Option<u16>,
 }
 
+impl Device {
+    /// Whether the device supports this function code, as far as the profile says.
+    #[inline]
+    pub fn lists_function(&self, code: u8) -> bool {
+        self.functions.is_empty() || self.functions.contains(&code)
+    }
+}
+
 /// A raw value that means "no value".
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sentinel {

@@ -155,7 +155,7 @@ impl<'a> ExchangeRef<'a> {
     #[inline(always)]
     #[allow(clippy::inline_always)] // See `transaction`.
     pub(super) fn view<'v>(&'v self, row: &'v Transaction) -> TransactionView<'v> {
-        TransactionView::with_function(row, self.function_row())
+        TransactionView::of_exchange(row, self.function_row(), self.run.points_of(self.exchange.unit))
     }
 }
 

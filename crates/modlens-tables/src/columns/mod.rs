@@ -13,6 +13,7 @@ mod fields;
 mod function_rows;
 mod identification;
 mod reader;
+mod reading_blocks;
 mod reading_columns;
 mod reading_rows;
 mod row_columns;

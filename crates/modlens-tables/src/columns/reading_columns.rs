@@ -6,6 +6,7 @@ use crate::columns::bus_cells::{bus, network, time, us};
 use crate::columns::cell::{Cell, Items};
 use crate::columns::function_rows::row_of;
 use crate::columns::reading_rows::{each_part, ReadingRef};
+use crate::columns::transaction_view::TransactionView;
 use modlens_engine::records::{Batch, FrameRef, Transaction};
 use modlens_profiles::points::{CompiledPoint, PlanInstance, Value};
 use modlens_protocol::register_type::Space;
@@ -44,12 +45,15 @@ pub(super) const READINGS: &[(&str, ReadItem)] = &[
     }),
 ];
 
+/// Columns that have the same value in all rows of a block.
+pub(super) const BLOCK_COLUMNS: [&str; 11] =
+    ["txn", "frame", "time", "elapsed_us", "bus", "client", "unit", "function", "register_type", "operation", "status"];
+
 /// The named values of a transaction as a JSON object, those written first; null if there are none.
-pub(super) fn named<'a>(batch: &'a Batch, t: &'a Transaction) -> Cell<'a> {
-    let Some(instance) = &t.points else { return Cell::Null };
+pub(super) fn named<'a>(batch: &'a Batch, exchange: TransactionView<'_>, instance: &PlanInstance) -> Cell<'a> {
     let mut map = Map::new();
     for is_write in [true, false] {
-        each_part(batch, t, is_write, |items, item, entry| {
+        each_part(batch, exchange, is_write, |items, item, entry| {
             let Some(compiled) = entry.compiled_index().map(|at| instance.plan.compiled_point(at)) else { return };
             let value = value_of(items, item, instance, compiled);
             map.insert(compiled.name.clone(), value.map_or(Json::Null, |value| json(&value)));
@@ -171,7 +175,7 @@ pub fn each_value(batch: &Batch, mut visit: impl FnMut(ReadingView<'_>)) {
     for t in batch.all_transactions() {
         let Some(space) = row_of(batch, t).and_then(|row| row.space) else { continue };
         for is_write in [true, false] {
-            each_part(batch, t, is_write, |items, item, entry| {
+            each_part(batch, TransactionView::new(batch, t), is_write, |items, item, entry| {
                 let compiled = entry.compiled_index().and_then(|at| Some((at, t.points.as_ref()?.plan.compiled_point(at))));
                 let width = compiled.map_or(1, |(_, compiled)| compiled.width);
                 let Some(items) = slice_of(items, item, width) else { return };

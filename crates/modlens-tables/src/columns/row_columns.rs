@@ -26,6 +26,9 @@ pub(super) const BUS_COLUMNS: [&str; 4] = ["bus", "client", "server", "connectio
 pub(super) const EXCHANGE_KIND_COLUMNS: [&str; 9] =
     ["mode", "function", "function_name", "operation", "register_type", "status", "exception", "exception_name", "findings"];
 
+/// The column that shows values of a profile, if one applies to the unit.
+pub(super) const PROFILE_COLUMN: &str = "readings";
+
 /// Reads the value of a column from a row.
 pub(super) type Read<R> = for<'a> fn(&'a Batch, &'a R) -> Cell<'a>;
 
@@ -54,7 +57,7 @@ macro_rules! columns {
                 let all = const {
                     let all: [$exchanges<S>; COUNT] = [$(|exchanges, to| {
                         for exchange in exchanges {
-                            // Without a profile there is nothing to drop, and who drops it needs all of it in memory.
+                            // There is nothing to drop, and who drops it needs all of it in memory.
                             let row = ManuallyDrop::new(exchange.transaction());
                             let ($batch, $of) = (exchange.batch, exchange.view(&row));
                             $value.emit(to);
@@ -160,7 +163,7 @@ columns! {
     ("write_quantity", |b, t| t.write_range(b).map(|range| range.1)),
     ("write_data", |b, t| t.write_data(b).map(Ints)),
     ("fields", |b, t| t.fields(b)),
-    ("readings", |b, t| t.points.is_some().then(|| named(b, t.t))),
+    ("readings", |b, t| t.points.map(|points| named(b, t, points))),
     ("status", |_, t| Word(t.status.text())),
     ("confidence", |_, t| t.confidence),
     ("unconfirmed", |_, t| t.unconfirmed),

@@ -5,6 +5,7 @@ use std::sync::OnceLock;
 use serde_json::Value as Json;
 
 use super::reader::{ColumnReader, RowReader};
+use super::reading_columns::BLOCK_COLUMNS;
 use super::row_columns::{Connections, Diagnoses, Findings, Frames, Transactions, BUS_COLUMNS, EXCHANGE_KIND_COLUMNS};
 use super::sink::CellSink;
 use modlens_protocol::renamed::{current, Vocabulary};
@@ -121,9 +122,17 @@ impl TableKind {
     }
 
     /// Whether all rows of a bus have the same value in this column.
-    pub fn is_constant_per_bus(self, column: usize) -> bool {
+    fn is_constant_per_bus(self, column: usize) -> bool {
         !matches!(self, Self::Readings | Self::Connections | Self::Diagnoses)
             && BUS_COLUMNS.contains(&self.columns()[column].key.as_str())
+    }
+
+    /// Whether rows have the same value in this column as others of their group (`RowRef::group`).
+    pub fn is_constant_per_group(self, column: usize) -> bool {
+        match self {
+            Self::Readings => BLOCK_COLUMNS.contains(&self.columns()[column].key.as_str()),
+            _ => self.is_constant_per_bus(column),
+        }
     }
 
     /// Whether all compact exchanges of a bus and a kind have the same value in this column, if they have one.

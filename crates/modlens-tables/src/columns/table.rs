@@ -76,15 +76,16 @@ impl<'a> RowRef<'a> {
         }
     }
 
-    /// The index of its bus in the batch. `None` for readings, which have the bus of their transaction, and for connections,
-    /// which carry their ends themselves, and for diagnoses.
+    /// The number of the rows with which it shares some values: those of its bus or, of readings, those of what its transaction
+    /// has read or written. `None` for connections, which carry their ends themselves, and for diagnoses.
     #[inline]
-    pub fn bus(&self) -> Option<u32> {
+    pub fn group(&self) -> Option<u32> {
         match self.of {
             RowOf::Frame(row) => Some(row.bus),
             RowOf::Transaction(row) => Some(row.bus),
             RowOf::Finding(row) => Some(row.bus),
-            RowOf::Reading(_) | RowOf::Connection(_) | RowOf::Diagnosis(_) => None,
+            RowOf::Reading(row) => Some(row.block.row),
+            RowOf::Connection(_) | RowOf::Diagnosis(_) => None,
         }
     }
 }
@@ -204,7 +205,7 @@ impl Table {
     pub fn row(&self, row: usize) -> RowRef<'_> {
         let batch = &*self.batch;
         let of = match (&self.rows, self.kind) {
-            (Rows::Readings(rows), _) => RowOf::Reading(rows.item(batch, row)),
+            (Rows::Readings(rows), _) => RowOf::Reading(rows.item(row)),
             (_, TableKind::Frames) => RowOf::Frame(&batch.frames[self.index(row)]),
             (_, TableKind::Findings) => RowOf::Finding(&batch.findings[self.index(row)]),
             (_, TableKind::Connections) => RowOf::Connection(&batch.connections[self.index(row)]),

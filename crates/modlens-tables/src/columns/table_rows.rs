@@ -8,6 +8,7 @@ use crate::columns::cell::Cell;
 use crate::columns::exchange_chunk::ExchangeChunk;
 use crate::columns::exchange_ref::{ExchangeRef, RunRefs};
 use crate::columns::reader::ColumnReader;
+use crate::columns::row_columns::PROFILE_COLUMN;
 use crate::columns::sink::CellSink;
 use crate::columns::table::{RowRef, Rows, Table};
 
@@ -113,9 +114,12 @@ impl Table {
     }
 
     /// Whether a column may have a value in the row of any compact exchange: that follows from the bus and the kind, but for
-    /// times, which may be unknown.
+    /// times, which may be unknown, and for values of a profile.
     pub fn has_compact_value(&self, column: usize) -> bool {
         let (batch, reader) = (&*self.batch, self.kind.reader(column));
+        if self.shows_profile(column) {
+            return true;
+        }
         batch.exchange_kinds().iter().any(|&(run, at)| {
             let exchange = RunRefs::new(batch, &batch.exchange_runs[run]).at(at);
             is_exchange_value(&exchange.with_known_times(), &reader)
@@ -125,7 +129,13 @@ impl Table {
     /// Whether a column has the same value, or none, in the rows of all compact exchanges with the bus and the kind of this one.
     pub fn is_exchange_constant(&self, column: usize, exchange: &ExchangeRef<'_>) -> bool {
         self.kind.is_constant_per_exchange_kind(column)
-            || !is_exchange_value(&exchange.with_known_times(), &self.kind.reader(column))
+            || !(self.shows_profile(column) || is_exchange_value(&exchange.with_known_times(), &self.kind.reader(column)))
+    }
+
+    /// Whether a column shows values of profiles, and there are compact exchanges to which one applies: which of them have such a
+    /// value depends on unit and address.
+    fn shows_profile(&self, column: usize) -> bool {
+        self.kind.columns()[column].key == PROFILE_COLUMN && self.batch.exchange_runs.iter().any(|run| run.points.is_some())
     }
 
     /// Calls `each` for some rows, one behind the other, until it returns false; gives the index of the row behind the last one.

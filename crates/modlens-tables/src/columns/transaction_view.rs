@@ -1,7 +1,7 @@
 //! The content of a transaction's columns: addresses, values and fields, decoded from its PDUs on demand.
 
 use std::ops::Deref;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use serde_json::Value as Json;
 
@@ -9,7 +9,7 @@ use crate::columns::cell::{Cell, Items};
 use crate::columns::fields::Fields;
 use crate::columns::function_rows::row_of;
 use modlens_engine::records::{Batch, Transaction};
-use modlens_profiles::points::Value;
+use modlens_profiles::points::{PlanInstance, Value};
 use modlens_protocol::functions::{FunctionRow, Layout, Operation};
 use modlens_protocol::pdu::{self, u16_at};
 use modlens_protocol::register_type::Space;
@@ -20,6 +20,8 @@ use modlens_protocol::status::Status;
 pub(super) struct TransactionView<'a> {
     pub(super) t: &'a Transaction,
     row: Option<&'a FunctionRow>,
+    /// The profile of its unit. The row of a compact exchange has none itself.
+    pub(super) points: Option<&'a Arc<PlanInstance>>,
 }
 
 impl Deref for TransactionView<'_> {
@@ -70,14 +72,14 @@ pub fn blocks<'a>(batch: &'a Batch, t: &Transaction) -> Option<Blocks<'a>> {
 impl<'a> TransactionView<'a> {
     #[inline]
     pub(super) fn new(batch: &'a Batch, t: &'a Transaction) -> Self {
-        Self { t, row: row_of(batch, t) }
+        Self { t, row: row_of(batch, t), points: t.points.as_ref() }
     }
 
-    /// With the row of the table that somebody has looked up before.
+    /// With the row of the table that somebody has looked up before, and the profile of its unit.
     #[inline(always)]
     #[allow(clippy::inline_always)] // See `ExchangeRef::transaction`.
-    pub(super) fn with_function(t: &'a Transaction, row: Option<&'a FunctionRow>) -> Self {
-        Self { t, row }
+    pub(super) fn of_exchange(t: &'a Transaction, row: Option<&'a FunctionRow>, points: Option<&'a Arc<PlanInstance>>) -> Self {
+        Self { t, row, points }
     }
 
     #[inline]

@@ -220,7 +220,9 @@ impl Overview {
 
     /// Adds the values of units that have a profile.
     fn values(&mut self, batch: &Batch) {
-        if batch.transactions.iter().all(|row| row.points.is_none()) {
+        let has_profile = batch.transactions.iter().any(|row| row.points.is_some())
+            || batch.exchange_runs.iter().any(|run| run.points.is_some());
+        if !has_profile {
             return;
         }
         let most = self.value_resolution();
