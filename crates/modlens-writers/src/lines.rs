@@ -22,12 +22,34 @@ enum ColumnGroup<F> {
     Shared(Vec<(usize, ColumnReader<F>)>, Vec<u8>),
 }
 
+/// What a batch says of its buses, functions and profiles: in batches of which it is the same, so are the texts that rows share.
+struct Known {
+    // To hold them means that no other ones come to lie in their place.
+    buses: Arc<Buses>,
+    functions: Option<Arc<Functions>>,
+    has_points: bool,
+}
+
+impl Known {
+    fn of(batch: &Batch) -> Self {
+        Self { buses: Arc::clone(&batch.buses), functions: batch.functions.clone(), has_points: batch.has_points() }
+    }
+
+    fn is_that_of(&self, batch: &Batch) -> bool {
+        let are_same_functions = match (&self.functions, &batch.functions) {
+            (Some(one), Some(other)) => Arc::ptr_eq(one, other),
+            (one, other) => one.is_none() && other.is_none(),
+        };
+        Arc::ptr_eq(&self.buses, &batch.buses) && are_same_functions && self.has_points == batch.has_points()
+    }
+}
+
 /// Writes rows of one table as lines, batch by batch.
 pub struct LineWriter<F> {
     kind: TableKind,
     columns: Vec<usize>,
-    /// What the batch before said of buses and functions. The texts that are kept belong to it.
-    known: Option<(Arc<Buses>, Option<Arc<Functions>>)>,
+    /// What the batch before said, to which the texts that are kept belong.
+    known: Option<Known>,
     format: F,
     steps: Vec<ColumnGroup<F>>,
     /// The group to which the kept texts of `steps` belong.
@@ -78,19 +100,11 @@ impl<F: LineFormat> LineWriter<F> {
         }
     }
 
-    /// Begins anew where a batch has other buses or functions than the one before: only then may the texts that are kept be others.
+    /// Begins anew where a batch has other buses, functions or profiles than the one before: only then may the texts that are
+    /// kept be others.
     fn keep_or_forget(&mut self, batch: &Batch) {
-        let is_known = self.known.as_ref().is_some_and(|(buses, functions)| {
-            let are_same_functions = match (functions, &batch.functions) {
-                (Some(one), Some(other)) => Arc::ptr_eq(one, other),
-                (one, other) => one.is_none() && other.is_none(),
-            };
-            Arc::ptr_eq(buses, &batch.buses) && are_same_functions
-        });
-        if !is_known {
-            // To hold them means that no other ones come to lie in their place.
-            let known = Some((Arc::clone(&batch.buses), batch.functions.clone()));
-            *self = Self { known, ..Self::new(self.kind, &self.columns) };
+        if !self.known.as_ref().is_some_and(|known| known.is_that_of(batch)) {
+            *self = Self { known: Some(Known::of(batch)), ..Self::new(self.kind, &self.columns) };
         }
     }
 

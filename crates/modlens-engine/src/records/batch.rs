@@ -167,6 +167,11 @@ impl Batch {
         })
     }
 
+    /// Whether a profile applies to the unit of a compact exchange.
+    pub fn has_points(&self) -> bool {
+        self.exchange_runs.iter().any(|run| run.points.is_some())
+    }
+
     /// How many transactions there are, compact exchanges included.
     pub fn transaction_count(&self) -> usize {
         self.transactions.len() + self.exchanges.len()

@@ -135,7 +135,7 @@ impl Table {
     /// Whether a column shows values of profiles, and there are compact exchanges to which one applies: which of them have such a
     /// value depends on unit and address.
     fn shows_profile(&self, column: usize) -> bool {
-        self.kind.columns()[column].key == PROFILE_COLUMN && self.batch.exchange_runs.iter().any(|run| run.points.is_some())
+        self.kind.columns()[column].key == PROFILE_COLUMN && self.batch.has_points()
     }
 
     /// Calls `each` for some rows, one behind the other, until it returns false; gives the index of the row behind the last one.
