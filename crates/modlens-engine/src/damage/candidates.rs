@@ -66,11 +66,8 @@ impl UnframedRegion<'_, '_> {
         let mut likely = if polls.is_empty() { 0 } else { polls.possible_frames(bytes) };
         if likely != 0 {
             let more = MIN_DAMAGED_FRAME_BITS + self.start_cost(start) + POLL_REQUEST_BITS;
-            let of_these = if self.input.has_times {
-                FrameSet::MAX
-            } else {
-                polls.with_length_in(self.lengths_that_end_well(start))
-            };
+            let of_these =
+                if self.input.has_times { FrameSet::MAX } else { polls.with_length_in(self.lengths_that_end_well(start)) };
             let need = Need { less: more - FRAME_END_BITS, of_these, more };
             likely = polls.likely(likely, bytes, |byte| self.model.bits(byte), need, &DAMAGE_COSTS);
         }

@@ -113,7 +113,15 @@ impl KnownReads {
         }
         let confidence = rtu_transaction_confidence(false, u8::MAX);
         let exchange = expected.compact(0, expected.rtu_lengths(), confidence, 0);
-        self.put(KnownRead { bytes, expected, counters, exchange, identity: RequestIdentity::of(request), settled: 0, follower: 0 });
+        self.put(KnownRead {
+            bytes,
+            expected,
+            counters,
+            exchange,
+            identity: RequestIdentity::of(request),
+            settled: 0,
+            follower: 0,
+        });
     }
 
     /// The place that a read has, or else the first free one that it may have.

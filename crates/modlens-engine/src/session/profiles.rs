@@ -125,22 +125,6 @@ impl Profiles {
         self.are_none() || self.learn_block(functions, request, block) != Lesson::Refused
     }
 
-    /// The same for a request that was settled in this generation, if in any. `None` if that is the present one: nothing is left
-    /// to learn. `exchange` gives request and block.
-    #[inline]
-    pub(crate) fn learn_unsettled<'a>(
-        &mut self,
-        settled: u32,
-        functions: &Functions,
-        exchange: impl FnOnce() -> (&'a [u8], Option<&'a [u8]>),
-    ) -> Option<Lesson> {
-        if settled == self.generation {
-            return None;
-        }
-        let (request, block) = exchange();
-        Some(self.learn_block(functions, request, block))
-    }
-
     /// The part of `learn_on_fast_path` for buses with profiles.
     ///
     /// A unit without profile, or a block of bits, changes nothing. Refused if the unit has `SunSpec` models, if the profile does

@@ -38,8 +38,8 @@ impl Search {
             let own_score = score + substring.timing_score - contradiction;
             let placements = self.best_placements(input, context, &substring, direction, own_score, floor);
             for placement in placements.into_iter().flatten() {
-                let next_damaged_end_at = *next_damaged_end_at
-                    .get_or_insert_with(|| first_damaged_end(input, context, self.scanned_to));
+                let next_damaged_end_at =
+                    *next_damaged_end_at.get_or_insert_with(|| first_damaged_end(input, context, self.scanned_to));
                 self.add_valid_hypothesis(&substring, direction, placement, next_damaged_end_at);
             }
         }
