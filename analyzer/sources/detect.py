@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import _modlens
-from analyzer.sources import all_formats, is_binary
+from analyzer.sources import BINARY, all_formats, is_binary
 from analyzer.sources.encodings import is_utf8
 from dissectors.errors import SourceError, UsageError
 
@@ -103,9 +103,8 @@ def _forced(
     table: _modlens.Dialects,
 ) -> Detection:
     """The detection for a format forced by `--from`; errors as those of `detect_format`."""
-    known = all_formats(table)
     for part in forced_format.split("+"):
-        if part not in known:
+        if part not in BINARY and part not in (known := all_formats(table)):
             import difflib  # noqa: PLC0415 - for a message only
 
             hints = difflib.get_close_matches(part, known, 1)

@@ -7,8 +7,8 @@ use arrow_array::RecordBatch;
 use arrow_schema::{DataType, Field, Schema, SchemaRef, TimeUnit};
 
 use crate::array_in_making::{in_making, ArrayInMaking};
-use crate::kinds::Kinds;
-use modlens_tables::columns::{ColumnType, ExchangeChunk, ExchangeRef, RowChunk, SharedByRows, Table, TableKind};
+use crate::rows_to_columns::RowsToColumns;
+use modlens_tables::columns::{ColumnType, Table, TableKind};
 
 /// The schema of a table.
 pub fn schema(kind: TableKind) -> Schema {
@@ -56,9 +56,7 @@ pub fn batch_of(table: &Table, rows: Range<usize>, columns: &[usize]) -> RecordB
 pub struct BatchBuilder {
     schema: SchemaRef,
     arrays: Vec<Box<dyn ArrayInMaking>>,
-    kinds: Kinds,
-    /// What was shared by the rows whose kinds are known.
-    shared: Option<SharedByRows>,
+    adding: RowsToColumns,
     rows: usize,
 }
 
@@ -66,7 +64,7 @@ impl BatchBuilder {
     /// For some columns of a table.
     pub fn new(kind: TableKind, columns: &[usize]) -> Self {
         let arrays = columns.iter().map(|&column| in_making(kind, column)).collect();
-        Self { schema: Arc::new(schema_of(kind, columns)), arrays, kinds: Kinds::default(), shared: None, rows: 0 }
+        Self { schema: Arc::new(schema_of(kind, columns)), arrays, adding: RowsToColumns::default(), rows: 0 }
     }
 
     /// The schema of the batches.
@@ -82,25 +80,7 @@ impl BatchBuilder {
     /// Appends rows of a table.
     pub fn add(&mut self, table: &Table, rows: Range<usize>) {
         self.rows += rows.len();
-        if !self.shared.as_ref().is_some_and(|shared| shared.is_shared_by(table)) {
-            self.shared = Some(SharedByRows::of(table));
-            self.kinds.clear();
-            self.arrays.iter_mut().for_each(|array| array.forget_kinds());
-        }
-        table.each_chunk(rows, |rows| match rows {
-            RowChunk::Whole(rows) => self.arrays.iter_mut().for_each(|array| array.take(rows)),
-            RowChunk::Compact(exchanges) => self.add_exchanges(&exchanges),
-        });
-    }
-
-    fn add_exchanges(&mut self, exchanges: &ExchangeChunk<'_>) {
-        let Self { arrays, kinds, .. } = self;
-        let kinds = kinds.of(exchanges, |first| arrays.iter_mut().for_each(|array| array.learn(first)));
-        let are_needed = arrays.iter().any(|array| array.reads_each());
-        let each: Vec<ExchangeRef<'_>> = if are_needed { exchanges.all().collect() } else { Vec::new() };
-        for array in arrays {
-            array.take_exchanges(exchanges, kinds, &each);
-        }
+        self.adding.add(table, rows, &mut self.arrays);
     }
 
     /// The batch of the rows so far; the next one begins.

@@ -7,7 +7,7 @@ use modlens_readers::text::{detect, Dialects as Core, Reader};
 use pyo3::prelude::*;
 use serde_json::{json, Value as Json};
 
-use crate::arguments::{change_if_valid, hex, value_error};
+use crate::arguments::{hex, value_error};
 
 /// Bytes read from a log: line number, sender, time in ns, the bytes.
 type EntryTuple = (u64, Option<&'static str>, Option<i64>, Vec<u8>);
@@ -27,18 +27,29 @@ fn side_name(side_name: Option<Side>) -> &'static str {
 /// The embedded dialects and those that users have added.
 #[pyclass(module = "_modlens")]
 pub struct Dialects {
-    pub(crate) core: Arc<Core>,
+    /// None, as long as these are the embedded ones, which are read from their table when somebody needs them.
+    changed: Option<Core>,
+}
+
+impl Dialects {
+    /// The table.
+    pub(crate) fn core(&self) -> &Core {
+        self.changed.as_ref().unwrap_or_else(|| Core::embedded())
+    }
 }
 
 #[pymethods]
 impl Dialects {
     #[new]
     fn new() -> Self {
-        Self { core: Arc::new(Core::default()) }
+        Self { changed: None }
     }
 
     fn load(&mut self, text: &str, origin: &str) -> PyResult<()> {
-        change_if_valid(&mut self.core, |dialects| dialects.load(text, origin))
+        let mut changed = self.core().clone();
+        changed.load(text, origin).map_err(value_error)?;
+        self.changed = Some(changed);
+        Ok(())
     }
 
     fn rows(&self) -> String {
@@ -49,11 +60,11 @@ impl Dialects {
                 "generic": row.generic, "checksum": !row.no_checksum,
             })
         };
-        self.core.rows().map(|one| row(one)).collect::<Json>().to_string()
+        self.core().rows().map(|one| row(one)).collect::<Json>().to_string()
     }
 
     fn read(&self, format: &str, text: &[u8]) -> PyResult<(Vec<EntryTuple>, Vec<SkippedTuple>, u64)> {
-        let mut reader = Reader::new(self.core.named(format).map_err(value_error)?, None, Arc::default());
+        let mut reader = Reader::new(self.core().named(format).map_err(value_error)?, None, Arc::default());
         reader.look_ahead(text);
         reader.push(text);
         let mut found = Vec::new();
@@ -65,6 +76,6 @@ impl Dialects {
     }
 
     fn detect(&self, py: Python<'_>, sample: &[u8], name: &str) -> Vec<detect::FormatGuess> {
-        py.detach(|| detect::detect(sample, name, &self.core))
+        py.detach(|| detect::detect(sample, name, || self.core()))
     }
 }

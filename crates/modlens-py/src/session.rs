@@ -193,8 +193,7 @@ impl Session {
         let day = date
             .map(|date| day_of(date).ok_or_else(|| value_error(format!("date {date:?} is not written as 2026-11-21"))))
             .transpose()?;
-        let table =
-            dialects.map_or_else(|| Arc::new(modlens_readers::text::Dialects::default()), |dialects| Arc::clone(&dialects.core));
+        let table = Arc::new(dialects.map_or_else(|| modlens_readers::text::Dialects::embedded(), Dialects::core).clone());
         let rows = table.named(format).map_err(value_error)?;
         let clock = Arc::new(ClockSettings { zone: zone.unwrap_or_default(), day });
         let reader = TextReader::new(rows, (!ordered).then_some(table), clock);

@@ -12,7 +12,7 @@ use crate::table::{column_indices, Table};
 
 /// A batch has at least so many rows, if there are: to hand one over costs as much as making a thousand rows. More of them would
 /// not stay in the processor's cache until somebody reads them.
-const BATCH_ROWS: usize = 4096;
+const BATCH_ROWS: usize = 2048;
 
 /// Reads record batches from a Python iterator of tables.
 struct TableReader {

@@ -52,14 +52,14 @@ fn each_sample_gives_its_bytes() {
 #[test]
 fn each_sample_is_detected_as_itself() {
     for row in Dialects::embedded().rows() {
-        let alone = detect(row.sample.as_bytes(), "x.log", Dialects::embedded());
+        let alone = detect(row.sample.as_bytes(), "x.log", Dialects::embedded);
         assert_eq!(alone[0].0, row.name, "alone: {alone:?}");
         let chatter =
             |n: u32| format!("2026-11-21 12:30:{:02} INFO worker {n} of pool: cache holds {} of 4096 entries\n", n % 60, n * 7);
         let before: String = (0..100).map(chatter).collect();
         let after: String = (100..200).map(chatter).collect();
         let among = format!("{before}{}\n{after}", row.sample.trim_matches('\n'));
-        let among = detect(among.as_bytes(), "x.log", Dialects::embedded());
+        let among = detect(among.as_bytes(), "x.log", Dialects::embedded);
         assert_eq!(among[0].0, row.name, "among other lines: {among:?}");
     }
 }

@@ -10,7 +10,7 @@ type Strings = Vec<(Option<Side>, Vec<u8>)>;
 
 /// What `modlens` reads of a text: the rows that it detects, and what it falls back to. Pieces of one frame are joined.
 fn read(text: &str) -> (Strings, u64) {
-    let guesses = detect(text.as_bytes(), "x.log", Dialects::embedded());
+    let guesses = detect(text.as_bytes(), "x.log", Dialects::embedded);
     let format = if guesses[0].1 < 0.2 || guesses[0].0 == "raw" { "proved" } else { guesses[0].0.as_str() };
     let table = Arc::new(Dialects::default());
     let mut reader = Reader::new(table.named(format).expect("a format"), Some(table), Arc::default());
@@ -311,7 +311,7 @@ fn numbers_of_other_meaning_give_no_frame() {
         "id:a1b2c3d4 trace:deadbeef span:00f067aa0ba902b7\n",
     ] {
         let among = text.repeat(20);
-        let guesses = detect(among.as_bytes(), "x.log", Dialects::embedded());
+        let guesses = detect(among.as_bytes(), "x.log", Dialects::embedded);
         assert!(guesses[0].1 < 0.2 || guesses[0].0 == "raw", "{text}: {guesses:?}");
     }
 }

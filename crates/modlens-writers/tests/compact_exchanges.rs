@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use modlens_arrow::batch::{all_columns, BatchBuilder};
 use modlens_engine::records::{Batch, Part};
 use modlens_engine::session::{BusOptions, Session, WantedTables};
 use modlens_profiles::points::Plan;
@@ -223,6 +224,26 @@ proptest! {
         prop_assert_eq!(csv_of(&compact, &all), csv_of(&rows, &all));
         prop_assert_eq!(jsonl_of(&compact, &all), jsonl_of(&rows, &all));
         prop_assert_eq!(modlens_arrow::batch::batch(&compact), modlens_arrow::batch::batch(&rows));
+    }
+
+    /// Record batches of many tables, of which some have whole rows, and that end anywhere in them.
+    #[test]
+    fn rows_of_several_tables_become_record_batches(lines in proptest::collection::vec(line(), 1..6), cut in 0usize..50) {
+        let columns = all_columns(TableKind::Transactions);
+        let [compact, rows] = [true, false].map(|compact| {
+            let tables = lines.iter().map(|bytes| Table::new(Arc::new(batch(bytes, compact)), TableKind::Transactions));
+            let mut batches = BatchBuilder::new(TableKind::Transactions, &columns);
+            let mut found = Vec::new();
+            for table in tables {
+                let at = cut.min(table.len());
+                batches.add(&table, 0..at);
+                found.push(batches.finish());
+                batches.add(&table, at..table.len());
+            }
+            found.push(batches.finish());
+            found
+        });
+        prop_assert_eq!(compact, rows);
     }
 
     #[test]

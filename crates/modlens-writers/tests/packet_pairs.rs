@@ -3,7 +3,9 @@
 
 use std::sync::Arc;
 
+use arrow_array::RecordBatch;
 use etherparse::PacketBuilder;
+use modlens_arrow::batch::{all_columns, BatchBuilder};
 use modlens_engine::records::Batch;
 use modlens_engine::session::{CaptureOptions, Session, WantedTables};
 use modlens_protocol::functions::Functions;
@@ -142,15 +144,22 @@ fn capture(polls: &[Poll]) -> Vec<u8> {
     network.file
 }
 
-/// Rows with all columns and statistics, of blocks of this size; rows are taken behind each if `takes_each`.
-fn decoded(file: &[u8], block: usize, frames: bool, takes_each: bool) -> (Vec<String>, usize) {
+/// What a capture is decoded to: texts of rows with all columns, statistics, and the transactions as a record batch; how many of
+/// these were compact.
+type Decoded = ((Vec<String>, RecordBatch), usize);
+
+/// A capture in blocks of this size, with all frames or none; rows are taken behind each block if `takes_each`.
+fn decoded(file: &[u8], block: usize, frames: bool, takes_each: bool) -> Decoded {
     let wanted = WantedTables { frames, transactions: true, findings: true };
     let mut session = Session::new(Arc::new(Functions::default()), wanted, false, None);
     let source = String::from("file");
     let capture = session.add_capture(CaptureOptions { source, ports: Ports::default(), mode: None, line: None, rule: None });
     let (mut texts, mut compact) = (vec![Vec::new(); 5], 0);
+    let mut arrow = BatchBuilder::new(TableKind::Transactions, &all_columns(TableKind::Transactions));
     let mut add = |batch: Batch| {
         let batch = Arc::new(batch);
+        let table = Table::new(Arc::clone(&batch), TableKind::Transactions);
+        arrow.add(&table, 0..table.len());
         compact += batch.exchanges.len();
         for (kind, out) in [TableKind::Transactions, TableKind::Findings, TableKind::Connections].into_iter().zip(&mut texts) {
             let columns: Vec<usize> = (0..kind.columns().len()).collect();
@@ -173,7 +182,8 @@ fn decoded(file: &[u8], block: usize, frames: bool, takes_each: bool) -> (Vec<St
     session.flush();
     add(session.take());
     let statistics = session.stats_json().to_string();
-    (texts.into_iter().map(|text| String::from_utf8(text).unwrap()).chain([statistics]).collect(), compact)
+    let texts = texts.into_iter().map(|text| String::from_utf8(text).unwrap()).chain([statistics]).collect();
+    ((texts, arrow.finish()), compact)
 }
 
 proptest! {

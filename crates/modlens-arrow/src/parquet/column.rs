@@ -15,13 +15,14 @@ use parquet::file::properties::WriterPropertiesPtr;
 use parquet::file::writer::{SerializedPageWriter, TrackedWrite};
 use parquet::schema::types::ColumnDescPtr;
 
-use crate::values::{ColumnBuilder, Item};
-use modlens_tables::columns::{CellSink, ColumnReader, ColumnType, RowRef, TableKind};
+use crate::column_values::{ColumnItem, ColumnValues, HasRows, TakeRows};
+use crate::values::ColumnBuilder;
+use modlens_tables::columns::{CellSink, ColumnType, TableKind};
 
 /// A column of the row group that is being filled.
-pub(super) trait Column: Send {
-    /// Takes the values of some more rows.
-    fn take(&mut self, rows: &[RowRef<'_>]) -> Result<()>;
+pub(super) trait Column: HasRows + Send {
+    /// Writes the values of the rows that it has got.
+    fn write(&mut self) -> Result<()>;
 
     /// All rows of the row group are there: gives its pages and what is to be said of them; the next row group begins.
     fn close(&mut self) -> Result<(Bytes, ColumnCloseResult)>;
@@ -42,8 +43,7 @@ pub(super) fn column(table: TableKind, column: usize, leaf: &ColumnDescPtr, prop
 struct Chunk<T, P: DataType> {
     leaf: ColumnDescPtr,
     properties: WriterPropertiesPtr,
-    reader: ColumnReader<ColumnBuilder<T>>,
-    rows: ColumnBuilder<T>,
+    rows: ColumnValues<T>,
     /// Those of `rows` that are not null, as the library takes them.
     values: Vec<P::T>,
     definition: Vec<i16>,
@@ -52,7 +52,7 @@ struct Chunk<T, P: DataType> {
     writer: ColumnWriterImpl<'static, P>,
 }
 
-impl<T: Item, P: DataType> Chunk<T, P>
+impl<T: ColumnItem, P: DataType> Chunk<T, P>
 where
     Self: Column + 'static,
     ColumnBuilder<T>: CellSink,
@@ -62,8 +62,7 @@ where
         Box::new(Self {
             leaf: Arc::clone(leaf),
             properties: Arc::clone(properties),
-            reader: table.reader(column),
-            rows: ColumnBuilder::with_capacity(0, 0),
+            rows: ColumnValues::new(table, column),
             values: Vec::new(),
             definition: Vec::new(),
             repetition: Vec::new(),
@@ -73,28 +72,36 @@ where
     }
 }
 
-impl<T, P: DataType> Column for Chunk<T, P>
+impl<T: ColumnItem, P: DataType> HasRows for Chunk<T, P>
+where
+    ColumnBuilder<T>: CellSink,
+{
+    fn rows(&mut self) -> &mut dyn TakeRows {
+        &mut self.rows
+    }
+}
+
+impl<T: ColumnItem, P: DataType> Column for Chunk<T, P>
 where
     ColumnBuilder<T>: CellSink + Leaf<P::T>,
-    T: Item + Send,
 {
-    fn take(&mut self, rows: &[RowRef<'_>]) -> Result<()> {
-        self.rows.take(rows, &self.reader);
-        self.rows.add_nothing();
-        let nulls = self.rows.validity.finish();
+    fn write(&mut self) -> Result<()> {
+        let rows = &mut self.rows.values;
+        rows.add_nothing();
+        let nulls = rows.validity.finish();
         self.definition.clear();
         self.repetition.clear();
         let repeated = self.leaf.max_rep_level() > 0;
         if repeated {
-            list_levels(&self.rows.offsets, nulls.as_ref(), &mut self.definition, &mut self.repetition);
+            list_levels(&rows.offsets, nulls.as_ref(), &mut self.definition, &mut self.repetition);
         } else {
-            levels(rows.len(), nulls.as_ref(), &mut self.definition);
+            levels(rows.rows(), nulls.as_ref(), &mut self.definition);
         }
-        self.rows.leaves(nulls.as_ref(), &mut self.values);
+        rows.leaves(nulls.as_ref(), &mut self.values);
         self.writer.write_batch(&self.values, Some(&self.definition), repeated.then_some(&self.repetition))?;
         self.values.clear();
-        self.rows.items.clear();
-        self.rows.offsets.truncate(1);
+        rows.items.clear();
+        rows.offsets.truncate(1);
         Ok(())
     }
 

@@ -4,19 +4,23 @@
 //! nothing here calls. How rows become values and levels is in `column`.
 
 mod column;
+mod footer;
 
+use std::io::Write as _;
 use std::sync::Arc;
 
 use parquet::basic::{Compression, Encoding, Type, ZstdLevel};
 use parquet::errors::Result;
-use parquet::file::metadata::KeyValue;
-use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterPropertiesBuilder};
-use parquet::file::writer::SerializedFileWriter;
+use parquet::file::metadata::{FileMetaData, KeyValue};
+use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterPropertiesBuilder, WriterPropertiesPtr};
+use parquet::file::writer::{SerializedRowGroupWriter, TrackedWrite};
 use parquet::schema::parser::parse_message_type;
-use parquet::schema::types::SchemaDescriptor;
+use parquet::schema::types::{SchemaDescPtr, SchemaDescriptor};
 
+use crate::rows_to_columns::RowsToColumns;
 use column::Column;
-use modlens_tables::columns::{ColumnType, RowRef, Table, TableKind};
+use footer::Footer;
+use modlens_tables::columns::{ColumnType, Table, TableKind};
 
 /// Rows of a row group; its columns are in memory, compressed, until it is complete.
 const ROW_GROUP_ROWS: usize = 65_536;
@@ -65,8 +69,13 @@ const FEW_VALUES: [&str; 25] = [
 
 /// Writes a file, row group by row group.
 pub(super) struct Parquet {
-    writer: SerializedFileWriter<Vec<u8>>,
+    schema: SchemaDescPtr,
+    properties: WriterPropertiesPtr,
+    /// What has not been given away of the file.
+    bytes: TrackedWrite<Vec<u8>>,
+    footer: Footer,
     columns: Vec<Box<dyn Column>>,
+    adding: RowsToColumns,
     /// Of the row group that is being filled.
     rows: usize,
 }
@@ -74,15 +83,21 @@ pub(super) struct Parquet {
 impl Parquet {
     /// For these columns of a table; `metadata` is kept as it is.
     pub(super) fn new(kind: TableKind, columns: &[usize], metadata: &[(&str, String)], version: &str) -> Result<Self> {
-        let schema = Arc::new(parse_message_type(&message(kind, columns))?);
-        let descriptor = SchemaDescriptor::new(Arc::clone(&schema));
+        let schema = Arc::new(SchemaDescriptor::new(Arc::new(parse_message_type(&message(kind, columns))?)));
+        let properties = Arc::new(properties(kind, columns, &schema, version)?.build());
         let metadata = metadata.iter().map(|(key, value)| KeyValue::new((*key).to_owned(), value.clone())).collect();
-        let properties =
-            Arc::new(properties(kind, columns, &descriptor, version)?.set_key_value_metadata(Some(metadata)).build());
-        let leaves = columns.iter().zip(descriptor.columns());
+        let (made_by, version) = (properties.created_by().to_owned(), properties.writer_version().as_num());
+        let file = FileMetaData::new(version, 0, Some(made_by), Some(metadata), Arc::clone(&schema), None);
+        let mut bytes = TrackedWrite::new(Vec::new());
+        bytes.write_all(b"PAR1")?;
+        let leaves = columns.iter().zip(schema.columns());
         Ok(Self {
             columns: leaves.map(|(&column, leaf)| column::column(kind, column, leaf, &properties)).collect(),
-            writer: SerializedFileWriter::new(Vec::new(), schema, properties)?,
+            schema,
+            properties,
+            bytes,
+            footer: Footer::new(file),
+            adding: RowsToColumns::default(),
             rows: 0,
         })
     }
@@ -92,19 +107,17 @@ impl Parquet {
         let mut next = 0;
         while next < table.len() {
             let end = table.len().min(next + ROWS_AT_ONCE.min(ROW_GROUP_ROWS - self.rows));
-            let rows: Vec<RowRef<'_>> = (next..end).map(|row| table.row(row)).collect();
+            self.adding.add(table, next..end, &mut self.columns);
             for column in &mut self.columns {
-                column.take(&rows)?;
+                column.write()?;
             }
-            self.rows += rows.len();
+            self.rows += end - next;
             next = end;
             if self.rows == ROW_GROUP_ROWS {
                 self.row_group()?;
             }
         }
-        self.writer.flush()?;
-        out.append(self.writer.inner_mut());
-        Ok(())
+        give_away(&mut self.bytes, out)
     }
 
     /// The last row group, and the footer.
@@ -112,21 +125,33 @@ impl Parquet {
         if self.rows > 0 {
             self.row_group()?;
         }
-        out.append(&mut self.writer.into_inner()?);
-        Ok(())
+        give_away(&mut self.bytes, out)?;
+        self.footer.finish(out)
     }
 
     /// The columns of the rows so far become a row group.
     fn row_group(&mut self) -> Result<()> {
-        let mut row_group = self.writer.next_row_group()?;
+        let (schema, properties) = (Arc::clone(&self.schema), Arc::clone(&self.properties));
+        let mut row_group = SerializedRowGroupWriter::new(schema, properties, &mut self.bytes, self.footer.count() as i32, None);
         for column in &mut self.columns {
             let (pages, close) = column.close()?;
             row_group.append_column(&pages, close)?;
         }
-        row_group.close()?;
+        self.footer.add(Arc::unwrap_or_clone(row_group.close()?))?;
         self.rows = 0;
         Ok(())
     }
+}
+
+/// Moves what was written to `out`.
+fn give_away(bytes: &mut TrackedWrite<Vec<u8>>, out: &mut Vec<u8>) -> Result<()> {
+    bytes.flush()?;
+    if out.is_empty() {
+        std::mem::swap(out, bytes.inner_mut());
+    } else {
+        out.append(bytes.inner_mut());
+    }
+    Ok(())
 }
 
 /// The schema as Parquet's own language has it ("Logical Types" of parquet-format).

@@ -60,8 +60,9 @@ impl RowScore {
 
 /// Guesses the format of a file from its first bytes and its name. The best guess comes first, and there is always one.
 ///
-/// A text format may consist of several rows joined by `+`; the first of them that fits a line reads it.
-pub fn detect(sample: &[u8], name: &str, dialects: &Dialects) -> Vec<FormatGuess> {
+/// A text format may consist of several rows joined by `+`; the first of them that fits a line reads it. The dialects are asked for
+/// only where the sample may be text: to read their table takes longer than anything else here.
+pub fn detect<'a>(sample: &[u8], name: &str, dialects: impl Fn() -> &'a Dialects) -> Vec<FormatGuess> {
     if let Some(kind) = crate::pcap::signature(sample) {
         return vec![(kind.into(), 1.0, String::from("by its first bytes"))];
     }
@@ -78,7 +79,7 @@ pub fn detect(sample: &[u8], name: &str, dialects: &Dialects) -> Vec<FormatGuess
     let has_strays = control_chars > 0 || text.len() < sample.len();
     if has_strays && control_chars * MAX_STRAY_PER <= text.len() {
         // A few stray bytes do not make a log binary, if checksums prove what its lines say.
-        if let Some(guess) = text_guess(text, dialects).filter(|(_, confidence, _)| *confidence > UNPROVED) {
+        if let Some(guess) = text_guess(text, dialects()).filter(|(_, confidence, _)| *confidence > UNPROVED) {
             return vec![guess, ("raw".into(), 0.1, String::from("any bytes can be raw"))];
         }
     }
@@ -92,7 +93,7 @@ pub fn detect(sample: &[u8], name: &str, dialects: &Dialects) -> Vec<FormatGuess
     if is_modbus_ascii(sample) {
         guesses.push(("raw".into(), 0.95, String::from("colon and hex digits: Modbus ASCII as it was on the line")));
     }
-    guesses.extend(text_guess(sample, dialects));
+    guesses.extend(text_guess(sample, dialects()));
     guesses.push(("raw".into(), 0.1, String::from("any bytes can be raw")));
     guesses
 }

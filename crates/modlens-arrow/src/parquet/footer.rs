@@ -1,0 +1,114 @@
+//! The footer of a file. What it says of a row group is encoded as soon as that is complete: as the library holds it, it takes ten times
+//! the memory, and a long recording has a thousand of them.
+//!
+//! The footer is a struct of Thrift's compact protocol, in which the number of all rows is followed by the list of row groups
+//! (parquet-format, `FileMetaData`). The library encodes it with a single row group, of which the bytes are taken.
+
+use parquet::errors::{ParquetError, Result};
+use parquet::file::metadata::{FileMetaData, ParquetMetaDataBuilder, ParquetMetaDataWriter, RowGroupMetaData};
+
+/// The header of a list field behind the field before it.
+const LIST_FIELD: u8 = 0x19;
+
+/// The header of a list of structs, without the number of its items in the upper half; 15 there says that the number follows.
+const OF_STRUCTS: u8 = 0x0C;
+
+/// The length of the footer and the magic number, which the library writes behind it.
+const TAIL_BYTES: usize = 8;
+
+/// What a file ends with.
+pub(super) struct Footer {
+    file: FileMetaData,
+    /// What stands in front of the number of rows, and behind the list of row groups.
+    around: [Vec<u8>; 2],
+    /// The encoded row groups.
+    row_groups: Vec<u8>,
+    count: u64,
+    rows: u64,
+}
+
+impl Footer {
+    /// Of a file without row groups so far.
+    pub(super) fn new(file: FileMetaData) -> Self {
+        Self { file, around: [Vec::new(), Vec::new()], row_groups: Vec::new(), count: 0, rows: 0 }
+    }
+
+    /// How many row groups there are.
+    pub(super) fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// The next row group is complete.
+    pub(super) fn add(&mut self, row_group: RowGroupMetaData) -> Result<()> {
+        let rows = row_group.num_rows() as u64;
+        let [empty, one] = [self.encoded(None)?, self.encoded(Some(row_group))?];
+        let (before, behind) = around_row_groups(&empty, &one)?;
+        // Behind the number of rows, which has seven bits a byte.
+        let number = one[before.len()..].iter().position(|byte| byte & 0x80 == 0).ok_or_else(unknown)? + 1;
+        let list = &one[before.len() + number..one.len() - behind.len()];
+        let [LIST_FIELD, 0x1C, row_group @ ..] = list else { return Err(unknown()) };
+        self.row_groups.extend_from_slice(row_group);
+        self.around = [before.to_vec(), behind.to_vec()];
+        self.count += 1;
+        self.rows += rows;
+        Ok(())
+    }
+
+    /// The end of the file.
+    pub(super) fn finish(&self, out: &mut Vec<u8>) -> Result<()> {
+        let start = out.len();
+        let [before, behind] = &self.around;
+        if self.count == 0 {
+            out.extend_from_slice(&self.encoded(None)?);
+        } else {
+            out.extend_from_slice(before);
+            // Signed numbers are doubled.
+            push_number(2 * self.rows, out);
+            out.push(LIST_FIELD);
+            if self.count < 15 {
+                out.push((self.count as u8) << 4 | OF_STRUCTS);
+            } else {
+                out.push(0xF0 | OF_STRUCTS);
+                push_number(self.count, out);
+            }
+            out.extend_from_slice(&self.row_groups);
+            out.extend_from_slice(behind);
+        }
+        let length = (out.len() - start) as u32;
+        out.extend_from_slice(&length.to_le_bytes());
+        out.extend_from_slice(b"PAR1");
+        Ok(())
+    }
+
+    /// The footer with this row group alone, or none, as the library encodes it.
+    fn encoded(&self, row_group: Option<RowGroupMetaData>) -> Result<Vec<u8>> {
+        let row_groups = row_group.into_iter().collect();
+        let metadata = ParquetMetaDataBuilder::new(self.file.clone()).set_row_groups(row_groups).build();
+        let mut bytes = Vec::new();
+        ParquetMetaDataWriter::new(&mut bytes, &metadata).finish()?;
+        bytes.truncate(bytes.len() - TAIL_BYTES);
+        Ok(bytes)
+    }
+}
+
+/// What stands in front of the number of rows and behind the list of row groups, of a footer without any and one that has some.
+fn around_row_groups<'a>(empty: &'a [u8], other: &[u8]) -> Result<(&'a [u8], &'a [u8])> {
+    let number = empty.iter().zip(other).position(|(one, other)| one != other).ok_or_else(unknown)?;
+    match empty.split_at(number) {
+        (before, [0, LIST_FIELD, OF_STRUCTS, behind @ ..]) if other.ends_with(behind) => Ok((before, behind)),
+        _ => Err(unknown()),
+    }
+}
+
+fn unknown() -> ParquetError {
+    ParquetError::General(String::from("the footer is encoded in an unknown way"))
+}
+
+/// Appends a number, seven bits a byte, the lowest first.
+fn push_number(mut number: u64, out: &mut Vec<u8>) {
+    while number >= 0x80 {
+        out.push(number as u8 | 0x80);
+        number >>= 7;
+    }
+    out.push(number as u8);
+}
