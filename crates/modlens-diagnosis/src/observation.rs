@@ -312,15 +312,7 @@ pub(crate) fn data(block: &[u8], bits: bool) -> Data {
         [false, false] => (false, false),
         [true, _] | [_, true] => (is_all(0xFF), is_all(0)),
     };
-    Data {
-        is_present: true,
-        head,
-        touches,
-        all_ones,
-        all_zeros,
-        opening,
-        length: block.len() as u16,
-    }
+    Data { is_present: true, head, touches, all_ones, all_zeros, opening, length: block.len() as u16 }
 }
 
 /// One frame, or one run of noise.

@@ -40,9 +40,7 @@ fn reads((unit, fate, address, pause): Exchange) -> Vec<(Vec<u8>, i64)> {
     let (request, answer) = match fate {
         Fate::Says(data) => (request, framed(&[&[unit, 3, 4], &data[..]].concat())),
         Fate::Writes(value) => (framed(&[unit, 6, 0, address, 0, value]), framed(&[unit, 6, 0, address, 0, value])),
-        Fate::WritesMany(value) => {
-            (framed(&[unit, 16, 0, address, 0, 1, 2, 0, value]), framed(&[unit, 16, 0, address, 0, 1]))
-        }
+        Fate::WritesMany(value) => (framed(&[unit, 16, 0, address, 0, 1, 2, 0, value]), framed(&[unit, 16, 0, address, 0, 1])),
         Fate::Bits(value) => (framed(&[unit, 1, 0, address, 0, 8]), framed(&[unit, 1, 1, value])),
         _ => (request, framed(&[unit, 3, 4, address, 1, 2, 3])),
     };
