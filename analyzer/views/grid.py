@@ -7,8 +7,7 @@ pushes the rest of its line to the right; a text is cut off.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import _modlens
 from analyzer.views.screen import Part, fit, width_of
@@ -19,8 +18,7 @@ WIDE_COLUMNS = 120
 """From this terminal width on, columns are two spaces apart and longer names are used."""
 
 
-@dataclass(frozen=True, slots=True)
-class RegisterValues:
+class RegisterValues(NamedTuple):
     """The register values of a transaction, shown as far as they fit: `555 0 100 … +12`."""
 
     row: _modlens.Row
@@ -34,8 +32,7 @@ class RegisterValues:
 Cell = str | RegisterValues
 
 
-@dataclass(frozen=True, slots=True)
-class ColumnLayout:
+class ColumnLayout(NamedTuple):
     """Title, widths and alignment of a column, and its share of the width that is left.
 
     Without `max_width` and `free_share` (both 0), or with `is_whole`, nothing in the column is cut
@@ -60,8 +57,7 @@ class ColumnLayout:
         return max(min_width, min(widest, self.max_width) if self.max_width else widest)
 
 
-@dataclass(frozen=True, slots=True)
-class GridColumn:
+class GridColumn(NamedTuple):
     """A column of a grid: its layout, and the text and style (in `STYLES`) of a row's cell."""
 
     head: ColumnLayout

@@ -102,7 +102,9 @@ impl Contrast {
                 Part::Rows(rows) => {
                     for rows in rows.chunk_by(|row, next| row.bus == next.bus) {
                         let bus = self.bus(batch, rows[0].bus);
-                        rows.iter().for_each(|row| bus.row(&exchanges, row));
+                        for row in rows {
+                            bus.row(&exchanges, row);
+                        }
                     }
                 }
             }

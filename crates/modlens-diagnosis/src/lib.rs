@@ -19,9 +19,10 @@
 //! keeps its first rows and counts them when it is known what came before.
 //!
 //! **What went well is counted in bulk.** Nearly all exchanges of most recordings are plain, good and without a finding
-//! (`clean`); of such a one hardly more is noted than that it was. Where its values, or what came before it, may
-//! matter, and behind every failure, the pending ones are counted first, and the order is as if each had been counted by
-//! itself. Where nobody wants rows, the engine emits compact exchanges (`Batch::exchanges`).
+//! (`clean`); of such a one hardly more is noted than that it was, by its request, and that stays pending until somebody asks.
+//! Where its values, or what came before it, may matter, and behind every failure, it is counted by itself, with what is pending
+//! of its unit and its request counted first, and the order is as if each had been counted so (`contrast/one_by_one.rs`
+//! compares). Where nobody wants rows, the engine emits compact exchanges (`Batch::exchanges`).
 //!
 //! **Silence where there is not enough.** A claim comes with the chance that its contrast is an accident, corrected for the
 //! number of contrasts that were looked at (`statistics`); above [`MAX_CHANCE`] nothing is said.

@@ -53,6 +53,40 @@ fn observed(batches: &[Batch]) -> Overview {
     overview
 }
 
+/// The courses of exchanges, each with one of 90 units, in 20 blocks without times: compact, or as rows.
+fn courses(exchanges: usize, compact: bool) -> Overview {
+    let mut session = Session::default();
+    if compact {
+        session.emit_compact();
+    }
+    let bus = session.add_bus(BusOptions::named("line"));
+    let mut overview = Overview::of_courses();
+    let bytes: Vec<Vec<u8>> = (0..exchanges)
+        .map(|number| {
+            let unit = 1 + (number * number % 90) as u8;
+            let function = 3 + (number / 7 % 2) as u8;
+            let answer = if number % 50 == 49 { vec![unit, function | 0x80, 2] } else { vec![unit, function, 4, 1, 2, 3, 4] };
+            [framed(&[unit, function, 0, 107, 0, 2]), framed(&answer)].concat()
+        })
+        .collect();
+    for block in bytes.chunks(exchanges.div_ceil(20)) {
+        session.feed(bus, &Chunk { bytes: &block.concat(), ..Chunk::default() });
+        let batch = session.take();
+        assert_eq!(compact, batch.exchanges.len() > batch.transactions.len());
+        overview.observe(&batch);
+    }
+    session.flush();
+    overview.observe(&session.take());
+    overview
+}
+
+#[test]
+fn compact_exchanges_have_the_courses_of_rows() {
+    for exchanges in [300, 5000] {
+        assert!(courses(exchanges, true) == courses(exchanges, false), "{exchanges}");
+    }
+}
+
 fn sum(column: &Json) -> f64 {
     column.as_array().unwrap().iter().filter_map(Json::as_f64).sum()
 }

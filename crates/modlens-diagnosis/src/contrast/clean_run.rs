@@ -80,32 +80,30 @@ impl BusContrast {
     // What an exchange shows is large; by value, and inlined, no more of it is made than is asked for.
     #[allow(clippy::inline_always)]
     fn take_clean(&mut self, exchanges: &Exchanges<'_>, seen: Clean, request: u64, before: u64) -> bool {
-        let is_read = seen.data.length > 0;
-        let found = self.known.find(request).or_else(|| self.meet(seen.key, is_read));
-        let transaction = self.context.recent.next_number();
-        if let Some(index) = found.filter(|_| is_read) {
-            let known = self.known.at(index);
-            let is_recent = transaction <= known.recent_until;
-            if is_recent && self.context.may_be_odd(seen.key, seen.data, known.head, before) {
-                return false;
-            }
-        }
         if !self.clean_units.is_open(seen.key.unit) && !self.open_unit(seen.key.unit) {
             return false;
+        }
+        let found = self.known.find(request).or_else(|| self.meet(seen.key, seen.data.length > 0));
+        match found {
+            Some(index) => {
+                let known = self.known.at(index);
+                let is_compared = seen.data.length > 0 && self.context.recent.next_number() <= known.recent_until;
+                if is_compared && self.context.may_be_odd(seen.key, seen.data, known.head, before) {
+                    return false;
+                }
+                self.note_request(index, seen, request, before);
+                if seen.writes || seen.data.is_plain() {
+                    self.note_contents(exchanges, index, seen);
+                }
+            }
+            None => self.count_one(seen.key, before),
         }
         let unit = self.clean_units.of(seen.key.unit);
         unit.good += 1;
         unit.behind_writes += u64::from(self.context.is_behind_write());
-        match found {
-            Some(index) => self.note_request(index, seen, request, before),
-            None => self.count_one(seen.key, before),
-        }
         self.context.recent.push(Answer::new(request, seen.data));
         if seen.writes {
             self.context.note_write();
-        }
-        if let Some(index) = found.filter(|_| seen.writes || seen.data.is_plain()) {
-            self.note_contents(exchanges, index, seen);
         }
         if seen.starts[0].is_some() || seen.starts[1].is_some() || seen.gap.is_some() || seen.response_time.is_some() {
             self.note_times(found, seen, RequestKey::of_number(before).unit);

@@ -27,7 +27,9 @@ fn one_by_one(batches: &[Batch]) -> Contrast {
 
 fn in_bulk(batches: &[Batch]) -> Contrast {
     let mut contrast = Contrast::default();
-    batches.iter().for_each(|batch| contrast.observe(batch));
+    for batch in batches {
+        contrast.observe(batch);
+    }
     contrast
 }
 

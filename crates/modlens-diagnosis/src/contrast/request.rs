@@ -60,10 +60,6 @@ pub struct RequestCounts {
     pub bad: Tally,
     /// It writes.
     pub writes: bool,
-    /// Writes, retries left out.
-    pub written: Tally,
-    /// How often what is written differs from the write before.
-    pub changes: u64,
     /// From one to the next.
     pub period: Durations,
     /// Answers of all FFFF, alone between others.
@@ -84,6 +80,10 @@ pub struct RequestCounts {
     pub steps_back: u64,
     first_start: Option<Ns>,
     last_start: Option<Ns>,
+    /// Writes, retries left out. This and what follows changes with each write, and lies together in memory.
+    pub written: Tally,
+    /// How often what is written differs from the write before.
+    pub changes: u64,
     first_written: u64,
     last_written: u64,
 }

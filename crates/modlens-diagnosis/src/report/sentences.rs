@@ -58,8 +58,10 @@ fn filled(text: &str, contrast: &BusContrast, claim: &Claim) -> String {
         rest = behind;
     }
     out.push_str(rest);
-    let mut letters = out.chars();
-    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
+    if let Some(first) = out.chars().next() {
+        out.replace_range(..first.len_utf8(), &first.to_uppercase().to_string());
+    }
+    out
 }
 
 fn place(name: &str, contrast: &BusContrast, claim: &Claim) -> String {
