@@ -268,8 +268,8 @@ class FileRun:
         core = self._core
         capture = self._settings.add_capture(core, recording.name)
         first = True
-        # Of a capture a fourth is Modbus, so that blocks are larger: many gave no row, and each takes
-        # a turn of all that is done with rows.
+        # Of a capture a fourth is Modbus, so that blocks are larger: many gave no row, and each of
+        # them is a turn of all that is done with rows.
         blocks = recording.blocks(_BLOCKS_AT_ONCE)
         for block in blocks:
             core.feed_capture(capture, block)

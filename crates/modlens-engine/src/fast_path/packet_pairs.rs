@@ -29,8 +29,9 @@ use modlens_readers::chunk::Side;
 use modlens_readers::pcap::{PacketInTurn, StreamChunk};
 
 impl Session {
-    /// Takes a packet of a connection if it is a request to be kept in hand, or the response to the one in hand. `false`, with
-    /// nothing changed, if it is neither: then it has to be fed, behind the request in hand (`end_packet_run`).
+    /// Takes a packet of a connection if it is a request to be kept in hand, or the response to the one in hand. `false` if it is
+    /// neither: then it has to be fed, behind the request in hand (`end_packet_run`). What a request finds without a response is
+    /// decided before it.
     #[inline]
     pub(crate) fn take_packet(&mut self, bus: usize, from_client: bool, packet: &StreamChunk<'_>) -> bool {
         let Some(time) = packet.time.filter(|_| packet.missing == 0) else { return false };
