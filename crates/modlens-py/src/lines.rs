@@ -85,9 +85,12 @@ impl LineEncoder {
     /// The lines of a table. `header` puts the names of the columns in front, if the format is CSV.
     pub(crate) fn pieces_of(&self, table: &Core, header: bool) -> Pieces {
         let free = self.free.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        let writer = free.unwrap_or_else(|| match self.is_csv {
-            true => Writer::Csv(Box::new(LineWriter::new(self.kind, &self.columns))),
-            false => Writer::Jsonl(Box::new(LineWriter::new(self.kind, &self.columns))),
+        let writer = free.unwrap_or_else(|| {
+            if self.is_csv {
+                Writer::Csv(Box::new(LineWriter::new(self.kind, &self.columns)))
+            } else {
+                Writer::Jsonl(Box::new(LineWriter::new(self.kind, &self.columns)))
+            }
         });
         let header = if header { self.header.clone() } else { Vec::new() };
         Pieces { table: table.clone(), writer: Some(writer), free: Arc::clone(&self.free), header, next: 0 }

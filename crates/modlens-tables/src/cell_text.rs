@@ -15,7 +15,7 @@ pub fn push_items<const SEPARATOR: u8>(items: &Items<'_>, out: &mut Vec<u8>) {
         Items::Words(bytes) => push_words::<SEPARATOR>(bytes, out),
         Items::Bits(bytes, _) => {
             for &byte in &bytes[..count.div_ceil(8)] {
-                out.extend_from_slice(const { &bit_texts(SEPARATOR) }[usize::from(byte)].as_flattened());
+                out.extend_from_slice(&const { &bit_texts(SEPARATOR) }[usize::from(byte)]);
             }
             out.truncate(start + 2 * count);
         }
@@ -36,11 +36,11 @@ pub fn push_items<const SEPARATOR: u8>(items: &Items<'_>, out: &mut Vec<u8>) {
 }
 
 /// The bits of each byte as digits, the lowest bit first, each with the separator behind it.
-const fn bit_texts(separator: u8) -> [[[u8; 2]; 8]; 256] {
-    let mut texts = [[[b'0', separator]; 8]; 256];
+pub const fn bit_texts(separator: u8) -> [[u8; 16]; 256] {
+    let mut texts = [[separator; 16]; 256];
     let mut at = 0;
     while at < 8 * 256 {
-        texts[at / 8][at % 8][0] += (at / 8) as u8 >> (at % 8) & 1;
+        texts[at / 8][2 * (at % 8)] = b'0' + ((at / 8) as u8 >> (at % 8) & 1);
         at += 1;
     }
     texts

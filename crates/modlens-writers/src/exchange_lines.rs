@@ -94,7 +94,7 @@ impl Memory {
                 None => line,
             },
             ExchangeValue::Duration(duration) => match exchange.duration(duration) {
-                Some(ns) => line.duration(ns),
+                Some(ns) => line.duration(ns, self.numbers),
                 None => line,
             },
             ExchangeValue::Unconfirmed => line.truth(exchange.is_unconfirmed()),
@@ -163,7 +163,7 @@ impl<F: LineFormat> ExchangeLines<F> {
             text = match value {
                 StepValue::Direct(value) => self.memory.push::<F>(*value, exchange, &numbers, text),
                 StepValue::Duration(duration, before) => match exchange.duration(*duration) {
-                    Some(ns) => text.duration(ns),
+                    Some(ns) => text.duration(ns, self.memory.numbers),
                     None => text.without_last(*before),
                 },
                 StepValue::Cell(at, reader) => text.any_text(cell(*at, reader, exchange, format))?,
@@ -202,7 +202,7 @@ impl<F: LineFormat> ExchangeLines<F> {
                 reader.pass_exchanges(slice::from_ref(exchange), format);
             } else {
                 begins_with_value |= values.is_empty() && format.out().is_empty();
-                let (value, closing) = self.value(at, reader, &table.kind.columns()[column].key, exchange, format);
+                let (value, closing) = step_value(at, reader, &table.kind.columns()[column].key, exchange, format);
                 texts.push(take(format.out()));
                 format.out().extend(closing);
                 values.push(value);
@@ -222,32 +222,31 @@ impl<F: LineFormat> ExchangeLines<F> {
         let steps = values.into_iter().zip(texts).map(|(value, behind)| Step { value, behind }).collect();
         ExchangeLine { head, steps, has_room }
     }
+}
 
-    /// Appends what stands before a value to the output of the format; gives how it is written, and what stands behind it.
-    fn value(
-        &self,
-        at: usize,
-        reader: ColumnReader<F>,
-        key: &str,
-        exchange: &ExchangeRef<'_>,
-        format: &mut F,
-    ) -> (StepValue<F>, Vec<u8>) {
-        let Some(value) = exchange.value_of(key) else { return (StepValue::Cell(at, reader), Vec::new()) };
-        if value == ExchangeValue::Source {
-            let before = take(format.out());
-            let [opening, closing] = around_number(cell(at, &reader, exchange, format), exchange);
-            *format.out() = [before, opening].concat();
-            return (StepValue::Direct(value), closing);
-        }
-        let [opening, closing] = around_value::<F>(value);
-        let before = format.out().len();
-        format.push_key(at);
-        let key_bytes = format.out().len() - before;
-        format.out().extend(opening);
-        match value {
-            ExchangeValue::Duration(duration) => (StepValue::Duration(duration, key_bytes), closing),
-            value => (StepValue::Direct(value), closing),
-        }
+/// Appends what stands before a value to the output of the format; gives how it is written, and what stands behind it.
+fn step_value<F: LineFormat>(
+    at: usize,
+    reader: ColumnReader<F>,
+    key: &str,
+    exchange: &ExchangeRef<'_>,
+    format: &mut F,
+) -> (StepValue<F>, Vec<u8>) {
+    let Some(value) = exchange.value_of(key) else { return (StepValue::Cell(at, reader), Vec::new()) };
+    if value == ExchangeValue::Source {
+        let before = take(format.out());
+        let [opening, closing] = around_number(cell(at, &reader, exchange, format), exchange);
+        *format.out() = [before, opening].concat();
+        return (StepValue::Direct(value), closing);
+    }
+    let [opening, closing] = around_value::<F>(value);
+    let before = format.out().len();
+    format.push_key(at);
+    let key_bytes = format.out().len() - before;
+    format.out().extend(opening);
+    match value {
+        ExchangeValue::Duration(duration) => (StepValue::Duration(duration, key_bytes), closing),
+        value => (StepValue::Direct(value), closing),
     }
 }
 

@@ -5,6 +5,7 @@ use modlens_protocol::decimal::{decimal_texts, texts_with_comma};
 use modlens_protocol::hex::digits_of;
 use modlens_protocol::timestamp::{TimeFormatter, SECOND_BYTES};
 use modlens_protocol::Ns;
+use modlens_tables::cell_text::bit_texts;
 
 /// A block ends with the row that makes it longer than this. Blocks of this size stay in the processor's cache until they
 /// are written. A file takes smaller ones more slowly, a third in blocks of half the size.
@@ -30,20 +31,6 @@ pub(crate) const TIME_BYTES: usize = 30;
 
 /// The most bytes of a duration: a sign, a number, and three decimals.
 pub(crate) const DURATION_BYTES: usize = NUMBER_BYTES + 5;
-
-/// The digits of each bit of a byte, the lowest first, with a separator behind each, by separator.
-const BITS_WITH_BLANKS: [[u8; 16]; 256] = bit_texts(b' ');
-const BITS_WITH_COMMAS: [[u8; 16]; 256] = bit_texts(b',');
-
-const fn bit_texts(separator: u8) -> [[u8; 16]; 256] {
-    let mut texts = [[separator; 16]; 256];
-    let mut at = 0;
-    while at < 8 * 256 {
-        texts[at / 8][2 * (at % 8)] = b'0' + (at / 8 >> (at % 8) & 1) as u8;
-        at += 1;
-    }
-    texts
-}
 
 /// The texts of all numbers of 16 bits (`decimal_texts`).
 pub(crate) type NumberTexts = [[u8; 8]; 1 << 16];
@@ -71,8 +58,8 @@ impl Separator {
     #[inline]
     fn bit_texts(self) -> &'static [[u8; 16]; 256] {
         match self {
-            Self::Blank => &BITS_WITH_BLANKS,
-            Self::Comma => &BITS_WITH_COMMAS,
+            Self::Blank => const { &bit_texts(b' ') },
+            Self::Comma => const { &bit_texts(b',') },
         }
     }
 }
@@ -262,10 +249,14 @@ impl Line<'_> {
 
     /// Appends a duration in microseconds with as many decimals as it has.
     #[inline]
-    pub(crate) fn duration(self, ns: Ns) -> Self {
+    pub(crate) fn duration(self, ns: Ns, texts: &NumberTexts) -> Self {
         let (sign, ns) = (usize::from(ns < 0), ns.unsigned_abs());
         let micros = ns / 1000;
-        let line = self.put(b"-", sign).other_number(micros);
+        let line = self.put(b"-", sign);
+        let line = match texts.get(micros as usize) {
+            Some(entry) => line.put(entry, usize::from(entry[7])),
+            None => line.other_number(micros),
+        };
         if micros * 1000 == ns {
             line
         } else {
@@ -387,11 +378,11 @@ mod tests {
     #[test]
     fn a_text_may_be_longer_than_a_block() {
         let mut block = TextBlock::default();
-        block.append(&[b'a'; BLOCK_BYTES - 1]);
+        block.append(&vec![b'a'; BLOCK_BYTES - 1]);
         let line = block.line().expect("it is not full").text(&FixedText::new(b"bc"));
-        assert!(line.any_text(&[b'd'; ROOM]).is_none());
+        assert!(line.any_text(&vec![b'd'; ROOM]).is_none());
         assert_eq!(block.text().len(), BLOCK_BYTES - 1);
-        block.append(&[b'b'; 3 * ROOM]);
+        block.append(&vec![b'b'; 3 * ROOM]);
         assert!(block.is_full() && block.line().is_none());
         assert_eq!((block.text().len(), block.text().ends_with(b"b")), (BLOCK_BYTES - 1 + 3 * ROOM, true));
         block.clear();
@@ -413,7 +404,7 @@ mod tests {
             }
             let ns = ns >> shift;
             for duration in [ns, ns / 1000 * 1000] {
-                let [written, pushed] = both(|line| line.duration(duration), |out| push_us(duration, out));
+                let [written, pushed] = both(|line| line.duration(duration, decimal_texts()), |out| push_us(duration, out));
                 prop_assert_eq!(written, pushed);
             }
             let mut formatter = TimeFormatter::default();

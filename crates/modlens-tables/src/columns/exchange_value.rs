@@ -116,9 +116,9 @@ impl ExchangeValue {
 
     /// The registers or bits of a body. Of bits, exchanges hold how many there are where they are either read or written.
     fn block(half: Half, (at, bits): (usize, bool), row: &FunctionRow) -> Option<Self> {
-        match bits {
-            false => Some(Self::Registers(half, at)),
-            true => (row.operation != Operation::ReadWrite && row.offsets.quantity.is_some()).then_some(Self::Bits(half, at)),
+        if !bits {
+            return Some(Self::Registers(half, at));
         }
+        (row.operation != Operation::ReadWrite && row.offsets.quantity.is_some()).then_some(Self::Bits(half, at))
     }
 }
