@@ -4,10 +4,7 @@
 use crate::points::fast_decoder::NumberForm;
 use crate::points::{LayoutEntry, PlanInstance};
 
-/// Room for the registers of a block: a PDU has 253 bytes.
-const MOST_REGISTERS: usize = 128;
-
-/// Room for them group by group.
+/// Room for the registers of a block, of which a PDU has no more than 126: some of them twice, and every place that a byte can say.
 const MOST_PLACES: usize = 256;
 
 /// Each group has a multiple of this many registers, some of them twice: that many numbers are decoded side by side, and those that
@@ -21,14 +18,14 @@ const FEW: usize = 8;
 #[derive(Debug)]
 pub struct RegisterBuffer {
     /// In the order of their addresses.
-    by_address: [u16; MOST_REGISTERS],
+    by_address: [u16; MOST_PLACES],
     /// Group by group.
     by_group: [u16; MOST_PLACES],
 }
 
 impl Default for RegisterBuffer {
     fn default() -> Self {
-        Self { by_address: [0; MOST_REGISTERS], by_group: [0; MOST_PLACES] }
+        Self { by_address: [0; MOST_PLACES], by_group: [0; MOST_PLACES] }
     }
 }
 
@@ -60,7 +57,7 @@ impl NumberGroups {
         let are_many = entries.len() >= FEW;
         for entry in entries {
             let form = instance.plan.decoders[usize::from(entry.decoder)].form().filter(|_| are_many);
-            let place = u8::try_from(entry.address.wrapping_sub(first)).ok().filter(|&at| usize::from(at) + 1 < MOST_REGISTERS);
+            let place = u8::try_from(entry.address.wrapping_sub(first)).ok().filter(|&at| at < u8::MAX);
             let Some((form, place)) = form.zip(place) else {
                 others.push(*entry);
                 continue;
@@ -98,10 +95,7 @@ impl NumberGroups {
             return self.any_other(instance, bytes, is_wanted);
         }
         by_address.iter_mut().zip(bytes.as_chunks().0).for_each(|(register, pair)| *register = u16::from_be_bytes(*pair));
-        by_group
-            .iter_mut()
-            .zip(&self.places)
-            .for_each(|(register, &at)| *register = by_address[usize::from(at) % MOST_REGISTERS]);
+        by_group.iter_mut().zip(&self.places).for_each(|(register, &at)| *register = by_address[usize::from(at)]);
         let (mut start, mut found) = (0, false);
         for Group { form, end } in &self.groups {
             found |= form.any(&by_group[start..*end], &is_wanted);

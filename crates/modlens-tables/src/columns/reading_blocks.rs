@@ -254,7 +254,7 @@ impl<'a> Listing<'a> {
         let mut of_rows = BlockPlans::default();
         let mut of_rows = KnownBlocks { list: of_rows.begin_list(), blocks: &mut of_rows };
         // The plans of the last run, and the number of the list that refers to its blocks.
-        let mut last: Option<(&Arc<UnitPlans>, u64)> = None;
+        let mut previous: Option<(&Arc<UnitPlans>, u64)> = None;
         for part in self.batch.transaction_parts() {
             match part {
                 Part::Rows(rows) => rows.iter().for_each(|row| self.add(TransactionView::new(self.batch, row), &mut of_rows)),
@@ -264,11 +264,11 @@ impl<'a> Listing<'a> {
                         continue;
                     };
                     let blocks = &mut *points.known_blocks();
-                    let list = match last {
-                        Some((plans, list)) if Arc::ptr_eq(plans, points) => list,
+                    let list = match previous {
+                        Some((plans, number)) if Arc::ptr_eq(plans, points) => number,
                         _ => blocks.begin_list(),
                     };
-                    last = Some((points, list));
+                    previous = Some((points, list));
                     self.add_run(run, &mut KnownBlocks { blocks, list });
                 }
             }
