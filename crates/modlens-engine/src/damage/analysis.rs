@@ -99,6 +99,8 @@ impl UnframedRegion<'_, '_> {
         for frame in &expected {
             values.add(&frame.bytes);
         }
+        let new_function_cost = self.model.least_cost_of_new_function();
+        let delivers_flow_control = self.model.delivers_flow_control();
         let mut candidates = Vec::new();
         let searched_again_from = SEARCHED_BYTES.max(self.length.saturating_sub(SEARCHED_BYTES));
         for start in (0..SEARCHED_BYTES.min(self.length)).chain(searched_again_from..self.length) {
@@ -106,8 +108,10 @@ impl UnframedRegion<'_, '_> {
             if !expected.is_empty() && values.admits(bytes) {
                 self.add_expected(&expected, start, &mut candidates);
             }
-            self.add_familiar(start, &mut candidates);
-            self.add_frames_lacking_flow_control_byte(start, &mut candidates);
+            self.add_familiar(start, new_function_cost, &mut candidates);
+            if !delivers_flow_control {
+                self.add_frames_lacking_flow_control_byte(start, &mut candidates);
+            }
         }
         candidates
     }
