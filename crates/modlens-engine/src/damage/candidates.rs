@@ -16,7 +16,7 @@ use modlens_protocol::framing::MAX_RTU_FRAME_BYTES;
 use modlens_protocol::functions::{Extent, FunctionRow, EXCEPTION_BIT};
 
 /// A damaged frame that a region may hold. Indices count from the first byte of the region.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub(crate) struct Candidate {
     /// Index of its first byte.
     pub(crate) start: usize,
@@ -68,11 +68,8 @@ impl UnframedRegion<'_, '_> {
         let mut likely = if polls.is_empty() { 0 } else { polls.possible_frames(bytes) };
         if likely != 0 {
             let more = MIN_DAMAGED_FRAME_BITS + self.start_cost(start) + POLL_REQUEST_BITS;
-            let of_these = if self.input.has_times {
-                FrameSet::MAX
-            } else {
-                polls.with_length_in(self.lengths_that_end_well(start))
-            };
+            let of_these =
+                if self.input.has_times { FrameSet::MAX } else { polls.with_length_in(self.lengths_that_end_well(start)) };
             let need = Need { less: more - FRAME_END_BITS, of_these, more };
             likely = polls.likely(likely, bytes, |byte| self.model.bits(byte), need, &DAMAGE_COSTS);
         }
@@ -94,7 +91,12 @@ impl UnframedRegion<'_, '_> {
         let may_end_well =
             expected.length.is_some_and(|length| self.input.has_times || self.lengths_that_end_well(start).contains(&length));
         let end_bonus = if may_end_well { FRAME_END_BITS } else { 0.0 };
-        let need = min_score + start_cost - end_bonus - ROUNDING_BITS;
+        self.candidate_worth(expected, start, min_score + start_cost - end_bonus - ROUNDING_BITS)
+    }
+
+    /// The same, but for what has less than `need` bits by its alignment alone.
+    pub(crate) fn candidate_worth(&self, expected: &ExpectedFrame<'_>, start: usize, need: f32) -> Option<Candidate> {
+        let (start_cost, min_score) = (self.start_cost(start), min_score(expected.direction, 0.0));
         let alignment = align(self.model, expected, &self.bytes()[start..], need)?;
         let end = alignment.length.map(|length| start + length);
         let score = alignment.score - start_cost + self.end_bonus(end);

@@ -151,7 +151,14 @@ impl PollCycle {
     }
 
     /// Those of `possible` that may reach what they need once `costs` are paid; `bits` is the information content of a byte.
-    pub fn likely(&self, possible: FrameSet, bytes: &[u8], bits: impl Fn(u8) -> f32, need: Need, costs: &DamageCosts) -> FrameSet {
+    pub fn likely(
+        &self,
+        possible: FrameSet,
+        bytes: &[u8],
+        bits: impl Fn(u8) -> f32,
+        need: Need,
+        costs: &DamageCosts,
+    ) -> FrameSet {
         self.prefilter.likely(possible, bytes, bits, need, costs)
     }
 

@@ -40,8 +40,8 @@ impl Search {
             #[cfg(test)]
             assert_eq!(placements, self.best_of_all_placements(input, context, &substring, direction, own_score, floor));
             for placement in placements.into_iter().flatten() {
-                let next_damaged_end_at = *next_damaged_end_at
-                    .get_or_insert_with(|| first_damaged_end(input, context, self.scanned_to));
+                let next_damaged_end_at =
+                    *next_damaged_end_at.get_or_insert_with(|| first_damaged_end(input, context, self.scanned_to));
                 self.add_valid_hypothesis(&substring, direction, placement, next_damaged_end_at);
             }
         }
