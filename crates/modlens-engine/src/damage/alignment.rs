@@ -400,9 +400,35 @@ mod tests {
             let mut sift = RequestPrefilter::default();
             sift.add(5, &frame);
             let need = alignment.score + POLL_REQUEST_BITS;
-            let need = Need { less: need, of_these: 1 << 5, more: f32::MAX };
+            let bits_needed = need;
+            let need = Need { less: bits_needed, of_these: 1 << 5, more: f32::MAX };
             let kept = sift.likely(1 << 5, &bytes, |byte| model.bits(byte), need, &DAMAGE_COSTS);
             prop_assert_eq!(kept, 1 << 5, "{:02x?} in {:02x?}: {:?}", frame, bytes, alignment);
+            let other = Need { less: bits_needed - 4.0, of_these: 1 << 3, more: bits_needed };
+            let kept = sift.likely(1 << 5, &bytes, |byte| model.bits(byte), other, &DAMAGE_COSTS);
+            prop_assert_eq!(kept, 1 << 5, "as one of the others");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_not_enough_is_left_out_and_all_else_is_the_same(
+            body in proptest::collection::vec(prop_oneof![4 => 0u8..5, 1 => any::<u8>()], 3..20),
+            how in 0u8..5,
+            at in any::<usize>(),
+            bits in any::<u8>(),
+            behind in proptest::collection::vec(0u8..5, 0..6),
+            known in 2usize..24,
+            need in -5.0f32..60.0,
+        ) {
+            let frame = [&body[..], &crc16(&body).to_le_bytes()].concat();
+            let bytes = [damaged(&frame, how, at, bits), behind].concat();
+            let model = TrafficModel::default();
+            let request = poll_request(&frame[..known.min(frame.len())]);
+            let expected = ExpectedFrame { length: Some(frame.len()), ..request };
+            // The oracle: everything is tried, whatever it is worth.
+            let best = align(&model, &expected, &bytes, -1000.0).filter(|best| best.score >= need);
+            prop_assert_eq!(format!("{:?}", align(&model, &expected, &bytes, need)), format!("{best:?}"));
         }
     }
 

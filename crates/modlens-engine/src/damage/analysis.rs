@@ -15,8 +15,14 @@ impl UnframedRegion<'_, '_> {
     /// behind it what `explain_bytes_behind` makes of the rest, and the bursts where a frame is due (`add_due_bursts`).
     pub fn damaged_frames(&self) -> Vec<DamagedFrame> {
         if self.is_mere_glitch() {
-            return Vec::new();
+            Vec::new()
+        } else {
+            self.damaged_frames_of_any()
         }
+    }
+
+    /// The same, whatever the region is.
+    pub(super) fn damaged_frames_of_any(&self) -> Vec<DamagedFrame> {
         let mut frames = self.chain_of_candidates();
         // On a noisy line, only what is due tells which of the bytes in front are a frame.
         if self.has_few_strays() {
@@ -32,7 +38,7 @@ impl UnframedRegion<'_, '_> {
 
     /// Whether the region is what a line driver has left on a line where stray bytes are usual. Nothing else is found in so few
     /// bytes there, unless the recording begins with them or the line is one of two.
-    fn is_mere_glitch(&self) -> bool {
+    pub(super) fn is_mere_glitch(&self) -> bool {
         let is_in_between = self.input.offset() > 0 && self.context.line_direction.is_none();
         is_in_between && !self.has_few_strays() && is_glitch(self.bytes())
     }
@@ -92,13 +98,15 @@ impl UnframedRegion<'_, '_> {
     }
 
     /// All candidates of the region, ordered by the index of their first byte.
-    fn all_candidates(&self) -> Vec<Candidate> {
+    pub(super) fn all_candidates(&self) -> Vec<Candidate> {
         let expected = expected_frames(self);
         // Which values the first two bytes of any expected frame can have: a cheap test that fails nearly everywhere.
         let mut values = PrefixFilter::default();
         for frame in &expected {
             values.add(&frame.bytes);
         }
+        let new_function_cost = self.model.least_cost_of_new_function();
+        let delivers_flow_control = self.model.delivers_flow_control();
         let mut candidates = Vec::new();
         let searched_again_from = SEARCHED_BYTES.max(self.length.saturating_sub(SEARCHED_BYTES));
         for start in (0..SEARCHED_BYTES.min(self.length)).chain(searched_again_from..self.length) {
@@ -106,8 +114,10 @@ impl UnframedRegion<'_, '_> {
             if !expected.is_empty() && values.admits(bytes) {
                 self.add_expected(&expected, start, &mut candidates);
             }
-            self.add_familiar(start, &mut candidates);
-            self.add_frames_lacking_flow_control_byte(start, &mut candidates);
+            self.add_familiar(start, new_function_cost, &mut candidates);
+            if !delivers_flow_control {
+                self.add_frames_lacking_flow_control_byte(start, &mut candidates);
+            }
         }
         candidates
     }

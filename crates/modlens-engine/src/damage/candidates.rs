@@ -16,7 +16,7 @@ use modlens_protocol::framing::MAX_RTU_FRAME_BYTES;
 use modlens_protocol::functions::{Extent, FunctionRow, EXCEPTION_BIT};
 
 /// A damaged frame that a region may hold. Indices count from the first byte of the region.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub(crate) struct Candidate {
     /// Index of its first byte.
     pub(crate) start: usize,
@@ -60,7 +60,9 @@ impl UnframedRegion<'_, '_> {
 
     /// Adds the requests of the poll cycle that may begin at `start`, and frames with a header that this line has shown. At the
     /// beginning of a recording nothing is known yet, so that any header is tried there.
-    pub(crate) fn add_familiar(&self, start: usize, candidates: &mut Vec<Candidate>) {
+    ///
+    /// `new_function_cost` is what the model says a function costs that was never seen.
+    pub(crate) fn add_familiar(&self, start: usize, new_function_cost: f32, candidates: &mut Vec<Candidate>) {
         let bytes = &self.bytes()[start..];
         let polls = &self.model.poll_cycle;
         let mut likely = if polls.is_empty() { 0 } else { polls.possible_frames(bytes) };
@@ -75,7 +77,7 @@ impl UnframedRegion<'_, '_> {
             candidates.extend(self.aligned_candidate(&poll_request(request), start));
         }
         let may_have_unit = self.context.known_units[usize::from(bytes[0])] || self.input.offset() == 0;
-        if may_have_unit && self.may_have_function(start) {
+        if may_have_unit && self.may_have_function(start, new_function_cost) {
             for direction in [REQUEST, RESPONSE] {
                 candidates.extend(self.unpredicted_candidate(start, direction));
             }
@@ -89,7 +91,12 @@ impl UnframedRegion<'_, '_> {
         let may_end_well =
             expected.length.is_some_and(|length| self.input.has_times || self.lengths_that_end_well(start).contains(&length));
         let end_bonus = if may_end_well { FRAME_END_BITS } else { 0.0 };
-        let need = min_score + start_cost - end_bonus - ROUNDING_BITS;
+        self.candidate_worth(expected, start, min_score + start_cost - end_bonus - ROUNDING_BITS)
+    }
+
+    /// The same, but for what has less than `need` bits by its alignment alone.
+    pub(crate) fn candidate_worth(&self, expected: &ExpectedFrame<'_>, start: usize, need: f32) -> Option<Candidate> {
+        let (start_cost, min_score) = (self.start_cost(start), min_score(expected.direction, 0.0));
         let alignment = align(self.model, expected, &self.bytes()[start..], need)?;
         let end = alignment.length.map(|length| start + length);
         let score = alignment.score - start_cost + self.end_bonus(end);
@@ -134,11 +141,12 @@ impl UnframedRegion<'_, '_> {
 
     /// Whether the function of a frame at `start` that no context predicts is likely enough, whatever else it holds. Nearly all
     /// bytes are function codes that are neither in the table nor were ever seen.
-    fn may_have_function(&self, start: usize) -> bool {
+    fn may_have_function(&self, start: usize, new_function_cost: f32) -> bool {
         let &[unit, code, ref body @ ..] = &self.bytes()[start..] else { return false };
-        let bits = self.model.bits(unit) + self.model.bits(code) - self.start_cost(start) + ROUNDING_BITS;
-        let is_named = || self.context.functions.row(code & !EXCEPTION_BIT, body).is_some();
-        bits > self.model.least_cost_of_new_function() || self.model.has_function(code) || is_named()
+        if self.model.has_function(code) || self.context.functions.row(code & !EXCEPTION_BIT, body).is_some() {
+            return true;
+        }
+        self.model.bits(unit) + self.model.bits(code) - self.start_cost(start) + ROUNDING_BITS > new_function_cost
     }
 
     /// Whether a frame of this direction may have this function code here: not function 0, no exception code in a request,

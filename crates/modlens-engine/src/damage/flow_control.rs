@@ -29,11 +29,8 @@ struct Missing {
 
 impl UnframedRegion<'_, '_> {
     /// Adds the frames that may begin at `start` and lack one flow control byte: with it, their header announces their length,
-    /// and their CRC is valid. Adds nothing where the line delivers flow control bytes.
+    /// and their CRC is valid. Called only where the line does not deliver flow control bytes.
     pub(crate) fn add_frames_lacking_flow_control_byte(&self, start: usize, candidates: &mut Vec<Candidate>) {
-        if self.model.delivers_flow_control() {
-            return;
-        }
         // Index 1 is left out: 13 is no public function, and the request of 11 (Report Server ID) would be three bytes.
         let places = (0..HEADER_BYTES).filter(|&at| at != 1 && self.is_familiar_without(start, at));
         let missing = places.flat_map(|at| FLOW_CONTROL_BYTES.map(|value| Missing { at, value }));

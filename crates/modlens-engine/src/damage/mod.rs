@@ -51,6 +51,8 @@ mod candidates;
 mod chain;
 mod crc_correction;
 mod due_burst;
+#[cfg(test)]
+mod exhaustive;
 mod expected_frame;
 mod flow_control;
 mod fragments;

@@ -204,3 +204,29 @@ impl RequestName {
         (self.0 >> 48) as usize % SLOTS
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_cycle_loses_the_request_that_joined_first() {
+        let mut cycle = PollCycle::default();
+        let request = |number: u8| [1, 3, number, number, 0, 1, number, 7];
+        let mut joined: Vec<[u8; 8]> = Vec::new();
+        for number in 0..200 {
+            let request = request(number);
+            cycle.record(&request);
+            cycle.record(&request);
+            // Two requests may want the same slot: then the second one has to wait.
+            if cycle.get_all(FrameSet::MAX >> (64 - cycle.polled.len())).any(|polled| polled == request) {
+                joined.push(request);
+            }
+            let latest = &joined[joined.len().saturating_sub(MAX_FRAMES)..];
+            assert!(cycle.get_all(FrameSet::MAX >> (64 - cycle.polled.len())).eq(latest.iter().map(|request| &request[..])));
+            let found = cycle.get_all(cycle.possible_frames(&request)).any(|polled| polled == request);
+            assert_eq!(found, joined.last() == Some(&request));
+        }
+        assert!(joined.len() > 2 * MAX_FRAMES);
+    }
+}

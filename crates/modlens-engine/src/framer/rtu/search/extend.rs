@@ -37,6 +37,8 @@ impl Search {
             let contradiction = contradiction_cost(context, substring.declared, direction);
             let own_score = score + substring.timing_score - contradiction;
             let placements = self.best_placements(input, context, &substring, direction, own_score, floor);
+            #[cfg(test)]
+            assert_eq!(placements, self.best_of_all_placements(input, context, &substring, direction, own_score, floor));
             for placement in placements.into_iter().flatten() {
                 let next_damaged_end_at =
                     *next_damaged_end_at.get_or_insert_with(|| first_damaged_end(input, context, self.scanned_to));

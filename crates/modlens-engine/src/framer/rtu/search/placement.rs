@@ -44,7 +44,7 @@ impl ValidSubstring<'_> {
 }
 
 /// A place in the lattice for a new hypothesis, and its scores there, in bits.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Placement {
     /// Index of the hypothesis before it.
     pub parent: usize,
@@ -100,6 +100,35 @@ impl Search {
             let path_score = before.path_score - unframed_cost + frame_score + nested_score;
             let place = &mut best[place_kind(answers_outstanding, follows_echo)];
             if path_score > floor && place.is_none_or(|known| path_score >= known.path_score) {
+                *place = Some(Placement { parent, path_score, frame_score, answers_outstanding });
+            }
+        }
+        best
+    }
+
+    /// The oracle of `best_placements`: all paths are scored, from the first to the last.
+    #[cfg(test)]
+    pub(super) fn best_of_all_placements(
+        &self,
+        input: &Input,
+        context: &FramerContext<'_>,
+        substring: &ValidSubstring<'_>,
+        direction: usize,
+        own_score: f32,
+        floor: f32,
+    ) -> [Option<Placement>; PLACE_KINDS] {
+        let mut best: [Option<Placement>; PLACE_KINDS] = [None; PLACE_KINDS];
+        let mirrors = mirrors_request(context, substring.frame.pdu());
+        for (parent, before) in self.lattice.iter().enumerate().filter(|(_, before)| before.end <= substring.start) {
+            let mut contexts = ContextScores::new(self, input, context, substring, direction);
+            let ContextScore { bits, answers_outstanding } = contexts.behind(before, true);
+            let frame_score = own_score + bits;
+            let unframed_cost = self.model.unframed_cost(substring.start - before.end);
+            let nested_score = substring.nested_score(parent, answers_outstanding);
+            let path_score = before.path_score - unframed_cost + frame_score + nested_score;
+            let follows_echo = mirrors && self.requests.look_up(before.answerable).heard_twice();
+            let place = &mut best[place_kind(answers_outstanding, follows_echo)];
+            if path_score > floor && place.is_none_or(|known| path_score > known.path_score) {
                 *place = Some(Placement { parent, path_score, frame_score, answers_outstanding });
             }
         }

@@ -150,6 +150,11 @@ impl Search {
         bar: f32,
         completion: Option<Completion>,
     ) -> Option<u64> {
+        // Most paths stand before bytes that begin no frame, neither a whole one nor a damaged one.
+        let ahead = self.frame_ahead(input, start);
+        if completion.is_none() && ahead.bytes.len() >= 2 && self.is_over(context, &ahead) {
+            return None;
+        }
         let until = self.rival_until_by_header(input, context, &self.lattice[parent], start, bar)?;
         // What comes with an invalid CRC has to be within the smaller margin for complete rivals, not that for look-ahead.
         let damaged_bar = bar + weights::LOOKAHEAD_MARGIN_BITS - weights::OFFLINE_COMMIT_MARGIN_BITS;
