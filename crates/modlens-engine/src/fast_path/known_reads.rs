@@ -158,6 +158,17 @@ mod tests {
                     prop_assert!(known.get(&request).is_some(), "the last one kept is found");
                 }
             }
+            // A read is found behind another one as it is found alone, whichever came behind that before.
+            let mut polled: Vec<[u8; READ_BYTES]> = kept.keys().map(|request| request[..].try_into().unwrap()).collect();
+            polled.sort_unstable();
+            for turn in 0..3 {
+                for at in 0..polled.len() {
+                    let request = polled[(at * (2 * turn + 1)) % polled.len()];
+                    let alone = known.get(&request).map(|read| read.bytes);
+                    let behind = known.next(request).map(|read| read.bytes);
+                    prop_assert_eq!(behind, alone);
+                }
+            }
             let found = |request: &Vec<u8>| known.get(request).map(|known| known.expected);
             for (request, fields) in &kept {
                 if let Some(found) = found(request) {
