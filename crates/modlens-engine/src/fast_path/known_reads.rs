@@ -58,8 +58,8 @@ impl KnownReads {
     /// The number of a request in `reads`.
     #[inline]
     fn number_of(&self, bytes: [u8; READ_BYTES]) -> Option<usize> {
-        let taken = self.places_for(bytes).map_while(|place| usize::from(self.places[place]).checked_sub(1));
-        taken.into_iter().find(|&number| self.reads[number].bytes == bytes)
+        let mut taken = self.places_for(bytes).map_while(|place| usize::from(self.places[place]).checked_sub(1));
+        taken.find(|&number| self.reads[number].bytes == bytes)
     }
 
     #[inline]
