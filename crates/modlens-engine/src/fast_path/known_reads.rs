@@ -60,8 +60,8 @@ impl KnownReads {
     /// The number of a request in `reads`.
     #[inline]
     fn number_of(&self, bytes: [u8; READ_BYTES]) -> Option<usize> {
-        let taken = self.places_for(bytes).map_while(|place| usize::from(self.places[place]).checked_sub(1));
-        taken.into_iter().find(|&number| self.reads[number].bytes == bytes)
+        let mut taken = self.places_for(bytes).map_while(|place| usize::from(self.places[place]).checked_sub(1));
+        taken.find(|&number| self.reads[number].bytes == bytes)
     }
 
     #[inline]
@@ -176,6 +176,17 @@ mod tests {
                     known.add(&request, expected, None);
                     kept.insert(request.clone(), (unit, function, address, u16::from(quantity)));
                     prop_assert!(known.get(&request).is_some(), "the last one kept is found");
+                }
+            }
+            // A read is found behind another one as it is found alone, whichever came behind that before.
+            let mut polled: Vec<[u8; READ_BYTES]> = kept.keys().map(|request| request[..].try_into().unwrap()).collect();
+            polled.sort_unstable();
+            for turn in 0..3 {
+                for at in 0..polled.len() {
+                    let request = polled[(at * (2 * turn + 1)) % polled.len()];
+                    let alone = known.get(&request).map(|read| read.bytes);
+                    let behind = known.next(request).map(|read| read.bytes);
+                    prop_assert_eq!(behind, alone);
                 }
             }
             let found = |request: &Vec<u8>| known.get(request).map(|known| known.expected);

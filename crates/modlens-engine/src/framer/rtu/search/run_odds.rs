@@ -131,3 +131,18 @@ const MIN_ODDS: f32 = 1.0;
 fn both(first: f32, second: f32) -> f32 {
     -((-first).exp2() + (-second).exp2()).log2()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::confidence::{self, Likeness};
+
+    #[test]
+    fn a_small_share_of_silence_limits_no_confidence() {
+        let (search, most) = (Search::default(), confidence::of_unambiguous(Likeness::EqualLayouts));
+        for share in (1..=1000).map(|part| SURE_SILENCE_SHARE * part as f32 / 1000.0) {
+            let odds = search.odds_of_mirrored_response(share, PauseEvidence::default(), true);
+            assert!(confidence::of_direction(odds) >= most, "{share}");
+        }
+    }
+}

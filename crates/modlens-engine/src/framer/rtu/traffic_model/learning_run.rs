@@ -165,6 +165,18 @@ mod tests {
         }
 
         #[test]
+        fn silence_is_counted_as_where_counts_may_be_halved(silences in prop::collection::vec(prop::bool::weighted(0.03), 0..600)) {
+            let (mut in_short, mut in_full) = (TrafficModel::default(), TrafficModel::default());
+            for was_silent in silences {
+                in_short.learn_silence(1, was_silent);
+                if was_silent || in_full.silences[1].hits > 0.0 {
+                    in_full.count_silence_or_halve(1, was_silent);
+                }
+                prop_assert_eq!(learned(&in_short), learned(&in_full));
+            }
+        }
+
+        #[test]
         fn runs_teach_what_single_exchanges_teach(
             runs in prop::collection::vec((prop::collection::vec((1u8..5, 1u8..7, 0u8..9), 0..300), any::<bool>()), 1..60),
         ) {
