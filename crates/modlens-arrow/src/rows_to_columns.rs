@@ -20,7 +20,9 @@ impl RowsToColumns {
         if !self.shared.as_ref().is_some_and(|shared| shared.is_shared_by(table)) {
             self.shared = Some(SharedByRows::of(table));
             self.kinds.clear();
-            columns.iter_mut().for_each(|column| column.rows().forget_kinds());
+            for column in columns.iter_mut() {
+                column.rows().forget_kinds();
+            }
         }
         table.each_chunk(rows, |rows| match rows {
             RowChunk::Whole(rows) => columns.iter_mut().for_each(|column| column.rows().take(rows)),

@@ -112,3 +112,46 @@ fn push_number(mut number: u64, out: &mut Vec<u8>) {
     }
     out.push(number as u8);
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use parquet::file::metadata::{ColumnChunkMetaData, KeyValue};
+    use parquet::schema::parser::parse_message_type;
+    use parquet::schema::types::SchemaDescriptor;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// The library encodes all row groups at once.
+        #[test]
+        fn the_footer_is_that_of_the_library(
+            row_groups in proptest::collection::vec((1i64..1 << 40, any::<u32>()), 0..40),
+            value in ".{0,200}",
+        ) {
+            let message = parse_message_type("message m { optional int64 a; optional binary b (STRING); }").unwrap();
+            let schema = Arc::new(SchemaDescriptor::new(Arc::new(message)));
+            let metadata = vec![KeyValue::new(String::from("key"), value)];
+            let file = FileMetaData::new(1, 0, Some(String::from("me")), Some(metadata), Arc::clone(&schema), None);
+            let row_groups: Vec<RowGroupMetaData> = row_groups.into_iter().map(|(rows, offset)| {
+                let column = |leaf| {
+                    let builder = ColumnChunkMetaData::builder(Arc::clone(leaf)).set_num_values(rows);
+                    builder.set_data_page_offset(i64::from(offset)).build().unwrap()
+                };
+                let columns = schema.columns().iter().map(column).collect();
+                RowGroupMetaData::builder(Arc::clone(&schema)).set_num_rows(rows).set_column_metadata(columns).build().unwrap()
+            }).collect();
+            let mut footer = Footer::new(file.clone());
+            for row_group in &row_groups {
+                footer.add(row_group.clone()).unwrap();
+            }
+            let (mut found, mut expected) = (Vec::new(), Vec::new());
+            footer.finish(&mut found).unwrap();
+            let all = ParquetMetaDataBuilder::new(file).set_row_groups(row_groups).build();
+            ParquetMetaDataWriter::new(&mut expected, &all).finish().unwrap();
+            prop_assert_eq!(found, expected);
+        }
+    }
+}

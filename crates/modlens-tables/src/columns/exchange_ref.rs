@@ -43,6 +43,7 @@ impl<'a> ExchangeRef<'a> {
     }
 
     /// One that has a value in each column in which an exchange of this bus and kind may have one: it may lack only times.
+    #[must_use]
     pub fn with_known_times(&self) -> ExchangeRef<'a> {
         let known = ExchangeTiming { pair: &KNOWN_TIMES, recording_start: Some(0) };
         ExchangeRef { timing: self.timing.map(|_| known), ..*self }
