@@ -55,7 +55,9 @@ fn polls() -> impl Strategy<Value = Vec<Poll>> {
     let pause = prop_oneof![8 => 1u64..30_000, 1 => Just(0), 1 => 900_000u64..2_000_000, 1 => Just(31_000_000)];
     let connection = prop_oneof![6 => Just(0u8), 1 => 0u8..3];
     let function = prop::sample::select(vec![1u8, 3, 3, 4, 6, 16, 23]);
-    let poll = (connection, function, 0u16..4, outcome, (pause, 0u64..40_000)).prop_map(
+    // So that a request is often asked again right behind one without an answer.
+    let address = prop_oneof![2 => Just(0u16), 1 => 0u16..4];
+    let poll = (connection, function, address, outcome, (pause, 0u64..40_000)).prop_map(
         |(connection, function, address, outcome, times)| Poll { connection, function, address, outcome, times: times.into() },
     );
     prop::collection::vec(poll, 1..160)
@@ -117,11 +119,13 @@ impl Network {
     }
 }
 
-fn capture(polls: &[Poll]) -> Vec<u8> {
+/// The capture of these polls; so many of them in a row have different identifiers.
+fn capture(polls: &[Poll], identifiers: u16) -> Vec<u8> {
     let head = [0xA1B2_C3D4, 0x0004_0002, 0, 0, 262_144, 1u32].into_iter().flat_map(u32::to_le_bytes).collect();
     let mut network = Network { file: head, now: 0, sequences: [[1000, u32::MAX - 50]; 3], packets: 0 };
     let mut late: Vec<(u8, Vec<u8>)> = Vec::new();
-    for (poll, id) in polls.iter().zip(1u16..) {
+    for (poll, number) in polls.iter().zip(1u16..) {
+        let id = number % identifiers;
         let [request, answer] = pdus(poll.function, poll.address);
         network.now += poll.times[0];
         network.send(poll.connection, true, &message(id, &request));
@@ -187,11 +191,16 @@ fn decoded(file: &[u8], block: usize, frames: bool, takes_each: bool) -> Decoded
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(96))]
+    #![proptest_config(ProptestConfig::with_cases(192))]
 
     #[test]
-    fn packets_in_pairs_give_the_rows_of_the_general_way(polls in polls(), block in 61usize..3000) {
-        let file = capture(&polls);
+    fn packets_in_pairs_give_the_rows_of_the_general_way(
+        polls in polls(),
+        // Those of requests that still wait for their answers may come again.
+        identifiers in prop_oneof![Just(u16::MAX), 2u16..40],
+        block in 61usize..3000,
+    ) {
+        let file = capture(&polls, identifiers);
         let (general, _) = decoded(&file, SMALL_BLOCK, true, false);
         for (block, frames, takes_each) in [(file.len(), true, false), (file.len(), false, false), (block, false, true), (block, true, true)] {
             let (rows, _) = decoded(&file, block, frames, takes_each);
@@ -209,7 +218,7 @@ fn a_connection_without_frames_becomes_compact() {
         outcome: if at % 4 == 3 { Outcome::Exception(2) } else { Outcome::Answer },
         times: [5000, 2000],
     };
-    let file = capture(&(0..100).map(poll).collect::<Vec<_>>());
+    let file = capture(&(0..100).map(poll).collect::<Vec<_>>(), u16::MAX);
     let ((rows, none), (compact_rows, compact)) = (decoded(&file, 1 << 18, true, false), decoded(&file, 1 << 18, false, false));
     assert_eq!((rows, none), (compact_rows, 0));
     assert!(compact > 95, "only {compact} of 100 are compact");
