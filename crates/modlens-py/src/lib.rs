@@ -11,6 +11,7 @@ mod dialects;
 mod files;
 mod functions;
 mod inbox;
+mod line_encoder;
 mod line_search;
 mod lines;
 mod output_file;
@@ -133,7 +134,7 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<table::Row>()?;
     module.add_class::<table::Table>()?;
     module.add_class::<output_file::OutputFile>()?;
-    module.add_class::<lines::LineEncoder>()?;
+    module.add_class::<line_encoder::LineEncoder>()?;
     module.add_class::<lines::Pieces>()?;
     module.add_class::<stream::ArrowStream>()?;
     module.add_class::<inbox::Inbox>()?;

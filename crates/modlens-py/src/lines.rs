@@ -12,7 +12,6 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
 use crate::arguments::value_error;
-use crate::table::{column_indices, Table};
 
 thread_local! {
     /// Memory in which bytes are made. It is reused, because allocating it costs more than writing the text.
@@ -39,9 +38,9 @@ enum Writer {
 }
 
 /// Makes lines of rows of a table, batch by batch.
-#[pyclass(frozen, module = "_modlens")]
-pub struct LineEncoder {
-    kind: TableKind,
+pub(crate) struct Encoder {
+    /// The table whose rows it takes.
+    pub(crate) kind: TableKind,
     columns: Vec<usize>,
     is_csv: bool,
     /// The names of the columns, as they stand in front of the rows.
@@ -50,40 +49,24 @@ pub struct LineEncoder {
     free: Arc<Mutex<Vec<Writer>>>,
 }
 
-#[pymethods]
-impl LineEncoder {
-    #[new]
-    fn new(format: &str, table: &str, columns: Vec<String>) -> PyResult<Self> {
-        let kind = TableKind::from_name(table).ok_or_else(|| value_error(format!("no table {table:?}")))?;
-        Self::of_kind(format, kind, &columns)
-    }
-
-    #[pyo3(signature = (table, *, header=false))]
-    fn pieces(&self, table: &Table, header: bool) -> PyResult<Pieces> {
-        if table.core.kind != self.kind {
-            return Err(value_error(format!("lines of {} got {}", self.kind.name(), table.core.kind.name())));
-        }
-        Ok(self.pieces_of(&table.core, header))
-    }
-}
-
-impl LineEncoder {
+impl Encoder {
     /// For this format and these columns of a table.
-    pub(crate) fn of_kind(format: &str, kind: TableKind, columns: &[String]) -> PyResult<Self> {
+    pub(crate) fn new(format: &str, kind: TableKind, keys: &[String]) -> PyResult<Self> {
         let is_csv = match format {
             "csv" => true,
             "jsonl" => false,
             other => return Err(value_error(format!("format {other:?} is neither csv nor jsonl"))),
         };
+        let columns = keys.iter().map(|key| kind.column(key)).collect::<Result<_, _>>().map_err(value_error)?;
         let mut header = Vec::new();
         if is_csv {
-            csv::header(&columns.iter().map(String::as_str).collect::<Vec<_>>(), &mut header);
+            csv::header(&keys.iter().map(String::as_str).collect::<Vec<_>>(), &mut header);
         }
-        Ok(Self { kind, columns: column_indices(kind, columns)?, is_csv, header, free: Arc::default() })
+        Ok(Self { kind, columns, is_csv, header, free: Arc::default() })
     }
 
     /// The lines of a table. `header` puts the names of the columns in front, if the format is CSV.
-    pub(crate) fn pieces_of(&self, table: &Core, header: bool) -> Pieces {
+    pub(crate) fn pieces(&self, table: &Core, header: bool) -> Pieces {
         let free = self.free.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let writer = free.unwrap_or_else(|| {
             if self.is_csv {

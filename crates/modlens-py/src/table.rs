@@ -17,7 +17,7 @@ use pyo3::IntoPyObjectExt;
 
 use crate::arguments::value_error;
 use crate::capsule::stream_capsule;
-use crate::lines::{as_bytes, LineEncoder, Pieces};
+use crate::lines::{as_bytes, Encoder, Pieces};
 
 /// A compiled filter for one table.
 #[pyclass(frozen, module = "_modlens")]
@@ -89,7 +89,7 @@ impl Table {
 
     #[pyo3(signature = (format, columns, *, header=false))]
     fn lines(&self, format: &str, columns: Vec<String>, header: bool) -> PyResult<Pieces> {
-        Ok(LineEncoder::of_kind(format, self.core.kind, &columns)?.pieces_of(&self.core, header))
+        Ok(Encoder::new(format, self.core.kind, &columns)?.pieces(&self.core, header))
     }
 
     #[pyo3(signature = (columns, start=0, count=usize::MAX))]
