@@ -216,8 +216,7 @@ impl FastDecoder {
     ///
     /// Neighbouring points are seldom encoded alike, but the sequence repeats with every poll and the branch predictor
     /// learns it: a branch for each of the frequent forms is cheaper than one code path for all of them.
-    #[inline(always)]
-    #[allow(clippy::inline_always)] // The body of the loops over entries.
+    #[inline]
     pub fn number(&self, bytes: &[u8], at: usize, factors: &[Option<i32>]) -> Result<f64, ()> {
         if self.kind == DecoderKind::UnsignedRegister {
             return Ok(f64::from(u16::from_be_bytes(array(bytes, at)?)));
