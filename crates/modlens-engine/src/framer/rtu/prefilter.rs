@@ -30,6 +30,9 @@ const COMMON_BYTE_BITS: f32 = 5.0;
 /// The places of the tables: the last ones, from `JUDGED_BYTES` on, are empty, so that nobody has to ask whether a place is there.
 const PLACES: usize = JUDGED_BYTES + 1 + MAX_LOST_BYTES;
 
+/// By place and byte value, requests.
+type Table = Box<[[FrameSet; 256]; PLACES]>;
+
 /// Requests are kept by their lengths, which are less than this.
 pub const MAX_LENGTHS: usize = 24;
 
@@ -45,15 +48,15 @@ pub struct DamageCosts {
 
 /// For each place of 64 requests and every byte value, the requests that have it there.
 pub struct RequestPrefilter {
-    equal: Box<[[FrameSet; 256]; PLACES]>,
+    equal: Table,
     /// The requests that have it one to `MAX_LOST_BYTES` places behind this one: so many bytes in front may be missing.
-    behind: Box<[[FrameSet; 256]; PLACES]>,
+    behind: Table,
     /// The requests that have it there, one place before (a byte may be there twice), or one to `MAX_LOST_BYTES` places behind
     /// (bytes inside may be missing).
-    around: Box<[[FrameSet; 256]; PLACES]>,
+    around: Table,
     /// The requests whose byte there has all one bits of this value, and perhaps more: another sender may have pulled the others to
     /// 0.
-    covering: Box<[[FrameSet; 256]; PLACES]>,
+    covering: Table,
     /// The requests whose unit is this value but for `MAX_HEADER_FLIPS` bits at most.
     near_unit: Box<[FrameSet; 256]>,
     /// Requests of fewer than `MIN_JUDGED_BYTES`.
@@ -77,7 +80,7 @@ pub struct Need {
 
 impl Default for RequestPrefilter {
     fn default() -> Self {
-        let sets = || Box::new([[0; 256]; PLACES]);
+        let sets = || vec![[0; 256]; PLACES].into_boxed_slice().try_into().expect("as many places as were made");
         let (short, long) = (0, 0);
         let near_unit = Box::new([0; 256]);
         let with_length = [0; MAX_LENGTHS];
