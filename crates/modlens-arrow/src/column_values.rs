@@ -41,6 +41,7 @@ enum Source<T> {
 
 /// A column, and how its values are read.
 pub(super) struct ColumnValues<T> {
+    key: &'static str,
     pub(super) values: ColumnBuilder<T>,
     /// A row for each kind of compact exchanges.
     of_kinds: ColumnBuilder<T>,
@@ -89,7 +90,8 @@ where
             None => Source::Reader,
         };
         let empty = || ColumnBuilder::with_capacity(0, 0);
-        Self { values: empty(), of_kinds: empty(), has_value: Vec::new(), source, reader: table.reader(column) }
+        let key = &table.columns()[column].key;
+        Self { key, values: empty(), of_kinds: empty(), has_value: Vec::new(), source, reader: table.reader(column) }
     }
 }
 
@@ -103,7 +105,7 @@ where
 
     fn learn(&mut self, exchange: &ExchangeRef<'_>) {
         self.reader.pass_exchanges(std::slice::from_ref(&exchange.with_known_times()), &mut self.of_kinds);
-        self.has_value.push(u8::from(!self.of_kinds.ends_with_nothing()));
+        self.has_value.push(u8::from(!self.of_kinds.ends_with_nothing() || exchange.shows_profile(self.key)));
         self.of_kinds.add_nothing();
         if let Source::Chunk(values) = &mut self.source {
             values.learn(exchange);

@@ -3,12 +3,9 @@
 
 use std::ops::Range;
 use std::slice;
-use std::sync::Arc;
 
-use modlens_engine::records::{Batch, Buses};
 use modlens_protocol::decimal::push_short;
-use modlens_protocol::functions::Functions;
-use modlens_tables::columns::{ColumnReader, RowRef, Table, TableKind, TableRow};
+use modlens_tables::columns::{ColumnReader, RowRef, SharedByRows, Table, TableKind, TableRow};
 
 use crate::exchange_lines::ExchangeLines;
 use crate::line_format::LineFormat;
@@ -22,34 +19,12 @@ enum ColumnGroup<F> {
     Shared(Vec<(usize, ColumnReader<F>)>, Vec<u8>),
 }
 
-/// What a batch says of its buses, functions and profiles: in batches of which it is the same, so are the texts that rows share.
-struct Known {
-    // To hold them means that no other ones come to lie in their place.
-    buses: Arc<Buses>,
-    functions: Option<Arc<Functions>>,
-    has_points: bool,
-}
-
-impl Known {
-    fn of(batch: &Batch) -> Self {
-        Self { buses: Arc::clone(&batch.buses), functions: batch.functions.clone(), has_points: batch.has_points() }
-    }
-
-    fn is_that_of(&self, batch: &Batch) -> bool {
-        let are_same_functions = match (&self.functions, &batch.functions) {
-            (Some(one), Some(other)) => Arc::ptr_eq(one, other),
-            (one, other) => one.is_none() && other.is_none(),
-        };
-        Arc::ptr_eq(&self.buses, &batch.buses) && are_same_functions && self.has_points == batch.has_points()
-    }
-}
-
 /// Writes rows of one table as lines, batch by batch.
 pub struct LineWriter<F> {
     kind: TableKind,
     columns: Vec<usize>,
-    /// What the batch before said, to which the texts that are kept belong.
-    known: Option<Known>,
+    /// What the rows before shared, to which the texts that are kept belong.
+    shared: Option<SharedByRows>,
     format: F,
     steps: Vec<ColumnGroup<F>>,
     /// The group to which the kept texts of `steps` belong.
@@ -73,12 +48,12 @@ impl<F: LineFormat> LineWriter<F> {
             }
         }
         let exchange_lines = ExchangeLines::new(columns);
-        Self { kind, columns: columns.to_vec(), known: None, format, steps, group: None, exchange_lines }
+        Self { kind, columns: columns.to_vec(), shared: None, format, steps, group: None, exchange_lines }
     }
 
     /// Appends rows until the block is full. Returns the next row to be written.
     pub fn rows(&mut self, table: &Table, rows: Range<usize>, block: &mut TextBlock) -> usize {
-        self.keep_or_forget(&table.batch);
+        self.keep_or_forget(table);
         // What readings share is numbered in each batch anew.
         self.group = self.group.filter(|_| self.kind != TableKind::Readings);
         table.each_row(rows, |row| {
@@ -100,11 +75,11 @@ impl<F: LineFormat> LineWriter<F> {
         }
     }
 
-    /// Begins anew where a batch has other buses, functions or profiles than the one before: only then may the texts that are
-    /// kept be others.
-    fn keep_or_forget(&mut self, batch: &Batch) {
-        if !self.known.as_ref().is_some_and(|known| known.is_that_of(batch)) {
-            *self = Self { known: Some(Known::of(batch)), ..Self::new(self.kind, &self.columns) };
+    /// Begins anew where the rows of a table share something else than those before: only then may the texts that are kept be
+    /// others.
+    fn keep_or_forget(&mut self, table: &Table) {
+        if !self.shared.as_ref().is_some_and(|shared| shared.is_shared_by(table)) {
+            *self = Self { shared: Some(SharedByRows::of(table)), ..Self::new(self.kind, &self.columns) };
         }
     }
 

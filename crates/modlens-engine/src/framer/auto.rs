@@ -26,6 +26,8 @@ pub struct AutoFramer {
     chosen: Option<FixedFramer>,
     /// The framer before the mode was changed, with what it has learned.
     earlier: Option<FixedFramer>,
+    /// The stream offset at which the mode was changed last: the first row from there on stays as the new mode has it.
+    changed_at: Option<u64>,
     /// The framer of records that prove another mode: logs of gateways have RTU on one side and MBAP on the other.
     of_other_mode: Option<FixedFramer>,
     /// The last frame came from `of_other_mode`.
@@ -41,6 +43,7 @@ impl AutoFramer {
             next_check_bytes: FIRST_MODE_CHECK_BYTES,
             chosen: None,
             earlier: None,
+            changed_at: None,
             of_other_mode: None,
             last_was_other_mode: false,
         }
@@ -123,6 +126,7 @@ impl AutoFramer {
         let mut framer = earlier.unwrap_or_else(|| FixedFramer::new(mode, self.line.as_ref(), self.rule));
         framer.skip_to(offset);
         self.earlier = self.chosen.replace(framer);
+        self.changed_at = Some(offset);
     }
 
     /// The next row of the chosen framer. `None`, too, as long as the input knows another silence that ends frames than this
@@ -179,6 +183,9 @@ impl Framer for AutoFramer {
         }
         self.last_was_other_mode = false;
         let result = self.next_of_chosen(input, context, adu)?;
+        if self.changed_at == Some(input.offset()) {
+            return Some(result);
+        }
         let mode = self.chosen.as_ref()?.mode();
         let Some(other) = self.other_mode(context.functions, input, &result, mode) else { return Some(result) };
         self.change_mode(other, input.offset());

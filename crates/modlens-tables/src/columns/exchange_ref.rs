@@ -9,6 +9,7 @@ use modlens_protocol::Ns;
 
 use crate::columns::exchange_value::{ExchangeDuration, ExchangeNumber, ExchangeValue};
 use crate::columns::function_rows::functions;
+use crate::columns::row_columns::PROFILE_COLUMN;
 use crate::columns::transaction_view::TransactionView;
 
 /// A compact exchange of a batch.
@@ -145,7 +146,17 @@ impl<'a> ExchangeRef<'a> {
         self.functions.row(self.exchange.function, body)
     }
 
-    /// Its row.
+    /// Whether a column may show values of a profile, of this exchange or of another one in its batch with the same bus and kind.
+    pub fn shows_profile(&self, column: &str) -> bool {
+        column == PROFILE_COLUMN && self.batch.has_points()
+    }
+
+    /// Its row, with the profile of its unit.
+    pub(super) fn whole_row(&self) -> Transaction {
+        Transaction { points: self.run.points_of(self.exchange.unit).cloned(), ..self.transaction() }
+    }
+
+    /// Its row, without the profile of its unit.
     #[inline(always)]
     #[allow(clippy::inline_always)] // Of the row only what the caller reads is made.
     pub(super) fn transaction(&self) -> Transaction {

@@ -7,18 +7,21 @@ use modlens_protocol::functions::Functions;
 
 use crate::columns::table::Table;
 
-/// The buses of the rows of a batch, and the table of functions that decodes them: what follows from these two and the kind of an
-/// exchange is the same in all batches that share them.
+/// The buses of the rows of a batch, the table of functions that decodes them, and whether a profile applies to any: what follows
+/// from these and the kind of an exchange is the same in all batches that share them. To hold them means that no other ones come to
+/// lie in their place.
 #[derive(Clone, Debug)]
 pub struct SharedByRows {
     buses: Arc<Buses>,
     functions: Option<Arc<Functions>>,
+    has_points: bool,
 }
 
 impl SharedByRows {
     /// What the rows of this table share.
     pub fn of(table: &Table) -> Self {
-        Self { buses: Arc::clone(&table.batch.buses), functions: table.batch.functions.clone() }
+        let batch = &table.batch;
+        Self { buses: Arc::clone(&batch.buses), functions: batch.functions.clone(), has_points: batch.has_points() }
     }
 
     /// Whether the rows of this table share the same.
@@ -27,6 +30,6 @@ impl SharedByRows {
             (Some(one), Some(other)) => Arc::ptr_eq(one, other),
             (one, other) => one.is_none() && other.is_none(),
         };
-        functions && Arc::ptr_eq(&self.buses, &table.batch.buses)
+        functions && Arc::ptr_eq(&self.buses, &table.batch.buses) && self.has_points == table.batch.has_points()
     }
 }

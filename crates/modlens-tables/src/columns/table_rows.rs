@@ -26,7 +26,7 @@ impl TableRow<'_> {
     pub fn with_whole<T>(&self, with: impl FnOnce(&RowRef<'_>) -> T) -> T {
         match self {
             Self::Whole(row) => with(row),
-            Self::Compact(exchange) => with(&RowRef::of_transaction(exchange.batch, &exchange.transaction())),
+            Self::Compact(exchange) => with(&RowRef::of_transaction(exchange.batch, &exchange.whole_row())),
         }
     }
 }
