@@ -7,9 +7,8 @@ use modlens_protocol::functions::{FunctionRow, Functions};
 use modlens_protocol::pdu::u16_at;
 use modlens_protocol::Ns;
 
-use crate::columns::exchange_value::{ExchangeDuration, ExchangeNumber, ExchangeValue};
+use crate::columns::exchange_value::{ExchangeDuration, ExchangeNumber, ExchangeValue, PROFILE_COLUMN};
 use crate::columns::function_rows::functions;
-use crate::columns::row_columns::PROFILE_COLUMN;
 use crate::columns::transaction_view::TransactionView;
 
 /// A compact exchange of a batch.

@@ -4,6 +4,9 @@
 use modlens_engine::records::Half;
 use modlens_protocol::functions::{FunctionRow, Operation};
 
+/// The column that shows values of a profile, if one applies to the unit.
+pub(super) const PROFILE_COLUMN: &str = "readings";
+
 /// What a column shows of the exchanges of a bus and a kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExchangeValue {

@@ -26,9 +26,6 @@ pub(super) const BUS_COLUMNS: [&str; 4] = ["bus", "client", "server", "connectio
 pub(super) const EXCHANGE_KIND_COLUMNS: [&str; 9] =
     ["mode", "function", "function_name", "operation", "register_type", "status", "exception", "exception_name", "findings"];
 
-/// The column that shows values of a profile, if one applies to the unit.
-pub(super) const PROFILE_COLUMN: &str = "readings";
-
 /// Reads the value of a column from a row.
 pub(super) type Read<R> = for<'a> fn(&'a Batch, &'a R) -> Cell<'a>;
 

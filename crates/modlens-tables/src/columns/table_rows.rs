@@ -7,8 +7,8 @@ use modlens_engine::records::{Batch, Part, Transaction};
 use crate::columns::cell::Cell;
 use crate::columns::exchange_chunk::ExchangeChunk;
 use crate::columns::exchange_ref::{ExchangeRef, RunRefs};
+use crate::columns::exchange_value::PROFILE_COLUMN;
 use crate::columns::reader::ColumnReader;
-use crate::columns::row_columns::PROFILE_COLUMN;
 use crate::columns::sink::CellSink;
 use crate::columns::table::{RowRef, Rows, Table};
 
