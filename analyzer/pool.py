@@ -26,7 +26,7 @@ T = TypeVar("T")
 _MOST_READ = 3
 """Items that `ahead` has ready: they take memory."""
 
-MOST_WEIGHT = 12_000
+MOST_WEIGHT = 20_000
 """What tasks that are not finished may weigh: they take memory, and a slow disk has to slow the
 decoder down."""
 
