@@ -106,7 +106,7 @@ impl CompactRun {
                 break;
             }
             exchanges.push(self.take_decided(&mut known, &decided, of));
-            if lesson == Lesson::Settled {
+            if lesson == Lesson::Settled && !known.profiles.are_none() {
                 known.reads.settle(rest, known.profiles.generation());
             }
         }
