@@ -214,16 +214,7 @@ proptest! {
     #[test]
     fn every_column_is_that_of_the_row(bytes in line()) {
         let [compact, rows] = [true, false].map(|compact| Table::new(Arc::new(batch(&bytes, compact)), TableKind::Transactions));
-        let count = TableKind::Transactions.columns().len();
-        for column in 0..count {
-            prop_assert_eq!(csv_of(&compact, &[column]), csv_of(&rows, &[column]));
-            prop_assert_eq!(jsonl_of(&compact, &[column]), jsonl_of(&rows, &[column]));
-            prop_assert_eq!(compact.has_value(column), rows.has_value(column));
-        }
-        let all: Vec<usize> = (0..count).collect();
-        prop_assert_eq!(csv_of(&compact, &all), csv_of(&rows, &all));
-        prop_assert_eq!(jsonl_of(&compact, &all), jsonl_of(&rows, &all));
-        prop_assert_eq!(modlens_arrow::batch::batch(&compact), modlens_arrow::batch::batch(&rows));
+        columns_are_those_of_rows(&compact, &rows)?;
     }
 
     /// Record batches of many tables, of which some have whole rows, and that end anywhere in them.
@@ -252,16 +243,7 @@ proptest! {
         let [compact, rows] = [true, false].map(|compact| Arc::new(batch_with(&profiles(), &bytes, compact)));
         for kind in [TableKind::Transactions, TableKind::Readings, TableKind::Findings] {
             let [compact, rows] = [&compact, &rows].map(|batch| Table::new(Arc::clone(batch), kind));
-            let count = kind.columns().len();
-            for column in 0..count {
-                prop_assert_eq!(csv_of(&compact, &[column]), csv_of(&rows, &[column]));
-                prop_assert_eq!(jsonl_of(&compact, &[column]), jsonl_of(&rows, &[column]));
-                prop_assert_eq!(compact.has_value(column), rows.has_value(column));
-            }
-            let all: Vec<usize> = (0..count).collect();
-            prop_assert_eq!(csv_of(&compact, &all), csv_of(&rows, &all));
-            prop_assert_eq!(jsonl_of(&compact, &all), jsonl_of(&rows, &all));
-            prop_assert_eq!(modlens_arrow::batch::batch(&compact), modlens_arrow::batch::batch(&rows));
+            columns_are_those_of_rows(&compact, &rows)?;
         }
         let [compact, rows] = [&compact, &rows].map(|batch| {
             let mut overview = Overview::default();
@@ -275,6 +257,20 @@ proptest! {
     fn the_overview_is_that_of_the_rows(bytes in line()) {
         overview_is_that_of_the_rows(&bytes)?;
     }
+}
+
+/// Each column by itself, all of them in text, and as a record batch.
+fn columns_are_those_of_rows(compact: &Table, rows: &Table) -> Result<(), TestCaseError> {
+    let all: Vec<usize> = (0..compact.kind.columns().len()).collect();
+    for &column in &all {
+        prop_assert_eq!(csv_of(compact, &[column]), csv_of(rows, &[column]));
+        prop_assert_eq!(jsonl_of(compact, &[column]), jsonl_of(rows, &[column]));
+        prop_assert_eq!(compact.has_value(column), rows.has_value(column));
+    }
+    prop_assert_eq!(csv_of(compact, &all), csv_of(rows, &all));
+    prop_assert_eq!(jsonl_of(compact, &all), jsonl_of(rows, &all));
+    prop_assert_eq!(modlens_arrow::batch::batch(compact), modlens_arrow::batch::batch(rows));
+    Ok(())
 }
 
 /// The overview of compact exchanges, and the courses alone, show what that of whole rows shows.

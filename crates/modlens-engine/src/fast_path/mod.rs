@@ -20,8 +20,8 @@
 //!
 //! On an RTU line without times of which nobody wants the frames, exchanges are emitted compact (`rtu_compact`): a run of them in
 //! one loop (`compact_run`), without rows, and refusals among them. On a connection the exchanges of a recording are emitted
-//! compact where nobody wants frames, and packets that come in turn are matched before they reach a line (`packet_pairs`; reads that came before, in `known_pairs`), and
-//! so are the lines of a log with times (`line_pairs`).
+//! compact where nobody wants frames, and packets that come in turn are matched before they reach a line (`packet_pairs`; reads
+//! that came before in `known_pairs`), and so are the lines of a log with times (`line_pairs`).
 //!
 //! Example: `11 03 00 6B 00 03 76 87` and right behind it `11 03 06 02 2B 00 00 00 64 C8 BA` become two frame rows and a
 //! transaction row in one step. With exception `11 83 02 C1 34` behind it, that is a compact exchange, or both frames are taken
