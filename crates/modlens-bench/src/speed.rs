@@ -145,20 +145,7 @@ fn framing(bytes: &[u8]) -> u64 {
     let mut count = 0;
     let mut drain = |input: &mut Input| loop {
         count += exchanges(&mut framer, functions, input);
-        let context = FramerContext {
-            may_look_ahead: true,
-            functions,
-            outstanding_request: None,
-            is_multi_line: false,
-            line_direction: None,
-            connection_side: None,
-            known_units: &known_units,
-            paired_units: &known_units,
-            timeout_log_odds: &|_| 0.0,
-            immediate_ns: None,
-            poll_log_odds: &|_| 0.0,
-            declared_direction: &|_| modlens_protocol::direction::Direction::Unknown,
-        };
+        let context = FramerContext::without_clock(functions, &known_units);
         let Some(cut) = framer.next(input, &context, &mut adu) else { break };
         // Like a session, count a unit as known only after a valid frame.
         if cut.verdict.is_good() && !cut.unconfirmed {

@@ -83,18 +83,8 @@ proptest! {
         let units = std::array::from_fn(|unit| (1..5).contains(&unit));
         let request = RequestRef { unit: 2, pdu: &[3, 0, 1, 0, 2] };
         let context = FramerContext {
-            functions: Functions::embedded(),
             outstanding_request: asked.then_some(request),
-            may_look_ahead: true,
-            is_multi_line: false,
-            line_direction: None,
-            connection_side: None,
-            known_units: &units,
-            paired_units: &units,
-            timeout_log_odds: &|_| 0.0,
-            immediate_ns: None,
-            poll_log_odds: &|_| 0.0,
-            declared_direction: &|_| Direction::Unknown,
+            ..FramerContext::without_clock(Functions::embedded(), &units)
         };
         let next = framed(vec![3, 3, 0, 1, 0, 1]);
         let mut input = Input::new(None);
@@ -131,18 +121,8 @@ proptest! {
         let units = [true; 256];
         let request = RequestRef { unit: glitch, pdu: &[3, 0, 1, 0, 2] };
         let context = FramerContext {
-            functions: Functions::embedded(),
             outstanding_request: asked.then_some(request),
-            may_look_ahead: true,
-            is_multi_line: false,
-            line_direction: None,
-            connection_side: None,
-            known_units: &units,
-            paired_units: &units,
-            timeout_log_odds: &|_| 0.0,
-            immediate_ns: None,
-            poll_log_odds: &|_| 0.0,
-            declared_direction: &|_| Direction::Unknown,
+            ..FramerContext::without_clock(Functions::embedded(), &units)
         };
         let next = framed(vec![3, 3, 0, 1, 0, 1]);
         let mut input = Input::new(None);

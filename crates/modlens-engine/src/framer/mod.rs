@@ -119,6 +119,26 @@ pub struct FramerContext<'a> {
     pub declared_direction: &'a dyn Fn(modlens_readers::chunk::Side) -> Direction,
 }
 
+impl<'a> FramerContext<'a> {
+    /// That of a recording of a single line without a clock, of which these units are known and nothing else.
+    pub fn without_clock(functions: &'a Functions, units: &'a [bool; 256]) -> Self {
+        Self {
+            functions,
+            outstanding_request: None,
+            may_look_ahead: true,
+            is_multi_line: false,
+            line_direction: None,
+            connection_side: None,
+            known_units: units,
+            paired_units: units,
+            timeout_log_odds: &|_| 0.0,
+            immediate_ns: None,
+            poll_log_odds: &|_| 0.0,
+            declared_direction: &|_| Direction::Unknown,
+        }
+    }
+}
+
 impl FramerContext<'_> {
     /// What a silence says of the frame behind it.
     pub fn pause_evidence(&self, silence: Option<Ns>) -> PauseEvidence {

@@ -209,7 +209,6 @@ mod tests {
     use super::*;
     use crate::framer::rtu::traffic_model::{FramePosition, RequestCopy};
     use crate::framer::FramerContext;
-    use modlens_protocol::direction::Direction;
     use proptest::prelude::*;
 
     #[test]
@@ -235,20 +234,7 @@ mod tests {
         ) {
             let mut model = TrafficModel::default();
             let units = [false; 256];
-            let context = FramerContext {
-                functions: Functions::embedded(),
-                outstanding_request: None,
-                may_look_ahead: true,
-                is_multi_line: false,
-                line_direction: None,
-                connection_side: None,
-                known_units: &units,
-                paired_units: &units,
-                timeout_log_odds: &|_| 0.0,
-                immediate_ns: None,
-                poll_log_odds: &|_| 0.0,
-                declared_direction: &|_| Direction::Unknown,
-            };
+            let context = FramerContext::without_clock(Functions::embedded(), &units);
             for (unit, code, direction, body) in parts {
                 let seen = [&[unit, if code > 16 { code | EXCEPTION_BIT } else { code }][..], &body].concat();
                 let bound = model.max_header_score(context.functions, seen[0], seen[1]);

@@ -112,18 +112,12 @@ impl BusState {
         let mut lines_without_frame = 0;
         while lines_without_frame < self.lines.len() {
             let context = FramerContext {
-                functions,
-                outstanding_request: None,
                 may_look_ahead: !live,
                 is_multi_line: true,
                 line_direction: self.speaker(at),
-                connection_side: None,
-                known_units: &self.known_units,
                 paired_units: &self.paired_units,
-                timeout_log_odds: &|_| 0.0,
-                immediate_ns: None,
-                poll_log_odds: &|_| 0.0,
                 declared_direction: &|side| declared_direction(self.side_votes, side),
+                ..FramerContext::without_clock(functions, &self.known_units)
             };
             let has_frame = self.lines[at].1.queue_frame(&context);
             lines_without_frame = if has_frame { 0 } else { lines_without_frame + 1 };

@@ -5,7 +5,6 @@ use crate::framer::rtu::RtuFramer;
 use crate::framer::{Framer, FramerContext};
 use crate::input::Input;
 use modlens_protocol::checksum::crc16;
-use modlens_protocol::direction::Direction;
 use modlens_protocol::functions::Functions;
 use modlens_readers::chunk::Chunk;
 use proptest::prelude::*;
@@ -17,20 +16,7 @@ fn rows(bytes: &[u8], at_a_time: usize, may_look_ahead: bool, forgets: bool) -> 
     let mut input = Input::new(None);
     input.break_ns = framer.break_ns(None);
     let units = std::array::from_fn(|unit| (1..6).contains(&unit));
-    let context = FramerContext {
-        functions: Functions::embedded(),
-        outstanding_request: None,
-        may_look_ahead,
-        is_multi_line: false,
-        line_direction: None,
-        connection_side: None,
-        known_units: &units,
-        paired_units: &units,
-        timeout_log_odds: &|_| 0.0,
-        immediate_ns: None,
-        poll_log_odds: &|_| 0.0,
-        declared_direction: &|_| Direction::Unknown,
-    };
+    let context = FramerContext { may_look_ahead, ..FramerContext::without_clock(Functions::embedded(), &units) };
     let (mut rows, mut adu) = (Vec::new(), Vec::new());
     let mut chunks = bytes.chunks(at_a_time);
     while !input.is_ended {
