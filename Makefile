@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 	$(shell find $(filter-out crates/modlens-bench crates/modlens-tap,$(wildcard crates/*)) dissectors analyzer -name '*.rs' -o -name '*.toml')
 
-.PHONY: demo check test lint actionlint recipes docs wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak settings bench bench-memory bench-captures bench-text bench-readings bench-exports bench-threads speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
+.PHONY: demo check test lint minimum-rust actionlint recipes docs wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak settings bench bench-memory bench-captures bench-text bench-readings bench-exports bench-threads speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
 
 demo: export PAGER := cat
 demo: $(VENV)/.installed
@@ -30,7 +30,13 @@ lint: $(VENV)/.tested
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# The workflow for releases; the linter is a program in Go, which is built where it is not installed.
+# The oldest Rust that Cargo.toml promises, installed by rustup where it is missing.
+MINIMUM_RUST := $(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
+minimum-rust:
+	rustup toolchain install --no-self-update --profile minimal $(MINIMUM_RUST)
+	cargo +$(MINIMUM_RUST) check --locked --workspace --target-dir target/minimum-rust
+
+# The workflows. The linter is a program in Go, which is built where it is not installed.
 actionlint:
 	$(or $(shell command -v actionlint),go run github.com/rhysd/actionlint/cmd/actionlint@v1.7.12)
 

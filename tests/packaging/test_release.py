@@ -1,4 +1,4 @@
-"""One version, and a workflow for releases that does nothing but call make."""
+"""Checks that the version is defined once and that workflows only call make and .ci/run."""
 
 from __future__ import annotations
 
@@ -74,8 +74,26 @@ def test_a_workflow_calls_make_and_pinned_actions(path: Path) -> None:
             assert re.fullmatch(PINNED, step.get("uses", "make@v1")), step
             for line in step.get("run", "").splitlines():
                 words = line.split()
-                assert words[0] == "make" or words[:2] == ["sudo", "apt-get"], line
+                allowed = words[0] in ("make", ".ci/run") or words[:2] == ["sudo", "apt-get"]
+                assert allowed, line
                 assert words[0] != "make" or words[1] in TARGETS_OF_MAKE, line
+
+
+def test_pull_requests_are_checked_by_the_same_script() -> None:
+    """The workflow has a quick and a full job; the container installs what .ci/run installs."""
+    text = (ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8")
+    workflow = YAML(typ="safe").load(text)
+    assert {"push", "pull_request"} == set(workflow["on"])
+    jobs = workflow["jobs"]
+    runs = {
+        name: [step["run"] for step in job["steps"] if "run" in step] for name, job in jobs.items()
+    }
+    assert runs["quick"] == [".ci/run quick"]
+    assert runs["full"] == [".ci/run"]
+    image = (ROOT / ".devcontainer" / "Dockerfile").read_text(encoding="utf-8")
+    assert f"FROM {jobs['full']['container']}\n" in image
+    assert "COPY .ci/install" in image
+    assert ".ci/install\n" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

@@ -56,8 +56,11 @@ TESTS_OF_FILES = {
 
 
 def changed_files() -> list[str]:
-    """Files that differ from the last commit that this branch shares with `main`, new ones too."""
-    base = git("merge-base", "HEAD", "main") or ["HEAD"]
+    """Lists files, new ones included, that differ from the last commit shared with `main`.
+
+    MODLENS_BASE names another branch or commit; the workflow for pull requests sets it.
+    """
+    base = git("merge-base", "HEAD", os.environ.get("MODLENS_BASE") or "main") or ["HEAD"]
     changed = git("diff", "--name-only", "--diff-filter=d", base[0])
     return sorted({*changed, *git("ls-files", "--others", "--exclude-standard")})
 
