@@ -307,6 +307,12 @@ impl Stats {
         (valid, bytes.iter().sum())
     }
 
+    /// How long the recording of a bus lasts, from the start of its first frame to the end of its last one.
+    pub(crate) fn duration_of(&self, bus: usize) -> Option<Ns> {
+        let bus = &self.buses[bus];
+        Some(bus.last? - bus.first?)
+    }
+
     /// How many valid frames a bus has.
     pub(crate) fn valid_frames_of(&self, bus: usize) -> u64 {
         self.buses[bus].frames[Verdict::Ok as usize]

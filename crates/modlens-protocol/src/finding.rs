@@ -130,6 +130,21 @@ findings! {
         "No framing fits: neither RTU nor ASCII nor Modbus/TCP."
         "Baud rate, parity, data and stop bits, swapped wires; whether the line carries Modbus at all."
         "serial line 2.5";
+    FasterThanLine "faster_than_line" Warning
+        "the bytes come closer together than the line settings allow"
+        "No line can carry them at this rate: the settings or the times of the recording are wrong, and all times derived from them."
+        "The baud rate in --line; without --line modlens finds it. A recording that was replayed faster than it was made."
+        "serial line 2.5.1";
+    OverfullLine "overfull_line" Warning
+        "the bytes need more time on the line than the recording lasts"
+        "A utilization above 100 % is impossible: the settings or the times of the recording are wrong."
+        "The baud rate in --line; clock adjustments and joined recordings."
+        "serial line 2.5.1";
+    ErrorsOnValidFrames "errors_on_valid_frames" Warning
+        "the receiver reports line errors in nearly all valid frames"
+        "A valid checksum proves that the bytes arrived right: the receiver expects another parity or stop bit than the devices send."
+        "Parity and stop bits of the port that recorded this."
+        "serial line 2.5.1";
     SwappedChecksum "swapped_checksum" Warning
         "the unit sends the two bytes of its checksum in the wrong order"
         "The low byte comes first; a master that follows the specification drops these responses."

@@ -13,7 +13,7 @@ pub enum Status {
     Broadcast,
     /// The request arrived damaged.
     BadRequest,
-    /// A response arrived, but it is damaged.
+    /// A response arrived, but it is damaged, or has another length than was requested.
     BadResponse,
     /// A response without a request.
     Unsolicited,
@@ -42,7 +42,7 @@ impl Status {
             Self::NoResponse => "no response arrived before the timeout, or before the master went on",
             Self::Broadcast => "sent to all units; no response is expected",
             Self::BadRequest => "the request was damaged on the line",
-            Self::BadResponse => "a response arrived, but it was damaged",
+            Self::BadResponse => "a response arrived, but it was damaged, or has another length than requested",
             Self::Unsolicited => "a response without a request",
             Self::NotObserved => "the recording does not show whether a response came: it ended, lost data, or the master went on before its timeout",
         }

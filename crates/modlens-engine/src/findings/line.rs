@@ -1,5 +1,6 @@
 //! Findings on a line as a whole.
 
+use super::contradictions::Contradiction;
 use super::{words, Found};
 use modlens_protocol::finding::Finding;
 
@@ -17,6 +18,16 @@ pub(crate) enum Habit {
 /// One side alone was heard of a line: requests, or else responses; `heard` of `all` good frames.
 pub(crate) fn one_side_only(is_request: bool, heard: u64, all: u64) -> Found {
     vec![(Finding::OneSideOnly, words::one_side_only(is_request, heard, all))]
+}
+
+/// What contradicts physics or the settings of a line.
+pub(crate) fn contradictions(found: &[Contradiction]) -> Found {
+    let finding = |contradiction: &Contradiction| match contradiction {
+        Contradiction::Faster { .. } => Finding::FasterThanLine,
+        Contradiction::Overfull { .. } => Finding::OverfullLine,
+        Contradiction::ErrorsOnValid { .. } => Finding::ErrorsOnValidFrames,
+    };
+    found.iter().map(|contradiction| (finding(contradiction), words::contradiction(contradiction))).collect()
 }
 
 /// Next to none of the bytes of a line belong to valid frames: `valid` of `all`.

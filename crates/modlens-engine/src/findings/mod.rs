@@ -12,8 +12,10 @@
 //! | `profile` | values and functions that contradict the unit's profile | when the transaction is closed |
 //! | `connection` | what a capture lacks or repeats | when the packet is read |
 //! | `line` | what all frames of a line have in common | at the end of the recording |
+//! | `contradictions` | what no line can do with the given settings | counted per frame, emitted at the end of the recording |
 
 pub(crate) mod connection;
+pub(crate) mod contradictions;
 pub(crate) mod frame;
 pub(crate) mod line;
 pub(crate) mod order;

@@ -40,12 +40,21 @@ pub(crate) fn find(functions: &Functions, transaction: &PendingTransaction, foun
     }
 }
 
+/// The bytes of registers or bits that a good response has, and those that were requested; `None` where the request does not
+/// say, and for an exception.
+pub(crate) fn response_lengths(functions: &Functions, transaction: &PendingTransaction) -> Option<(usize, usize)> {
+    let (request, response) = (transaction.request.pdu(), transaction.response.pdu());
+    let is_exception = response.first().is_none_or(|code| code & EXCEPTION_BIT != 0);
+    let row = functions.row(*request.first()?, &request[1..]).filter(|_| !is_exception)?;
+    data_bytes(row, response).zip(expected_data_bytes(row, request))
+}
+
 /// Compares a response with its request: the fields that it must repeat, its length, and, if that is right, the padding
-/// behind its last bit. Nothing is compared if one of the two is missing or damaged, in an exception, or for an unknown
+/// following its last bit. Nothing is compared if one of the two is missing or damaged, in an exception, or for an unknown
 /// function.
 fn response(functions: &Functions, transaction: &PendingTransaction, found: &mut Found) {
     let (request, response) = (transaction.request.pdu(), transaction.response.pdu());
-    let is_damaged = matches!(transaction.status, Status::BadRequest | Status::BadResponse);
+    let is_damaged = transaction.status == Status::BadRequest || !transaction.response.is_good;
     if is_damaged || request.is_empty() || response.is_empty() || response[0] & EXCEPTION_BIT != 0 {
         return;
     }
@@ -53,7 +62,7 @@ fn response(functions: &Functions, transaction: &PendingTransaction, found: &mut
     for (name, requested, answered) in echo_differences(row, request, response) {
         found.push((Finding::EchoMismatch, words::echo_mismatch(name, requested, answered)));
     }
-    if let (Some(expected), Some(length)) = (expected_data_bytes(row, request), data_bytes(row, response)) {
+    if let Some((length, expected)) = response_lengths(functions, transaction) {
         if expected != length {
             found.push((Finding::ResponseLength, words::response_length(length, expected)));
         } else if let Some((last, bits)) = set_padding(row.offsets.response_block, row.offsets.quantity, request, response) {

@@ -3,6 +3,7 @@
 //! Title, reason and advice, which are the same every time, are in `modlens_protocol::finding`.
 
 use crate::damage::kind::DamageKind;
+use crate::findings::contradictions::Contradiction;
 use crate::pairing::result::{DelayedFinding, PairingResult};
 use crate::pairing::transaction::ConnectionEnd;
 use crate::pairing::transaction::ObservedFrame;
@@ -184,6 +185,24 @@ pub(crate) fn one_side_only(is_request: bool, heard: u64, all: u64) -> String {
 /// `valid` of `all` bytes belong to valid frames.
 pub(crate) fn no_valid_frame(valid: u64, all: u64) -> String {
     format!("{valid} of {all} bytes belong to valid frames")
+}
+
+/// What contradicts physics or the settings of a line.
+pub(crate) fn contradiction(contradiction: &Contradiction) -> String {
+    match *contradiction {
+        Contradiction::Faster { frames, timed, bytes, needed, had } => format!(
+            "in {frames} of {timed} frames; for instance {bytes} bytes within {}, which take {} at these settings",
+            microseconds(had),
+            microseconds(needed)
+        ),
+        Contradiction::Overfull { bytes, needed, had } => format!(
+            "{bytes} bytes take {} ms at these settings, the recording lasts {} ms: a utilization of {} %",
+            needed / 1_000_000,
+            had / 1_000_000,
+            100 * needed / had
+        ),
+        Contradiction::ErrorsOnValid { frames, valid } => format!("{frames} of {valid} valid frames have errors reported"),
+    }
 }
 
 /// `n` of `all` responses of a unit have the two bytes of their checksum swapped.

@@ -100,6 +100,14 @@ impl Input {
         longest
     }
 
+    /// How many of the first `length` bytes came after their first read, and within which time; `None` if all are in one read,
+    /// or if a time is missing.
+    pub fn span_of_reads(&self, length: usize) -> Option<(usize, Ns)> {
+        let (first, last) = (self.reads.front()?, &self.reads[self.read_index(length - 1)?]);
+        let bytes = length - ((first.end - self.offset) as usize).min(length);
+        (bytes > 0 && first.time != NO_TIME && last.time != NO_TIME).then(|| (bytes, last.time - first.time))
+    }
+
     /// The silences between the reads of the first `length` bytes, as far as their times are known.
     pub fn pauses_inside(&self, length: usize) -> InnerPauses {
         let mut found = InnerPauses::default();

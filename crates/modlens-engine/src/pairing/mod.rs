@@ -7,6 +7,7 @@
 //! |--|--|
 //! | the response that fits | `ok`, `exception` |
 //! | a damaged frame in place of the response, then the next request | `bad_response` |
+//! | a good response of another length than requested | `bad_response` |
 //! | the next request, after at least the master's time-out, or the same one | `no_response` |
 //! | another request, too soon for a time-out, though the unit does respond | `not_observed`: the tap has missed the response |
 //! | the end of its waiting time, live or with a transaction identifier | `no_response` |

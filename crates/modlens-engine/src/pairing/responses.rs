@@ -1,7 +1,7 @@
 //! Pairing of a response: requested, late, sent twice, damaged, or from a unit that was not asked.
 
 use crate::findings::order;
-use crate::findings::transaction::note_exception;
+use crate::findings::transaction::{note_exception, response_lengths};
 use crate::pairing::echo::mirrors_request;
 use crate::pairing::history::UnexpectedResponse;
 use crate::pairing::result::Overlap;
@@ -52,7 +52,7 @@ impl Pairing {
         let mut transaction = self.open.remove(at).expect("found above");
         transaction.certainty = self.answer_bits(functions, &transaction, frame);
         self.history.add_answered(&transaction, frame);
-        answer(&mut transaction, frame);
+        answer(functions, &mut transaction, frame);
         if transaction.status != Status::BadRequest {
             self.answering_units[transaction.unit as usize] |= transaction.confirms_unit;
         }
@@ -367,17 +367,24 @@ enum Explanation {
     None,
 }
 
-/// Puts the response into the transaction of its request, with its findings, an exception's among them. The status becomes `ok` or `exception`; that of
-/// a request that arrived damaged stays `bad_request`. How long the master waited is no longer noted: that is the time of
-/// a request without response.
-fn answer(transaction: &mut PendingTransaction, frame: &ObservedFrame<'_>) {
+/// Puts the response into the transaction of its request, with its findings, an exception's among them. The status becomes
+/// `ok` or `exception`, or `bad_response` where the response has another length than was requested: nobody knows which
+/// registers its values belong to. That of a request that arrived damaged stays `bad_request`. How long the master waited is
+/// no longer noted: that is the time of a request without response.
+fn answer(functions: &Functions, transaction: &mut PendingTransaction, frame: &ObservedFrame<'_>) {
     transaction.waited = None;
     transaction.confirms_unit = !frame.unconfirmed && transaction.unit == frame.unit();
     transaction.response.fill(frame);
     transaction.findings.extend_from_slice(frame.codes);
     transaction.exception = exception_code(frame);
     if transaction.status != Status::BadRequest {
-        transaction.status = if transaction.exception.is_some() { Status::Exception } else { Status::Ok };
+        transaction.status = match transaction.exception {
+            Some(_) => Status::Exception,
+            None if response_lengths(functions, transaction).is_some_and(|(length, requested)| length != requested) => {
+                Status::BadResponse
+            }
+            None => Status::Ok,
+        };
     }
     note_exception(transaction);
 }

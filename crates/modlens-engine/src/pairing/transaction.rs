@@ -79,6 +79,8 @@ pub struct BufferedFrame {
     pub confidence: u8,
     /// It stands isolated in noise.
     pub is_unconfirmed: bool,
+    /// It is whole and undamaged.
+    pub is_good: bool,
     /// The recording's word for who sent it.
     pub side: Option<Side>,
 }
@@ -118,6 +120,7 @@ impl BufferedFrame {
             end: None,
             confidence,
             is_unconfirmed: false,
+            is_good: true,
             side: None,
         }
     }
@@ -156,7 +159,7 @@ impl BufferedFrame {
         self.wire.clear();
         self.pdu = PduLocation::default();
         (self.start, self.end) = (None, None);
-        (self.is_unconfirmed, self.side) = (false, None);
+        (self.is_unconfirmed, self.is_good, self.side) = (false, false, None);
     }
 
     pub(super) fn fill(&mut self, frame: &ObservedFrame<'_>) {
@@ -167,6 +170,7 @@ impl BufferedFrame {
         self.start = frame.start;
         self.end = frame.end;
         (self.confidence, self.is_unconfirmed) = (frame.confidence, frame.unconfirmed);
+        self.is_good = frame.verdict.is_good();
         self.side = frame.side;
     }
 }

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use crate::fast_path::known_reads::KnownReads;
+use crate::findings::contradictions::ContradictionCounts;
 use crate::framer::auto::AutoFramer;
 use crate::framer::line_framer::LineFramer;
 use crate::framer::silence::SilenceRule;
@@ -161,6 +162,7 @@ impl BusState {
                 last_end: None,
                 lateness,
                 inner_pauses: InnerPauses::default(),
+                contradictions: ContradictionCounts::default(),
                 unmerged: None,
             },
         ));

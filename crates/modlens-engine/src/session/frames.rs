@@ -9,6 +9,7 @@ use crate::pairing::{ObservedFrame, Pairing};
 use crate::records::{Batch, Frame, Span};
 use crate::session::bus::{learn, BusState};
 use crate::session::frame_timing::{FrameTiming, TimingConfig};
+use crate::session::lateness::Lateness;
 use crate::session::line::add_vote;
 use crate::session::rows::{elapsed, FindingPlace};
 use crate::session::unit_habits::UnitHabits;
@@ -103,6 +104,7 @@ impl BusState {
         let (line_id, line) = &mut self.lines[at];
         if framed.verdict.is_good() {
             line.lateness.learn(&line.input, framed.length);
+            line.contradictions.add(&line.input, framed.length, Lateness::finest_resolution(&line.input));
             // Line 0 is the only one of its bus. Frames that waited to be merged have voted before.
             if *line_id != 0 && line.unmerged.is_none() && !framed.unconfirmed {
                 line.request_votes = add_vote(line.request_votes, functions, adu);

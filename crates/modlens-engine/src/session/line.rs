@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use crate::findings::contradictions::ContradictionCounts;
 use crate::framer::line_framer::LineFramer;
 use crate::framer::{FrameResult, Framer};
 use crate::input::Input;
@@ -25,6 +26,7 @@ pub(crate) struct LineState {
     pub(crate) last_end: Option<Ns>,
     pub(crate) lateness: Lateness,
     pub(crate) inner_pauses: InnerPauses,
+    pub(crate) contradictions: ContradictionCounts,
     /// Frames that wait for their place among those of the other line, where no clock gives their order.
     pub(crate) unmerged: Option<Box<UnmergedFrames>>,
 }

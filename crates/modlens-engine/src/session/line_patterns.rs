@@ -6,6 +6,8 @@ use crate::session::bus::BusState;
 use crate::session::rows::FindingPlace;
 use crate::session::unit_habits::{MIN_HABIT_RESPONSES, RESPONSES_PER_HABIT};
 use crate::session::Session;
+use modlens_protocol::framing::Mode;
+use modlens_protocol::Ns;
 
 /// Frames before anything is said about a line as a whole.
 const MIN_FRAMES: u64 = 20;
@@ -41,6 +43,7 @@ impl Session {
         let mut found = only_one_side(&mut self.buses[bus]);
         found.extend(self.habits_of_units(bus));
         found.extend(self.no_valid_frame(bus));
+        found.extend(self.contradictions(bus));
         let (start, recording_start) = (self.buses[bus].newest, self.origin);
         let place = FindingPlace { frame: None, txn: None, bus, start, recording_start, unit: None, origin: 0 };
         for (finding, detail) in found {
@@ -67,6 +70,23 @@ impl Session {
                 found.extend(line::answers_as_other_unit(asked, answering, n, all));
             }
         }
+        found
+    }
+
+    /// What contradicts the settings of its lines. All lines of a bus may carry bytes at the same time.
+    fn contradictions(&mut self, bus: usize) -> Found {
+        let state = &mut self.buses[bus];
+        let valid = self.stats.valid_frames_of(state.counts);
+        let (_, bytes) = self.stats.valid_bytes_of(state.counts);
+        let lines = state.lines.len() as u64;
+        let settings = state.options.line.filter(|_| state.options.mode != Some(Mode::Tcp));
+        let all = settings.zip(self.stats.duration_of(state.counts));
+        let all = all.map(|(line, lasts)| (bytes, (bytes / lines.max(1)) as Ns * line.char_ns(), lasts));
+        let mut found = Found::new();
+        for (_, line) in &mut state.lines {
+            found.extend(line::contradictions(&line.contradictions.take(valid / lines.max(1), all)));
+        }
+        found.dedup_by_key(|(finding, _)| *finding);
         found
     }
 

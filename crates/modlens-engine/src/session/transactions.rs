@@ -34,7 +34,7 @@ impl Session {
     fn emit_transaction(&mut self, bus: usize, transaction: &mut PendingTransaction) {
         let points = self.find_on_transaction(bus, transaction);
         self.emit_findings(bus, transaction);
-        if transaction.confirms_unit && matches!(transaction.status, Status::Ok | Status::Exception) {
+        if transaction.confirms_unit && transaction.status != Status::BadRequest {
             self.buses[bus].paired_units[transaction.unit as usize] = true;
         }
         if self.buses[bus].options.bus.network.is_some() {
