@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 	$(shell find $(filter-out crates/modlens-bench crates/modlens-tap,$(wildcard crates/*)) dissectors analyzer -name '*.rs' -o -name '*.toml')
 
-.PHONY: demo check test lint minimum-rust actionlint recipes docs wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak settings bench bench-memory bench-captures bench-text bench-readings bench-exports bench-threads speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
+.PHONY: demo check test lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak settings bench bench-memory bench-captures bench-text bench-readings bench-exports bench-threads speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
 
 demo: export PAGER := cat
 demo: $(VENV)/.installed
@@ -48,6 +48,11 @@ recipes: $(VENV)/.tested
 docs: $(VENV)/.documented
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict --clean
 	$(BIN)/python -m docs.make.try_search
+
+# The pictures of screens and the moving one of the README, drawn from the real program; tests compare them with it.
+pictures: $(VENV)/.tested
+	$(BIN)/python -m docs.make.screens
+	$(BIN)/python -m docs.make.moving_picture
 
 wheel: $(BIN)/python
 	$(PIP) wheel --no-deps --wheel-dir dist .
@@ -90,9 +95,9 @@ licences:
 shell-files: $(VENV)/.tested
 	$(BIN)/python -m release.shell_files
 
-# Beside the peers that are installed, and YARDSTICK=folder with limit.rs; README=1 writes the table into README.md.
+# Beside the peers that are installed, and YARDSTICK=folder with limit.rs; PAGE=1 writes the table into docs/figures.md.
 bench: $(VENV)/.tested
-	$(BIN)/python -m bench.compare $(if $(YARDSTICK),--yardstick $(YARDSTICK)) $(if $(README),--readme)
+	$(BIN)/python -m bench.compare $(if $(YARDSTICK),--yardstick $(YARDSTICK)) $(if $(PAGE),--page)
 
 # Peak memory at 64 MB, 512 MB and 2 GB of bus bytes; half an hour, and 10 GB of room for temporary files.
 bench-memory: $(VENV)/.tested

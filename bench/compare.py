@@ -9,7 +9,7 @@ frame. Ours write files, but for one row; tshark prints, to /dev/null.
 
 - `--yardstick FOLDER` (`YARDSTICK=FOLDER make bench`): also `limit.rs` in there, a program that
   does nothing but what has to be done. Ratios to it say how far from one core's limit we are.
-- `--readme`: writes the table into README.md, without the yardstick, which others do not have.
+- `--page`: writes the table into docs/figures.md, without the yardstick, which others do not have.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def main() -> None:
     parser.add_argument("megabytes", type=int, nargs="?", default=64, help="how much RTU to read")
     parser.add_argument("--runs", type=int, default=5, help="runs of each; their median counts")
     parser.add_argument("--yardstick", metavar="FOLDER", help="a folder with limit.rs")
-    parser.add_argument("--readme", action="store_true", help="write the table into README.md")
+    parser.add_argument("--page", action="store_true", help="write the table into docs/figures.md")
     parser.add_argument("--no-peers", action="store_true", help="modlens alone")
     options = parser.parse_args()
     workload = Workload()
@@ -131,8 +131,8 @@ def main() -> None:
     sys.stdout.write("\n".join(table(programs + limits)) + "\n")
     own_peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     sys.stdout.write(f"(no peak is below that of this script, {own_peak:.0f} MiB)\n")
-    if options.readme:
-        into_readme(table(programs))
+    if options.page:
+        write_page(table(programs))
 
 
 def written(workload: Workload, folder: Path, megabytes: int) -> Files:
@@ -304,15 +304,15 @@ def table(programs: list[Program]) -> list[str]:
     return lines
 
 
-def into_readme(lines: list[str]) -> None:
-    """Put the table in place of that in README.md, the first under "Speed"."""
-    readme = ROOT / "README.md"
-    head, mark, rest = readme.read_text().partition("\n## Speed\n")
+def write_page(lines: list[str]) -> None:
+    """Replaces the first table under "Speed" in docs/figures.md."""
+    page = ROOT / "docs" / "figures.md"
+    head, mark, rest = page.read_text().partition("\n## Speed\n")
     before, _, behind = rest.partition("\n| ")
     while behind.partition("\n")[2].startswith("|"):
         behind = behind.partition("\n")[2]
     behind = behind.partition("\n")[2]
-    readme.write_text(f"{head}{mark}{before}\n" + "\n".join(lines) + "\n" + behind)
+    page.write_text(f"{head}{mark}{before}\n" + "\n".join(lines) + "\n" + behind)
 
 
 def installed(module: str) -> bool:

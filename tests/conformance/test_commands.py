@@ -1,4 +1,4 @@
-"""Every command has its module, its help and its place in the README."""
+"""Every command has its module and its help."""
 
 from __future__ import annotations
 
@@ -39,10 +39,3 @@ def test_no_command_is_forgotten() -> None:
         if re.search(r"^def add_arguments\(", path.read_text(encoding="utf-8"), re.MULTILINE)
     }
     assert commands == {module_of(name).rpartition(".")[2] for name in COMMANDS}
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_a_command_is_in_the_readme(name: str) -> None:
-    """Every command is in the README's table of commands."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert re.search(rf"^\| `modlens {name}", text, re.MULTILINE)

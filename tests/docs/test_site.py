@@ -67,7 +67,7 @@ def test_the_commands_of_a_page_run(document: str, tmp_path: Path) -> None:
     "line", [line for name in RUN for line in lines_of(name) if line.startswith("modlens tap")]
 )
 def test_a_tap_of_the_site_is_understood(line: str) -> None:
-    """Its options exist and have such values; the README's taps are run as they are."""
+    """Its options exist and have such values; the README's tap is run as it is."""
     parser = Parser(prog="modlens tap", description="")
     importlib.import_module(module_of("tap")).add_arguments(parser)
     words = shlex.split(line.partition("|")[0])[2:]

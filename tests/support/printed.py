@@ -1,4 +1,4 @@
-"""What a command prints on a terminal."""
+"""Runs a command on a terminal and returns what it prints."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pty
 import struct
 import subprocess
 import termios
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 __all__ = ["printed"]
@@ -16,10 +16,19 @@ __all__ = ["printed"]
 TIMEOUT_S = 60
 
 
-def printed(
-    words: Sequence[str], env: Mapping[str, str], *, cwd: Path, lines: int, columns: int
+def printed(  # noqa: PLR0913 - a terminal has a size
+    words: Sequence[str],
+    env: Mapping[str, str],
+    *,
+    cwd: Path,
+    lines: int,
+    columns: int,
+    watch: Callable[[bytes, subprocess.Popen[bytes]], None] | None = None,
 ) -> tuple[str, int]:
-    """What a terminal of that size gets of a command, output and messages alike; its status."""
+    """Returns what a terminal of that size shows of a command, and the exit status.
+
+    `watch` gets all that was shown so far after each read, and the process, for example to end it.
+    """
     control, screen = pty.openpty()
     fcntl.ioctl(screen, termios.TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
     running = subprocess.Popen(words, cwd=cwd, env=env, stdout=screen, stderr=screen)
@@ -28,7 +37,9 @@ def printed(
     try:
         while data := os.read(control, 1 << 16):
             shown += data
-    except OSError:  # how Linux says that nobody is left at the other end
+            if watch is not None:
+                watch(shown, running)
+    except OSError:  # Linux reports so that the other end is closed
         pass
     os.close(control)
     return shown.decode().replace("\r\n", "\n"), running.wait(TIMEOUT_S)

@@ -43,11 +43,11 @@ fn commit() -> String {
     drawing.fold(String::from("```\n"), |text, line| text + line + "\n") + "```\n"
 }
 
-/// The command that measures accuracy and the table behind it, from the README.
+/// Returns the command that measures accuracy and the table that follows it in the page of figures.
 fn accuracy() -> String {
-    let readme = read("README.md");
-    let command = readme.split('`').find(|text| text.contains("modlens-bench -- accuracy")).expect("README has the command");
-    let behind = readme.split(command).nth(1).expect("something follows the command");
+    let page = read("docs/figures.md");
+    let command = page.split('`').find(|text| text.contains("modlens-bench -- accuracy")).expect("the page has the command");
+    let behind = page.split(command).nth(1).expect("something follows the command");
     let table = behind.lines().skip_while(|line| !line.starts_with('|')).take_while(|line| line.starts_with('|'));
     table.fold(format!("```console\n$ {command}\n```\n\n"), |text, row| text + row + "\n")
 }
