@@ -26,7 +26,7 @@ from dissectors.field_meaning import field_meaning
 from dissectors.pdu import DecodedField, decode, guess_direction
 from dissectors.table import EXCEPTION_BIT, LIST_ITEM_BYTES, Direction
 
-__all__ = ["Layer", "Mode", "Piece", "describe"]
+__all__ = ["Layer", "Mode", "Piece", "describe", "pdu_of"]
 
 Mode = Literal["rtu", "ascii", "tcp", "pdu"]
 
@@ -93,6 +93,24 @@ def describe(  # noqa: PLR0913 - all but the frame by keyword
     if mode == "ascii":
         return list(_ascii(data, body, has_checksum=has_checksum))
     return list(_rtu(data, body, has_checksum=has_checksum))
+
+
+def pdu_of(frame: bytes | None, mode: str) -> bytes | None:
+    """The PDU in a request's frame; None where there is no frame, or it is not decodable.
+
+    >>> pdu_of(bytes.fromhex("01 03 00 6B 00 03 74 17"), "rtu").hex()
+    '03006b0003'
+    """
+    if not frame:
+        return None
+    if mode == "tcp":
+        return frame[MBAP_BYTES:]
+    if mode == "ascii":
+        try:
+            return binascii.unhexlify(frame.strip()[1:])[1:-1]
+        except binascii.Error:
+            return None
+    return frame[1:-2]
 
 
 @dataclass(frozen=True, slots=True)

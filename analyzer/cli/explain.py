@@ -13,10 +13,10 @@ import _modlens
 from analyzer.cli.chosen_settings import load_functions
 from analyzer.cli.parser import add_functions
 from analyzer.columns import TABLES, columns
+from analyzer.explanations import explain_word
 from analyzer.views.screen import Screen, stdout, visible
 from dissectors.errors import UsageError
-from dissectors.explain import Explanation, explain, known_words
-from dissectors.texts import respelled
+from dissectors.explain import Explanation, known_words
 
 __all__ = ["add_arguments", "run"]
 
@@ -71,28 +71,15 @@ def _draw(found: Explanation, screen: Screen) -> None:
 def _explanations(words: Sequence[str], source: _modlens.Functions) -> list[Explanation]:
     """What the words mean together, such as `exception 2`; otherwise each name by itself."""
     try:
-        return [_explanation(" ".join(words), source)]
+        return [explain_word(" ".join(words), source)]
     except UsageError:
         if len(words) == 1 or any(word[:1].isdigit() for word in words):
             raise
         try:
-            return [_explanation(word, source) for word in words]
+            return [explain_word(word, source) for word in words]
         except UsageError:
             pass
         raise
-
-
-def _explanation(word: str, source: _modlens.Functions) -> Explanation:
-    """What a word means: a code or a name, otherwise a column of one or several tables."""
-    try:
-        return explain(word, source=source)
-    except UsageError:
-        key = respelled("column", word)
-        there = [(name, one) for name in TABLES for one in columns(name) if one.key == key]
-        if not there:
-            raise
-    text = tuple(f"{name}: {one.help} ({one.type})" for name, one in there)
-    return Explanation("column", f"{key} (column)", "", text)
 
 
 def _body(found: Explanation, width: int) -> list[str]:

@@ -8,15 +8,12 @@ from __future__ import annotations
 import argparse
 import io
 import os
-import re
 
-import _modlens
 from analyzer.cli.chosen_settings import settings
 from analyzer.cli.file_input import file_run
 from analyzer.cli.messages import Messages
 from analyzer.cli.parser import add_decoding, add_line
 from analyzer.cli.show_frames import (
-    MBAP_BYTES,
     DisplayedExchange,
     lookup_frame,
     lookup_packet,
@@ -24,6 +21,7 @@ from analyzer.cli.show_frames import (
     show,
 )
 from analyzer.cli.show_registers import add_place, show_registers
+from analyzer.hex_text import frame_bytes, parse_hex
 from analyzer.session import FileRun
 from analyzer.settings import Settings
 from analyzer.views.detail import show_frame
@@ -42,10 +40,6 @@ examples:
   modlens show bus.hex --at 3:hr:107 --as all
   modlens show plant.pcapng --packet 17
 """
-
-_PREFIX = re.compile(r"0x|\\x", re.IGNORECASE)
-_TOKENS = re.compile(r"[\s,;:\-\[\](){}<>\"']+")
-_DIGITS = re.compile(r"[0-9A-Fa-f]+")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -177,12 +171,7 @@ def _show_hex(options: argparse.Namespace, screen: Screen) -> None:
 
 def _decode_hex(text: str, mode: str, chosen: Settings) -> list[DisplayedExchange]:
     """Decode pasted text like a recording; gives its frames."""
-    if text.lstrip().startswith(":"):
-        data, mode = text.strip().encode("ascii", "replace") + b"\r\n", "ascii"
-    else:
-        data = parse_hex(text)
-    if mode == "auto" and _looks_like_tcp(data):
-        mode = "tcp"
+    data, mode = frame_bytes(text, mode)
     core = chosen.core(live=False)
     line = None if chosen.line is None else chosen.line.settings
     bus = core.add_bus("hex", source="hex", mode=mode, line=line)
@@ -198,33 +187,3 @@ def _decode_hex(text: str, mode: str, chosen: Settings) -> list[DisplayedExchang
         )
         for row in batch.frames
     ]
-
-
-def _looks_like_tcp(data: bytes) -> bool:
-    """Whether the bytes have a valid MBAP header and no valid CRC."""
-    fits = (
-        len(data) > MBAP_BYTES
-        and data[2:4] == b"\0\0"
-        and int.from_bytes(data[4:6], "big") == len(data) - 6
-    )
-    return fits and _modlens.crc16(data[:-2]) != int.from_bytes(data[-2:], "little")
-
-
-def parse_hex(text: str) -> bytes:
-    """The bytes of hex digits in any spacing and notation; `UsageError` for other text.
-
-    >>> parse_hex("0x01, 0x03").hex(), parse_hex("01-03:00 6b").hex(), parse_hex("1 3 0 6B").hex()
-    ('0103', '0103006b', '0103006b')
-    """
-    tokens = [token for token in _TOKENS.split(_PREFIX.sub(" ", text)) if token]
-    for token in tokens:
-        if not _DIGITS.fullmatch(token):
-            raise UsageError(f"show: {token!r} is not hex text, and there is no such file")
-    if not tokens:
-        raise UsageError("show: no hex digits")
-    if all(len(token) <= len("FF") for token in tokens):
-        tokens = [token.zfill(2) for token in tokens]
-    digits = "".join(tokens)
-    if len(digits) % 2:
-        raise UsageError(f"show: {len(digits)} hex digits, but each byte takes two")
-    return bytes.fromhex(digits)

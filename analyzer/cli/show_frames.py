@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import binascii
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -14,13 +13,11 @@ from analyzer.times import format_seconds
 from analyzer.views.cells import milliseconds
 from analyzer.views.detail import show_findings, show_frame, show_pause
 from analyzer.views.screen import Screen, visible, width_of
-from dissectors.describe import Mode, describe
+from dissectors.describe import Mode, describe, pdu_of
 
 __all__ = ["DisplayedExchange", "lookup_frame", "lookup_packet", "lookup_transaction", "show"]
 
 Direction = Literal["request", "response"]
-
-MBAP_BYTES = 7
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +59,7 @@ class DisplayedExchange:
             row.direction,
             row.verdict != "no_checksum",
         )
-        return cls((one,), "", _request_pdu(request, row.mode), findings)
+        return cls((one,), "", pdu_of(request, row.mode), findings)
 
     @classmethod
     def of_transaction(
@@ -82,7 +79,7 @@ class DisplayedExchange:
         return cls(
             frames,
             _pause_text(row),
-            _request_pdu(row.request_hex, row.mode),
+            pdu_of(row.request_hex, row.mode),
             findings,
             title,
             readings,
@@ -216,17 +213,3 @@ def _pause_text(row: Any) -> str:
     if row.status == "not_observed":
         return "response not seen" + (f" (next request after {waited} ms)" if waited else "")
     return f"no response within {waited} ms" if waited else row.status.replace("_", " ")
-
-
-def _request_pdu(frame: bytes | None, mode: str) -> bytes | None:
-    """The PDU in a request's frame; None where there is no frame, or it is not decodable."""
-    if not frame:
-        return None
-    if mode == "tcp":
-        return frame[MBAP_BYTES:]
-    if mode == "ascii":
-        try:
-            return binascii.unhexlify(frame.strip()[1:])[1:-1]
-        except binascii.Error:
-            return None
-    return frame[1:-2]

@@ -11,7 +11,7 @@ from typing import Any
 
 import _modlens
 from analyzer.session import RecordingStatus
-from dissectors.describe import Piece, describe
+from dissectors.describe import Piece, describe, pdu_of
 from dissectors.table import function
 from dissectors.vocabulary import finding
 
@@ -25,7 +25,6 @@ MAX_PIECES = 24
 
 MAX_NOTES = 20
 
-_MBAP_BYTES = 7
 _CLOCKS = {
     "none": "no times",
     "relative": "from the start of the recording",
@@ -135,7 +134,7 @@ def _notes(details: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 def _annotated(row: dict[str, Any], functions: _modlens.Functions) -> dict[str, Any]:
     """An example with the pieces of its frames: bytes and what they mean."""
     request = bytes.fromhex(row["request_hex"] or "")
-    answered = _pdu(request, row["mode"]) if request else None
+    answered = pdu_of(request, row["mode"])
     frames = []
     for title, direction in (("request", "request"), ("response", "response")):
         data = bytes.fromhex(row[f"{title}_hex"] or "")
@@ -160,14 +159,3 @@ def _pieces(pieces: Sequence[Piece]) -> Iterator[list[Any]]:
         elif number == half:
             count = len(pieces) - 2 * half
             yield [one.offset, "", f"{count} more fields", "", "", True]
-
-
-def _pdu(frame: bytes, mode: str) -> bytes | None:
-    if mode == "tcp":
-        return frame[_MBAP_BYTES:]
-    if mode == "rtu":
-        return frame[1:-2]
-    try:
-        return bytes.fromhex(frame.strip()[1:].decode("ascii"))[1:-1]
-    except (UnicodeDecodeError, ValueError):
-        return None

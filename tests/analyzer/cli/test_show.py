@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from analyzer import decode
-from analyzer.cli.show import parse_hex
+from analyzer.hex_text import parse_hex
 from analyzer.sources import all_formats
 from tests.conftest import CAPTURES, ROOT, Modlens, command, environment
 

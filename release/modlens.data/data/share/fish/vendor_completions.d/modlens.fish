@@ -17,6 +17,7 @@ complete -c modlens -n __fish_use_subcommand -a map -d 'show each register\'s la
 complete -c modlens -n __fish_use_subcommand -a learn -d 'generate a draft device profile from recorded traffic'
 complete -c modlens -n __fish_use_subcommand -a match -d 'find the known profile that best matches a unit'
 complete -c modlens -n __fish_use_subcommand -a extcap -d 'add serial lines to Wireshark\'s list of interfaces'
+complete -c modlens -n __fish_use_subcommand -a mcp -d 'serve recordings to an assistant as read-only tools (MCP)'
 complete -c modlens -n __fish_use_subcommand -a wireshark-setup -d 'install a Wireshark profile with columns and colours'
 complete -c modlens -n '__fish_seen_subcommand_from tap' -s h -l help -d 'show this help message and exit'
 complete -c modlens -n '__fish_seen_subcommand_from tap' -l view -x -a 'log table map health' -d 'show a full-screen view instead of one line per transaction'
@@ -371,6 +372,9 @@ complete -c modlens -n '__fish_seen_subcommand_from extcap' -l mode -x -d '==SUP
 complete -c modlens -n '__fish_seen_subcommand_from extcap' -l style -x -d '==SUPPRESS=='
 complete -c modlens -n '__fish_seen_subcommand_from extcap' -l port -r -d '==SUPPRESS=='
 complete -c modlens -n '__fish_seen_subcommand_from extcap' -l file -r -d '==SUPPRESS=='
+complete -c modlens -n '__fish_seen_subcommand_from mcp' -f
+complete -c modlens -n '__fish_seen_subcommand_from mcp' -s h -l help -d 'show this help message and exit'
+complete -c modlens -n '__fish_seen_subcommand_from mcp' -l skill -d 'print a SKILL.md that teaches an assistant with a shell the command line, and exit'
 complete -c modlens -n '__fish_seen_subcommand_from wireshark-setup' -f
 complete -c modlens -n '__fish_seen_subcommand_from wireshark-setup' -s h -l help -d 'show this help message and exit'
 complete -c modlens -n '__fish_seen_subcommand_from wireshark-setup' -l profile -x -d 'name of the Wireshark profile (default: Modbus)'

@@ -1,0 +1,61 @@
+"""The tool `rows`: rows of a table that meet a condition."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from analyzer.assistants.answers import page
+from analyzer.assistants.fence import Fence
+from analyzer.assistants.reading import Reading
+from analyzer.columns import pick
+
+__all__ = ["answer"]
+
+LIMIT = 20
+
+_DEFAULT = {
+    "transactions": "txn,time,elapsed_us,bus,client,server,unit,function,address,quantity,data,"
+    "write_address,write_data,fields,readings,status,exception,exception_name,response_time_us,"
+    "waited_us,retry_of,findings",
+    "frames": "frame,time,elapsed_us,bus,direction,unit,function,verdict,unconfirmed,gap_us,"
+    "byte_length,txn,findings,hex",
+}
+"""The columns of an answer where none are named; of the other tables all."""
+
+
+def answer(fence: Fence, arguments: Mapping[str, Any]) -> str:
+    """The rows from `offset` on, at most `limit` of them, and the number of all."""
+    reading = Reading(fence, arguments)
+    table, wanted = arguments.get("table", "transactions"), arguments.get("columns")
+    columns = pick(table, _DEFAULT.get(table) if wanted is None else _named(wanted))
+    offset, limit = arguments.get("offset", 0), arguments.get("limit", LIMIT)
+    total, found = 0, list[dict[str, Any]]()
+    for rows in reading.rows(table, arguments.get("where")):
+        start, missing = max(offset - total, 0), limit - len(found)
+        if missing and start < len(rows):
+            found += _objects(rows.slice(start, missing), columns)
+        total += len(rows)
+    head = reading.head | {"table": table} | _common_bus(found)
+    return page(head, [("rows", row) for row in found], offset=offset, total=total)
+
+
+def _named(text: str) -> str | None:
+    return None if text.strip() == "all" else text
+
+
+def _objects(rows: Any, columns: tuple[str, ...]) -> list[dict[str, Any]]:
+    """The rows as objects of the columns that have a value."""
+    lines = b"".join(rows.lines("jsonl", columns)).splitlines()
+    return [{k: v for k, v in json.loads(line).items() if v not in ([], {})} for line in lines]
+
+
+def _common_bus(rows: list[dict[str, Any]]) -> dict[str, str]:
+    """The bus, taken out of the rows where all have the same."""
+    buses = {row.get("bus") for row in rows}
+    if len(buses) != 1 or None in buses:
+        return {}
+    for row in rows:
+        del row["bus"]
+    return {"bus": buses.pop()}  # type: ignore[dict-item] # None was looked for
