@@ -585,8 +585,16 @@ class DiagnosisRow(AnyRow, Protocol):
         """Start of the last one, UTC, if the trouble is over."""
 
     @property
+    def certainty(self) -> str:
+        """Suspected (a few examples), likely or diagnosed."""
+
+    @property
     def chance(self) -> float | Any:
         """Corrected probability that the contrast is an accident."""
+
+    @property
+    def odds(self) -> float | Any:
+        """Odds against the best rival, where few examples were weighed."""
 
     @property
     def sentence(self) -> str:

@@ -7,8 +7,8 @@ The judgement is the core's (crates/modlens-diagnosis); this file only draws it.
 {"verdict": "healthy" | "trouble" | "broken" | "unknown", "sentence": text,
  "requests": int, "failed": int,              those that tell how the line works
  "diagnoses": [{"code", "title", "severity", "bus", "unit", "function", "address", "client",
-                "failed", "total", "since", "until", "chance", "sentence", "advice", "proof",
-                "examples": [int]}],          by harm
+                "failed", "total", "since", "until", "certainty", "chance", "odds", "sentence",
+                "advice", "proof", "examples": [int]}],  by harm
  "reserves": [{"bus": text, "unit": int, "requests": int, "answered": int, "damaged": int,
                "late": int, "timed": int,     answers with a usable response time
                "response_time_p99_us": float | null,
@@ -28,7 +28,7 @@ from analyzer.views import cells
 from analyzer.views.grid import ColumnLayout, Grid, GridColumn
 from analyzer.views.screen import Part, Screen, visible
 
-__all__ = ["brief", "reserves", "show_health", "show_verdict", "verdict"]
+__all__ = ["brief", "level", "reserves", "show_health", "show_verdict", "verdict"]
 
 _VERDICTS = {"healthy": "ok", "trouble": "odd", "broken": "bad", "unknown": "note"}
 _SEVERITIES = {"error": "bad", "warning": "odd", "info": "note"}
@@ -91,6 +91,12 @@ def _lines(doctor: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
         yield from _wrapped(f"{where}{what}. This needs {needs}.", width, indent=2)
 
 
+def level(row: Mapping[str, Any]) -> str:
+    """Return the severity, after the certainty where that is less than a diagnosis."""
+    certainty, severity = row["certainty"], row["severity"]
+    return severity if certainty == "diagnosed" else f"{certainty}, {severity}"
+
+
 def _diagnosis(
     number: int, row: Mapping[str, Any], width: int, *, names_bus: bool
 ) -> Iterator[list[Part]]:
@@ -99,7 +105,7 @@ def _diagnosis(
     yield [
         (f"{number}. ", ""),
         (row["code"], _SEVERITIES[row["severity"]]),
-        (f" ({row['severity']}{visible(where)})", "dim"),
+        (f" ({level(row)}{visible(where)})", "dim"),
     ]
     examples = ", ".join(map(str, row["examples"]))
     shown = f" See transactions {examples}." if len(row["examples"]) > 1 else ""

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from analyzer.views import cells
+from analyzer.views.health import level
 from analyzer.views.screen import visible
 
 __all__ = ["markdown"]
@@ -32,7 +33,7 @@ def markdown(doctor: Mapping[str, Any]) -> Iterator[str]:
     """The document in pieces."""
     yield f"**{_escaped(doctor['sentence'])}**\n"
     for number, row in enumerate(doctor["diagnoses"], 1):
-        yield f"\n{number}. `{row['code']}` ({row['severity']}): {_escaped(row['sentence'])}\n"
+        yield f"\n{number}. `{row['code']}` ({level(row)}): {_escaped(row['sentence'])}\n"
         if row["examples"]:
             yield f"   - Transactions: {', '.join(map(str, row['examples']))}\n"
         yield f"   - Check: {_escaped(row['advice'])}\n"

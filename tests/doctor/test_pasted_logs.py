@@ -110,9 +110,9 @@ def test_damaged_answers_that_one_part_of_a_program_prints_are_read(tmp_path: Pa
 @pytest.mark.parametrize(
     ("answers", "says"),
     [
-        ([ANSWER], "1 request is too few."),
-        ([ANSWER[:-1] + b"\x5a"] * 2, "2 requests are too few; 2 of 2 failed."),
-        ([rtu(7, b"\x83\x02"), ANSWER], "2 requests are too few; 1 was refused by an exception."),
+        ([ANSWER], "Cannot be judged: 1 request is too few."),
+        ([ANSWER[:-1] + b"\x5a"] * 2, "Suspected: The answer lacks its last byte"),
+        ([rtu(7, b"\x83\x02"), ANSWER], "Suspected: The unit does not have the address"),
     ],
 )
 def test_a_few_requests_are_no_ground_for_a_verdict_but_were_read(
@@ -121,7 +121,7 @@ def test_a_few_requests_are_no_ground_for_a_verdict_but_were_read(
     lines = [
         line for answer in answers for line in (f"TX: {REQUEST.hex(' ')}", f"RX: {answer.hex(' ')}")
     ]
-    assert doctor(lines, tmp_path)["sentence"] == f"This recording cannot be judged: {says}"
+    assert str(doctor(lines, tmp_path)["sentence"]).startswith(says)
 
 
 def test_a_floating_line_is_not_the_cause_of_exceptions(tmp_path: Path) -> None:
@@ -129,3 +129,68 @@ def test_a_floating_line_is_not_the_cause_of_exceptions(tmp_path: Path) -> None:
     found = doctor([f"TX: {REQUEST.hex(' ')}", f"RX: 00 {refused.hex(' ')} 00"] * 12, tmp_path)
     assert "no_bias" in codes(found)
     assert "The cause: The line floats" not in str(found["sentence"])
+
+
+def first_sight(lines: list[str], folder: Path) -> tuple[str, str]:
+    """The code of the only row and its certainty; the verdict says the same in words."""
+    found = doctor(lines, folder)
+    rows = found["diagnoses"]
+    assert isinstance(rows, list)
+    assert len(rows) == 1, found["sentence"]
+    assert found["verdict"] == "unknown"
+    assert rows[0]["sentence"] in str(found["sentence"])
+    assert "{" not in rows[0]["sentence"] + rows[0]["advice"] + rows[0]["proof"]
+    return rows[0]["code"], rows[0]["certainty"]
+
+
+FEW = {
+    # The adapter hears its own transmission, and the client reads as many bytes as it expects.
+    "own_echo": [f"TX: {REQUEST.hex(' ')}", f"RX: {REQUEST[:7].hex(' ')}"],
+    # One stray byte before a whole answer.
+    "no_bias": [f"TX: {REQUEST.hex(' ')}", f"RX: 00 {ANSWER.hex(' ')}"],
+    # The first byte is not that of the unit, and with it the checksum fits.
+    "driver_enable": [f"TX: {REQUEST.hex(' ')}", f"RX: c5 {ANSWER[1:].hex(' ')}"],
+    # The unit is busy.
+    "device_busy": [f"TX: {REQUEST.hex(' ')}", f"RX: {rtu(7, bytes([0x83, 6])).hex(' ')}"],
+    # Another protocol answers.
+    "foreign_protocol": [f"TX: {REQUEST.hex(' ')}", f"RX: {b'~20004642E00200FD37'.hex(' ')}"],
+}
+
+
+@pytest.mark.parametrize("code", FEW)
+def test_one_example_is_a_suspicion(code: str, tmp_path: Path) -> None:
+    assert first_sight(FEW[code], tmp_path) == (code, "suspected")
+
+
+def test_several_examples_are_likely(tmp_path: Path) -> None:
+    assert first_sight(FEW["device_busy"] * 3, tmp_path) == ("device_busy", "likely")
+
+
+def test_requests_without_answers_accuse_nobody(tmp_path: Path) -> None:
+    """The log may hold one side only."""
+    assert codes(doctor([f"TX: {REQUEST.hex(' ')}"] * 3, tmp_path)) == []
+
+
+def tcp(number: int, pdu: bytes) -> str:
+    return (number.to_bytes(2) + bytes([0, 0, 0, len(pdu) + 1, 1]) + pdu).hex(" ")
+
+
+def polled(in_step: int, behind: int) -> list[str]:
+    """A client whose answers, from one moment on, come after the next request."""
+    lines: list[str] = []
+    for number in range(in_step + behind):
+        lines.append(
+            f"10:{number // 60:02}:{number % 60:02} send: {tcp(number, read_request(3, 0, 1))}"
+        )
+        answered = number if number < in_step else number - 1
+        if number != in_step:
+            lines.append(f"{lines[-1][:8]} recv: {tcp(answered, bytes([3, 2, 0, answered]))}")
+    return lines
+
+
+def test_a_log_that_falls_one_step_behind_is_in_lockstep(tmp_path: Path) -> None:
+    assert codes(doctor(polled(10, 30), tmp_path)) == ["lockstep"]
+
+
+def test_a_client_that_asks_ahead_from_the_beginning_is_not(tmp_path: Path) -> None:
+    assert "lockstep" not in codes(doctor(polled(0, 40), tmp_path))

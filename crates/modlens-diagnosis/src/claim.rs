@@ -54,6 +54,28 @@ impl<'a> View<'a> {
     }
 }
 
+/// How certain a diagnosis is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Certainty {
+    /// A few examples suggest it.
+    Suspected,
+    /// Several examples suggest it, and no other cause explains them as well.
+    Likely,
+    /// The contrast of failed and good transactions is no accident.
+    Diagnosed,
+}
+
+impl Certainty {
+    /// The word in tables and sentences.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Suspected => "suspected",
+            Self::Likely => "likely",
+            Self::Diagnosed => "diagnosed",
+        }
+    }
+}
+
 /// What is wrong, of whom, and how much speaks for it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Claim {
@@ -81,6 +103,10 @@ pub struct Claim {
     pub has_ended: bool,
     /// The corrected chance that it is an accident.
     pub chance: f64,
+    /// How certain it is.
+    pub certainty: Certainty,
+    /// The odds against the best rival, where they were weighed.
+    pub odds: Option<f64>,
     /// Transactions that show it.
     pub examples: Vec<u64>,
     /// At most so severe, whatever the table says.
@@ -107,6 +133,8 @@ impl Claim {
             has_begun: tally.before > 0 && none_of(tally.before) < MAX_CHANCE,
             has_ended: tally.after > 0 && none_of(tally.after) < MAX_CHANCE,
             chance,
+            certainty: Certainty::Diagnosed,
+            odds: None,
             examples: tally.examples.numbers(),
             at_most: severity_of(tally.share()),
             facts: Vec::new(),

@@ -14,6 +14,7 @@ mod one_by_one;
 mod recent;
 mod request;
 pub mod sample;
+mod symptoms;
 pub mod tally;
 pub mod times;
 mod unit;
@@ -27,6 +28,7 @@ pub use epochs::Epochs;
 pub use network::{ClientCounts, Connections};
 pub use noise::{NoiseCounts, NoiseKey, NoiseRuns};
 pub use request::{Lonely, Pair, RequestCounts};
+pub use symptoms::{Symptom, Symptoms};
 pub use unit::{LengthRatios, Overtaken, Pauses, Runs, UnitCounts, EXCEPTIONS};
 
 use crate::clean::Exchanges;

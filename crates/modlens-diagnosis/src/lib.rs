@@ -35,6 +35,7 @@ pub mod days;
 pub mod kinds;
 pub mod observation;
 pub mod report;
+pub mod sight;
 pub mod statistics;
 pub mod table;
 

@@ -174,8 +174,16 @@ pub struct Observation {
     pub answered_by: Option<u8>,
     /// Which part of the damaged frame is damaged.
     pub damage: Option<DamagedPart>,
+    /// The first bytes of a damaged answer.
+    pub answer_head: Vec<u8>,
+    /// The MBAP transaction identifier.
+    pub id: Option<u16>,
+    /// The answer to the request before came after this request.
+    pub is_step_behind: bool,
     /// Number of the frame of its request; 0 without one.
     pub request_frame: u64,
+    /// Number of the frame of its answer; 0 without one.
+    pub response_frame: u64,
     /// Bytes of the request and of the answer.
     pub lengths: [u32; 2],
     /// Start of the request, and of the answer.
@@ -246,7 +254,11 @@ impl Observation {
                 .then(|| answering_unit(row.mode, row.response.wire.of(&batch.arena)))
                 .flatten(),
             damage: damage::damaged_part(batch, row),
+            answer_head: answer_head(batch, row),
+            id: row.mbap_id,
+            is_step_behind: false,
             request_frame: row.request.frame,
+            response_frame: row.response.frame,
             lengths: [row.request.wire.length, row.response.wire.length],
             starts: [row.request.start, row.response.start],
         }
@@ -271,7 +283,14 @@ const HEAD_BYTES: usize = 8;
 
 fn request_head(batch: &Batch, row: &Transaction) -> Vec<u8> {
     let wire = row.request.wire.of(&batch.arena);
-    let kept = if row.status == Status::NoResponse { wire.len().min(HEAD_BYTES) } else { 0 };
+    let is_open = matches!(row.status, Status::NoResponse | Status::NotObserved);
+    let kept = if is_open { wire.len().min(HEAD_BYTES) } else { 0 };
+    wire[..kept].to_vec()
+}
+
+fn answer_head(batch: &Batch, row: &Transaction) -> Vec<u8> {
+    let wire = row.response.wire.of(&batch.arena);
+    let kept = if row.status == Status::BadResponse { wire.len().min(NOISE_BYTES) } else { 0 };
     wire[..kept].to_vec()
 }
 

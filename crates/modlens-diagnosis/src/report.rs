@@ -10,8 +10,8 @@ use modlens_protocol::finding::Severity;
 use modlens_protocol::timestamp::time_text;
 use serde_json::{json, Value as Json};
 
-use crate::claim::View;
-use crate::contrast::Contrast;
+use crate::claim::{Certainty, Claim, View};
+use crate::contrast::{BusContrast, Contrast};
 use crate::kinds;
 use crate::statistics::Share;
 
@@ -35,7 +35,13 @@ impl Report {
         let (mut reserves, mut unjudged) = (Vec::new(), Vec::new());
         for (name, bus) in &buses {
             let view = View::new(bus);
-            let claims = kinds::claims(&view);
+            let mut claims = kinds::claims(&view);
+            for claim in &mut claims {
+                claim.certainty = certainty(bus, claim);
+            }
+            if claims.iter().all(|claim| claim.harm == 0) && verdict::is_open(bus) {
+                claims.extend(crate::sight::suspected(&view));
+            }
             rows.extend(claims.iter().map(|claim| (claim.harm, sentences::row(name, bus, claim))));
             reserves.extend(reserves::of_bus(name, bus));
             unjudged.extend(unjudged::of_bus(name, bus));
@@ -84,6 +90,16 @@ impl Report {
     }
 }
 
+/// How certain a contrast is: a few requests suggest a cause, however clear they are.
+fn certainty(bus: &BusContrast, claim: &Claim) -> Certainty {
+    let is_small = (1..verdict::FEW).contains(&bus.requests_seen.total);
+    match claim.share.failed {
+        _ if !is_small => Certainty::Diagnosed,
+        0..crate::sight::LIKELY_EXAMPLES => Certainty::Suspected,
+        _ => Certainty::Likely,
+    }
+}
+
 /// The order of diagnoses: by severity, then by how many failures they explain, then by how sure they are.
 fn harm(spoiled: u64, row: &DiagnosisRow) -> (u8, u64, u64, std::cmp::Reverse<String>) {
     let severity = match row.severity {
@@ -101,6 +117,6 @@ fn row_json(row: &DiagnosisRow) -> Json {
         "severity": row.severity.text(), "bus": row.bus, "unit": row.unit, "function": row.function, "address": row.address,
         "client": row.client, "failed": row.failed, "total": row.total,
         "since": row.since.map(time_text), "until": row.until.map(time_text),
-        "chance": row.chance, "sentence": row.sentence, "advice": row.advice, "proof": row.proof, "examples": row.examples,
+        "certainty": row.certainty, "odds": row.odds, "chance": row.chance, "sentence": row.sentence, "advice": row.advice, "proof": row.proof, "examples": row.examples,
     })
 }

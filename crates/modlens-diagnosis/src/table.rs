@@ -5,8 +5,13 @@ use std::sync::OnceLock;
 use modlens_protocol::finding::{Finding, Severity};
 use serde_json::Value as Json;
 
+use crate::contrast::Symptom;
+
 /// The embedded table.
 pub const DIAGNOSES: &str = include_str!("../../../dissectors/diagnoses.toml");
+
+/// How often a cause shows a symptom that its row does not name.
+pub const UNNAMED: f64 = 0.005;
 
 /// A kind of trouble that it may be taken for.
 #[derive(Clone, Debug)]
@@ -42,6 +47,28 @@ pub struct Diagnosis {
     pub proof: String,
     /// What a recording must have to show it.
     pub needs: String,
+    /// In how many public threads it was met.
+    pub met: f64,
+    /// The share of its failures with each symptom.
+    pub symptoms: Vec<(Symptom, f64)>,
+    /// What is said of a few examples of a symptom.
+    pub sight: Vec<(Symptom, String)>,
+    /// What to check, and the experiment, where a few examples are all; else those of the row.
+    pub sight_advice: Option<String>,
+    /// As above.
+    pub sight_proof: Option<String>,
+}
+
+impl Diagnosis {
+    /// The share of its failures with this symptom.
+    pub fn rate(&self, symptom: Symptom) -> f64 {
+        self.symptoms.iter().find(|(one, _)| *one == symptom).map_or(UNNAMED, |(_, rate)| *rate)
+    }
+
+    /// What is said of a few examples of a symptom.
+    pub fn sight(&self, symptom: Symptom) -> Option<&str> {
+        self.sight.iter().find(|(one, _)| *one == symptom).map(|(_, words)| words.as_str())
+    }
 }
 
 /// All rows, in the order of the file.
@@ -89,6 +116,22 @@ fn row(row: &Json) -> Result<Diagnosis, String> {
         advice: text("advice")?,
         proof: text("proof")?,
         needs: text("needs")?,
+        met: row["met"].as_f64().ok_or(format!("{code}: no number of threads"))?,
+        symptoms: by_symptom(&row["symptoms"], Json::as_f64).ok_or(format!("{code}: symptoms"))?,
+        sight: by_symptom(&row["sight"], |words| words.as_str().map(str::to_owned)).ok_or(format!("{code}: sight"))?,
+        sight_advice: row["sight"]["advice"].as_str().map(str::to_owned),
+        sight_proof: row["sight"]["proof"].as_str().map(str::to_owned),
+    })
+}
+
+/// A table of the row by symptom; empty where there is none, `None` where a symptom is not known.
+fn by_symptom<T>(table: &Json, value: impl Fn(&Json) -> Option<T>) -> Option<Vec<(Symptom, T)>> {
+    let symptom = |word: &str| Symptom::ALL.iter().copied().find(|one| one.word() == word);
+    table.as_object().map_or(Some(Vec::new()), |all| {
+        all.iter()
+            .filter(|(word, _)| !matches!(word.as_str(), "advice" | "proof"))
+            .map(|(word, one)| Some((symptom(word)?, value(one)?)))
+            .collect()
     })
 }
 

@@ -21,4 +21,6 @@ pub(super) struct Before {
     pub request: Option<(u64, bool)>,
     /// The request before.
     pub asked: Option<RequestKey>,
+    /// Its transaction identifier.
+    pub id: Option<u16>,
 }

@@ -18,9 +18,10 @@ use super::network::Connections;
 use super::noise::NoiseRuns;
 use super::request::{RequestCounts, MAX_REQUESTS};
 use super::sample::Sample;
+use super::symptoms::Symptoms;
 use super::tally::Tally;
-use super::unit::UnitCounts;
-use crate::observation::{FrameObservation, Observation, RequestKey, DAMAGED_PARTS};
+use super::unit::{Runs, UnitCounts};
+use crate::observation::{FrameObservation, Observation, Outcome, RequestKey, DAMAGED_PARTS};
 
 /// What is counted of a row depends on at most so many rows before it.
 pub const WINDOW: usize = 64;
@@ -92,6 +93,12 @@ pub struct BusContrast {
     pub strays: Tally,
     /// Requests that tell how the line works, and which of them failed.
     pub requests_seen: Tally,
+    /// What odd transactions and bytes look like.
+    pub symptoms: Symptoms,
+    /// Answers that came after the next request.
+    pub steps_behind: Tally,
+    /// Runs of those.
+    pub step_runs: Runs,
     /// By unit.
     pub units: BTreeMap<u8, UnitCounts>,
     /// By distinct request.
@@ -269,6 +276,9 @@ impl BusContrast {
         self.strays.merge(&later.strays);
         self.connections.merge(&later.connections);
         self.requests_seen.merge(&later.requests_seen);
+        self.symptoms.merge(&later.symptoms);
+        self.steps_behind.merge(&later.steps_behind);
+        self.step_runs.merge(&later.step_runs);
         for (unit, more) in &later.units {
             self.units.entry(*unit).or_default().merge(more);
         }
@@ -280,11 +290,17 @@ impl BusContrast {
     fn count_frame(&mut self, seen: &FrameObservation, attached: Option<(Direction, Option<u8>)>) {
         self.facts.mode = Some(seen.mode);
         self.frames.count(seen);
+        self.count_line_errors(seen);
         if seen.verdict.is_good() {
             self.count_pause(seen);
             return;
         }
         self.noise.count(seen, attached.is_some_and(|(direction, _)| direction == Direction::Request));
+        let is_answer =
+            seen.length >= LEAST_ANSWER_BYTES && attached.is_some_and(|(direction, _)| direction == Direction::Request);
+        if seen.txn.is_none() && !is_answer {
+            self.symptoms.frame(seen, attached.and_then(|(_, unit)| unit));
+        }
         if seen.length < LEAST_ANSWER_BYTES && seen.txn.is_none() {
             match attached {
                 Some((direction, Some(unit))) => {
@@ -293,6 +309,14 @@ impl BusContrast {
                 }
                 _ => self.strays.count(true, seen.place),
             }
+        }
+    }
+
+    /// Counts a frame with parity or framing errors.
+    fn count_line_errors(&mut self, seen: &FrameObservation) {
+        if let (true, Some(unit)) = (seen.findings.has(Finding::LineError), seen.unit) {
+            let side = usize::from(seen.direction != Direction::Request);
+            self.units.entry(unit).or_default().line_errors[side].count(true, seen.place);
         }
     }
 
@@ -310,6 +334,13 @@ impl BusContrast {
     }
 
     fn count_transaction(&mut self, seen: &Observation, before: Before) {
+        self.symptoms.transaction(seen, before);
+        if seen.outcome == Outcome::Good {
+            if seen.is_step_behind {
+                self.steps_behind.count(true, seen.place);
+            }
+            self.step_runs.count(seen.is_step_behind);
+        }
         if seen.outcome.counts() {
             self.requests_seen.count(seen.outcome.is_failure(), seen.place);
         }

@@ -40,6 +40,10 @@ impl BusContrast {
             count += 1;
         }
         self.pass_clean(count, before);
+        if count > 0 {
+            self.context.pass_frames(run.frame + 2 * (from + count) as u64 - 1, None);
+            self.step_runs.count_good(count as u64);
+        }
         count
     }
 
@@ -48,7 +52,11 @@ impl BusContrast {
         let (batch, functions) = (exchanges.batch, exchanges.functions);
         if let (Some(before), Some(seen)) = (self.before_clean(), Clean::of(batch, functions, row)) {
             let request = seen.key.number();
-            if self.take_clean(exchanges, seen, request, before) {
+            // On a network, the engine looks at the order of packets itself.
+            let is_overtaken = self.context.is_overtaken_by(row.request.frame) && !self.facts.is_network;
+            if !is_overtaken && self.take_clean(exchanges, seen, request, before) {
+                self.context.pass_frames(row.response.frame, row.mbap_id);
+                self.step_runs.count_good(1);
                 self.pass_clean(1, request);
                 return;
             }

@@ -77,6 +77,9 @@ pub(super) struct Context {
     pub previous_answer: Option<PreviousAnswer>,
     /// The last request that could be read, and whether it failed, or one since.
     previous_request: Option<PreviousRequest>,
+    /// The frame of the last answer, and the identifier of the last request.
+    last_answer_frame: u64,
+    last_id: Option<u16>,
     /// The last transactions.
     pub recent: RecentAnswers,
     /// The last transaction that stands shortly behind one without an answer, by its number among the `recent` ones.
@@ -109,10 +112,14 @@ impl Context {
         if seen.outcome == Outcome::Garbled {
             seen.lengths[1] = run.length;
         }
-        if seen.outcome != Outcome::Silent {
+        if !matches!(seen.outcome, Outcome::Silent | Outcome::NotSeen) {
             return;
         }
-        seen.outcome = Outcome::Garbled;
+        // Where no clock tells that the master has waited, the export does not count the request as failed.
+        if seen.outcome == Outcome::Silent {
+            seen.outcome = Outcome::Garbled;
+        }
+        seen.answer_head.clone_from(&run.bytes);
         seen.damage = Some(response_part(&run.bytes, seen.unit, seen.function, &[]));
         let head = run.bytes.len().min(seen.request_head.len());
         seen.is_own_echo = run.bytes[..head] == seen.request_head[..head];
@@ -126,7 +133,7 @@ impl Context {
         let request = request.map(|before| (before.key.hash(), before.failed));
         let (written, overtaken) = (self.is_behind_write(), self.overtaken(start));
         let asked = self.previous_request.map(|before| before.key);
-        Before { previous: self.previous, failed: self.previous_failed, written, request, overtaken, asked }
+        Before { previous: self.previous, failed: self.previous_failed, written, request, overtaken, asked, id: self.last_id }
     }
 
     /// Whether the answer before came after a request with this start: its unit, its place, how long the master waited, and
@@ -159,6 +166,7 @@ impl Context {
     /// Compares a transaction with those before, and notes it.
     pub fn transaction(&mut self, seen: &mut Observation) {
         self.compare(seen);
+        self.note_order(seen);
         self.previous_answer = match (seen.outcome, seen.starts) {
             (Outcome::Good | Outcome::Refused, [Some(requested), Some(came)]) => {
                 Some(PreviousAnswer { unit: seen.unit, place: seen.place, requested, came })
@@ -182,6 +190,27 @@ impl Context {
         if seen.writes {
             self.note_write();
         }
+    }
+
+    /// Whether the last answer came after a request with this frame.
+    #[inline]
+    pub fn is_overtaken_by(&self, request: u64) -> bool {
+        self.last_answer_frame > request
+    }
+
+    /// Leaves behind an exchange that went well: the frame of its answer, and its identifier.
+    #[inline]
+    pub fn pass_frames(&mut self, answer: u64, id: Option<u16>) {
+        (self.last_answer_frame, self.last_id) = (answer, id);
+    }
+
+    /// Notes whether the answer before came after this request.
+    fn note_order(&mut self, seen: &mut Observation) {
+        if seen.request_frame == 0 {
+            return;
+        }
+        seen.is_step_behind = seen.outcome == Outcome::Good && self.is_overtaken_by(seen.request_frame);
+        self.pass_frames(seen.response_frame, seen.id);
     }
 
     /// Notes that the last transaction is a write.
@@ -266,6 +295,8 @@ impl Context {
             self.behind_write_until = later.behind_write_until;
             self.behind_silence_until = later.behind_silence_until;
             self.previous_answer = later.previous_answer;
+            self.last_answer_frame = later.last_answer_frame;
+            self.last_id = later.last_id.or(self.last_id);
             self.recent.clone_from(&later.recent);
         }
         for (number, run) in &later.bad_runs {

@@ -7,6 +7,7 @@ use super::known_requests::PendingExchanges;
 use super::sample::Sample;
 use super::tally::{Place, Tally};
 use super::times::Durations;
+use super::unit::Runs;
 use crate::observation::{Data, Observation, Outcome, RequestKey};
 use crate::statistics::Share;
 
@@ -58,6 +59,8 @@ pub struct RequestCounts {
     pub damaged: u64,
     /// All failures and refusals.
     pub bad: Tally,
+    /// Runs of refusals.
+    pub refusal_runs: Runs,
     /// It writes.
     pub writes: bool,
     /// From one to the next.
@@ -148,6 +151,9 @@ impl RequestCounts {
             Outcome::Garbled | Outcome::BadRequest => self.damaged += 1,
             Outcome::Unasked | Outcome::NotSeen | Outcome::Unknown => {}
         }
+        if matches!(seen.outcome, Outcome::Good | Outcome::Refused) {
+            self.refusal_runs.count(seen.outcome == Outcome::Refused);
+        }
         self.bad.count(seen.outcome.is_failure() || seen.outcome == Outcome::Refused, seen.place);
         if seen.outcome == Outcome::Good && seen.data.is_present {
             self.count_data(seen.data, seen.is_of_another, seen.place);
@@ -164,6 +170,9 @@ impl RequestCounts {
         self.writes = pending.writes;
         self.good += good;
         self.bad.count_good(good);
+        if good > 0 {
+            self.refusal_runs.count_good(good);
+        }
         for series in [&mut self.all_ones, &mut self.all_zeros, &mut self.of_another] {
             series.count_usual(usual);
         }
@@ -231,6 +240,7 @@ impl RequestCounts {
         self.silent += later.silent;
         self.damaged += later.damaged;
         self.bad.merge(&later.bad);
+        self.refusal_runs.merge(&later.refusal_runs);
         self.all_ones.merge(&later.all_ones);
         self.all_zeros.merge(&later.all_zeros);
         self.of_another.merge(&later.of_another);

@@ -81,6 +81,8 @@ pub struct UnitCounts {
     pub misfits: BTreeMap<u8, u64>,
     /// Pauses inside of requests to it, and of its answers.
     pub pauses: [Pauses; 2],
+    /// Requests to it, and its answers, with parity or framing errors of the receiver.
+    pub line_errors: [Tally; 2],
     /// Requests whose answers the recording does not show, whether a clock says that the master has waited for them or not.
     pub not_seen: Tally,
     /// Runs of those.
@@ -123,12 +125,12 @@ const LONG_RUN: u64 = 3;
 
 impl Runs {
     /// Counts some successes, one at least.
-    fn count_good(&mut self, good: u64) {
+    pub(super) fn count_good(&mut self, good: u64) {
         self.count(false);
         self.total += good - 1;
     }
 
-    fn count(&mut self, failed: bool) {
+    pub(super) fn count(&mut self, failed: bool) {
         self.total += 1;
         if failed {
             self.failed += 1;
@@ -151,7 +153,7 @@ impl Runs {
         self.open = 0;
     }
 
-    fn merge(&mut self, later: &Self) {
+    pub(super) fn merge(&mut self, later: &Self) {
         if later.first == later.total {
             // The later part is one run.
             if self.first == self.total {
@@ -174,6 +176,16 @@ impl Runs {
         self.failed += later.failed;
         self.total += later.total;
         self.longest = self.longest.max(later.longest).max(self.open);
+    }
+
+    /// How many were counted.
+    pub fn total(&self) -> u64 {
+        self.total
+    }
+
+    /// Whether the first one failed.
+    pub fn begins_failed(&self) -> bool {
+        self.first > 0
     }
 
     /// All failures.
@@ -496,6 +508,7 @@ impl UnitCounts {
         merge_each(&mut self.damaged_parts, &later.damaged_parts);
         merge_each(&mut self.request_parts, &later.request_parts);
         merge_each(&mut self.strays, &later.strays);
+        merge_each(&mut self.line_errors, &later.line_errors);
         self.late_after.merge(&later.late_after);
         self.response_times.merge(&later.response_times);
         self.waited.merge(&later.waited);

@@ -1,5 +1,6 @@
 //! Answers that come late, for a while not at all, or never.
 
+use modlens_protocol::framing::Mode;
 use modlens_protocol::Ns;
 
 use crate::claim::{duration, percent, Claim, View};
@@ -23,7 +24,8 @@ fn overtaken(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let asks_ahead = view.units().fold(Share::default(), |sum, (_, counts)| {
         sum.with(Share { failed: counts.overtaken.answers.failed, total: counts.failures.total })
     });
-    if !view.bus.facts.is_network || view.bus.connections.clients.sorted().len() != 1 || asks_ahead.rate() > 0.5 {
+    let has_ids = view.bus.facts.is_network || view.bus.facts.mode == Some(Mode::Tcp);
+    if !has_ids || view.bus.connections.clients.sorted().len() > 1 || asks_ahead.rate() > 0.5 {
         return None;
     }
     if asks_together(counts) {

@@ -4,21 +4,33 @@
 use crate::claim::{Claim, View};
 use crate::contrast::RequestCounts;
 use crate::observation::RequestKey;
-use crate::statistics::{at_least, Share};
+use crate::statistics::{at_least, in_runs_at_most, Share};
+use crate::MAX_CHANCE;
 
 /// A request that has a range, with what came of it.
 type Request<'a> = (&'a RequestKey, &'a RequestCounts);
 
-/// Requests that were refused with exception 2 or 3 each time, twice at least.
+/// Requests that were refused with exception 2 or 3 each time, or from one moment on to another; twice at least.
 fn refused<'a>(all: &[Request<'a>]) -> Vec<Request<'a>> {
-    let is_refused = |counts: &RequestCounts| counts.good == 0 && counts.refused[1] + counts.refused[2] >= 2;
+    let is_refused = |counts: &RequestCounts| is_always_refused(counts) && counts.refused[1] + counts.refused[2] >= 2;
     all.iter().filter(|(_, counts)| is_refused(counts)).copied().collect()
 }
+
+/// Whether a request was never answered, or is refused in long runs: what does not come and go is no load.
+fn is_always_refused(counts: &RequestCounts) -> bool {
+    let (runs, share) = (&counts.refusal_runs, Share { failed: counts.refusals(), total: counts.refusal_runs.total() });
+    let in_long = runs.in_long();
+    let is_in_runs = || in_runs_at_most(share, runs.count_of_long() + share.failed - in_long) < MAX_CHANCE;
+    counts.good == 0 || (in_long * 10 >= share.failed * 9 && runs.longest >= LONG_REFUSAL && is_in_runs())
+}
+
+/// A shorter run of refusals may be a busy moment.
+const LONG_REFUSAL: u64 = 5;
 
 /// Good answers to requests of the same unit and function as this one.
 fn answered<'a>(all: &[Request<'a>], key: &RequestKey) -> Vec<&'a RequestKey> {
     let is_like = |other: &RequestKey, counts: &RequestCounts| {
-        other.unit == key.unit && other.function == key.function && counts.good > counts.refusals()
+        other.unit == key.unit && other.function == key.function && counts.good > 0 && !is_always_refused(counts)
     };
     all.iter().filter(|(other, counts)| is_like(other, counts)).map(|(other, _)| *other).collect()
 }
@@ -199,7 +211,11 @@ fn is_sharp(longest: u16, shortest: u16) -> bool {
 /// Whether no request of this function to this unit was answered, and one of another function was.
 fn is_function_refused(all: &[Request<'_>], key: &RequestKey) -> bool {
     let of_unit = |other: &&Request<'_>| other.0.unit == key.unit;
-    let same = all.iter().filter(of_unit).filter(|(other, _)| other.function == key.function).all(|(_, counts)| counts.good == 0);
+    let same = all
+        .iter()
+        .filter(of_unit)
+        .filter(|(other, _)| other.function == key.function)
+        .all(|(_, counts)| is_always_refused(counts));
     let other = all.iter().filter(of_unit).any(|(other, counts)| other.function != key.function && counts.good > 0);
     (same && other) || is_answered_elsewhere(all, key)
 }
@@ -229,11 +245,11 @@ pub(super) fn wrong_function(view: &View<'_>) -> Vec<Claim> {
     for (key, counts) in &all {
         let refusals = counts.refused[0] + counts.refused[1];
         let is_new = !found.iter().any(|claim| (claim.unit, claim.function) == (Some(key.unit), Some(key.function)));
-        if counts.good > 0 || refusals < 2 || !is_new || !is_function_refused(&all, key) {
+        if !is_always_refused(counts) || refusals < 2 || !is_new || !is_function_refused(&all, key) {
             continue;
         }
         let same = |other: &&Request<'_>| {
-            other.0.unit == key.unit && other.0.function == key.function && other.1.good == 0 && other.1.refusals() > 0
+            other.0.unit == key.unit && other.0.function == key.function && is_always_refused(other.1) && other.1.refusals() > 0
         };
         let share = all
             .iter()

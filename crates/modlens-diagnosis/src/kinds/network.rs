@@ -3,7 +3,7 @@
 use crate::claim::{Claim, View};
 use crate::contrast::tally::Tally;
 use crate::contrast::UnitCounts;
-use crate::statistics::{at_least, Share};
+use crate::statistics::{at_least, in_runs_at_most, Share};
 use modlens_protocol::finding::Severity;
 
 /// Answers that the client takes for those of the next request.
@@ -18,12 +18,34 @@ pub(super) fn lockstep(view: &View<'_>) -> Vec<Claim> {
     if !on_lines.is_empty() {
         return on_lines;
     }
+    if let Some(claim) = behind_in_log(view) {
+        return vec![claim];
+    }
     let counts = &view.bus.connections;
     let share = Share { failed: counts.lockstep.min(counts.answered), total: counts.answered };
     let Some(chance) = view.beyond_accident(share) else { return Vec::new() };
     let place = counts.lockstep_since;
     let tally = Tally { failed: share.failed, total: share.total, first: place, last: place, ..Tally::default() };
     vec![Claim::new("lockstep", &tally, chance).with_share(share).fact("subject", "the client")]
+}
+
+/// A shorter run of answers that come after the next request may be that of a slow unit.
+const LONG_LOCKSTEP: u64 = 5;
+
+/// In a client's log, from one line on each answer comes after the next request. A client that asks ahead by intention does so
+/// from the beginning on.
+fn behind_in_log(view: &View<'_>) -> Option<Claim> {
+    let runs = &view.bus.step_runs;
+    let share = Share { failed: runs.failures(), total: runs.total() };
+    if view.bus.facts.is_network || runs.begins_failed() || runs.longest < LONG_LOCKSTEP || runs.in_long() * 10 < share.failed * 8
+    {
+        return None;
+    }
+    let chance = view.significant(in_runs_at_most(share, runs.count_of_long() + share.failed - runs.in_long()))?;
+    let tally = Tally { total: share.total, ..view.bus.steps_behind.clone() };
+    let mut claim = Claim::new("lockstep", &tally, chance).with_share(share).fact("subject", "the client");
+    claim.has_begun = true;
+    Some(claim)
 }
 
 /// Connections that are turned away while others are served.

@@ -3,8 +3,9 @@
 use std::cmp::Reverse;
 
 use crate::claim::{duration, percent, Claim, View};
+use crate::contrast::tally::Tally;
 use crate::contrast::UnitCounts;
-use crate::statistics::{at_least, Share};
+use crate::statistics::{at_least, fisher, least_rate, Share};
 use modlens_engine::line_search::{readings, Reading};
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::line::Parity;
@@ -119,7 +120,53 @@ pub(super) fn wrong_line_settings(view: &View<'_>) -> Vec<Claim> {
         let tried = tried.first().map_or(String::new(), proved);
         return vec![claim.fact("what", format!("bytes belong to no valid frame{tried}"))];
     }
-    view.units().filter_map(|(unit, counts)| at_another_rate(view, unit, counts)).collect()
+    if let Some(claim) = errors_on_all(view) {
+        return vec![claim];
+    }
+    let other = |unit, counts| at_another_rate(view, unit, counts).or_else(|| errors_of_one(view, unit, counts));
+    view.units().filter_map(|(unit, counts)| other(unit, counts)).collect()
+}
+
+/// From this share of the frames on, parity and framing errors are the settings: noise hits fewer of the frames that are valid.
+const MOSTLY_ERRORS: f64 = 0.5;
+
+/// Parity or framing errors on most frames, requests and answers alike: the settings of the tap.
+fn errors_on_all(view: &View<'_>) -> Option<Claim> {
+    let mut errors = Tally::default();
+    let sides = [0, 1].map(|side: usize| view.units().map(|(_, counts)| counts.line_errors[side].failed).sum::<u64>());
+    view.units().flat_map(|(_, counts)| &counts.line_errors).for_each(|tally| errors.merge(tally));
+    let frames = view.bus.frames.frames.iter().sum::<u64>() - view.bus.frames.frames[Verdict::Noise as usize];
+    let share = Share { failed: errors.failed.min(frames), total: frames };
+    if sides.iter().any(|side| *side * 4 < errors.failed) || least_rate(share) < MOSTLY_ERRORS {
+        return None;
+    }
+    let chance = view.beyond_accident(share)?;
+    let what = "frames have parity or framing errors, and right checksums";
+    Some(
+        Claim::new("wrong_line_settings", &errors, chance)
+            .with_share(share)
+            .fact("subject", "the tap")
+            .fact("than", "the line")
+            .fact("what", what),
+    )
+}
+
+/// Parity or framing errors on the answers of one unit, and hardly any elsewhere: the settings of that unit.
+fn errors_of_one(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
+    let answers = |counts: &UnitCounts| {
+        let answered = counts.failures.total - counts.silent.failed;
+        Share { failed: counts.line_errors[1].failed.min(answered), total: answered }
+    };
+    let requests = view.units().map(|(_, counts)| counts.line_errors[0].failed).sum::<u64>();
+    let asked = view.units().map(|(_, counts)| counts.failures.total).sum::<u64>();
+    let others = view.others(unit, answers).with(Share { failed: requests.min(asked), total: asked });
+    let (share, tally) = (answers(counts), &counts.line_errors[1]);
+    if least_rate(share) < MOSTLY_ERRORS || others.rate() * 10.0 > share.rate() {
+        return None;
+    }
+    let chance = view.significant(fisher(share, others))?;
+    let what = "answers have parity or framing errors";
+    Some(Claim::new("wrong_line_settings", tally, chance).of_unit(unit).with_share(share).fact("what", what))
 }
 
 /// Whether most bursts hold unit and function of a request side by side: an answer's head, which a receiver at another rate

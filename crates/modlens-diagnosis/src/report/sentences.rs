@@ -14,6 +14,8 @@ use crate::table::diagnosis;
 pub(super) fn row(bus: &str, contrast: &BusContrast, claim: &Claim) -> DiagnosisRow {
     let known = diagnosis(claim.code).expect("each kind has a row in the table, which a test walks");
     let time = |place: Option<Place>| place.and_then(|place| place.time).filter(|_| contrast.facts.clock == Clock::Utc);
+    let is_sight = claim.facts.iter().any(|(fact, _)| *fact == "sight");
+    let at_sight = |own: &'static Option<String>, usual: &'static str| own.as_deref().filter(|_| is_sight).unwrap_or(usual);
     DiagnosisRow {
         code: &known.code,
         severity: least(known.severity, claim.at_most),
@@ -26,10 +28,12 @@ pub(super) fn row(bus: &str, contrast: &BusContrast, claim: &Claim) -> Diagnosis
         total: claim.share.total,
         since: time(claim.first),
         until: time(claim.last).filter(|_| claim.has_ended),
-        chance: Some(claim.chance),
-        sentence: filled(&known.sentence, contrast, claim),
-        advice: filled(&known.advice, contrast, claim),
-        proof: filled(&known.proof, contrast, claim),
+        certainty: claim.certainty.text(),
+        chance: Some(claim.chance).filter(|_| !is_sight),
+        odds: claim.odds,
+        sentence: filled(if is_sight { "{sight}" } else { &known.sentence }, contrast, claim),
+        advice: filled(at_sight(&known.sight_advice, &known.advice), contrast, claim),
+        proof: filled(at_sight(&known.sight_proof, &known.proof), contrast, claim),
         examples: claim.examples.clone(),
     }
 }
@@ -71,6 +75,7 @@ fn place(name: &str, contrast: &BusContrast, claim: &Claim) -> String {
         "failed" => thousands(claim.share.failed),
         "total" => thousands(claim.share.total),
         "when" => when(contrast, claim),
+        "than" if claim.facts.iter().all(|(fact, _)| *fact != "than") => String::from("the recording"),
         _ => claim.facts.iter().find(|(fact, _)| *fact == name).map_or(String::new(), |(_, value)| value.clone()),
     }
 }

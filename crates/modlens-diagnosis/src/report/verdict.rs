@@ -1,11 +1,11 @@
-//! One sentence first: healthy, works with trouble, broken, or not to be judged, and why.
+//! One sentence first: healthy, works but has problems, broken, or cannot be judged, and why.
 
 use modlens_engine::records::DiagnosisRow;
 use modlens_protocol::decimal::thousands;
 use modlens_protocol::finding::Severity;
 use modlens_protocol::framing::Verdict as FrameVerdict;
 
-use crate::claim::{percent, were, ACCIDENT};
+use crate::claim::{percent, were, Certainty, ACCIDENT};
 use crate::contrast::BusContrast;
 use crate::statistics::{at_least, least_rate, Share};
 use crate::MAX_CHANCE;
@@ -32,7 +32,7 @@ impl Verdict {
 }
 
 /// Fewer requests than these make no line healthy.
-const FEW: u64 = 10;
+pub(super) const FEW: u64 = 10;
 
 /// A line is not healthy where surely more than this share of its requests is refused.
 const MANY_REFUSED: f64 = 0.2;
@@ -50,18 +50,26 @@ const EXPLAIN_REFUSALS: &[&str] = &[
     "wrong_function",
 ];
 
+/// Whether a bus without a diagnosis would not be called healthy: too few requests, or failures that nothing explains.
+pub(super) fn is_open(bus: &BusContrast) -> bool {
+    let share = bus.requests_seen.share();
+    share.total < FEW || at_least(share, ACCIDENT) < MAX_CHANCE
+}
+
 /// The verdict and its sentence; `rows` are the diagnoses, the worst first.
 pub(super) fn verdict(buses: &[(&str, BusContrast)], rows: &[DiagnosisRow]) -> (Verdict, String) {
     let share = buses.iter().fold(Share::default(), |sum, (_, bus)| sum.with(bus.requests_seen.share()));
     let bytes = |verdict: FrameVerdict| -> u64 { buses.iter().map(|(_, bus)| bus.frames.bytes[verdict as usize]).sum() };
-    let worst = rows.first().filter(|row| row.severity != Severity::Info);
+    let is_diagnosed = |row: &&DiagnosisRow| row.certainty == Certainty::Diagnosed.text();
+    let worst = rows.iter().find(is_diagnosed).filter(|row| row.severity != Severity::Info);
+    let suspected = rows.iter().find(|row| !is_diagnosed(row)).map(|row| format!("{}: {}", word(row.certainty), row.sentence));
     let refused = Share { failed: buses.iter().map(|(_, bus)| refused(bus)).sum(), total: share.total };
     let refusals = match refused.failed {
         0 => String::new(),
-        count => format!(", and {} refused by an exception", were(count)),
+        count => format!(", but {} refused (exception)", were(count)),
     };
     let numbers = if share.failed == 0 && refused.failed > 0 {
-        format!("{} of {} requests were refused by an exception", thousands(refused.failed), thousands(refused.total))
+        format!("{} of {} requests were refused (exception)", thousands(refused.failed), thousands(refused.total))
     } else {
         format!("{} of {} requests failed{refusals}", thousands(share.failed), thousands(share.total))
     };
@@ -73,27 +81,34 @@ pub(super) fn verdict(buses: &[(&str, BusContrast)], rows: &[DiagnosisRow]) -> (
     if let Some(worst) = worst {
         let is_aside = share.failed == 0 && refused.failed > 0 && !EXPLAIN_REFUSALS.contains(&worst.code);
         let cause = format!("{}: {}", if is_aside { "What else was found" } else { rest(rows) }, worst.sentence);
-        if share.total == 0 || least_rate(share) > 0.3 {
+        if share.total == 0 {
+            return (Verdict::Broken, format!("No valid request was found. {cause}"));
+        }
+        if least_rate(share) > 0.3 {
             return (Verdict::Broken, format!("{what} is broken: {numbers}. {cause}"));
         }
         if share.failed == 0 && refused.failed == 0 {
             return (Verdict::Trouble, all_answered(share.total, rows, worst));
         }
-        return (Verdict::Trouble, format!("{what} works with trouble: {numbers}. {cause}"));
+        return (Verdict::Trouble, format!("{what} works, but has problems: {numbers}. {cause}"));
+    }
+    if let Some(suspected) = suspected {
+        return suspicion(share, &numbers, what, &suspected);
     }
     if share.total == 0 && bytes(FrameVerdict::Noise) > bytes(FrameVerdict::Ok) {
         let count = thousands(bytes(FrameVerdict::Noise));
-        return (Verdict::Unknown, format!("This recording cannot be judged: {count} bytes, and no request among them."));
+        return (Verdict::Unknown, format!("Cannot be judged: {count} bytes, and no request among them."));
     }
     if share.total < FEW {
-        return (Verdict::Unknown, format!("This recording cannot be judged: {}.", too_few(share, refused)));
+        return (Verdict::Unknown, format!("Cannot be judged: {}.", too_few(share, refused)));
     }
     if share.failed > 0 && at_least(share, ACCIDENT) < MAX_CHANCE {
-        let text = format!("{what} works with trouble: {numbers}, and nothing that was looked for explains it.");
+        let text = format!("{what} works, but has problems: {numbers}. No known cause explains it.");
         return (Verdict::Trouble, text);
     }
     if least_rate(refused) > MANY_REFUSED {
-        let text = format!("{what} works with trouble: {numbers}, for no single reason; the transactions name each.");
+        let text =
+            format!("{what} works, but has problems: {numbers}. There is no single reason; each transaction names its own.");
         return (Verdict::Trouble, text);
     }
     let answered = share.total - share.failed;
@@ -106,11 +121,27 @@ pub(super) fn verdict(buses: &[(&str, BusContrast)], rows: &[DiagnosisRow]) -> (
     (Verdict::Healthy, text)
 }
 
+/// The verdict where examples suggest a cause.
+fn suspicion(share: Share, numbers: &str, what: &str, suspected: &str) -> (Verdict, String) {
+    if share.total < FEW {
+        return (Verdict::Unknown, suspected.to_owned());
+    }
+    (Verdict::Trouble, format!("{what} works, but has problems: {numbers}. {suspected}"))
+}
+
+fn word(certainty: &str) -> &'static str {
+    if certainty == Certainty::Likely.text() {
+        "Likely"
+    } else {
+        "Suspected"
+    }
+}
+
 /// Why so few requests are no ground for a verdict, and what came of them all the same: who pastes three lines of a log into a
 /// file wants to hear that they were read.
 fn too_few(share: Share, refused: Share) -> String {
     let requests = match share.total {
-        0 => return "it shows of no request what came of it".to_owned(),
+        0 => return "the recording does not show the outcome of any request".to_owned(),
         1 => "1 request is too few".to_owned(),
         count => format!("{count} requests are too few"),
     };
@@ -120,7 +151,7 @@ fn too_few(share: Share, refused: Share) -> String {
     };
     let refusals = match refused.failed {
         0 => String::new(),
-        count => format!("; {} refused by an exception", were(count)),
+        count => format!("; {} refused (exception)", were(count)),
     };
     format!("{requests}{failed}{refusals}")
 }
@@ -130,7 +161,7 @@ fn refused(bus: &BusContrast) -> u64 {
     bus.units.values().flat_map(|unit| &unit.exceptions).map(|tally| tally.share().failed).sum()
 }
 
-/// The sentence where no request failed: "works with trouble" would be contradicted by its own count.
+/// The sentence where no request failed: "has problems" would be contradicted by its own count.
 fn all_answered(total: u64, rows: &[DiagnosisRow], worst: &DiagnosisRow) -> String {
     let answered = match total {
         1 => String::from("The only request was answered"),
@@ -142,11 +173,11 @@ fn all_answered(total: u64, rows: &[DiagnosisRow], worst: &DiagnosisRow) -> Stri
     }
 }
 
-const ONE_CAUSE: &str = "The cause";
+const ONE_CAUSE: &str = "Cause";
 
 fn rest(rows: &[DiagnosisRow]) -> &'static str {
     match rows.iter().filter(|row| row.severity != Severity::Info).count() {
         1 => ONE_CAUSE,
-        _ => "The main cause of several",
+        _ => "Main cause (of several)",
     }
 }

@@ -198,8 +198,12 @@ pub struct DiagnosisRow {
     pub since: Option<Ns>,
     /// Start of the last one, if the trouble is over.
     pub until: Option<Ns>,
+    /// How certain it is: suspected, likely or diagnosed.
+    pub certainty: &'static str,
     /// The corrected probability that the contrast is an accident.
     pub chance: Option<f64>,
+    /// The odds against the best rival, where they were weighed.
+    pub odds: Option<f64>,
     /// The cause in words.
     pub sentence: String,
     /// What to check.

@@ -1,0 +1,204 @@
+//! What failed or odd transactions look like, one symptom each: what a joint explanation has to account for.
+
+use std::collections::BTreeMap;
+
+use modlens_protocol::finding::Finding;
+
+use super::before::Before;
+use super::tally::{Place, Tally};
+use crate::observation::{DamagedPart, FrameObservation, Observation, Outcome};
+
+macro_rules! symptoms {
+    ($($(#[$doc:meta])* $name:ident = $word:literal),* $(,)?) => {
+        /// What an odd transaction or run of bytes looks like. `dissectors/diagnoses.toml` says how often each cause shows each.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+        pub enum Symptom { $($(#[$doc])* $name),* }
+
+        impl Symptom {
+            /// All of them.
+            pub const ALL: &'static [Self] = &[$(Self::$name),*];
+
+            /// The word in the table.
+            pub fn word(self) -> &'static str {
+                match self { $(Self::$name => $word),* }
+            }
+        }
+    };
+}
+
+symptoms! {
+    /// No answer came.
+    NoAnswer = "no_answer",
+    /// The answer came after the master had given up.
+    LateAnswer = "late_answer",
+    /// The answer equals the request, whole or cut.
+    Echo = "echo",
+    /// The answer is that to the request before.
+    StepBehind = "step_behind",
+    /// The answer carries the identifier of no open request.
+    OtherId = "other_id",
+    /// Another unit answered.
+    OtherUnit = "other_unit",
+    /// Another function was answered.
+    OtherFunction = "other_function",
+    /// The answer has another length than asked for, and a right checksum.
+    OtherLength = "other_length",
+    /// A valid answer that nobody asked for.
+    SecondAnswer = "second_answer",
+    /// The answer is damaged in its first one or two bytes, or lacks them.
+    AnswerStart = "answer_start",
+    /// The answer is damaged in its last bytes, or lacks them.
+    AnswerEnd = "answer_end",
+    /// One bit of the answer is wrong.
+    AnswerBit = "answer_bit",
+    /// The answer is damaged after an intact beginning.
+    AnswerInside = "answer_inside",
+    /// The answer is damaged from its first byte on.
+    AnswerWhole = "answer_whole",
+    /// The answer begins one or two bytes late: strays came before it.
+    AnswerShifted = "answer_shifted",
+    /// What came as the answer is text.
+    AnswerText = "answer_text",
+    /// What came as the answer consists of 00, FF and bytes with one run of equal bits.
+    AnswerInverted = "answer_inverted",
+    /// The request is damaged in its last bytes, or lacks them.
+    RequestEnd = "request_end",
+    /// The request is damaged elsewhere.
+    RequestInside = "request_inside",
+    /// The request was sent while another one was open.
+    RequestCrossed = "request_crossed",
+    /// The answer collided with another frame.
+    Collision = "collision",
+    /// Refused: exception 1.
+    RefusedFunction = "refused_function",
+    /// Refused: exception 2.
+    RefusedAddress = "refused_address",
+    /// Refused: exception 3.
+    RefusedValue = "refused_value",
+    /// Refused: exception 5 or 6.
+    RefusedBusy = "refused_busy",
+    /// Refused: exception 10 or 11.
+    RefusedGateway = "refused_gateway",
+    /// Refused with another exception.
+    RefusedOther = "refused_other",
+    /// One or two bytes between frames, as a driver leaves when it is switched.
+    Stray = "stray",
+    /// Text between frames.
+    Text = "text",
+    /// Other bytes between frames.
+    Noise = "noise",
+}
+
+/// How often each symptom was seen, by unit; `None` where no unit is near.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Symptoms(BTreeMap<(Symptom, Option<u8>), Tally>);
+
+impl Symptoms {
+    fn count(&mut self, symptom: Symptom, unit: Option<u8>, place: Place) {
+        self.0.entry((symptom, unit)).or_default().count(true, place);
+    }
+
+    /// Counts a transaction, if it is odd.
+    pub(super) fn transaction(&mut self, seen: &Observation, before: Before) {
+        if let Some(symptom) = of_transaction(seen, before) {
+            self.count(symptom, Some(seen.unit), seen.place);
+        }
+    }
+
+    /// Counts bytes that belong to no transaction, near this unit.
+    pub(super) fn frame(&mut self, seen: &FrameObservation, unit: Option<u8>) {
+        let symptom = match seen.bytes.as_slice() {
+            bytes if bytes.len() < 3 && bytes.iter().all(|byte| is_of_driver(*byte)) => Symptom::Stray,
+            bytes if is_text(bytes) => Symptom::Text,
+            _ => Symptom::Noise,
+        };
+        self.count(symptom, unit, seen.place);
+    }
+
+    pub(super) fn merge(&mut self, later: &Self) {
+        for (key, tally) in &later.0 {
+            self.0.entry(*key).or_default().merge(tally);
+        }
+    }
+
+    /// All of them with their counts.
+    pub fn all(&self) -> impl Iterator<Item = (Symptom, Option<u8>, &Tally)> {
+        self.0.iter().map(|((symptom, unit), tally)| (*symptom, *unit, tally))
+    }
+}
+
+/// Whether a byte is what a receiver makes of a line that is switched or floats: 00, FF, or one run of ones above zeros.
+fn is_of_driver(byte: u8) -> bool {
+    byte.leading_ones() + byte.trailing_zeros() >= 8
+}
+
+/// Fewer printable bytes than these come about by chance.
+const LEAST_TEXT: usize = 6;
+
+/// Whether nearly all bytes are printable.
+fn is_text(bytes: &[u8]) -> bool {
+    let printable = bytes.iter().filter(|byte| matches!(byte, b' '..=b'~' | b'\r' | b'\n')).count();
+    bytes.len() >= LEAST_TEXT && printable * 5 >= bytes.len() * 4
+}
+
+/// The symptom of a transaction; `None` of one that is as it should be.
+fn of_transaction(seen: &Observation, before: Before) -> Option<Symptom> {
+    let has = |finding| seen.findings.has(finding);
+    let symptom = match seen.outcome {
+        Outcome::Silent => Symptom::NoAnswer,
+        _ if seen.is_own_echo || has(Finding::LocalEcho) => Symptom::Echo,
+        Outcome::Garbled | Outcome::NotSeen if seen.damage.is_some() => return garbled(seen),
+        Outcome::BadRequest if seen.damage == Some(DamagedPart::End) => Symptom::RequestEnd,
+        Outcome::BadRequest => Symptom::RequestInside,
+        Outcome::Refused => match seen.exception {
+            Some(1) => Symptom::RefusedFunction,
+            Some(2) => Symptom::RefusedAddress,
+            Some(3) => Symptom::RefusedValue,
+            Some(5 | 6) => Symptom::RefusedBusy,
+            Some(10 | 11) => Symptom::RefusedGateway,
+            _ => Symptom::RefusedOther,
+        },
+        Outcome::Unasked if seen.late_response_to.is_some() => Symptom::LateAnswer,
+        Outcome::Unasked => unasked(seen, before)?,
+        _ if has(Finding::TwoMasters) => Symptom::RequestCrossed,
+        _ if seen.answered_by.is_some() => Symptom::OtherUnit,
+        _ if has(Finding::WrongFunction) => Symptom::OtherFunction,
+        _ if has(Finding::TransactionId) => Symptom::OtherId,
+        _ if has(Finding::ResponseLength) => Symptom::OtherLength,
+        _ if seen.is_step_behind => Symptom::StepBehind,
+        _ => return None,
+    };
+    Some(symptom)
+}
+
+fn garbled(seen: &Observation) -> Option<Symptom> {
+    let head = [seen.unit, seen.function];
+    let bytes = &seen.answer_head;
+    let symptom = match seen.damage? {
+        _ if seen.findings.has(Finding::Collision) => Symptom::Collision,
+        DamagedPart::Start => Symptom::AnswerStart,
+        DamagedPart::End => Symptom::AnswerEnd,
+        DamagedPart::Bit => Symptom::AnswerBit,
+        DamagedPart::Inside => Symptom::AnswerInside,
+        DamagedPart::Whole if (1..=2).any(|by| bytes.get(by..by + 2) == Some(&head)) => Symptom::AnswerShifted,
+        DamagedPart::Whole if is_text(bytes) => Symptom::AnswerText,
+        DamagedPart::Whole if bytes.len() >= 3 && bytes.iter().all(|byte| is_of_driver(*byte)) => Symptom::AnswerInverted,
+        DamagedPart::Whole => Symptom::AnswerWhole,
+    };
+    Some(symptom)
+}
+
+/// Identifiers so far below that of the open request are those of requests before it.
+const STEPS: u16 = 3;
+
+fn unasked(seen: &Observation, before: Before) -> Option<Symptom> {
+    if let Some((id, last)) = seen.id.zip(before.id) {
+        return Some(if (1..=STEPS).contains(&last.wrapping_sub(id)) { Symptom::StepBehind } else { Symptom::OtherId });
+    }
+    match before.asked {
+        // Without any request before it, the recording began after it was sent.
+        None => None,
+        Some(key) if key.unit != seen.unit => Some(Symptom::OtherUnit),
+        Some(_) => Some(Symptom::SecondAnswer),
+    }
+}
