@@ -88,7 +88,7 @@ deb: $(VENV)/.release
 try-gateway: $(VENV)/.release $(VENV)/.installed
 	$(BIN)/python -m release.try_gateway $(MACHINE)
 
-# What stands in the tree and is made of something else: licences of the crates, completion, manual pages.
+# Generated files that are checked in: licences of the crates, completion, manual pages.
 licences:
 	$(PYTHON) -m release.licences
 
@@ -125,7 +125,7 @@ bench-exports: $(VENV)/.tested
 bench-threads: $(VENV)/.tested
 	$(BIN)/python -m bench.threads
 
-# A saturated line through a tap for minutes: loss, CPU, latency. `make memory` tells memory at its end.
+# A saturated line through a tap for minutes: loss, CPU, latency. `make memory` reports memory at its end.
 load: $(VENV)/.tested
 	$(BIN)/python bench/tap_load.py --seconds 600 --floor
 	$(BIN)/python bench/tap_load.py --seconds 600 --view table
@@ -207,7 +207,7 @@ vectors: $(VENV)/.tested
 corpus: $(VENV)/.tested
 	$(BIN)/python -m tests.corpus.score $(CORPUS)
 
-# A venv that was begun only (Debian without python3-venv) is taken away, so that the next try begins anew.
+# A venv that was begun only (Debian without python3-venv) is taken away, so that the next try starts from scratch.
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); false; }
 

@@ -81,7 +81,7 @@ class LineSearch:
     def line(self) -> str:
         """The settings to listen with now, as `19200-8E1`."""
     def line_was_set(self, now_ns: int) -> None:
-        """The port was set to `line()`; what comes right behind is not counted."""
+        """The port was set to `line()`; what comes right after is not counted."""
     def feed(
         self,
         port: int,
@@ -187,7 +187,7 @@ class RegisterMap:
 
 @final
 class Survey:
-    """What traffic tells of the registers of each unit."""
+    """What traffic shows of the registers of each unit."""
 
     def __new__(cls) -> Survey: ...
     def add(self, batch: Batch) -> None:
@@ -202,7 +202,7 @@ class Survey:
 
 @final
 class Days:
-    """What the doctor says of each bus and day (UTC), from batches with frames and transactions.
+    """What the doctor reports about each bus and day (UTC), from frames and transactions.
 
     Of each bus the latest `kept` days are kept, all by default.
     """
@@ -252,7 +252,7 @@ class Functions:
         fields: [{name, offset, length, value, word, children}]}.
 
         `direction` is "request" or "response". Offsets count from the function code. Bytes that the
-        layout does not cover stand in a last field named "extra"; bytes that are missing make
+        layout does not cover are in a last field named "extra"; bytes that are missing make
         `complete` false.
         """
     def encode(self, function: int, direction: str, values: str) -> bytes:
@@ -307,7 +307,7 @@ class Table:
     def where(self, predicate: Predicate) -> Table:
         """The rows for which the predicate holds."""
     def slice(self, start: int, count: int) -> Table:
-        """At most `count` rows from row `start` on, which may be behind the last one."""
+        """At most `count` rows from row `start` on, which may be after the last one."""
     def have_values(self, columns: Sequence[str]) -> list[bool]:
         """For each column whether it has a value in any row; ValueError for one not there."""
     def lines(
@@ -317,7 +317,7 @@ class Table:
         *,
         header: bool = False,
     ) -> Pieces:
-        """Rows as lines of text, in pieces of about 128 KiB that end with a row.
+        """Rows as lines of text, in blocks of about 128 KiB that end with a row.
 
         `csv`: RFC 4180, lists joined by single spaces, null is empty; `header` puts the names of
         the columns in front. `jsonl`: a JSON object a line, null omitted. ValueError for others.
@@ -369,7 +369,7 @@ class LineEncoder:
 
 @final
 class Pieces:
-    """Text of a table's rows, piece by piece."""
+    """Text of a table's rows, block by block."""
 
     def __iter__(self) -> Pieces: ...
     def __next__(self) -> bytes: ...
@@ -388,7 +388,7 @@ class ArrowStream:
 
 @final
 class RowFile:
-    """A Parquet or Arrow file of rows of one table, which gives its bytes piece by piece.
+    """A Parquet or Arrow file of rows of one table, which gives its bytes block by block.
 
     Not there where the extension was built without its feature `files`.
     """
@@ -404,7 +404,7 @@ class Capture:
     """Frames as pcapng, or as classic pcap (`classic`), that Wireshark opens as it is.
 
     `style` is udp, rtu or tcp. Without `live` a frame waits until its transaction is complete.
-    `context` frames are written before and behind those that a filter keeps.
+    `context` frames are written before and after those that a filter keeps.
     """
 
     def __new__(
@@ -502,14 +502,14 @@ class Inbox:
         """As `take`, but reads go straight to the session.
 
         Returns when the session has rows, or after `timeout` seconds. After each look at the ports
-        the session is told the time (`Session.poll`), `lag_ns` in the past. The first read of a
-        port without a route, the end of a port, and all behind it come back as `take` gives them.
+        the session is given the time (`Session.poll`), `lag_ns` in the past. The first read of a
+        port without a route, the end of a port, and all after it come back as `take` gives them.
         IndexError for a bus that is not there.
         """
     def record(self, port: int, recorder: Recorder, number: int) -> None:
         """Record this port's reads as those of the recorder's port `number`, before they are taken.
 
-        Reads that are waiting to be taken are recorded, too.
+        Reads that are waiting to be taken are recorded as well.
         """
     def stop_recording(self, port: int) -> None:
         """Take back what `record` said."""
@@ -616,7 +616,7 @@ class ReadBlock:
 
 @final
 class Session:
-    """Framer, decoder, pairing and statistics behind one `feed`; no I/O, never fails on bytes.
+    """Framer, decoder, pairing and statistics after one `feed`; no I/O, never fails on bytes.
 
     Buses are numbered from 0 in the order in which they were added. Rows of several buses share
     their numbering.
@@ -771,7 +771,7 @@ class Session:
         carry what a line does; surplus are lines that a bus has no room for.
         """
     def poll(self, now_ns: int) -> None:
-        """Time goes on without bytes: ends silences and time-outs of every live bus."""
+        """Time goes on without bytes: ends silences and timeouts of every live bus."""
     def flush(self, *, file: bool = False) -> None:
         """The end of the recording: decides everything that is still open.
 
@@ -793,12 +793,12 @@ class Session:
     def conclude(self) -> Batch:
         """The last rows, and the diagnoses of the whole session where these are wanted."""
     def doctor(self) -> str:
-        """The verdict, the diagnoses and the reserves so far, as JSON; null if not wanted."""
+        """The verdict, the diagnoses and the margins so far, as JSON; null if not wanted."""
     def document(self) -> str:
         """What `doctor` and `stats` say, with the overview of reports, in one JSON object.
 
         {doctor, statistics, overview}, of which doctor and overview are null if not wanted. With
-        the courses alone, which text shows, the doctor tells the worst diagnosis of each kind.
+        the time series alone, which text shows, the doctor the worst one of each kind.
         """
     def stats(self) -> str:
         """Statistics so far, as JSON (see analyzer/views/stats.py for the keys)."""

@@ -44,7 +44,7 @@ _ONE = (*_BYTES, str, os.PathLike)
 
 
 class Decoding:
-    """One or more recordings, decoded anew each time they are iterated; made by `decode`.
+    """One or more recordings, decoded again each time they are iterated; made by `decode`.
 
     Iterating it gives the transactions.
     """
@@ -88,7 +88,7 @@ class Decoding:
 
     @property
     def diagnoses(self) -> Rows[DiagnosisRow]:
-        """The causes of trouble, which `modlens doctor` tells: a row each, at the end of a pass."""
+        """The causes that `modlens doctor` reports: a row each, at the end of a pass."""
         return Rows(self, "diagnoses")
 
     def table(self, name: str) -> Rows[AnyRow]:
@@ -123,7 +123,7 @@ class Decoding:
         return run.stats()
 
     def doctor(self) -> dict[str, Any]:
-        """The verdict, the diagnoses and the reserves of a whole pass.
+        """The verdict, the diagnoses and the margins of a whole pass.
 
         The site's page "Statistics and verdict" lists the keys.
         """

@@ -1,27 +1,27 @@
 r"""Decoding inside an engine for large data: Arrow record batches in, those of a table out.
 
 `decode_batches` is a plain function over iterators. It imports no engine; Spark, Ray and Dask call
-it as it is (`docs/fleets.md`). Rows in are pieces of recordings, or bytes off lines:
+it as it is (`docs/fleets.md`). Rows in are blocks of recordings, or bytes off lines:
 
 | column | type | meaning |
 | --- | --- | --- |
 | `bus` | text, null | name of the bus; null names it after the recording |
-| `path` | text, null | name of the recording that the piece is of; null: bytes off the line |
-| `offset` | int | position of the piece in its recording, or in the stream of its line |
+| `path` | text, null | name of the recording that the block is of; null: bytes off the line |
+| `offset` | int | position of the block in its recording, or in the stream of its line |
 | `time` | timestamp or int (ns since 1970), null | when the bytes were read off the line |
-| `bytes` | binary, null | the piece; null: the file of that path, which is read here |
+| `bytes` | binary, null | the block; null: the file of that path, which is read here |
 | `line` | text, null | optional: `A` or `B` of a bus with two lines |
 | `size` | int, null | optional: bytes of the whole recording, which is decoded when all are there |
 
-A piece may begin and end anywhere. Those of a recording may come in any order, and it is decoded as
+A block may begin and end anywhere. Those of a recording may come in any order, and it is decoded as
 the file would be. Those of a line come in order of their offset; what comes twice counts once, and
 a gap in the offsets is one in the stream. Numbers (`frame`, `txn` and those that refer to them)
 begin with 1 in each recording and each bus: `running_numbers` makes them run on.
 
 >>> import pyarrow
->>> pieces = {"bus": ["pumps"] * 2, "path": ["a.hex"] * 2, "offset": [10, 0]}
->>> pieces["bytes"] = [b"01840a\n0103020007f986\n", b"0103000000"]
->>> [batch] = decode_batches([pyarrow.record_batch(pieces)], BatchSettings())
+>>> blocks = {"bus": ["pumps"] * 2, "path": ["a.hex"] * 2, "offset": [10, 0]}
+>>> blocks["bytes"] = [b"01840a\n0103020007f986\n", b"0103000000"]
+>>> [batch] = decode_batches([pyarrow.record_batch(blocks)], BatchSettings())
 >>> batch["bus"][0].as_py(), batch["status"][0].as_py(), batch["data"][0].as_py()
 ('pumps', 'ok', [7])
 """
@@ -58,7 +58,7 @@ _ROWS_AT_A_TIME = 50_000
 
 @dataclass(frozen=True, slots=True)
 class BatchSettings:
-    """What the decoder is told in advance; texts and numbers only, so that it can be sent.
+    """Holds what the decoder knows in advance; texts and numbers only, so that it can be sent.
 
     - `table`: the table of the rows out, one of `analyzer.columns.TABLES`
     - `line`, `mode`, `read_as`, `timeout`, `timezone`, `date`, `ports`: as for `modlens.decode`
@@ -117,12 +117,12 @@ def decode_batches(
     *,
     notify: Callable[[str], None] | None = None,
 ) -> Iterator[Any]:
-    """Decode pieces of recordings and of lines; gives `pyarrow.RecordBatch`es of one table.
+    """Decode blocks of recordings and of lines; gives `pyarrow.RecordBatch`es of one table.
 
     `batches` are record batches of pyarrow or of any library whose batches can be handed over as
-    Arrow, with the columns that the module lists. `notify` is told of each recording that cannot be
+    Arrow, with the columns that the module lists. `notify` gets each recording that cannot be
     read or is damaged, which ends nothing: what could be read of it is decoded, and the others are.
-    By default it is printed to standard error. `UsageError` for columns that are missing and pieces
+    By default it is printed to standard error. `UsageError` for columns that are missing and blocks
     of a line out of order, or where pyarrow is not installed.
     """
     pieces = _Pieces(settings or BatchSettings(), notify or _print)
@@ -154,7 +154,7 @@ class _Pieces:
         self._streams: dict[str, _Stream] = {}
 
     def take(self, row: _Row) -> Iterator[Any]:
-        """The next piece; gives the rows of a recording that is complete with it."""
+        """The next block; gives the rows of a recording that is complete with it."""
         if row.path is None:
             bus = row.bus or "bus"
             if bus not in self._streams:
@@ -206,7 +206,7 @@ class _Pieces:
 
 @dataclass(slots=True)
 class _Recording:
-    """Pieces of a recording by their offsets."""
+    """Blocks of a recording by their offsets."""
 
     pieces: dict[int, bytes]
     end: int = 0
@@ -253,8 +253,8 @@ class _Stream:
         stop = row.offset + len(data)
         if any(row.offset < behind and first < stop for first, behind in gaps):
             raise UsageError(
-                f"bus {self._bus}: bytes at {row.offset} come behind those up to {end}; sort the"
-                " pieces of a bus by offset"
+                f"bus {self._bus}: bytes at {row.offset} come after those up to {end}; sort the"
+                " blocks of a bus by offset"
             )
         if row.offset > end:
             gaps.append((end, row.offset))
@@ -309,7 +309,7 @@ def running_numbers(tables: Mapping[str, Any]) -> dict[str, Any]:
 
     `tables` are those of one decoding by their names, `frames` and `transactions` among them: how
     many rows these have says where the next recording begins; without `connections` the numbers of
-    those stay. Recordings stand in the order of their names, as a directory has them on the command
+    those stay. Recordings are in the order of their names, as a directory has them on the command
     line; rows stay where they are. `UsageError` without the two, or for a table whose rows do not
     name their source.
     """
@@ -342,7 +342,7 @@ def _shifted(name: str, table: Any, columns: tuple[str, ...], first: Mapping[str
     arrow = _pyarrow()
     present = [name for name in columns if name in table.schema.names]
     if "source" not in table.schema.names:
-        raise UsageError(f"{name} has no column source, which says of which recording a row is")
+        raise UsageError(f"{name} has no column source, which names the recording of a row")
     shift = [first.get(recording_of(source), 0) for source in table.column("source").to_pylist()]
     for column in present:
         at = table.schema.get_field_index(column)

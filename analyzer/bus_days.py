@@ -1,7 +1,7 @@
-"""A bus and a day as one flat row: the verdict, the first diagnoses, rates, and what is in reserve.
+"""A bus and a day as one flat row: the verdict, the first diagnoses, rates and margins.
 
 What somebody with hundreds of taps looks at: `modlens doctor ARCHIVE --to csv` writes these rows,
-and a tap publishes that of its day. The core makes them, for the tap without Python, too.
+and a tap publishes that of its day. The core makes them, for the tap without Python as well.
 """
 
 from __future__ import annotations

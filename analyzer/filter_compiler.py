@@ -86,7 +86,7 @@ class Compiler(RegisterQuestions):
         if isinstance(node, ast.Tuple):
             self._refuse(
                 node.elts[-1] if node.elts else node,
-                "join conditions by `and` or `or`, not by commas; a list stands in brackets, as in"
+                "join conditions by `and` or `or`, not by commas; a list is in brackets, as in"
                 " `unit in (1, 2)`",
             )
         if isinstance(node, ast.Name):

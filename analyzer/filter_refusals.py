@@ -70,7 +70,7 @@ class Refusals:
         meant = respelled(VOCABULARIES[key], word.id) if key in VOCABULARIES else word.id
         if known and meant not in known:
             meant = nearest_value(key, meant) or known[0]
-        self._refuse(word, f"a text stands in quotes: write {meant!r}, not {word.id}")
+        self._refuse(word, f"a text is in quotes: write {meant!r}, not {word.id}")
 
     def _check_number_name(self, column: str, word: ast.Name) -> None:
         """Refuse the name of a function or exception where its number stands."""
@@ -105,7 +105,7 @@ class Refusals:
         name = f"{a.tree[1]}_name"
         if b.tree[1].strip().isdecimal():
             return f"; write {b.tree[1].strip()} without quotes"
-        return f"; names stand in {name}" if name in self._column_types else ""
+        return f"; names are in {name}" if name in self._column_types else ""
 
     def _refuse_name(self, node: ast.Name) -> NoReturn:
         """Refuse a name that no column has, with what may be meant."""

@@ -1,4 +1,4 @@
-"""The terms of a filter while it is compiled, and the pieces of trees that need no syntax."""
+"""The terms of a filter while it is compiled, and the blocks of trees that need no syntax."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What people write in filters instead of the right word, and what they are told.
+"""What people write in filters instead of the right word, and what the error message suggests.
 
 Closed sets of values (statuses, findings, modes), names that other programs give to the columns,
 and operators of other languages. Everything here gives words for messages; nothing is compiled.
@@ -56,10 +56,10 @@ _OPERATIONS: Mapping[str, tuple[tuple[str, ...], tuple[int, ...]]] = {
     "read": (("read", "read_write"), (0x14, 0x18)),
     "write": (("write", "read_write"), (0x15,)),
 }
-"""Word -> the operations that it means when it stands alone, and functions beside them: file
+"""Word -> the operations that it means when it is alone, and functions beside them: file
 records and the FIFO queue are no registers of a table, so that their operation is `other`."""
 
-# The order in which a word that stands alone is looked for.
+# The order in which a word that is alone is looked for.
 _COLUMNS_OF_WORDS = ("status", "verdict", "code", "findings", "first_status", *_SETS)
 
 _VALUES: Mapping[str, Mapping[str, str]] = {

@@ -9,16 +9,16 @@ time >= '2023-10-11T14:00:00Z' and status != 'ok'
 
 The grammar is a part of Python's expressions: what `ast.parse` reads and `analyzer.filter_compiler`
 knows how to compile, nothing else: names of columns, numbers, texts, `and or not`, comparisons
-(chained, too), `in`, `not in`, `is None`, `is not None`, arithmetic `+ - * / // % &`, tuples and
+(chained as well), `in`, `not in`, `is None`, `is not None`, arithmetic `+ - * / // % &`, tuples and
 lists of literals, and the two questions `touches(type, where)` and `writes(type, where)`. A filter
 never runs as Python: it becomes the tree below, which the core interprets row by row.
 
-A word alone is a condition, too: `exception` (a column that is not empty), `retry` (a finding),
+A word alone is a condition as well: `exception` (a column that is not empty), `retry` (a finding),
 `no_response` (a status), `noise` (a verdict), `write` (every function that writes, also file
 records and read/write; `read` likewise). `findings` alone means that there is at least one. Words
 of other languages and programs (`=`, `&&`, `slave`, `fc`) are refused with the right one, and so
 are values that a column never has (`status == 'no_respons'`). An address is a wire address, from 0;
-the number of a manual stands in quotes: `address == '40001'`.
+the number of a manual is in quotes: `address == '40001'`.
 
 ## The tree
 

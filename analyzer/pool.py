@@ -35,7 +35,7 @@ class Pool:
     """As many threads as are given, the caller's among them; use it in `with`.
 
     At the end all that was submitted is done. What a task raises is raised once, by the next
-    `submit` or at the end, and what was submitted behind it is dropped.
+    `submit` or at the end, and what was submitted after it is dropped.
     """
 
     def __init__(self, threads: int) -> None:
@@ -128,7 +128,7 @@ class Pool:
             self._work_or_wait(lambda: self._has_ended)
 
     def _work_or_wait(self, is_over: Callable[[], bool]) -> None:
-        """Do one piece of work; where there is none, wait for some, or until `is_over()`."""
+        """Do one part of the work; where there is none, wait for some, or until `is_over()`."""
         with self._changed:
             while True:
                 if is_over():

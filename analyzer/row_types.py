@@ -502,7 +502,7 @@ class ConnectionRow(AnyRow, Protocol):
     def lockstep(self) -> int:
         """Answers to a request that was given up.
 
-        in the place of the answer to the one behind it.
+        in the place of the answer to the one after it.
         """
 
     @property

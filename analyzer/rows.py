@@ -1,6 +1,6 @@
 """The rows of a table of a recording: filtered, cut, counted, shown, handed on, written.
 
-Nothing is kept: each use decodes the recording anew and streams, so that memory stays flat. Ask
+Nothing is kept: each use decodes the recording again and streams, so that memory stays flat. Ask
 for several things at once where that takes long (`to_polars`, `to_arrow` make one pass).
 """
 

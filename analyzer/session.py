@@ -82,7 +82,7 @@ class FileRun:
     may grow for ever. `data` are the bytes of recordings that are not files of that name.
 
     `on_status` gets the status of every recording after its first block and at its end, `progress`
-    is told of every block. Recordings are read by `ahead`, which makes the items of an
+    is informed of every block. Recordings are read by `ahead`, which makes the items of an
     iterator before they are asked for (`analyzer.pool`); without it, between two blocks.
     `SourceError` for the first name that cannot be read, before anything is decoded; later, while
     files are read.

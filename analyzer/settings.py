@@ -1,4 +1,4 @@
-"""What the decoder is told in advance, and how buses with these settings are added to the core."""
+"""What the decoder knows in advance, and how buses with these settings are added to the core."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DEFAULT_TABLES = ("frames", "transactions", "findings")
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What the decoder is told in advance.
+    """What the decoder knows in advance.
 
     - `line`: the line settings, None where they are not known
     - `mode`: one of `MODES`

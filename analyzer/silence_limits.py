@@ -29,7 +29,7 @@ def silence_limits(
     """t3.5 and t1.5 in nanoseconds; None where frames are found by all evidence (`joint`).
 
     Where they are not given, they are those of the specification for the line's settings. `prefix`
-    stands before the names of options in messages. `UsageError` where t3.5 is not known, or is
+    is before the names of options in messages. `UsageError` where t3.5 is not known, or is
     shorter than t1.5.
     """
     if segmentation not in SEGMENTATIONS:

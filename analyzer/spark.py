@@ -1,8 +1,8 @@
 """Decoding inside Apache Spark: `analyzer.batches.decode_batches` with readers and a writer.
 
     spark = SparkSession.builder.getOrCreate()
-    pieces = recordings(spark, "archive")
-    write(decode(pieces, BatchSettings(table="transactions")), "transactions")
+    blocks = recordings(spark, "archive")
+    write(decode(blocks, BatchSettings(table="transactions")), "transactions")
 
 Spark has no nanoseconds: a column such as `time` is cut to microseconds, and `time_ns` beside it
 holds all of them, as whole nanoseconds since 1970. Needs PySpark 4.1, as of the extra `spark`.
@@ -45,12 +45,12 @@ def recordings(
     bus_names: str = BUS_NAMES[0],
     row_bytes: int = ROW_BYTES,
 ) -> DataFrame:
-    """The recordings in a folder and those below it, whole, as pieces for `decode`.
+    """The recordings in a folder and those below it, whole, as blocks for `decode`.
 
     `bus_names` is one of `analyzer.archive.BUS_NAMES`: what names their buses. A file is a row. Of
     one with more than `row_bytes` the row has the path only, and the worker reads it block by
     block: the folder has to be there on each machine under the same name. From stores with a URL
-    files come as rows up to 2 GB; larger ones are told and left out.
+    files come as rows up to 2 GB; larger ones are reported and left out.
     """
     return _pieces(spark.read.format(_FILES), folder, bus_names, row_bytes)
 
@@ -76,7 +76,7 @@ def decode(
     *,
     notify: Callable[[str], None] | None = None,
 ) -> DataFrame:
-    """The rows of a table from pieces of recordings; all pieces of a recording in one partition.
+    """The rows of a table from blocks of recordings; all blocks of a recording in one partition.
 
     For `notify` see `decode_batches`; it is called on the workers, and again where a task is tried
     again.

@@ -175,12 +175,12 @@ def check(files: Files, truth: Truth, open_pairs: int) -> None:
 def compared(found: Truth, truth: Truth, open_pairs: int) -> str:
     """What an export says beside the truth, in words; `SystemExit` where it says something else.
 
-    A write of one register is answered by the same bytes. Right behind a request without a
+    A write of one register is answered by the same bytes. Right after a request without a
     response, the times of a log leave open which of the two frames is what, so that they may not be
     paired. There are `open_pairs` of them; nothing else may differ.
 
     >>> compared(Truth(ok=3000, no_response=9), Truth(ok=3002, no_response=5), 2)
-    'as generated, but for 2 writes behind a silent unit, whose equal frames are 4 unpaired rows'
+    'as generated, but for 2 writes after a silent unit, whose equal frames are 4 unpaired rows'
     """
     if found == truth:
         return "as generated"
@@ -190,7 +190,7 @@ def compared(found: Truth, truth: Truth, open_pairs: int) -> str:
     if others != truth or not 0 < lost <= most or not lost <= rows <= 2 * lost:
         raise SystemExit(f"exported were {found}, but generated were {truth}")
     return (
-        f"as generated, but for {lost:,} writes behind a silent unit,"
+        f"as generated, but for {lost:,} writes after a silent unit,"
         f" whose equal frames are {rows:,} unpaired rows"
     )
 
@@ -225,7 +225,7 @@ def own(files: Files) -> list[Program]:
             "yardstick, pcap to CSV",
         ),
         Program("Modbus/TCP pcap to JSON lines", export(capture, out / "a.jsonl"), frames, begin),
-        # What tshark prints goes there, too: without the file, which the system takes longest for.
+        # What tshark prints also goes there: without the file, which the system takes longest for.
         Program("the same, printed to /dev/null", export(capture, None), frames, begin),
     ]  # fmt: skip
     if installed("pyarrow"):

@@ -102,7 +102,7 @@ class Bench:
         return min(found, key=lambda cost: cost.cpu)
 
     def export(self, recording: Path, suffix: str, *words: str) -> tuple[Cost, Path]:
-        """Run modlens on a recording; gives the file, too."""
+        """Run modlens on a recording; gives the file as well."""
         mode = () if recording.suffix != ".bin" else ("--mode", "rtu")
         out = self.folder / f"{recording.stem}.{suffix}"
         run = (sys.executable, "-m", "analyzer", "export", recording, *mode, "-o", out)

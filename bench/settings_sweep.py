@@ -5,7 +5,7 @@
 
 The line is made of bits: polling at 20 % load, received by a UART with whatever settings the search
 tries, as chips do (`tests/support/uart.py`). Right are the settings that the senders have; a second
-stop bit behind a parity bit is silence to any receiver (8E2 is heard as 8E1). Seconds are those of
+stop bit after a parity bit is silence to any receiver (8E2 is heard as 8E1). Seconds are those of
 traffic. Ends with status 1 if a case fails or takes ten seconds.
 """
 

@@ -6,7 +6,7 @@
     python bench/tap_load.py --seconds 1200 --load 0.4      # a soak: memory at its end
 
 Requests and responses follow each other without a pause (`--load` 1), handed over each millisecond
-as a USB adapter does. Latency is from the write of a response's last byte to the line that tells of
+as a USB adapter does. Latency is from the write of a response's last byte to the line that reports
 it. CPU time is that of the whole tap process, its start left out. With `--floor` a loop of bare
 reads listens to the same line at the same time: what it takes is what this machine, as busy as it
 is, asks for waking a process a thousand times a second. Linux only.

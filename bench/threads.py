@@ -9,7 +9,7 @@ thread and of several, their ratio, and beside it what the machine gives at best
 done in the same time when as many processes of one thread export the recording side by side, which
 share caches and memory, but wait for nobody. Then the CPU seconds of both, the peak memory of both,
 and whether the bytes are equal (status 1 if not). Seconds of wall mean something only on a machine
-that does nothing else: the load average stands behind each line.
+that does nothing else: the load average follows each line.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The meaning of Modbus' bytes: table of functions, decoding, crafting, explaining.
 
-Takes bytes and text; knows nothing of ports, files or screens. The knowledge stands in
+Takes bytes and text; knows nothing of ports, files or screens. The knowledge is in
 `functions.toml`, `vendor/*.toml` and `vocabulary.toml`, which the Rust core embeds and interprets;
 the modules here read it back, give it types and put it into words.
 

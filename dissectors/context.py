@@ -63,7 +63,7 @@ class Context:
         return Meaning(f"{name}, {self.direction}{' by its layout' if guessed else ''}")
 
     def bytes_after(self, part: DecodedField) -> int | None:
-        """The number of bytes behind a field; None for a field inside a group."""
+        """The number of bytes after a field; None for a field inside a group."""
         inside = part.path != part.name
         return None if inside else self.size - part.offset - part.length
 

@@ -1,11 +1,11 @@
-"""Describes one frame as a list of pieces: some bytes each, and their meaning.
+"""Describes one frame as a list of blocks: some bytes each, and their meaning.
 
-This is data for the views to draw. The pieces cover the frame: joined, their bytes are the frame
+This is data for the views to draw. The blocks cover the frame: joined, their bytes are the frame
 again, however damaged it is.
 
 >>> frame = bytes.fromhex("11 03 006B 0003 7687")
->>> for piece in describe(frame, mode="rtu", direction="request"):
-...     print(piece.data.hex().ljust(6), piece.name.ljust(9), piece.value.ljust(6), piece.meaning)
+>>> for block in describe(frame, mode="rtu", direction="request"):
+...     print(block.data.hex().ljust(6), block.name.ljust(9), block.value.ljust(6), block.meaning)
 11     unit      17     unit 17
 03     function  3      Read Holding Registers, request
 006b   address   107    107 = 0x006B, 400108 (40108)
@@ -74,15 +74,15 @@ def describe(  # noqa: PLR0913 - all but the frame by keyword
     has_checksum: bool = True,
     functions: _modlens.Functions | None = None,
 ) -> list[Piece]:
-    """The pieces of one frame, in wire order.
+    """The blocks of one frame, in wire order.
 
     `request` is the PDU (without unit and checksum) that a response answers: with it registers and
     bits get their numbers. `has_checksum` is False for recordings that print frames without one.
     `direction` "unknown" is settled by layout where that can be done, and taken for a request where
     both fit.
 
-    >>> pieces = describe(bytes.fromhex("83 02"), mode="pdu", direction="response")
-    >>> [piece.value for piece in pieces]
+    >>> blocks = describe(bytes.fromhex("83 02"), mode="pdu", direction="response")
+    >>> [block.value for block in blocks]
     ['0x83', '2']
     """
     body = _PduContext(direction, request, functions, on_serial_line=mode != "tcp")
@@ -123,7 +123,7 @@ class _PduContext:
     on_serial_line: bool
 
     def pieces(self, pdu: bytes, start: int) -> Iterator[Piece]:
-        """The pieces of a PDU that starts at offset `start` of the frame."""
+        """The blocks of a PDU that starts at offset `start` of the frame."""
         if not pdu:
             text = "no function code: the frame is truncated"
             yield Piece(start, b"", "function", "", text, is_valid=False)
@@ -151,7 +151,7 @@ class _PduContext:
         return "response" if guessed == "response" else "request"
 
     def unit(self, unit: int, offset: int, layer: Layer = "frame") -> Piece:
-        """The piece of a unit number; broadcast and reserved numbers exist on serial lines only."""
+        """The block of a unit number; broadcast and reserved numbers exist on serial lines only."""
         text, is_valid = f"unit {unit}", True
         if self.on_serial_line and unit == 0:
             text = "broadcast to all units; none responds"
@@ -161,7 +161,7 @@ class _PduContext:
 
 
 def _field(part: DecodedField, pdu: bytes, context: Context, start: int) -> Iterator[Piece]:
-    """The piece of one field; a list of numbers gives a piece per item, bits one per byte."""
+    """The block of one field; a list of numbers gives a block per item, bits one per byte."""
     at, stop = part.offset, part.offset + part.length
     if part.field_type in LIST_ITEM_BYTES or part.field_type == "bits":
         step = LIST_ITEM_BYTES.get(part.field_type, 1)
@@ -179,7 +179,7 @@ def _field(part: DecodedField, pdu: bytes, context: Context, start: int) -> Iter
 
 
 def _rtu(data: bytes, body: _PduContext, *, has_checksum: bool) -> Iterator[Piece]:
-    """The pieces of an RTU frame: unit, PDU, CRC (serial line specification, section 2.5.1)."""
+    """The blocks of an RTU frame: unit, PDU, CRC (serial line specification, section 2.5.1)."""
     min_bytes = MIN_RTU_BYTES if has_checksum else MIN_RTU_BYTES - 2
     if len(data) < min_bytes:
         yield _noise(data, f"{len(data)} bytes: too short for a frame of at least {min_bytes}")
@@ -202,7 +202,7 @@ def _rtu(data: bytes, body: _PduContext, *, has_checksum: bool) -> Iterator[Piec
 
 
 def _tcp(data: bytes, body: _PduContext) -> Iterator[Piece]:
-    """The pieces of a TCP frame: MBAP header and PDU (messaging on TCP/IP, section 3.1.3)."""
+    """The blocks of a TCP frame: MBAP header and PDU (messaging on TCP/IP, section 3.1.3)."""
     if len(data) < MBAP_BYTES:
         yield _noise(data, f"{len(data)} bytes: too short for the MBAP header of {MBAP_BYTES}")
         return
@@ -224,10 +224,10 @@ def _tcp(data: bytes, body: _PduContext) -> Iterator[Piece]:
 
 
 def _ascii(data: bytes, body: _PduContext, *, has_checksum: bool) -> Iterator[Piece]:
-    """The pieces of an ASCII frame.
+    """The blocks of an ASCII frame.
 
     Byte i of unit, PDU and LRC is in the two characters from 1 + 2i (serial line specification,
-    section 2.5.2), so the pieces of the binary frame are moved to the offsets of their characters.
+    section 2.5.2), so the blocks of the binary frame are moved to the offsets of their characters.
     """
     text = data.removesuffix(b"\n").removesuffix(b"\r")
     try:

@@ -1,7 +1,7 @@
 """The errors of modlens: trouble of the operator, never of the bus.
 
 A passive analyzer cannot fail on bytes: damage on the line becomes verdicts and findings. What
-raises is what the person at the keyboard can mend: a missing file, a wrong profile, a filter with a
+raises is what the person at the keyboard can fix: a missing file, a wrong profile, a filter with a
 typing error. Every message is one line that says what is wrong, where, and what to do; every class
 carries the exit status of the command line.
 

@@ -115,7 +115,7 @@ def explain(word: str, *, source: _modlens.Functions | None = None) -> Explanati
     A function: `3`, `0x03`, `fc3`, `Read Holding Registers`. An exception: `exception 2`, `ex2`,
     `0x83 2` or its name. A sub-function of Diagnostics: `8/11`, `diagnostics 11` or its name. An
     MEI type: `43/14` or its name. An object of Read Device Identification: its name. A finding: its
-    code. A status or a verdict: its word. Former spellings of the last three are known, too.
+    code. A status or a verdict: its word. Former spellings of the last three are known as well.
     """
     text = " ".join(word.split()).casefold()
     for reading in (_as_exception, _as_pair, _as_function):
@@ -377,7 +377,7 @@ _WITH_PAGE = frozenset(
         "word_order",
     }
 )
-"""The commonest kinds of trouble have a page of their own in the documents."""
+"""The most common kinds of trouble have a page of their own in the documents."""
 
 
 def _layout(row: Function) -> Iterator[str]:

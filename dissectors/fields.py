@@ -1,7 +1,7 @@
 """scapy fields for the field types of the table of functions.
 
 Imports scapy: import this module only when scapy is wanted. It has what scapy's own fields lack: a
-length of everything behind it, a count of the next list, a quantity that follows from a list, bits
+length of everything after it, a count of the next list, a quantity that follows from a list, bits
 with the lowest first, and lists that leave an incomplete item at their end to the next layer.
 """
 
@@ -42,7 +42,7 @@ class LengthField(Field[int | None, int]):
         super().__init__(name, None, FORMATS[width])
 
     def addfield(self, pkt: Packet, s: bytes, val: int | None) -> bytes:
-        """`s` with the value behind it."""
+        """`s` with the value after it."""
         if val is None:
             following = _fields_after(pkt, self.name)
             built = (field.addfield(pkt, b"", pkt.getfieldval(field.name)) for field in following)
@@ -60,7 +60,7 @@ class CountField(Field[int | None, int]):
         self.counted = counted
 
     def addfield(self, pkt: Packet, s: bytes, val: int | None) -> bytes:
-        """`s` with the value behind it."""
+        """`s` with the value after it."""
         if val is None:
             val = len(pkt.getfieldval(self.counted))
         return s + struct.pack(self.fmt, val)
@@ -78,13 +78,13 @@ class NumbersField(Field[list[int], bytes]):
         self.size = size
 
     def getfield(self, pkt: Packet, s: bytes) -> tuple[bytes, list[int]]:
-        """The bytes behind the value, and the value."""
+        """The bytes after the value, and the value."""
         whole = min(len(s), self.size(pkt)) // self.width * self.width
         items = (s[at : at + self.width] for at in range(0, whole, self.width))
         return s[whole:], [int.from_bytes(item, "big") for item in items]
 
     def addfield(self, pkt: Packet, s: bytes, val: list[int] | None) -> bytes:
-        """`s` with the value behind it."""
+        """`s` with the value after it."""
         return s + b"".join(number.to_bytes(self.width, "big") for number in val or ())
 
 
@@ -99,12 +99,12 @@ class BitsField(Field[list[int], bytes]):
         self.size = size
 
     def getfield(self, pkt: Packet, s: bytes) -> tuple[bytes, list[int]]:
-        """The bytes behind the value, and the value."""
+        """The bytes after the value, and the value."""
         taken = max(0, min(len(s), self.size(pkt)))
         return s[taken:], [byte >> bit & 1 for byte in s[:taken] for bit in range(8)]
 
     def addfield(self, pkt: Packet, s: bytes, val: list[int] | None) -> bytes:
-        """`s` with the value behind it."""
+        """`s` with the value after it."""
         packed = bytearray((len(val or ()) + 7) // 8)
         for index, bit in enumerate(val or ()):
             packed[index // 8] |= (1 if bit else 0) << index % 8
@@ -121,12 +121,12 @@ class BytesField(Field[bytes, bytes]):
         self.size = size
 
     def getfield(self, pkt: Packet, s: bytes) -> tuple[bytes, bytes]:
-        """The bytes behind the value, and the value."""
+        """The bytes after the value, and the value."""
         taken = max(0, min(len(s), self.size(pkt)))
         return s[taken:], s[:taken]
 
     def addfield(self, pkt: Packet, s: bytes, val: bytes | None) -> bytes:
-        """`s` with the value behind it."""
+        """`s` with the value after it."""
         return s + bytes(val or b"")
 
 

@@ -83,7 +83,7 @@ def __dir__() -> list[str]:
 
 
 class _Checksum(Field[int | None, int]):
-    """A checksum in hex; where it is wrong, `show()` gives the right one, too."""
+    """A checksum in hex; where it is wrong, `show()` gives the right one as well."""
 
     def i2repr(self, pkt: Packet | None, x: int | None) -> str:
         """The checksum in hex, and what it should be if it is wrong."""
@@ -145,12 +145,12 @@ class ModbusRTU(_Adu):
 
     def pre_dissect(self, s: bytes) -> bytes:
         """The frame's bytes in the order of the fields of this layer."""
-        # The checksum is a field of this layer but is placed behind the PDU in the frame, so it is
+        # The checksum is a field of this layer but is placed after the PDU in the frame, so it is
         # moved to the place of the field.
         return s[:1] + s[-2:] + s[1:-2]
 
     def do_dissect(self, s: bytes) -> bytes:
-        """The bytes behind the fields of this layer."""
+        """The bytes after the fields of this layer."""
         rest = super().do_dissect(s)
         # scapy would return the rearranged bytes from its cache.
         self.raw_packet_cache = None
@@ -190,7 +190,7 @@ class ModbusASCII(_Adu):
         return binary[:1] + binary[-1:] + binary[1:-1]
 
     def do_dissect(self, s: bytes) -> bytes:
-        """The bytes behind the fields."""
+        """The bytes after the fields."""
         rest = super().do_dissect(s)
         self.raw_packet_cache = None
         return rest

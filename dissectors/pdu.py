@@ -40,7 +40,7 @@ class Pdu:
     """A decoded PDU.
 
     `row` is None for a code that the table does not have; `exception` is the code of an exception
-    response, else None. `fields` cover the bytes behind the function code as far as the layout
+    response, else None. `fields` cover the bytes after the function code as far as the layout
     reaches; further bytes are a last field named "extra". `complete` is False where bytes are
     missing.
     """

@@ -1,6 +1,6 @@
 """The texts that the core embeds, as plain data, and the spellings that words had before.
 
-What they mean to people stands in `dissectors.vocabulary`; a command that exports needs this alone.
+What they mean to people is in `dissectors.vocabulary`; a command that exports needs this alone.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The names of numbers in a PDU, and the documented findings, as the core has read them.
 
-The names stand in vocabulary.toml, the findings in the core itself.
+The names are in vocabulary.toml, the findings in the core itself.
 
 >>> exception_name(2)
 'Illegal Data Address'
@@ -72,7 +72,7 @@ class Finding:
 class Diagnosis:
     """A kind of trouble that `modlens doctor` recognizes (dissectors/diagnoses.toml).
 
-    `confusions` has the codes that it may be taken for, with what tells the two apart; `findings`
+    `confusions` has the codes that it may be taken for, with what distinguishes the two; `findings`
     are those that it brings forth.
     """
 

@@ -141,7 +141,7 @@ def scalar(node: Any) -> Any:
 def plain_data(text: str, path: str) -> tuple[Any, list[tuple[int, str]]]:
     """Parse YAML into plain data; gives also the lines of tags that only its program knows.
 
-    What stands behind `!include`, `!secret` or `!lambda` is None. Merged keys (`<<: *anchor`) stand
+    What follows `!include`, `!secret` or `!lambda` is None. Merged keys (`<<: *anchor`) stand
     where they are merged into.
     """
     root = load(text, path)

@@ -49,7 +49,7 @@ class Command:
 
     @property
     def words(self) -> list[str]:
-        """What may stand in place of its positional arguments, where that can be counted."""
+        """What may be in place of its positional arguments, where that can be counted."""
         return [word for one in self.options if not one.flags for word in one.choices]
 
     @property

@@ -49,9 +49,9 @@ def linker_for_old_glibc() -> Path:
 
 
 def build_words(target: Target, *, quick: bool) -> list[str]:
-    """What tells maturin apart from where the wheel goes."""
+    """Returns the options that say where the wheel goes."""
     if quick and is_native(target):
-        # The same interpreter as for `make wheel`, so that nothing else is compiled anew.
+        # The same interpreter as for `make wheel`, so that nothing else is compiled again.
         linker = f"linker={linker_for_old_glibc()}"
         return ["--release", "--interpreter", sys.executable, "--", "-C", linker]
     profile = "quick" if quick else "release"

@@ -1,4 +1,4 @@
-"""Many recordings of many buses, file by file side by side: exported, examined, told apart.
+"""Many recordings of many buses, file by file side by side: exported, examined, distinguished.
 
 `recordings` says which files there are and of which bus, `manifest` which of them a folder of
 exports has already, `folder` writes such a folder, `side_by_side` runs the work, `days` makes a row

@@ -75,7 +75,7 @@ def _observe(
     read_as: str | None,
     on_status: Callable[[RecordingStatus], None],
 ) -> None:
-    """Count the rows of a file; one that cannot be read is told to `on_status`."""
+    """Count the rows of a file; `on_status` gets one that cannot be read."""
     try:
         run = FileRun(
             [path],

@@ -179,7 +179,7 @@ class ExportFolder:
         return sink.row_count, "; ".join(troubles) or None, skipped
 
     def _delete(self, old: Entry, new: Entry) -> None:
-        """Delete the files of what a recording was, but those that another one has, too."""
+        """Delete the files of what a recording was, but those that another one has as well."""
         others = {
             part
             for entry in self.manifest.entries

@@ -24,7 +24,7 @@ __all__ = ["ArchivedRecording", "content_of", "find_recordings", "name_of_bus"]
 
 _HEAD_BYTES = 4096
 _SEGMENT = re.compile(rb"recording session=(\S+) segment=(\d+)")
-"""How a raw recording of a tap says of which session it is (modlens-pcapng/src/recording.rs)."""
+"""States which session a raw recording of a tap belongs to (modlens-pcapng/src/recording.rs)."""
 
 _HASHED_BYTES = 1 << 20
 

@@ -14,7 +14,7 @@ from analyzer.archive.recordings import ArchivedRecording
 __all__ = ["Position", "side_by_side"]
 
 _LOOK_S = 0.2
-"""How often progress is told and the stop asked for while nothing ends."""
+"""How often progress is reported and the stop asked for while nothing ends."""
 
 Result = TypeVar("Result")
 

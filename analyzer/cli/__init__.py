@@ -145,7 +145,7 @@ def parser_of(command: str) -> Parser:
 
 
 def module_of(command: str) -> str:
-    """The module of a command; a Python keyword such as `import` gets an underscore behind it.
+    """The module of a command; a Python keyword such as `import` gets an underscore after it.
 
     >>> module_of("wireshark-setup"), module_of("import")
     ('analyzer.cli.wireshark_setup', 'analyzer.cli.import_')

@@ -71,7 +71,7 @@ def _say_settings(options: argparse.Namespace) -> None:
     """Report the line settings that each recording's bytes and marks of line errors suggest.
 
     Only raw recordings (`tap --record`) can tell all: raw bytes have neither times nor line errors,
-    logs in text have lost them, and those of logic analyzers are told as they are read.
+    logs in text have lost them, and those of logic analyzers are reported as they are read.
     """
     messages, given = Messages(quiet=False), settings(options).line
     for name in options.files:

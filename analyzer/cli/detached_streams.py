@@ -1,4 +1,4 @@
-"""Standard output and standard error behind threads, so that a tap never waits for who reads them.
+"""Writes standard output and error in threads, so that a tap never waits for their readers.
 
 A terminal may be frozen (Ctrl-S, copy mode of tmux), a pipe may have a reader that has stopped: a
 write then blocks for as long as that lasts. Inside the `with` block what is written waits in memory
@@ -105,7 +105,7 @@ class _Pipe(io.RawIOBase):
             self._write_out(memoryview(block))
 
     def _write_out(self, left: memoryview) -> None:
-        """Write a block in pieces; the rest of it is dropped after an error."""
+        """Writes a block in parts; the rest of it is dropped after an error."""
         while left:
             try:
                 count = os.write(self._descriptor, left[:WRITE_BYTES])
@@ -139,7 +139,7 @@ class _DetachedStream(io.TextIOWrapper):
 
 
 class DetachedStreams:
-    """Puts both streams behind threads inside a `with` block.
+    """Lets threads write both streams inside a `with` block.
 
     `is_stopping` says whether a signal asks the program to end. `failure` is what the last write to
     standard output has failed with, if nobody has heard of it before.

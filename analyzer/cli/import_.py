@@ -35,7 +35,7 @@ AUTO = "auto"
 """The format that stands for whichever reads the file."""
 
 BYTE_ORDER_MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
-"""Byte order mark -> the encoding of the text behind it."""
+"""Byte order mark -> the encoding of the text after it."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -17,7 +17,7 @@ CUT_OFF = ("incomplete", "noise", "bad_checksum")
 
 
 class LimitedRun:
-    """A run of which the rows behind the first `count` transactions are left out (None: none are).
+    """A run of which the rows after the first `count` transactions are left out (None: none are).
 
     `is_ended` says whether a condition (`--count`, `--duration`, `--stop-on`) has ended the run.
     The frame that is on the line at that moment is cut off by the user and not by trouble on the

@@ -198,7 +198,7 @@ class LiveScreen:
             self._filter_input = text + key
 
     def _apply_filter(self, text: str) -> None:
-        """Filter the log by this text; one that is not valid stays, to be mended."""
+        """Filter the log by this text; one that is not valid stays, to be fixed."""
         try:
             self._state.history.set_filter(parse(text, "transactions") if text.strip() else None)
         except FilterError as error:

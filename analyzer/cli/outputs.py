@@ -253,7 +253,7 @@ class Outputs:
         return all(getattr(sink, "is_full", False) for sink in self._sinks)
 
     def add_observers(self, *sinks: Sink) -> None:
-        """Pass all batches to these sinks, too; they write nothing and need no closing."""
+        """Pass all batches to these sinks as well; they write nothing and need no closing."""
         self._observers += sinks
 
     def close(self, *, interrupted: bool = False) -> None:

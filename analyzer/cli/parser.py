@@ -136,7 +136,7 @@ def add_decoding(parser: argparse.ArgumentParser) -> None:
 
 
 def add_archive(parser: argparse.ArgumentParser, threads: str) -> None:
-    """Add the options for many recordings of many buses; `threads` says what stands in one each."""
+    """Add the options for many recordings of many buses; `threads` says what is in one each."""
     group = parser.add_argument_group("archives")
     group.add_argument(
         "--threads",

@@ -23,7 +23,7 @@ _CERTAIN_SHARE = 0.005
 
 
 class ProgressLine:
-    """Draws the line; `advance` is told of every block that has been decoded.
+    """Draws the line; `advance` is informed of every block that has been decoded.
 
     Where `shown` is False, and on anything but a terminal, nothing is drawn.
     """

@@ -22,7 +22,7 @@ class RecordingDocument:
     """The document of the recordings that the options name; it is made when they have been read.
 
     A signal ends the reading; the document then holds what was read until it came. Its `overview`
-    is whole, or has the courses alone that `modlens stats` draws.
+    is whole, or has the time series alone that `modlens stats` draws.
     """
 
     def __init__(

@@ -15,7 +15,7 @@ STDIN, STDOUT, STDERR = 0, 1, 2
 def discard_output(descriptor: int) -> None:
     """Redirect a descriptor whose reader has gone to the null device.
 
-    What is left in Python's buffer is dropped there, too; without that the interpreter would fail
+    What is left in Python's buffer is also dropped there; without that the interpreter would fail
     again when it flushes its streams at its end.
     """
     null = os.open(os.devnull, os.O_WRONLY)

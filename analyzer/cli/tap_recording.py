@@ -25,7 +25,7 @@ REMIND_S = 60.0
 
 
 class TapRecording:
-    """The raw recording of `--record`; an observer of the run, because it tells of trouble."""
+    """The raw recording of `--record`; an observer of the run, because it reports trouble."""
 
     name = "the recording"
 

@@ -247,7 +247,7 @@ class VerdictWatch:
             self._say(f"{time.strftime('%H:%M:%S')}: {found['sentence']}")
 
     def close(self) -> None:
-        """Nothing to do: the whole is told when the tap has ended."""
+        """Nothing to do: the whole is reported when the tap has ended."""
 
     def rollback(self) -> None:
         """Nothing to do: it leaves nothing behind."""

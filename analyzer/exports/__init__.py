@@ -60,7 +60,7 @@ class ExportOptions:
     - `columns`: the keys of its columns, in order
     - `style`: a word of the format's `styles`, or "" for its usual one
     - `live`: rows are written as they come, because the end may come at any moment
-    - `context`: captures only: further frames before and behind those that a filter keeps
+    - `context`: captures only: further frames before and after those that a filter keeps
     - `address`, `times`, `buses`: tables for people only, see
       `analyzer.views.row_lines.TableOptions`
     """
@@ -102,7 +102,7 @@ class Format:
     def encode(self, table: _modlens.Table) -> bytes:
         """Encode further rows.
 
-        The first call, which may have no rows, also gives what stands before them.
+        The first call, which may have no rows, also gives what is before them.
         """
         raise NotImplementedError
 
@@ -114,14 +114,14 @@ class Format:
         return (self.encode(table),)
 
     def encoder(self) -> Callable[[_modlens.Table], Iterable[bytes]] | None:
-        """What encodes the next rows, in any thread, and before or behind all others.
+        """What encodes the next rows, in any thread, and before or after all others.
 
         Called in the order of rows. None where the bytes depend on the rows in front of them.
         """
         return None
 
     def footer(self) -> bytes:
-        """The bytes behind the last row."""
+        """The bytes after the last row."""
         return b""
 
     def output(self, path: str | None, *, growing: bool) -> Output:

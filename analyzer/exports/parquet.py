@@ -3,7 +3,7 @@
 The metadata name the table (`modlens.table`), the version of its columns (`modlens.schema_version`)
 and that of the program. The style `partitions` makes a folder instead of a file, as
 `log.parquet/date=2026-11-21/bus=ttyUSB0/part-0.parquet`: what Hive, Spark, pandas, pyarrow, polars
-and duckdb read as one table. The column `bus` stands in the path only, as Hive has it: pyarrow
+and duckdb read as one table. The column `bus` is in the path only, as Hive has it: pyarrow
 refuses a dataset whose path and files both have a column of that name.
 """
 
@@ -32,7 +32,7 @@ such a partition, be it the only one or one of several.
 """
 
 PATH_COLUMN = "bus"
-"""The column of the tables that stands in the path of a partition."""
+"""The column of the tables that is in the path of a partition."""
 
 
 class Format(exports.Format):

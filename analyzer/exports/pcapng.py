@@ -2,7 +2,7 @@
 
 Every frame of the recording is a packet, noise included; a filter keeps all frames of the
 transactions for which it holds. Names, line settings, times in nanoseconds, findings as comments,
-error flags; what Wireshark has no place for stands in a custom option of each packet.
+error flags; what Wireshark has no place for is in a custom option of each packet.
 
 The styles: `udp` decodes every function, with direction and pairing (Wireshark calls the protocol
 Modbus/UDP); `rtu` calls it Modbus RTU, but guesses directions and leaves most functions undecoded;

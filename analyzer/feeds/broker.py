@@ -1,6 +1,6 @@
 """Where an MQTT broker is, how to log in to it, and how its certificate is checked.
 
-A password belongs in a file or in the environment: a URL stands in the list of processes, where
+A password belongs in a file or in the environment: a URL is in the list of processes, where
 everybody on the machine can read it. No message prints one.
 """
 

@@ -64,7 +64,7 @@ class Metrics:
     """A sink that counts, and a server that publishes the counters; `port` is the server's.
 
     `broker` is the MQTT feed of the same tap, and `recording` gives the state of its raw recording
-    (None before it has begun): they are published, too. `UsageError` where the
+    (None before it has begun): they are published as well. `UsageError` where the
     package prometheus-client is not installed, `SourceError` where the port cannot be had.
     """
 

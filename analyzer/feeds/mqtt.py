@@ -6,7 +6,7 @@
   sent every minute in which it changes, and for the last time after midnight (UTC)
 - `PREFIX/BUS/UNIT/NAME`: the last value of a register or coil, retained; sent when it changes
 
-With `discovery`, Home Assistant is told of each value as a sensor, and again when it starts anew.
+With `discovery`, Home Assistant is informed of each value as a sensor, and again when it restarts.
 Nothing is subscribed to but Home Assistant's own state: a listener takes no commands.
 
 What the broker has not confirmed waits in a spool, in a file if one is named, and is sent when it
@@ -46,7 +46,7 @@ _FIRST_OUTCOME_S = 3.0
 _GOODBYE_S = 2.0
 _DAY_EVERY_S = 60.0
 _KEPT_DAYS = 2
-"""Days that are counted: yesterday's row is sent once more."""
+"""Days that are counted: yesterday's row is sent again."""
 
 _MAX_VALUES = 200_000
 _BIT_TABLES = ("coil", "discrete_input")

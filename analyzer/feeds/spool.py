@@ -81,7 +81,7 @@ class Spool:
             self.dropped += excess
 
     def waiting(self, limit: int) -> list[tuple[int, Message]]:
-        """The next messages that were not given out yet, with their numbers."""
+        """The next messages that were not returned yet, with their numbers."""
         rows = self._database.execute(
             "SELECT number, topic, payload, keep FROM waiting WHERE number > ?"
             " ORDER BY number LIMIT ?",

@@ -1,4 +1,4 @@
-"""The document of a recording: what the doctor says, statistics, courses over time, examples.
+"""The document of a recording: what the doctor says, statistics, time series, examples.
 
 `modlens stats --to json` writes it, a report embeds it. docs/stats.schema.json describes it;
 `VERSION` grows when a reader of the former one could not read it.
@@ -21,7 +21,7 @@ FORMAT = "modlens report"
 VERSION = 1
 
 MAX_PIECES = 24
-"""Pieces of a frame that are shown; a response of 125 registers would be a page by itself."""
+"""Blocks of a frame that are shown; a response of 125 registers would be a page by itself."""
 
 MAX_NOTES = 20
 
@@ -132,7 +132,7 @@ def _notes(details: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _annotated(row: dict[str, Any], functions: _modlens.Functions) -> dict[str, Any]:
-    """An example with the pieces of its frames: bytes and what they mean."""
+    """An example with the blocks of its frames: bytes and what they mean."""
     request = bytes.fromhex(row["request_hex"] or "")
     answered = pdu_of(request, row["mode"])
     frames = []

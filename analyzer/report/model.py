@@ -37,7 +37,7 @@ def layout() -> dict[str, Any]:
 
 
 def rows_at(document: Any, path: str) -> list[Row]:
-    """The rows at a path, `x[].y[]`; each has the plain values of the rows around it, too.
+    """The rows at a path, `x[].y[]`; each has the plain values of the rows around it as well.
 
     >>> rows_at({"buses": [{"bus": "a", "units": [{"unit": 1}]}]}, "buses[].units[]")
     [{'bus': 'a', 'unit': 1}]
@@ -214,7 +214,7 @@ def _counts(row: Mapping[str, Any] | None) -> str:
 
 
 def examples(document: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """The example transactions: title, findings, frames with their pieces as texts."""
+    """The example transactions: title, findings, frames with their blocks as texts."""
     several = len(document["statistics"]["buses"]) > 1
     for row in document["overview"]["examples"]:
         function = cell(document, _FUNCTION, row)

@@ -1,4 +1,4 @@
 """What people look at: tables, statistics, frames, live screens.
 
-Views draw rows, statistics and pieces of frames; they make no decisions about bytes.
+Views draw rows, statistics and blocks of frames; they make no decisions about bytes.
 """

@@ -1,4 +1,4 @@
-"""Draws the courses of `modlens stats`: what happened over time on each bus, in a line each."""
+"""Draws the time series of `modlens stats`: what happened over time on each bus, in a line each."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Draws one frame, or a request and its response: bytes beside their meaning.
 
-The pieces come from `dissectors.describe`; here they are laid out in the columns offset, bytes,
+The blocks come from `dissectors.describe`; here they are laid out in the columns offset, bytes,
 field, value and meaning.
 """
 
@@ -27,7 +27,7 @@ INDENT = "  "
 
 
 def show_frame(title: str, pieces: Sequence[Piece], screen: Screen) -> None:
-    """Print a title and the pieces of a frame; invalid pieces are highlighted.
+    """Print a title and the blocks of a frame; invalid blocks are highlighted.
 
     Nothing is cut off: long texts take several lines.
     """
@@ -66,7 +66,7 @@ def _table(pieces: Sequence[Piece], width: int) -> Iterator[list[Part]]:
 
 
 def _cells(piece: Piece) -> list[list[str]]:
-    """The first four cells of a piece, each as a list of lines."""
+    """The first four cells of a block, each as a list of lines."""
     _, bytes_wide, name_wide, value_wide = MAX_WIDTHS
     digits = textwrap.wrap(piece.data.hex(" "), bytes_wide)
     name = textwrap.wrap(visible(piece.name), name_wide)

@@ -1,4 +1,4 @@
-"""Findings by importance, time-outs and driver errors in words.
+"""Findings by importance, timeouts and driver errors in words.
 
 >>> stats = {"findings": {"retry": 4, "bad_checksum": 2}}
 >>> [code for code, *_ in rank_findings(stats)]
@@ -86,7 +86,7 @@ def describe_driver_errors(bus: Mapping[str, Any]) -> str:
 
 
 def explain_timeouts(bus: Mapping[str, Any]) -> Iterator[str]:
-    """The time-outs of a bus in words: who, how often, how long the master waits, what was before.
+    """The timeouts of a bus in words: who, how often, how long the master waits, what was before.
 
     How long it waits is a bound: the time from a request without response to the next request.
 

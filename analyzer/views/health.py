@@ -1,4 +1,4 @@
-"""Draws what the doctor says: the verdict, the causes, the reserves, and what could not be judged.
+"""Draws what the doctor says: the verdict, the causes, the margins, and what could not be judged.
 
 The judgement is the core's (crates/modlens-diagnosis); this file only draws it.
 `FileRun.doctor()` gives one JSON object, which docs/doctor.schema.json describes:
@@ -12,7 +12,7 @@ The judgement is the core's (crates/modlens-diagnosis); this file only draws it.
  "reserves": [{"bus": text, "unit": int, "requests": int, "answered": int, "damaged": int,
                "late": int, "timed": int,     answers with a usable response time
                "response_time_p99_us": float | null,
-               "timeout_us": float | null,    the master's time-out, where it was seen
+               "timeout_us": float | null,    the master's timeout, where it was seen
                "clock": "utc" | "relative" | "none"}],
  "not_judged": [{"bus": text, "what": text, "needs": text}]}
 ```
@@ -57,7 +57,7 @@ def brief(doctor: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
 def reserves(doctor: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
     """The table of the units, with its head; nothing where no unit was asked."""
     if doctor["reserves"]:
-        yield [("headroom per unit", "head")]
+        yield [("margin per unit", "head")]
         yield from _reserves(doctor["reserves"], min(width, _WIDEST))
 
 
@@ -117,7 +117,7 @@ def _diagnosis(
 
 
 def _reserves(rows: Sequence[Mapping[str, Any]], width: int) -> Iterator[list[Part]]:
-    """A line a unit: answers, the slowest of a hundred against the time-out, damage."""
+    """A line a unit: answers, the slowest of a hundred against the timeout, damage."""
     fields = [
         GridColumn(
             ColumnLayout("unit", 4, align_right=True), lambda row: cells.number(row["unit"])

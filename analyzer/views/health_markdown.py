@@ -30,7 +30,7 @@ _WHAT_IS_TIMED = (
 
 
 def markdown(doctor: Mapping[str, Any]) -> Iterator[str]:
-    """The document in pieces."""
+    """The document in blocks."""
     yield f"**{_escaped(doctor['sentence'])}**\n"
     for number, row in enumerate(doctor["diagnoses"], 1):
         yield f"\n{number}. `{row['code']}` ({level(row)}): {_escaped(row['sentence'])}\n"

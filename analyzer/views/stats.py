@@ -71,7 +71,7 @@ def show_stats(
 def _lines(
     stats: Mapping[str, Any], width: int, doctor: Mapping[str, Any] | None
 ) -> Iterator[list[Part]]:
-    """All lines of the statistics: buses, units and functions, time-outs, findings."""
+    """All lines of the statistics: buses, units and functions, timeouts, findings."""
     buses = stats["buses"]
     short = cells.labels([bus["bus"] for bus in buses])
     yield from _grid(_bus_fields(short if len(short) > 1 else {}), buses, width)
@@ -123,7 +123,7 @@ def _exception_codes(
 
 
 def _timeouts(bus: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
-    """The lines about the poll cycle and the time-outs of a bus."""
+    """The lines about the poll cycle and the timeouts of a bus."""
     cycle = bus.get("cycle")
     if cycle:
         yield []
@@ -231,7 +231,7 @@ def _row_fields(rows: Sequence[Mapping[str, Any]], *, is_wide: bool) -> list[Gri
 
 
 def _timed(row: Mapping[str, Any]) -> int:
-    """Answers whose response times the recording tells."""
+    """Answers whose response times the recording reports."""
     return int((row["response_time"] or {}).get("count", 0))
 
 

@@ -20,7 +20,7 @@ def measured(
 def timed(
     command: Sequence[str], environment: Mapping[str, str] | None = None
 ) -> tuple[float, float, float]:
-    """The same behind the seconds of wall that it takes."""
+    """The same with the wall-clock seconds that it takes."""
     quiet = subprocess.DEVNULL
     begun = time.monotonic()
     process = subprocess.Popen(command, stdout=quiet, stderr=quiet, env=environment)

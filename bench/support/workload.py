@@ -99,9 +99,9 @@ class Workload:
 
     @property
     def equal_pairs_behind_silence(self) -> int:
-        """How many requests are answered by the same bytes, behind one without a response.
+        """How many requests are answered by the same bytes, after one without a response.
 
-        Nothing but further ones of them stands between.
+        Nothing but further ones of them is between.
         """
         count, is_behind = 0, False
         for request, response in self.exchanges:

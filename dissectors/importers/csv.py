@@ -103,7 +103,7 @@ def _note_assumptions(builder: ProfileBuilder, base: int | str, options: Options
 def _note_manual_numbers(builder: ProfileBuilder, addresses: Sequence[str]) -> None:
     """Add a note if all addresses look like the numbers of a manual, such as 40001 or 300101.
 
-    A wire address may look so, too, which is why they are not taken for that.
+    A wire address may look so as well, which is why they are not taken for that.
     """
     numbers = [text.strip() for text in addresses if text.strip()]
     if numbers and all(map(_MANUAL_NUMBER.fullmatch, numbers)):

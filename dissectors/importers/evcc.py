@@ -1,7 +1,7 @@
 """Templates of evcc: the registers in them, not executed; addresses as on the wire.
 
 A template is YAML with conditions of Go's templates between the lines, so that the same key may
-stand in it several times. Its lines are read one by one, and how far they are indented says what
+are in it several times. Its lines are read one by one, and how far they are indented says what
 belongs together.
 
 >>> from dissectors.importers.profile_builder import Options
@@ -150,7 +150,7 @@ class _Reader:
         self._path.append((indent, key))
 
     def close(self, indent: int) -> Iterator[_Register]:
-        """The registers that stand at least that far in; they and their scales have ended."""
+        """The registers that are at least that far in; they and their scales have ended."""
         yield from (one for depth, one in self._open if depth >= indent)
         self._open = [(depth, one) for depth, one in self._open if depth < indent]
         self._scales = {depth: one for depth, one in self._scales.items() if depth < indent}
@@ -177,7 +177,7 @@ def _add(builder: ProfileBuilder, found: _Register, seen: dict[tuple[object, ...
     # Written and read registers are often the same; one that stands twice is one point.
     same = (space, address, kind)
     if same in seen:
-        builder.note_once("a register that stands in several cases is one point")
+        builder.note_once("a register that is in several cases is one point")
         return
     seen[same] = found.name
     access = "rw" if word.startswith("write") else None

@@ -102,7 +102,7 @@ class RowConverter:
             cells.sentinels(),
         )
         keys["scale"], keys["offset"] = cells.scale_and_offset()
-        # "0.1V": the scale stands before the unit, or alone where the value has none.
+        # "0.1V": the scale is before the unit, or alone where the value has none.
         scaled = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([^\d.\s].*)?", cells.get("unit"))
         if self.preset.scaled_units and scaled:
             keys["scale"], keys["unit"] = parse_decimal(scaled[1]), scaled[2] or ""

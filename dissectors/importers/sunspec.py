@@ -60,7 +60,7 @@ def read(text: str, name: str, _options: Options) -> Imported:
 
 
 def _group(builder: ProfileBuilder, group: Mapping[str, Any], at: int, prefix: str) -> int | None:
-    """Add the points of a group; gives the address behind it, None where only the device knows."""
+    """Add the points of a group; gives the address after it, None where only the device knows."""
     builder.note_dropped(sorted(set(group) - _GROUP))
     names = {point["name"] for point in group.get("points", ())}
     for point in group.get("points", ()):

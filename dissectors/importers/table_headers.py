@@ -129,7 +129,7 @@ class Preset:
     bit_types: Mapping[str, int] = field(default_factory=dict)
     """Normalized word for a type -> how many bits of a register it takes."""
     access: Mapping[str, str] = field(default_factory=dict)
-    """Normalized words for access that mean something else than usual -> the usual ones."""
+    """Normalized words for access that mean something other than usual -> the usual ones."""
     table_in_file_name: bool = False
     """Whether the file's name says that the registers are input or holding registers."""
     ignored_columns: tuple[str, ...] = ()
@@ -158,7 +158,7 @@ PRESETS = (
             "asciile": "str",
         },
         bit_types={"byte": 8, "uint8": 8, "8bitflags": 8},
-        # What may be written is read, too; WD is writable in the manual, but switched off.
+        # What may be written is read as well; WD is writable in the manual, but switched off.
         access={"w": "rw", "wd": "r"},
         scaled_units=True,
         table_in_file_name=True,

@@ -261,5 +261,5 @@ def _elements(point: Mapping[str, Any]) -> Iterator[tuple[str, int]]:
 
 
 def _text(text: str) -> str:
-    # TOML's basic strings are escaped as in JSON, except that DEL must be escaped, too.
+    # TOML's basic strings are escaped as in JSON, except that DEL must be escaped as well.
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007F")

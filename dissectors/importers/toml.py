@@ -63,7 +63,7 @@ def _value(value: Any) -> str:
             inner = ", ".join(f"{_key(key)} = {_value(item)}" for key, item in value.items())
             return f"{{ {inner} }}"
         case _:
-            # TOML's basic strings are escaped as in JSON, except that DEL must be escaped, too.
+            # TOML's basic strings are escaped as in JSON, except that DEL must be escaped as well.
             return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007F")
 
 

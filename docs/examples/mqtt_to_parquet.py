@@ -177,7 +177,7 @@ def sync(path: Path) -> None:
 def row_of(payload: bytes) -> dict[str, Any] | None:
     """A message as a row: times as nanoseconds, what JSON nests as JSON text.
 
-    None for one that no tap has sent, which is told: it must not come again and again.
+    None for one that no tap has sent, which is reported: it must not come again and again.
     """
     try:
         row: dict[str, Any] = json.loads(payload)
@@ -195,7 +195,7 @@ def row_of(payload: bytes) -> dict[str, Any] | None:
 
 
 def table_of(rows: list[dict[str, Any]]) -> pa.Table:
-    """The rows as a table; those whose values do not fit are told and left out."""
+    """The rows as a table; those whose values do not fit are reported and left out."""
     try:
         return pa.Table.from_pylist(rows, SCHEMA)
     except (ValueError, TypeError) as error:
@@ -207,7 +207,7 @@ def table_of(rows: list[dict[str, Any]]) -> pa.Table:
 
 
 def key_of(row: dict[str, Any]) -> Key:
-    """What tells transactions apart: numbers begin anew with each run of a tap."""
+    """What distinguishes transactions: numbers restart with each run of a tap."""
     return row["bus"], row["txn"], row.get("time")
 
 

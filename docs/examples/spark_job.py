@@ -45,7 +45,7 @@ def main() -> None:
 
 
 def session() -> SparkSession:
-    """A session whose batches are a few recordings, not ten thousand: they stand in memory."""
+    """A session whose batches are a few recordings, not ten thousand: they are in memory."""
     builder = SparkSession.builder.appName("modlens")
     if not any(name in os.environ for name in ("MASTER", "SPARK_ENV_LOADED")):
         builder = builder.master("local[2,4]").config("spark.driver.bindAddress", "127.0.0.1")

@@ -1,6 +1,6 @@
 """The notebook of the site: docs/notebook.md in jupytext's Markdown, executed when it is built.
 
-`notebook_page()` gives the files that come of it: the page with the outputs behind the cells, their
+`notebook_page()` gives the files that come of it: the page with the outputs after the cells, their
 pictures, and the notebook itself to download. A cell that raises stops the build.
 """
 

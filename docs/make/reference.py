@@ -1,7 +1,7 @@
 """The pages of the reference, made from the tables that the program itself reads.
 
 `PAGES` names them in the order of the menu; each is a function without arguments that gives the
-text. Nothing here is written a second time: a column, a finding or an option that is added appears.
+text. Nothing here is written again: a column, a finding or an option that is added appears.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def column_tables() -> str:
     parts = [
         "# Columns\n",
         "The columns of each table, in the order of every output. The names are the same in "
-        "exports, in `--where`, in `--columns` and in Python. What the values mean is told in "
+        "exports, in `--where`, in `--columns` and in Python. What the values mean is explained in "
         "[Records](../records.md). A column marked with * has a value in every row.\n",
         table(("type", "what it is"), ((_code(word), text) for word, text in TYPES.items())),
     ]
@@ -166,7 +166,7 @@ def diagnoses() -> str:
     sentences = {row["code"]: row["sentence"] for row in rows}
     for one in vocabulary.diagnoses():
         page = f"doctor/{one.code}.md"
-        more = f" [What it is, and how to mend it](../{page})."
+        more = f" [What it is, and how to fix it](../{page})."
         parts += [
             f"## {one.code}\n",
             f"**{_cell(one.title)}** (severity up to {one.severity})."
@@ -239,7 +239,7 @@ def formats() -> str:
         "## Files that are written\n",
         table(("ending", "what it is", "`--style`"), map(_written, WRITTEN)),
         "## Register maps that are imported\n",
-        "`modlens import NAME FILE`; those that can be written, too, are formats of `modlens "
+        "`modlens import NAME FILE`; those that can also be written are formats of `modlens "
         "profiles convert --to`.\n",
         table(
             ("name", "what it is", "read", "written"),
@@ -275,7 +275,7 @@ def statistics() -> str:
     )
     parts = [
         "# Statistics and verdict\n",
-        "`modlens stats --to json` writes both as one document, with courses over time: "
+        "`modlens stats --to json` writes both as one document, with time series: "
         "`statistics` and `doctor`; see [The report](../report.md). The "
         "types are those of JSON; `count` of n times is how many there were.\n",
         "## Statistics\n",
@@ -296,7 +296,7 @@ def bus_files() -> str:
         "# Bus file\n",
         "Port, line settings and the profiles of the units of each bus, in TOML.\n",
         "`modlens tap --bus plant.toml` taps all buses in it; `--bus plant.toml:pumps` is one of "
-        "them, for `decode` and the other commands, too.\n",
+        "them, for `decode` and the other commands.\n",
         _fence("toml", doc.partition("```toml\n")[2].partition("```")[0]),
         doc.rpartition("```\n")[2],
         "## Keys of the file\n",
@@ -317,8 +317,8 @@ def profile_format() -> str:
     parts = [
         "# Profile\n",
         "The register map of a device, in TOML, YAML or CSV with the same keys; the schema is "
-        "`dissectors/profiles/profile-1.json`. `modlens profiles check FILE` tells all mistakes at "
-        "once, with their lines.\n",
+        "`dissectors/profiles/profile-1.json`. `modlens profiles check FILE` reports all mistakes "
+        "at once, with their lines.\n",
         _fence("toml", PROFILE_EXAMPLE),
         "## Keys of `[device]`\n",
         table(("key", "values", "meaning"), _schema_rows(schema["device"]["properties"])),
@@ -364,7 +364,7 @@ def filter_language() -> str:
     head, _, rest = (filters.__doc__ or "").partition("\n\n")
     grammar = rest.partition("\n## The tree")[0]
     words = [
-        "## Words that stand alone\n",
+        "## Single words\n",
         "A status: " + ", ".join(map(_code, vocabulary.statuses())) + ".\n",
         "A verdict (table `frames`): " + ", ".join(map(_code, vocabulary.verdicts())) + ".\n",
         "A finding: " + ", ".join(_code(one.code) for one in vocabulary.findings()) + ".\n",

@@ -1,6 +1,6 @@
 """The pictures of screens: made by running the program, in SVG, with no font from elsewhere.
 
-`python -m docs.make.screens` draws all of them anew, with names only those. A test compares what
+`python -m docs.make.screens` draws all of them again, with names only those. A test compares what
 the program shows today with what is in the pictures (`tests/docs/test_site_pictures.py`).
 """
 
@@ -66,7 +66,7 @@ def screen_of(name: str) -> str:
 
 def _printed(words: list[str]) -> str:
     """What a command writes to a terminal."""
-    from tests.support.printed import printed  # noqa: PLC0415 - the tests stand beside the tree
+    from tests.support.printed import printed  # noqa: PLC0415 - the tests are beside the tree
 
     env = {key: value for key, value in os.environ.items() if key not in ("NO_COLOR", "COLUMNS")}
     env |= {"TERM": "xterm-256color", "TZ": "UTC", "PYTHONIOENCODING": "utf-8", "MODLENS_PAGER": ""}

@@ -1,4 +1,4 @@
-//! Bytes with times, in pieces.
+//! Bytes with times, in blocks.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| modlens_fuzz::session_holds(data));

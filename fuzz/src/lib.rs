@@ -8,7 +8,7 @@ use modlens_protocol::source::Clock;
 use modlens_readers::chunk::{Chunk, Times};
 use modlens_readers::text::{Dialects, Reader};
 
-/// Pauses between reads, in ns: none, inside frames, between frames, time-outs, and a clock that runs backwards.
+/// Pauses between reads, in ns: none, inside frames, between frames, timeouts, and a clock that runs backwards.
 const PAUSES_NS: [i64; 8] = [0, 600_000, 2_100_000, 9_000_000, 33_000_000, 120_000_000, 1_500_000_000, -2_000_000];
 
 /// A live or recorded session of one framing, as reads with the pause before each.

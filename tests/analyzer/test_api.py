@@ -19,7 +19,7 @@ HEAVY = ("rich", "serial", "scapy", "argparse", "asyncio", "pyarrow", "polars", 
 
 
 def test_transactions_of_a_recording(captures: Path) -> None:
-    """Iterating a decoding gives its transactions, anew each time."""
+    """Iterating a decoding gives its transactions, again each time."""
     recording = decode(captures / POLLS, line="19200-8E1")
     first = [(row.txn, row.unit, row.status) for row in recording]
     again = [(row.txn, row.unit, row.status) for row in recording.transactions]

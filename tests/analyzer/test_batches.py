@@ -1,4 +1,4 @@
-"""`decode_batches`: pieces of recordings and lines give the rows of whole files."""
+"""`decode_batches`: blocks of recordings and lines give the rows of whole files."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def by_recording(rows: list[dict[str, Any]], table: str) -> list[dict[str, Any]]
 
 
 def random_pieces(recordings: dict[str, bytes], rng: Random) -> list[Piece]:
-    """Every file cut at random places, pieces of all files mixed."""
+    """Every file cut at random places, blocks of all files mixed."""
     pieces: list[Piece] = []
     for name, data in recordings.items():
         cuts = sorted({0, len(data), *(rng.randrange(len(data) + 1) for _ in range(8))})

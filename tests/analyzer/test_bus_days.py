@@ -86,7 +86,7 @@ def test_an_archive_has_a_row_for_each_bus_and_day(tmp_path: Path, threads: str)
     assert "cut.jsonl.gz" in done.stderr
     of_first = [row for row in rows if row["bus"] == "bus-00"]
     assert [row["date"] for row in of_first[:2]] == ["2026-11-20", "2026-11-21"]
-    # What a recording's ends cut off tells nothing: two requests of each shift at most.
+    # What a recording's ends cut off shows nothing: two requests of each shift at most.
     assert all(3 * 168 <= int(row["requests"]) <= 3 * 170 for row in of_first[:2])
     assert [row["date"] for row in rows if row["bus"] == "10.0.3.2:502"] == [
         "2026-11-20",

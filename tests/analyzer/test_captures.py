@@ -174,7 +174,7 @@ def test_every_byte_order_and_clock(kind: str, order: str, nano: bool, tmp_path:
 
 
 def test_several_interfaces_and_sections(tmp_path: Path) -> None:
-    """Each packet is read by the link type of its interface; a section begins anew."""
+    """Each packet is read by the link type of its interface; a section restarts."""
     ask, answer = exchange(ip)
     rtu = captures.idb(147, [(2, b"/dev/ttyUSB0")])
     first = captures.section() + captures.idb(228) + rtu
@@ -329,7 +329,7 @@ RECIPES = {
 
 @pytest.mark.parametrize("name", RECIPES)
 def test_exported_pdus(name: str, tmp_path: Path) -> None:
-    """The three ways in which serial frames stand in captures of link type 252."""
+    """The three ways in which serial frames are in captures of link type 252."""
     (row,) = rows(tmp_path, captures.pcapng(252, RECIPES[name]))
     assert (row.status, row.data) == ("ok", DATA)
     assert row.mode == ("tcp" if name == "mbtcp" else "rtu")
@@ -403,7 +403,7 @@ def test_tshark_sees_the_same(tmp_path: Path) -> None:
 
 
 def test_captures_of_the_border(tmp_path: Path) -> None:
-    """What the core says of a capture: packets, clock, resolution."""
+    """What the core reports about a capture: packets, clock, resolution."""
     core = _modlens.Session(_modlens.Functions())
     number = core.add_capture("x", ports=[])
     core.feed_capture(number, captures.pcap(228, exchange(ip)), final=True)
@@ -447,7 +447,7 @@ def test_late_answers_where_transactions_have_no_numbers(number: int, tmp_path: 
         bytes(ethernet() / ip(client) / tcp(client, sequence, acknowledged, data))
         for client, sequence, acknowledged, data in sent
     ]
-    # packets are 10 ms apart: the second is answered in time, the first behind it and too late
+    # packets are 10 ms apart: the second is answered in time, the first after it and too late
     found = rows(tmp_path, captures.pcap(1, packets), timeout=0.015)
     told = [(txn.status, txn.data, txn.late_response_to, txn.late_response_us) for txn in found]
     assert told == [

@@ -85,7 +85,7 @@ def test_what_a_search_without_result_heard_is_kept(pty: tuple[int, str], tmp_pa
 
 
 def test_nothing_received_is_said(pty: tuple[int, str]) -> None:
-    """A silent line has a diagnosis, too."""
+    """A silent line has a diagnosis as well."""
     said: list[str] = []
     with closing(LiveRun([pty[1]], Settings(), notify=said.append)) as run:
         next(run.batches())

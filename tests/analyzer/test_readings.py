@@ -281,7 +281,7 @@ def test_wrong_bindings_are_refused(
 def test_a_filter_compares_the_scaled_value(
     tmp_path: Path, modlens: Modlens, scale: str, value: str
 ) -> None:
-    """Register 107 holds 214 (00D6); a limit between the raw number and the scaled one tells."""
+    """Register 107 holds 214 (00D6); a limit between the raw number and the scaled one reports."""
     (tmp_path / "meter.toml").write_text(
         f"profile = 1\n[[registers]]\nat = 'hr:107'\nname = 'volts'\nscale = {scale}\n"
     )

@@ -28,7 +28,7 @@ RELATIVES = {
     "eastron-sdm230": {"eastron-sdm120"},
     "durapulse-gs3": {"delta-vfd"},
 }
-"""Devices whose points are all in another map, too."""
+"""Devices whose points are all in another map as well."""
 
 
 def frame(*parts: bytes) -> str:
@@ -79,7 +79,7 @@ def test_a_profile_names_its_source(name: str) -> None:
 
 
 def test_match_and_map_name_a_meter(tmp_path: Path, modlens: Modlens) -> None:
-    """A block with holes, as masters read it, of a single-phase meter; others begin at 0, too."""
+    """A block with holes, as masters read it, of a single-phase meter; others also begin at 0."""
     registers = dict.fromkeys(range(0x50), 0)
     for at, value in (
         (0, 231.2),

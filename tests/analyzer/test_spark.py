@@ -90,7 +90,7 @@ def rows_of(pieces: list[dict[str, Any]]) -> Counter[str]:
 
 
 def files_of(place: Path, folder: str, *buses: str) -> list[dict[str, Any]]:
-    """The files of a folder as pieces, called as Spark found them."""
+    """The files of a folder as blocks, called as Spark found them."""
     return [
         {"bus": path.parent.name, "offset": 0, "bytes": path.read_bytes()}
         | {"path": str(place / "archive" / path.parent.name / path.name)}

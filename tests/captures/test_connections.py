@@ -19,7 +19,7 @@ FILE = CAPTURES / "pymodbus_tcp" / "recording.pcap"
 def test_a_recorded_connection_is_told_whole() -> None:
     """One client that asked 22 times, was answered each time, and closed the connection.
 
-    The frames stand in frames.jsonl, as the two programs themselves have noted them.
+    The frames are in frames.jsonl, as the two programs themselves have noted them.
     """
     text = (FILE.parent / "frames.jsonl").read_text(encoding="utf-8")
     frames = [json.loads(line) for line in text.splitlines()]
@@ -143,7 +143,7 @@ def test_a_server_with_one_place_resets_the_others() -> None:
 
 
 def test_a_server_that_closes_idle_connections_is_told_with_its_time() -> None:
-    """After half a second of silence, as the server was told."""
+    """After half a second of silence, as the server was reported."""
     rows = connections("pymodbus_idle_close")
     assert len(rows) > 1
     for row in rows:
@@ -152,7 +152,7 @@ def test_a_server_that_closes_idle_connections_is_told_with_its_time() -> None:
 
 
 def test_a_connection_for_each_request_carries_one() -> None:
-    """The client closes it behind the answer."""
+    """The client closes it after the answer."""
     for row in connections("pymodbus_connect_each_time"):
         assert (row.requests, row.answered, row.closed_by) == (1, 1, "client")
 
@@ -160,7 +160,7 @@ def test_a_connection_for_each_request_carries_one() -> None:
 def test_a_server_that_is_a_step_behind_is_counted() -> None:
     """From the eleventh request on, each is given the answer to the one before.
 
-    The tenth got none. The answer that comes behind the last request is followed by no further one.
+    The tenth got none. The answer that comes after the last request is followed by no further one.
     """
     (row,) = connections("pymodbus_lockstep")
     assert row.requests == asked("pymodbus_lockstep")

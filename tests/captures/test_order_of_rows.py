@@ -1,4 +1,4 @@
-"""Rows of several connections come in the order of time, but for requests that came in pieces."""
+"""Rows of several connections come in the order of time, but for requests that came in blocks."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def times(path: Path) -> list[str]:
 
 @pytest.mark.parametrize("path", CAPTURES, ids=lambda path: path.parent.name)
 def test_times_of_a_capture_do_not_run_back(path: Path) -> None:
-    """No capture of this project has a request in pieces."""
+    """No capture of this project has a request in blocks."""
     found = times(path)
     assert found
     assert found == sorted(found)

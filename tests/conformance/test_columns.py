@@ -47,7 +47,7 @@ def test_the_core_has_the_columns_of_the_file(
 def test_columns_have_known_types_and_free_names(
     table: str, written: dict[str, list[dict[str, str]]]
 ) -> None:
-    """Columns have known types, and names that databases do not reserve."""
+    """Columns have known types, and names that databases do not margin."""
     for row in written[table]:
         assert row["type"] in TYPES
         assert row["key"] not in RESERVED
@@ -69,7 +69,7 @@ def test_cells_have_the_type_of_their_column(table: str) -> None:
 
 
 def test_the_typed_rows_are_those_of_the_columns() -> None:
-    """`python -m tests.support.row_types` writes the module anew."""
+    """`python -m tests.support.row_types` writes the module again."""
     assert row_types.PATH.read_text(encoding="utf-8") == row_types.row_types()
 
 

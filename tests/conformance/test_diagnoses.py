@@ -43,7 +43,7 @@ def test_a_kind_is_recognized_recorded_and_explained(code: str) -> None:
 
 @pytest.mark.parametrize("capture", ["pymodbus_disturbed", "pymodbus_plant", "pymodbus_timeouts"])
 def test_the_document_follows_its_schema(capture: str) -> None:
-    """The keys of each part are those of docs/doctor.schema.json, the types, too."""
+    """The keys of each part are those of docs/doctor.schema.json, the types as well."""
     jsonschema = pytest.importorskip("jsonschema")
     schema = json.loads((ROOT / "docs" / "doctor.schema.json").read_text("utf-8"))
     found = decode(CAPTURES / capture / "recording.jsonl", line="19200-8E1").doctor()

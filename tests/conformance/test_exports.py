@@ -215,7 +215,7 @@ TABLE_OF = {name: load(name).tables[-1] for name in FORMATS if "frames" not in l
 
 @pytest.mark.parametrize("name", [name for name in FORMATS if name not in ("sqlite", "pcapng")])
 def test_a_growing_export_is_the_same_bytes(name: str, tmp_path: Path) -> None:
-    """A live file is written in pieces; nothing shows of them.
+    """A live file is written in blocks; nothing shows of them.
 
     (A database has pages that depend on commits; a live capture does not wait for what is found on
     a pair.)

@@ -34,7 +34,7 @@ FIELDS = {
     "modbus.or_mask": "or_mask",
     "modbus.mei": "mei_type",
 }
-"""TShark's field -> the core's; quantities and byte counts have several names and stand below."""
+"""TShark's field -> the core's; quantities and byte counts have several names and are below."""
 
 QUANTITY = {
     "modbus.word_cnt": {3, 4, 16},

@@ -1,8 +1,8 @@
 """Logs: every byte string that a file is known to hold is a frame, or is listed as left out.
 
 A string with a right checksum has to be one frame with the verdict `ok`, in its place, with a
-direction that agrees with the log's words. Any other string (a piece, a printed copy, a wrapper)
-has to stand in the stream of frames or in the list of what was left out. A log without strings
+direction that agrees with the log's words. Any other string (a block, a printed copy, a wrapper)
+has to be in the stream of frames or in the list of what was left out. A log without strings
 must give no frame.
 """
 

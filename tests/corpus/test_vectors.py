@@ -100,7 +100,7 @@ def test_damaged_frames_are_reported_as_damaged(row: dict[str, Any]) -> None:
     at = len(data) // 2
     damaged = [data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :], data[:-1]]
     if whole.byte_length < len(wire(row)):
-        damaged.pop()  # a stray byte stands behind the frame; without it the frame is whole
+        damaged.pop()  # a stray byte follows the frame; without it the frame is whole
     for bad in damaged:
         rows = decode(row["mode"], bad).frames
         assert rows[0].verdict in ("bad_checksum", "incomplete"), bad.hex(" ")
@@ -130,7 +130,7 @@ def test_wrong_answers_get_a_finding(row: dict[str, Any], request_frame: bytes) 
     asked = body + _modlens.crc16(body).to_bytes(2, "little")
     batch = decode("rtu", asked, wire(row))
     if wire(row).startswith(asked):
-        # A local echo or a retry: without a clock nothing tells, and nothing is claimed.
+        # A local echo or a retry: without a clock nothing reports, and nothing is claimed.
         assert [txn.status for txn in batch.transactions] == ["not_observed", "ok"]
     else:
         assert [finding.code for finding in batch.findings] != []

@@ -163,7 +163,7 @@ def test_sentinels(nan: str) -> None:
 
 
 def test_labels_and_bits() -> None:
-    """A label stands in the text, the number stays the number."""
+    """A label is in the text, the number stays the number."""
     point = 'enum = {3 = "auto"}'
     assert (read_point(point, b"\0\3").value, read_point(point, b"\0\3").value_text) == (3, "auto")
     assert read_point(point, b"\0\4").value_text == "4"

@@ -15,12 +15,12 @@ MODES: tuple[Mode, ...] = ("rtu", "ascii", "tcp", "pdu")
 
 
 def by_name(pieces: list[Piece]) -> dict[str, Piece]:
-    """Return the pieces by their names."""
+    """Return the blocks by their names."""
     return {piece.name: piece for piece in pieces}
 
 
 def assert_tiled(pieces: list[Piece], data: bytes) -> None:
-    """Joined, the pieces are the frame."""
+    """Joined, the blocks are the frame."""
     at = 0
     for piece in pieces:
         assert piece.offset == at
@@ -85,7 +85,7 @@ def test_units_on_serial_lines_and_on_tcp() -> None:
 
 
 def test_mbap_fields() -> None:
-    """Identifiers and length; what is beyond the length stands apart."""
+    """Identifiers and length; what is beyond the length is apart."""
     frame = bytes.fromhex("0102 0001 0003 11 076D FF")
     found = by_name(describe(frame, mode="tcp", direction="response"))
     assert found["mbap_id"].value == "258"
@@ -107,7 +107,7 @@ def test_mbap_fields() -> None:
     ],
 )
 def test_what_cannot_be_a_frame_is_one_piece_of_noise(data: bytes, mode: Mode) -> None:
-    """What cannot be a frame is one piece of noise, with the reason."""
+    """What cannot be a frame is one block of noise, with the reason."""
     (piece,) = describe(data, mode=mode)
     assert (piece.name, piece.data, piece.is_valid) == ("noise", data, False)
     assert piece.meaning

@@ -9,7 +9,7 @@ from dissectors.table import Direction
 
 
 def meanings(pdu: str, direction: Direction, request: str | None = None) -> dict[str, str]:
-    """Return the meaning of every piece of a PDU."""
+    """Return the meaning of every block of a PDU."""
     asked = None if request is None else bytes.fromhex(request)
     pieces = describe(bytes.fromhex(pdu), mode="pdu", direction=direction, request=asked)
     return {piece.name: piece.meaning for piece in pieces}

@@ -16,7 +16,7 @@ def packet_of(*fields: str) -> type[Packet]:
 
 
 def test_a_length_counts_everything_behind_it() -> None:
-    """A length counts all numbers and lists behind it, unless it is given."""
+    """A length counts all numbers and lists after it, unless it is given."""
     cls = packet_of("kind:u8", "size:len8", "first:u16", "rest:u8[]")
     assert bytes(cls(first=1, rest=[2, 3])).hex() == "000400010203"
     assert bytes(cls(size=9, rest=[2])).hex() == "0009000002"

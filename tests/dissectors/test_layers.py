@@ -44,7 +44,7 @@ def test_the_three_framings_are_built() -> None:
     ],
 )
 def test_a_wrong_checksum_is_kept_and_visible(cls: type[Packet], data: bytes) -> None:
-    """The bytes come back as they were, `show()` says what is wrong, deleting mends it."""
+    """The bytes come back as they were, `show()` says what is wrong, deleting fixes it."""
     packet = cls(data)
     assert bytes(packet) == data
     assert "wrong: 0x" in shown(packet)

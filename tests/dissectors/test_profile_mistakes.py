@@ -1,6 +1,6 @@
 """What can be wrong with a profile: every rule of the validator on a bad file, with line and key.
 
-`RULES` has a row a rule. What a JSON Schema can say of it the shipped schema says, too; what it
+`RULES` has a row a rule. What a JSON Schema can say of it the shipped schema says as well; what it
 cannot (widths, what appears twice, registers that meet) is marked, and only the validator knows it.
 """
 
@@ -40,7 +40,7 @@ def point(text: str, line: int, key: str, part: str, *, schema: bool = True) -> 
 
 
 def at(text: str, part: str, base: str = "0", *, schema: bool = True) -> Rule:
-    """A mistake in `at`, which stands in line 4."""
+    """A mistake in `at`, which is in line 4."""
     device = f"profile = 1\ndevice = {{address_base = {base}}}\n[[registers]]\n"
     return Rule(f'{device}at = {text}\nname = "x"\n', 4, "registers[0].at", part, schema)
 

@@ -34,7 +34,7 @@ from dissectors.table import Direction
 def test_wrong_fields_say_what_is_wrong(
     pdu: str, direction: Direction, request_pdu: str | None, name: str, said: str
 ) -> None:
-    """The piece is not sound, and its meaning has the reason."""
+    """The block is not sound, and its meaning has the reason."""
     asked = None if request_pdu is None else bytes.fromhex(request_pdu)
     pieces = describe(bytes.fromhex(pdu), mode="pdu", direction=direction, request=asked)
     piece = next(piece for piece in pieces if piece.name == name)

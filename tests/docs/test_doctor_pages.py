@@ -1,7 +1,7 @@
 """The pages on single causes: what they show is what the program prints.
 
 A block in front of which "`NAME`, new:" stands is a file; `$` begins a command, and what follows is
-its output. `MODLENS_UPDATE=1` writes the outputs anew.
+its output. `MODLENS_UPDATE=1` writes the outputs again.
 """
 
 from __future__ import annotations

@@ -81,7 +81,7 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> duckdb.DuckDBPyConnect
 
 
 def answer(database: duckdb.DuckDBPyConnection, number: int) -> list[tuple[Any, ...]]:
-    """What a query of the page gives, counted behind the view."""
+    """What a query of the page gives, counted after the view."""
     return database.execute(blocks(PAGE, "sql")[number].text).fetchall()
 
 

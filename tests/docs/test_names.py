@@ -19,7 +19,7 @@ _NAME = re.compile(r"[A-Za-z_]\w*")
 
 
 def quoted(document: str) -> set[str]:
-    """What stands between backquotes in the running text and in tables."""
+    """What is between backquotes in the running text and in tables."""
     return set(_QUOTED.findall(_FENCED.sub("", document)))
 
 
@@ -45,13 +45,13 @@ def is_in_code(name: str) -> bool:
 
 @pytest.mark.parametrize("document", ["docs/segmentation.md"])
 def test_names_are_those_of_the_code(document: str) -> None:
-    """A renamed function or weight is renamed in the document, too."""
+    """A renamed function or weight is renamed in the document as well."""
     names = quoted((ROOT / document).read_text("utf-8"))
     assert len(names) > 100
     assert sorted(name for name in names if not is_in_code(name)) == []
 
 
 def test_a_former_name_is_found() -> None:
-    """The check tells names that there are from names that there are not."""
+    """The check distinguishes names that there are from names that there are not."""
     assert is_in_code("rtu::search")
     assert not is_in_code("no_such" + "_function_of_the_search")

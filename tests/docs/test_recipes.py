@@ -43,7 +43,7 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """The copy after all recipes.
 
     It is built in a copy of the checkout's build folder, which has the dependencies already. In
-    the folder itself cargo would take what the recipes added for the checkout's own: it tells the
+    the folder itself cargo would take what the recipes added for the checkout's own: it reports the
     crates of a workspace apart by their paths inside it.
     """
     tree = copy_of_the_tree(tmp_path_factory.mktemp("recipes") / "copy")

@@ -1,7 +1,7 @@
 """The site is true: its commands run, its examples hold, its pictures are what the program shows.
 
-Whether its pages hold together (menu, anchors, the notebook) is what `make docs` tells, where each
-warning is an error.
+Whether its pages hold together (menu, anchors, the notebook) is what `make docs` reports, where
+each warning is an error.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def test_the_examples_in_python_hold(document: str) -> None:
 
 @pytest.mark.parametrize("name", [*PRINTED, *LIVE])
 def test_a_picture_is_what_the_program_shows(name: str) -> None:
-    """Its words; `python -m docs.make.screens NAME` draws it anew, for a person to look at."""
+    """Its words; `python -m docs.make.screens NAME` draws it again, for a person to look at."""
     assert words_in(picture(name).read_text("utf-8")) == words_in(drawn(screen_of(name)))
 
 

@@ -1,7 +1,7 @@
 r"""Recordings, profiles and maps whose texts would take over a terminal that they reach.
 
-`HOSTILE` stands in names of files and members, in names of interfaces, buses and registers, in what
-a device says of itself, and in lines that are not understood.
+`HOSTILE` is in names of files and members, in names of interfaces, buses and registers, in what
+a device reports about itself, and in lines that are not understood.
 """
 
 from __future__ import annotations

@@ -122,7 +122,7 @@ def test_a_mail_takes_no_multiple_of_its_size(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("space", [b" ", b""], ids=["with spaces", "without"])
 def test_a_dump_without_line_ends(space: bytes, tmp_path: Path) -> None:
-    """Cut into pieces between bytes: no frame is lost or invented where two pieces meet."""
+    """Cut into blocks between bytes: no frame is lost or invented where two blocks meet."""
     path = tmp_path / "bus.hex"
     one = space.join(b"%02x" % byte for byte in b"".join(WIRE)) + space
     path.write_bytes(one * 60_000)

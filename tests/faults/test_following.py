@@ -1,4 +1,4 @@
-"""`--follow` reads a log that is rotated: what was written just before the rename, too."""
+"""`--follow` reads a log that is rotated: what was written just before the rename as well."""
 
 from __future__ import annotations
 

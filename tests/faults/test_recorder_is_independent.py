@@ -89,7 +89,7 @@ def test_a_terminal_that_is_frozen(view: tuple[str, ...], tmp_path: Path) -> Non
 
 
 def test_a_full_disk(tmp_path: Path) -> None:
-    """It is said, what comes meanwhile waits in memory, and the exit status tells of it."""
+    """It is said, what comes meanwhile waits in memory, and the exit status reports it."""
     path = tmp_path / "f.pcapng"
     with TappedLine("--record", path) as line:
         process = line.start()
@@ -138,7 +138,7 @@ def test_a_folder_that_is_gone_and_a_hole(tmp_path: Path) -> None:
     found = packets(later.read_bytes())
     assert len(first) + sum(len(payload) - 12 for _, _, payload, _ in found) + status.lost == 15_000
     events = [payload[8] for _, _, payload, _ in found]
-    # Received, then a hole (6) and bytes behind it (5), then received again.
+    # Received, then a hole (6) and bytes after it (5), then received again.
     assert re.fullmatch(r"2+652+", "".join(map(str, events))), events
     assert any("recording again" in text for text in recorder.take_messages())
 

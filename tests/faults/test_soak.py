@@ -21,7 +21,7 @@ def test_a_minute_with_everything_at_once(tmp_path: Path) -> None:
     """The recording is complete, the holes are marked, memory is flat, one signal is enough."""
     result = Soak(tmp_path, 60.0).run()
     assert result.recorded_is_complete, result.said
-    # The port went twice, the clock was set once, and the end is a hole, too.
+    # The port went twice, the clock was set once, and the end is a hole as well.
     assert result.holes >= 4
     assert result.clock_marks == 1
     assert result.torn_rows == 0

@@ -37,7 +37,7 @@ def test_a_slice_has_the_rows_that_a_list_has(
 
 
 def test_steps_are_taken_in_their_order(rows: modlens.Rows[modlens.TransactionRow]) -> None:
-    """A filter behind a cut sees what the cut left, and the other way round."""
+    """A filter after a cut sees what the cut left, and the other way round."""
     ok = [row.txn for row in rows if row.status == "ok"]
     assert [row.txn for row in rows.where("ok")[2:4]] == ok[2:4]
     assert [row.txn for row in rows[:10].where("ok")] == [txn for txn in ok if txn <= 10]
@@ -55,7 +55,7 @@ def test_one_row(rows: modlens.Rows[modlens.TransactionRow]) -> None:
 
 
 def test_a_selection_gives_tuples(rows: modlens.Rows[modlens.TransactionRow]) -> None:
-    """In the order of the selection; unknown columns are told with the nearest."""
+    """In the order of the selection; unknown columns are reported with the nearest."""
     assert list(rows.select("status", "txn")[:2]) == [(row.status, row.txn) for row in rows[:2]]
     with pytest.raises(modlens.UsageError, match="unit"):
         rows.select("unti")

@@ -22,7 +22,7 @@ PAUSE_S = 0.02
 
 
 class Line:
-    """A pty on which a master asks a unit again and again, until it is told to stop."""
+    """A pty on which a master asks a unit again and again, until it is asked to stop."""
 
     def __init__(self) -> None:
         self.far, self._near = os.openpty()

@@ -236,7 +236,7 @@ def test_transactions_are_published_by_tls(
 def test_a_broker_that_nobody_trusts_is_refused(
     program: Path, port: tuple[int, str], broker: tuple[int, Path], tmp_path: Path
 ) -> None:
-    """The system's authorities do not know it: nothing is delivered, and that is told."""
+    """The system's authorities do not know it: nothing is delivered, and that is reported."""
     words = ["--line", LINE, "--count", "2", "--mqtt", f"mqtts://localhost:{broker[0]}/plant"]
     status, out, err = tap(program, port, *words, cwd=tmp_path)
     assert status == 3

@@ -48,7 +48,7 @@ def test_bash_completes_commands_and_files(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("command", commands(), ids=lambda one: one.name)
 def test_bash_completes_every_option(command: Command, tmp_path: Path) -> None:
-    """All options of each command, behind other words too."""
+    """All options of each command, after other words too."""
     wanted = [flag for flag in command.flags if flag.startswith("--")]
     assert completions(command.name, "x", "--", cwd=tmp_path) == wanted
 

@@ -141,10 +141,10 @@ CLIPPY = ("cargo", "clippy", "--release", "--locked", "--quiet")
 
 
 def cargo_environment() -> dict[str, str]:
-    """The environment with what maturin tells pyo3.
+    """The environment with what maturin shows pyo3.
 
     Without it Cargo sees another pyo3 than maturin did, and each of the two builds pyo3 and the
-    border anew after the other.
+    border again after the other.
     """
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
     name = f"pyo3-config-{platform.machine()}-*-{version}-abi3.txt"

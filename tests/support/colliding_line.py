@@ -1,6 +1,6 @@
 """A half-duplex line on which nobody waits for the others: where two send, their bits are ANDed.
 
-It stands in for `HalfDuplexLine` where a recording needs collisions. Characters of both are taken
+It is in for `HalfDuplexLine` where a recording needs collisions. Characters of both are taken
 to be in step, which real ones are not; `tests/doctor/wire.py` samples bits.
 """
 

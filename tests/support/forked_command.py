@@ -1,4 +1,4 @@
-"""A child made by fork becomes the command line, without starting Python anew."""
+"""A child made by fork becomes the command line, without starting Python again."""
 
 from __future__ import annotations
 

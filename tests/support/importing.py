@@ -52,7 +52,7 @@ def imported(form: str, text: str, **options: Any) -> dict[str, Any]:
 
 
 def points(form: str, text: str, **options: Any) -> dict[str, dict[str, Any]]:
-    """The points of an imported file by name; what stands beside the name."""
+    """The points of an imported file by name; what is beside the name."""
     rows = imported(form, text, **options)["registers"]
     return {row["name"]: {key: row[key] for key in row if key != "name"} for row in rows}
 

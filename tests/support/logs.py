@@ -151,7 +151,7 @@ _TIMES: dict[str, tuple[str, int]] = {
 
 
 class _Fields(dict[str, str]):
-    """What stands in a template, made when it is asked for."""
+    """What is in a template, made when it is asked for."""
 
     def __init__(self, entry: LogEntry) -> None:
         super().__init__()

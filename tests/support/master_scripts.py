@@ -1,7 +1,7 @@
 """What the master does in each recording: one function per recording, driven by pymodbus' client.
 
 A script yields steps, calls without arguments. Whoever runs it pauses between them and suppresses
-pymodbus' exceptions: an exception response, a time-out or an answer that the client does not
+pymodbus' exceptions: an exception response, a timeout or an answer that the client does not
 understand is part of a recording.
 
     for step in two_units(client):

@@ -1,4 +1,4 @@
-"""Servers of Modbus/TCP that misbehave: a real pymodbus server behind a middleman of sockets.
+"""Servers of Modbus/TCP that misbehave: a real pymodbus server after a middleman of sockets.
 
 Each connection of a client is one to the server behind; what the middleman does with the answers,
 and with the connections, is the trouble.
@@ -19,7 +19,7 @@ Note = Callable[[str, bytes], None]
 
 
 class Middleman:
-    """Hands requests on and answers back, whole frames at a time; `note` is told what is sent."""
+    """Hands requests on and answers back, whole frames at a time; `note` gets what is sent."""
 
     idle_s: float | None = None
 
@@ -100,7 +100,7 @@ class OneBehind(Middleman):
 
 
 class OnlyKnown(Middleman):
-    """Drops what the server behind says about a unit that it does not have."""
+    """Drops what the server after says about a unit that it does not have."""
 
     def answer(self, who: int, answer: bytes) -> bytes | None:
         """None instead of an exception of unit 255."""

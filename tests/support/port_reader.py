@@ -24,7 +24,7 @@ class PortReader:
         self.port.listen(self._inbox, 0)
 
     def read(self, timeout: float = TIMEOUT_S) -> tuple[bytes, int, list[int]] | None:
-        """The next read: bytes, time in ns since 1970, offsets of marked bytes; None on time-out.
+        """The next read: bytes, time in ns since 1970, offsets of marked bytes; None on timeout.
 
         `PortError` when the port has ended.
         """
@@ -43,7 +43,7 @@ class PortReader:
         return self._inbox.now_ns()
 
     def read_up_to(self, count: int) -> bytes:
-        """Read `count` bytes in as many reads as it takes; fewer on time-out."""
+        """Read `count` bytes in as many reads as it takes; fewer on timeout."""
         data = b""
         while len(data) < count:
             more = [one[2] or b"" for one in self._inbox.take(TIMEOUT_S)]

@@ -43,7 +43,7 @@ def ftdi16(stream: Iterable[Byte]) -> Iterator[Read]:
 
 
 def untimed(stream: Iterable[Byte]) -> Iterator[Read]:
-    """No times at all, and all bytes of a line in one piece where it has the bus for itself."""
+    """No times at all, and all bytes of a line in one block where it has the bus for itself."""
     line, data = None, bytearray()
     for _, name, byte in stream:
         if name != line and data:

@@ -13,7 +13,7 @@ __all__ = ["Recipe"]
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """A recording: what it shows, in words, and the play, made anew for each recording."""
+    """A recording: what it shows, in words, and the play, made again for each recording."""
 
     shows: str
     run_scenario: Callable[[], BusScenario]

@@ -216,7 +216,7 @@ RECIPES: Mapping[str, Recipe] = {
 
 
 def record(name: str, into: Path = CAPTURES) -> Path:
-    """Record the capture `name` anew and return its folder, `into/name`.
+    """Record the capture `name` again and return its folder, `into/name`.
 
     Raises KeyError for an unknown name, DisagreementError when tap, bus and participants do not
     agree; then nothing of an older recording is touched.

@@ -237,7 +237,7 @@ def _about(name: str) -> str:
 
 
 def main() -> None:
-    """Record them anew."""
+    """Record them again."""
     parser = argparse.ArgumentParser(prog="python -m tests.support.recording_connections")
     parser.add_argument("name", nargs="*", default=list(PLAYS))
     parser.add_argument("--into", type=Path, default=CAPTURES, help="folder of the captures")

@@ -116,7 +116,7 @@ def _frame(direction: str, data: bytes) -> Frame:
 
 
 def main() -> None:
-    """Record it anew."""
+    """Record it again."""
     parser = argparse.ArgumentParser(prog="python -m tests.support.recording_tcp")
     parser.add_argument("--into", type=Path, default=CAPTURES, help="folder of the captures")
     folder = parser.parse_args().into / NAME

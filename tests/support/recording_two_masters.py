@@ -29,7 +29,7 @@ from tests.support.trouble_scenarios import device
 
 NAME, BAUD, LINE = "pymodbus_two_masters", 19_200, "19200-8E1"
 MASTERS = {"master": (0.5, 0.1, 10), "panel": (0.37, 0.15, 4)}
-"""The period of each one's cycle, its time-out, and the quantity that it reads."""
+"""The period of each one's cycle, its timeout, and the quantity that it reads."""
 LASTS_S, HEAD_START_S = 30.0, 0.09
 SHOWS = (
     "Two masters on one line, with cycles of 0.5 s and 0.37 s. Where they meet, both send at once "
@@ -39,7 +39,7 @@ SHOWS = (
 
 
 def record(into: Path) -> None:
-    """Record it anew."""
+    """Record it again."""
     folder = into / NAME
     folder.mkdir(parents=True, exist_ok=True)
     units = {f"unit{unit}": device(unit) for unit in (1, 2)}

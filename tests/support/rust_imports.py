@@ -41,7 +41,7 @@ class Reference(NamedTuple):
 
 @dataclass(slots=True)
 class Module:
-    """What a module defines, imports and mentions; an inline module is one, too."""
+    """What a module defines, imports and mentions; an inline module is one as well."""
 
     file: Path
     parent: Module | None

@@ -17,7 +17,7 @@ CLOSING = {"{": "}", "(": ")", "[": "]"}
 
 
 class Token(NamedTuple):
-    """A name, number or punctuation mark, and the line it stands in."""
+    """A name, number or punctuation mark, and the line it is in."""
 
     text: str
     line: int
@@ -40,7 +40,7 @@ def tokens(text: str) -> list[Token]:
 
 
 def without_tests(source: list[Token]) -> list[Token]:
-    """The tokens without the items and fields that `#[cfg(test)]` or `#[test]` stands before."""
+    """The tokens without the items and fields that `#[cfg(test)]` or `#[test]` is before."""
     kept: list[Token] = []
     at = 0
     while at < len(source):
@@ -61,7 +61,7 @@ def _starts_test(source: list[Token], at: int) -> bool:
 
 
 def _end_of_item(source: list[Token], at: int) -> int:
-    """The place behind the item or field whose attributes begin here."""
+    """The place after the item or field whose attributes begin here."""
     while source[at].text == "#":
         at = end_of_group(source, at + 1)
     is_use = _keyword(source, at) == "use"
@@ -90,7 +90,7 @@ def _keyword(source: list[Token], at: int) -> str:
 
 
 def end_of_group(source: list[Token], at: int) -> int:
-    """The place behind the bracket that closes the one here."""
+    """The place after the bracket that closes the one here."""
     depth = 0
     while at < len(source):
         text = source[at].text

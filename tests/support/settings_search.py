@@ -26,7 +26,7 @@ ASCII = ("7E1", "7O1", "7N2", "8N1", "8E1", "7E2")
 
 
 def rtu(body: bytes) -> bytes:
-    """An RTU frame: unit and PDU with the CRC behind them."""
+    """An RTU frame: unit and PDU with the CRC after them."""
     return body + _modlens.crc16(body).to_bytes(2, "little")
 
 

@@ -68,6 +68,6 @@ def session(data: bytes, names: Sequence[str], *, part: int = 30_000) -> bytes:
 
 
 def spaced(data: bytes, start: float, line: Line) -> list[tuple[float, int]]:
-    """Characters one behind the other."""
+    """Characters one after the other."""
     time = (1 + line.data_bits + (line.parity != "N") + line.stop_bits) / line.baud
     return [(start + n * time, byte) for n, byte in enumerate(data)]

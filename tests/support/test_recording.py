@@ -1,4 +1,4 @@
-"""The recorder still records: one short capture, anew, with pymodbus at both ends."""
+"""The recorder still records: one short capture, again, with pymodbus at both ends."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ class Manner:
 
 
 def device(unit: int, manner: Manner | None = None) -> SimDevice:
-    """Registers 0 to 59 that move, 16 coils and inputs; input registers 100 to 119, too."""
+    """Registers 0 to 59 that move, 16 coils and inputs; input registers 100 to 119 as well."""
     like = manner or Manner()
     work_s = itertools.cycle(like.works_s)
     reads = itertools.count()
@@ -256,7 +256,7 @@ def late_driver() -> BusScenario:
 
 
 def too_fast() -> BusScenario:
-    """Unit 2 is deaf for 25 ms behind other traffic."""
+    """Unit 2 is deaf for 25 ms after other traffic."""
     quiet_s = {"since": 0.0, "before": 0.0}
 
     def disturb(sender: str, written: bytes) -> bytes:

@@ -39,7 +39,7 @@ class Wire:
         self._edges: list[float] = []  # at each the level changes; it is high before the first
 
     def send(self, data: bytes, start_s: float) -> float:
-        """Put characters on the line without a pause; the time behind the last stop bit."""
+        """Put characters on the line without a pause; the time after the last stop bit."""
         now = start_s
         for byte in data:
             for low, halves in self._bits(byte):

@@ -32,7 +32,7 @@ VIEWS = {
     "table": View("t", "by unit and function: counts, errors, times", "analyzer.views.live.table"),
     "map": View("m", "last value of each register, updated in place", "analyzer.views.live.map"),
     "health": View(
-        "h", "what is wrong; utilization, poll cycle, reserves", "analyzer.views.live.health"
+        "h", "what is wrong; utilization, poll cycle, margins", "analyzer.views.live.health"
     ),
 }
 """Name -> view."""

@@ -1,6 +1,6 @@
 """What each bus has carried lately: when the last valid frame came, how much of the time is used.
 
-The counters of the statistics only grow. What they have gained between two looks tells what
+The counters of the statistics only grow. What they have gained between two looks shows what
 happened in between, so that a line that falls silent is seen to be silent.
 """
 

@@ -1,4 +1,4 @@
-"""The view of health: what is wrong, then utilization, poll cycle, reserves, findings."""
+"""The view of health: what is wrong, then utilization, poll cycle, margins, findings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ADVICE_AT = 34
 
 
 def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
-    """What is wrong, the lines of each bus, the reserves of the units, the findings."""
+    """What is wrong, the lines of each bus, the margins of the units, the findings."""
     stats = state.statistics
     if not stats.get("buses"):
         return [[("no traffic yet", "dim")]]

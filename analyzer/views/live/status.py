@@ -1,4 +1,4 @@
-"""The line of the live screens that says of each bus what state it is in."""
+"""Draws the line of the live screens that shows the state of each bus."""
 
 from __future__ import annotations
 

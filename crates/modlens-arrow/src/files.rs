@@ -1,6 +1,6 @@
 //! Parquet and Arrow files.
 //!
-//! Both give their bytes piece by piece, so that they can be written while rows are still to come.
+//! Both give their bytes block by block, so that they can be written while rows are still to come.
 
 use std::collections::HashMap;
 use std::error::Error;

@@ -18,7 +18,7 @@ pub(super) struct ColumnBuilder<T> {
     pub(super) validity: Validity,
     /// For lists and texts: a zero, then the end of each row's items.
     pub(super) offsets: Vec<i32>,
-    /// Rows without a value behind the others, which are not in the vectors yet: many columns never have one.
+    /// Rows without a value after the others, which are not in the vectors yet: many columns never have one.
     nothing: usize,
 }
 
@@ -233,7 +233,7 @@ impl ColumnBuilder<i32> {
         self.offsets.push(self.items.len() as i32);
     }
 
-    /// Appends so many registers of two bytes each. Eight are read at a time, as long as there are bytes, and those behind the
+    /// Appends so many registers of two bytes each. Eight are read at a time, as long as there are bytes, and those after the
     /// last are taken off again: a loop for the rest would cost more than all others.
     #[inline(always)]
     fn push_registers(&mut self, count: usize, from: &[u8]) {

@@ -180,7 +180,7 @@ impl ModlensRun {
         self.frames.push(frame);
     }
 
-    /// Takes the labels that stand in columns of transactions.
+    /// Takes the labels that are in columns of transactions.
     fn transactions(&mut self, batch: &Batch) {
         for row in &batch.transactions {
             if row.request.frame != 0 {

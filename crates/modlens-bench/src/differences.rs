@@ -124,8 +124,8 @@ pub fn damaged_differences(case: &Case, reported: &[ReportedFrame]) -> String {
     text
 }
 
-/// What is told of a damaged frame instead of its start: nothing, so noise; a frame that ends in it or behind it; a frame that
-/// begins behind its first byte; or a whole frame.
+/// What is reported of a damaged frame instead of its start: nothing, so noise; a frame that ends in it or after it; a frame that
+/// begins after its first byte; or a whole frame.
 fn not_located(truth: &TruthFrame, reported: &[ReportedFrame]) -> String {
     let is_here = |frame: &&ReportedFrame| frame.line == truth.line && frame.start < truth.end && frame.end > truth.start;
     let told = match reported.iter().find(is_here) {

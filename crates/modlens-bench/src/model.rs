@@ -27,7 +27,7 @@ pub enum Label {
     NoResponse,
     /// A request that repeats one without response; attached to the second request.
     Retry,
-    /// A response to a request that had already timed out; attached to it, or to the response to the retry behind it.
+    /// A response to a request that had already timed out; attached to it, or to the response to the retry after it.
     Late,
     /// A response that was sent twice; attached to the second one.
     Duplicate,

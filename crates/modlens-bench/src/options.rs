@@ -57,7 +57,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// Reads the options behind the command.
+    /// Reads the options after the command.
     pub fn parse(arguments: &[String]) -> Result<Self, String> {
         let mut this = Self::default();
         let (mut count, mut first) = (3, 0);

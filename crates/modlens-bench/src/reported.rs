@@ -8,7 +8,7 @@ use crate::sim::case::Case;
 pub struct ReportedFrame {
     /// Offset of the first byte in its line's stream.
     pub start: u64,
-    /// Offset behind the last byte.
+    /// Offset after the last byte.
     pub end: u64,
     /// Request or response.
     pub direction: Direction,

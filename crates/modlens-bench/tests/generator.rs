@@ -123,7 +123,7 @@ fn damaged_frames_are_called_damaged() {
         let case = traffic(name, 7, 1500).tap(TapMode::None);
         let damaged: Vec<_> = case.truth.iter().filter(|frame| !frame.valid).collect();
         assert!(damaged.len() > 20, "{name}");
-        // A damaged frame is right by accident only: one in 65536, or a truncated last byte of 00.
+        // A damaged frame is right by chance only: one in 65536, or a truncated last byte of 00.
         let right = damaged.iter().filter(|frame| naive_crc(bytes_of(&case, frame)) == 0).count();
         assert!(right <= 2, "{name}: {right} of {}", damaged.len());
     }

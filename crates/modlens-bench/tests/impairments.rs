@@ -99,7 +99,7 @@ fn lost_and_doubled_bytes() {
     near(traffic.losses.len() as f64 / traffic.truth.len() as f64, 0.04);
     let doubled = play(&Scenario { dup: 0.05, ..clean() });
     near(share(&doubled, |frame| frame.damage.dup), 0.05);
-    // A copied first byte stands in front of a whole frame, a copied last one behind it.
+    // A copied first byte is in front of a whole frame, a copied last one after it.
     let whole = doubled.truth.iter().filter(|frame| frame.damage.dup && frame.valid).count();
     assert!(whole > 10 && whole < FRAMES / 50, "{whole}");
 }
@@ -174,7 +174,7 @@ fn frames_inside_frames() {
 #[test]
 fn late_wrong_and_repeated_answers() {
     let late = play(&Scenario { timeout: 0.10, late: 0.5, ..clean() });
-    // Late: half of the time-outs of the first or second try; to be said where the retry's own answer came as well.
+    // Late: half of the timeouts of the first or second try; to be said where the retry's own answer came as well.
     near(share(&late, |frame| frame.labels.contains(Label::Late)), 0.05 * 0.9 / 2.0);
     assert!(late.truth.iter().filter(|frame| frame.labels.contains(Label::Late)).all(|frame| frame.alternative_txn.is_some()));
     let wrong = play(&Scenario { wrong_unit: 0.04, ..clean() });

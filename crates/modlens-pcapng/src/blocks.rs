@@ -136,7 +136,7 @@ pub fn interface(interface: &Interface<'_>, out: &mut Vec<u8>) {
 /// `end_bytes`.
 pub fn begin_packet(interface: u32, time: u64, out: &mut Vec<u8>) -> usize {
     let start = out.len();
-    // The lengths are filled in later. The header is appended in one piece, because small packets consist mostly of
+    // The lengths are filled in later. The header is appended in one block, because small packets consist mostly of
     // headers.
     let mut head = [0; 28];
     head[0] = 6;

@@ -65,7 +65,7 @@ pub fn count(text: &str) -> Option<u64> {
     text.trim().parse().ok().filter(|count| *count > 0)
 }
 
-/// The first number with its unit, and what stands behind them.
+/// The first number with its unit, and what follows them.
 fn part(text: &str) -> Option<(f64, &str, &str)> {
     let end = |text: &str, is_inside: fn(char) -> bool| text.find(|one| !is_inside(one)).unwrap_or(text.len());
     let digits = end(text, |one| one.is_ascii_digit());

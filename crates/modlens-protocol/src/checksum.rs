@@ -145,7 +145,7 @@ const fn backwards() -> [[u16; 256]; 8] {
 
 /// The first length from `least` on at which the bytes end with their CRC.
 ///
-/// Let T be the step of the register on a zero byte. From state s on, the register is 0 behind byte `j` if and only if s is the
+/// Let T be the step of the register on a zero byte. From state s on, the register is 0 after byte `j` if and only if s is the
 /// sum of T^-i of bytes i up to j. So eight bytes are eight look-ups that need not wait for each other.
 pub fn first_valid_length(bytes: &[u8], least: usize) -> Option<usize> {
     let mut state = update(CRC_INIT, bytes.get(..least)?);
@@ -195,7 +195,7 @@ fn bits_behind(residue: u16) -> Option<usize> {
     static BEHIND: OnceLock<Box<[u16]>> = OnceLock::new();
     let behind = BEHIND.get_or_init(|| {
         let mut behind = vec![NONE; 1 << 16].into_boxed_slice();
-        // A wrong bit at the very end leaves the polynomial; each bit transmitted after it shifts the register once more.
+        // A wrong bit at the very end leaves the polynomial; each bit transmitted after it shifts the register again.
         let one_more = |&state: &u16| Some(if state & 1 == 1 { state >> 1 ^ POLYNOMIAL } else { state >> 1 });
         let states = std::iter::successors(Some(POLYNOMIAL), one_more).take(CRC_PERIOD_BITS);
         states.zip(0..).for_each(|(state, bits)| behind[usize::from(state)] = bits);

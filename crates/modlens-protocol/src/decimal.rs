@@ -55,7 +55,7 @@ fn push_unsigned(value: u64, out: &mut Vec<u8>) {
 /// A number below 10,000 with its leading zeros.
 #[inline]
 fn last_four_digits(value: u64) -> [u8; 4] {
-    // They stand in the text of 1xxxx.
+    // They are in the text of 1xxxx.
     let [_, a, b, c, d, ..] = decimal_texts()[10_000 + value as usize];
     [a, b, c, d]
 }
@@ -64,7 +64,7 @@ fn last_four_digits(value: u64) -> [u8; 4] {
 const GROUP: usize = 8;
 const GROUP_BYTES: usize = 6 * GROUP;
 
-/// Appends numbers of 16 bits, the high byte first, each with the separator behind it.
+/// Appends numbers of 16 bits, the high byte first, each with the separator after it.
 ///
 /// Most values in tables are registers, and each of these costs one look-up and one copy of fixed size, without a check of the
 /// room.
@@ -83,7 +83,7 @@ pub fn push_words<const SEPARATOR: u8>(bytes: &[u8], out: &mut Vec<u8>) {
     out.truncate(end);
 }
 
-/// Writes the texts of at most `GROUP` numbers, each with the separator behind it, and says how long they are together.
+/// Writes the texts of at most `GROUP` numbers, each with the separator after it, and says how long they are together.
 #[inline(always)]
 #[allow(clippy::inline_always)] // For a whole group, without a loop.
 fn texts_of<const SEPARATOR: u8>(table: &[[u8; 8]; 1 << 16], words: &[[u8; 2]], texts: &mut [u8; 64 + 8]) -> usize {
@@ -91,9 +91,9 @@ fn texts_of<const SEPARATOR: u8>(table: &[[u8; 8]; 1 << 16], words: &[[u8; 2]], 
     for word in words {
         let entry = u64::from_le_bytes(table[usize::from(u16::from_be_bytes(*word))]);
         let length = entry >> 56;
-        // The blank behind the digits becomes another separator.
+        // The blank after the digits becomes another separator.
         let text = entry ^ u64::from(b' ' ^ SEPARATOR) << (8 * length);
-        // The mask tells the compiler that a text begins before byte 43.
+        // The mask shows the compiler that a text begins before byte 43.
         texts[at & 63..][..8].copy_from_slice(&text.to_le_bytes());
         at += length as usize + 1;
     }
@@ -168,7 +168,7 @@ pub fn decimal_texts() -> &'static [[u8; 8]; 1 << 16] {
     })
 }
 
-/// The same with a comma in place of the first blank: the numbers of a list, of which each is written with the separator behind it.
+/// The same with a comma in place of the first blank: the numbers of a list, of which each is written with the separator after it.
 #[inline]
 pub fn texts_with_comma() -> &'static [[u8; 8]; 1 << 16] {
     static TABLE: OnceLock<Box<[[u8; 8]; 1 << 16]>> = OnceLock::new();

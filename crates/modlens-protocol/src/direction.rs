@@ -92,7 +92,7 @@ fn echoes(row: &FunctionRow, request: &[u8], response: &[u8]) -> bool {
     row.echo.is_empty() || (echo_differences(row, request, response).next().is_none() && same_echo_tail(row, request, response))
 }
 
-/// Whether a list that is repeated as a whole agrees (sub-function 0 of diagnostics, file records). It stands behind all numbers.
+/// Whether a list that is repeated as a whole agrees (sub-function 0 of diagnostics, file records). It follows all numbers.
 fn same_echo_tail(row: &FunctionRow, request: &[u8], response: &[u8]) -> bool {
     let last = row.request.shape().and_then(|shape| shape.fields.last());
     let whole = last.is_some_and(|field| field.field_type.width() == 0 && row.echo.contains(&field.name));
@@ -132,7 +132,7 @@ fn permitted_as_request(functions: &Functions, pdu: &[u8]) -> bool {
 /// Log-odds in bits of a silence: by how much it fits this master's timeout better than the response times of this bus. 0
 /// without a clock.
 ///
-/// It tells a retry from a response that equals its request.
+/// It distinguishes a retry from a response that equals its request.
 pub type TimeoutLogOdds = f32;
 
 /// Infers who sent a PDU from the outstanding request, the layout, what the recording declares, and the silence before it.

@@ -1,5 +1,5 @@
 //! The findings: one documented variant each, with its severity, why it matters and what to check. The detail of an
-//! occurrence stands in its row.
+//! occurrence is in its row.
 
 use crate::renamed::{current, Vocabulary};
 
@@ -122,7 +122,7 @@ findings! {
         "messaging on TCP/IP 4.2";
     OneSideOnly "one_side_only" Warning
         "only requests, or only responses, were recorded"
-        "What the other side sends is not heard, so that neither missing nor wrong responses can be told."
+        "What the other side sends is not heard, so that neither missing nor wrong responses can be noticed."
         "The tap: which wires or which direction of the switch port it is connected to, and whether any unit responds at all."
         "serial line 2.1";
     NoValidFrame "no_valid_frame" Error
@@ -152,11 +152,11 @@ findings! {
         "serial line 2.5.1.2";
     MissingChecksum "missing_checksum" Warning
         "the unit sends no checksum"
-        "A master that follows the specification drops these responses, and damage to them cannot be told."
+        "A master that follows the specification drops these responses, and damage to them cannot be noticed."
         "The unit's firmware or settings; a converter that removes the checksum."
         "serial line 2.5.1";
     PaddedResponses "padded_responses" Info
-        "the unit sends the same bytes behind each response"
+        "the unit sends the same bytes after each response"
         "Receivers that separate frames by silence treat them as part of the frame."
         "How long the unit keeps its driver enabled; the unit's firmware."
         "serial line 2.5.1";
@@ -181,7 +181,7 @@ findings! {
         "Two units with the same address; the start of the recording; a tap that hears only one direction."
         "serial line 2.4.1";
     Duplicate "duplicate_response" Warning
-        "the same response a second time"
+        "the same response again"
         "Two devices with the same address respond alike, or a repeater sends twice; the master may take the copy for its next response."
         "Two units with the same address; repeaters; gateways."
         "serial line 2.4.1";
@@ -302,7 +302,7 @@ findings! {
         "";
     Retransmission "tcp_retransmission" Info
         "TCP sent the bytes again"
-        "A packet was lost or delayed on the network, which holds up everything behind it; the Modbus data are not affected."
+        "A packet was lost or delayed on the network, which holds up everything after it; the Modbus data are not affected."
         "The network between client and server: congestion, duplex settings, radio links. The bytes are counted once."
         "";
     DuplicatePacket "duplicate_packet" Info

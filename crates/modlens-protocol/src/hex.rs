@@ -78,7 +78,7 @@ pub fn hex(bytes: &[u8]) -> String {
     String::from_utf8(text).unwrap_or_default()
 }
 
-/// Appends the bytes as lower-case hex digits: sixteen at a time, and the last ones once more with those before them, so that no
+/// Appends the bytes as lower-case hex digits: sixteen at a time, and the last ones again with those before them, so that no
 /// copy has a length that is not known to the compiler.
 #[inline]
 pub fn push_hex(bytes: &[u8], out: &mut Vec<u8>) {

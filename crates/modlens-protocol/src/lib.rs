@@ -3,7 +3,7 @@
 //!
 //! - `functions` parses the table of functions (`dissectors/functions.toml`): the field layout of each request and
 //!   response, its limits, and the fields that a response repeats. `pdu` decodes and encodes PDUs by these layouts.
-//! - `direction` infers from a PDU, the layouts and the outstanding request who sent it. `recognize` tells RTU, ASCII and
+//! - `direction` infers from a PDU, the layouts and the outstanding request who sent it. `recognize` reports RTU, ASCII and
 //!   TCP apart by checksums and headers, without framing.
 //! - `checksum` has CRC-16 and LRC, `mbap` the header of Modbus/TCP, `line` the settings of a serial line with the times
 //!   that follow from them.

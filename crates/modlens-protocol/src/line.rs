@@ -161,7 +161,7 @@ impl FromStr for LineSettings {
     }
 }
 
-/// What stands behind blanks with at most one comma, slash or dash among them.
+/// What follows blanks with at most one comma, slash or dash among them.
 fn behind_separator(text: &str) -> &str {
     let text = text.trim_start();
     text.strip_prefix([',', '/', '-']).unwrap_or(text).trim_start()
@@ -190,7 +190,7 @@ mod tests {
 
     #[test]
     fn characters_of_seed_document_001() {
-        // 3.1.1 prints 05 as 0 1 0 1 0 0 0 0 0 1 1: two ones, so the bit behind the data is odd parity
+        // 3.1.1 prints 05 as 0 1 0 1 0 0 0 0 0 1 1: two ones, so the bit after the data is odd parity
         // (or a second stop bit), not the even parity of the specification's default.
         assert_eq!(line("19200-8O1").character(0x05), "01010000011");
         assert_eq!(line("19200-8N2").character(0x05), "01010000011");

@@ -23,7 +23,7 @@ pub fn push_time(ns: Ns, out: &mut Vec<u8>) {
     TimeFormatter::default().push(ns, out);
 }
 
-/// Bytes of a date with a time of day and the decimal point behind it. The years that 64 bits of ns reach have four digits.
+/// Bytes of a date with a time of day and the decimal point after it. The years that 64 bits of ns reach have four digits.
 pub const SECOND_BYTES: usize = 20;
 
 /// Formats consecutive times. The text of date and time is kept while the second stays the same.
@@ -47,7 +47,7 @@ impl TimeFormatter {
         out.truncate(end + length);
     }
 
-    /// The same as two pieces of text: the first `SECOND_BYTES` of the one, then of the other as many as stand behind it.
+    /// The same as two blocks of text: the first `SECOND_BYTES` of the one, then of the other as many as follow it.
     #[inline]
     pub fn parts(&mut self, ns: Ns) -> (&[u8; 32], [u8; 16], usize) {
         let rest = match self.second {

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use crate::arguments::value_error;
 use crate::batch::Batch;
 
-/// What the doctor says of each bus and day.
+/// What the doctor reports about each bus and day.
 #[pyclass(module = "_modlens")]
 pub struct Days {
     core: Core,

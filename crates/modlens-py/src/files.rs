@@ -16,7 +16,7 @@ use crate::table::Table;
 #[pyclass(frozen, module = "_modlens")]
 pub struct RowFile {
     kind: TableKind,
-    /// The writers of arrow-rs are not `Sync`, as Python demands of its objects, so they stand behind a lock.
+    /// The writers of arrow-rs are not `Sync`, as Python demands of its objects, so a lock guards them.
     core: Mutex<Core>,
 }
 

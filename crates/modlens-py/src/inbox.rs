@@ -173,7 +173,7 @@ fn feed_read(core: &mut Core, (bus, line): (usize, u8), read: &Read, data: &[u8]
     );
 }
 
-/// A time-out in seconds, of at most an hour.
+/// A timeout in seconds, of at most an hour.
 fn seconds(number: f64) -> Duration {
     Duration::from_secs_f64(number.clamp(0.0, 3600.0))
 }

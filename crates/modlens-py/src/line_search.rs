@@ -8,7 +8,7 @@ use pyo3::types::PyBytes;
 use crate::arguments::{line_settings, SettingsTuple};
 use crate::session::{line_number, Session};
 
-/// A read as it was told: port, bytes, time in ns, positions of marked bytes, whether bytes were lost before, whether the
+/// A read as it was reported: port, bytes, time in ns, positions of marked bytes, whether bytes were lost before, whether the
 /// recorder has it.
 type ReadTuple<'py> = (usize, Bound<'py, PyBytes>, i64, Vec<u32>, bool, bool);
 /// Settings, framing, evidence in words, and the reads made with them.

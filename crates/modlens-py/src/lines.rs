@@ -43,7 +43,7 @@ pub(crate) struct Encoder {
     pub(crate) kind: TableKind,
     columns: Vec<usize>,
     is_csv: bool,
-    /// The names of the columns, as they stand in front of the rows.
+    /// The names of the columns, as they are in front of the rows.
     header: Vec<u8>,
     /// Writers that nobody uses. They keep texts from one batch to the next.
     free: Arc<Mutex<Vec<Writer>>>,

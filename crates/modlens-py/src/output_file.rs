@@ -1,4 +1,4 @@
-//! Files that rows are written to. What stands in them, under which name, and what becomes of them after an error is decided in Python.
+//! Files that rows are written to. What is in them, under which name, and what becomes of them after an error is decided in Python.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Error, ErrorKind, Write};
@@ -11,8 +11,8 @@ use pyo3::prelude::*;
 use crate::arguments::value_error;
 use crate::lines::Pieces;
 
-/// In pieces of this size, each at a multiple of it, Linux takes a file fastest: no page of its cache is written twice, and eight are
-/// as many in one piece as it keeps ready. Larger ones it has to look for, which may be memory that nobody has used for long.
+/// In blocks of this size, each at a multiple of it, Linux takes a file fastest: no page of its cache is written twice, and eight are
+/// as many in one block as it keeps ready. Larger ones it has to look for, which may be memory that nobody has used for long.
 const PIECE_BYTES: usize = 1 << 15;
 
 /// A file that is open for writing.
@@ -28,7 +28,7 @@ pub struct OutputFile {
 /// How a file is written.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Way {
-    /// Nobody reads it before it is complete, so that its lines may be written in pieces of `PIECE_BYTES`.
+    /// Nobody reads it before it is complete, so that its lines may be written in blocks of `PIECE_BYTES`.
     Whole,
     /// It is new, and whoever reads it finds whole rows at any time.
     Growing,

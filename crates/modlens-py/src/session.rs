@@ -57,7 +57,7 @@ fn clock_name(clock: Clock) -> &'static str {
     }
 }
 
-/// Framer, decoder, pairing and statistics behind one `feed`.
+/// Framer, decoder, pairing and statistics after one `feed`.
 #[pyclass(module = "_modlens")]
 pub struct Session {
     core: Core,
@@ -67,7 +67,7 @@ pub struct Session {
     report: Option<Report>,
     /// What is collected for reports, if they are wanted.
     overview: Option<Overview>,
-    /// The overview has the courses alone.
+    /// The overview has the time series alone.
     shows_text: bool,
     buses: usize,
 }
@@ -145,7 +145,7 @@ impl Session {
         let bus = Bus { name, source, place: Place::Offset, clock, line: None, network: None };
         let line = line.map(line_settings).transpose()?;
         let number = self.core.add_bus(BusOptions { bus, mode, line, resolution: resolution_ns, rule });
-        self.buses = number + 1; // Captures and logs of several devices may have added buses, too.
+        self.buses = number + 1; // Captures and logs of several devices may have added buses as well.
         Ok(number)
     }
 
@@ -373,7 +373,7 @@ impl Session {
     fn document(&self) -> String {
         let report = self.report();
         let examples: Vec<u64> = report.as_deref().map_or_else(Vec::new, Report::examples);
-        // Courses are asked for where text is shown, which tells of each kind of diagnosis the worst one.
+        // Time series are computed where text is shown, which shows the worst diagnosis of each kind.
         let said = if self.shows_text { Report::brief } else { Report::json };
         json!({
             "doctor": report.as_deref().map(said), "statistics": self.core.stats_json(),

@@ -19,7 +19,7 @@ struct TableReader {
     kind: TableKind,
     batches: BatchBuilder,
     tables: Py<PyAny>,
-    /// What went wrong behind the rows of the last batch.
+    /// What went wrong after the rows of the last batch.
     error: Option<PyErr>,
 }
 

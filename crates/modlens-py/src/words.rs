@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 
 use crate::arguments::{value_error, SettingsTuple};
 
-/// A broker: TLS, host, port, user, password, prefix, whether a password stands in the address.
+/// A broker: TLS, host, port, user, password, prefix, whether a password is in the address.
 type AddressTuple = (bool, String, u16, Option<String>, Option<String>, String, bool);
 
 /// A duration in nanoseconds.

@@ -35,7 +35,7 @@ pub fn push_items<const SEPARATOR: u8>(items: &Items<'_>, out: &mut Vec<u8>) {
     }
 }
 
-/// The bits of each byte as digits, the lowest bit first, each with the separator behind it.
+/// The bits of each byte as digits, the lowest bit first, each with the separator after it.
 pub const fn bit_texts(separator: u8) -> [[u8; 16]; 256] {
     let mut texts = [[separator; 16]; 256];
     let mut at = 0;
@@ -86,7 +86,7 @@ pub fn push_source(file: &str, place: Place, number: u64, out: &mut Vec<u8>) {
     push_int(number as i64, out);
 }
 
-/// The character between file and number, which tells the kind of position.
+/// The character between file and number, which names the kind of position.
 fn place_mark(place: Place) -> u8 {
     match place {
         Place::Offset => b'@',

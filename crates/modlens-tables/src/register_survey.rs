@@ -308,7 +308,7 @@ fn choose_non_overlapping(mut all: Vec<LearnedPoint>) -> Vec<LearnedPoint> {
     chosen
 }
 
-/// Pairs of registers of one block that change together: where one changes, the other does, too, at least nine times of
+/// Pairs of registers of one block that change together: where one changes, the other does as well, at least nine times of
 /// ten.
 fn correlated_pairs(blocks: &Blocks) -> Vec<Json> {
     let mut found = Vec::new();

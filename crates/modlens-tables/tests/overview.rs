@@ -53,7 +53,7 @@ fn observed(batches: &[Batch]) -> Overview {
     overview
 }
 
-/// The courses of exchanges, each with one of 90 units, in 20 blocks without times: compact, or as rows.
+/// The time series of exchanges, each with one of 90 units, in 20 blocks without times: compact, or as rows.
 fn courses(exchanges: usize, compact: bool) -> Overview {
     let mut session = Session::default();
     if compact {

@@ -51,7 +51,7 @@ const KINDS: [(&str, u16); 24] = [
 ];
 
 prop_compose! {
-    /// A profile of points one behind the other, with gaps; the last one holds the scale factor.
+    /// A profile of points one after the other, with gaps; the last one holds the scale factor.
     fn profiles()(
         points in prop::collection::vec((0..KINDS.len(), 0..4usize, prop_oneof![4 => Just(0u16), 2 => 1..5u16, 1 => 60..200u16]), 1..30)
     ) -> Arc<Plan> {
@@ -212,7 +212,7 @@ fn known_block(instance: &Arc<PlanInstance>, first: u16, count: usize) -> Option
     }
 }
 
-/// Readings and findings of the same bytes in pieces.
+/// Readings and findings of the same bytes in blocks.
 fn told(plan: &Arc<Plan>, bytes: &[u8], piece: usize) -> (Vec<String>, Vec<String>) {
     let mut session = Session::default();
     session.bind(None, &[7], plan);

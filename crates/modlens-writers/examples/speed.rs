@@ -2,7 +2,7 @@
 //!
 //! FILE holds raw RTU bytes. Its first megabytes are decoded once; then every writer gets these rows again and again,
 //! as whole captures, and the quickest pass counts, in CPU time: what else goes on beside it only makes passes slower.
-//! With OUT the text is written to that file, too.
+//! With OUT the text is written to that file as well.
 use std::fs::File;
 use std::io::{Seek, Write};
 use std::sync::Arc;

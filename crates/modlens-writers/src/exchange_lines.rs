@@ -28,13 +28,13 @@ struct ExchangeLine<F> {
 /// A value that differs from line to line.
 struct Step<F> {
     value: StepValue<F>,
-    /// The text between it and the next one, with what stands before that one.
+    /// The text between it and the next one, with what is before that one.
     behind: FixedText,
 }
 
 /// How the value is written.
 enum StepValue<F> {
-    /// As it stands in the exchange.
+    /// As it is in the exchange.
     Direct(ExchangeValue),
     /// A duration, and how long the text before it is, which is taken off where it is unknown.
     Duration(ExchangeDuration, usize),
@@ -43,7 +43,7 @@ enum StepValue<F> {
 }
 
 impl<F> StepValue<F> {
-    /// The most bytes that it takes in the room of a line.
+    /// The most bytes that it takes in the slot of a line.
     fn most_bytes(&self) -> usize {
         match self {
             Self::Direct(ExchangeValue::Time) => TIME_BYTES,
@@ -60,14 +60,14 @@ impl<F> StepValue<F> {
 /// What was written before, from which the next text differs little, and the texts of numbers.
 struct Memory {
     numbers: &'static NumberTexts,
-    /// Each with what stands between the numbers of a list behind it.
+    /// Each with what is between the numbers of a list after it.
     registers: &'static NumberTexts,
     stamp: TimeFormatter,
     high_digits: [HighDigits; ExchangeNumber::COUNT],
 }
 
 impl Memory {
-    /// Appends a value as it stands in the exchange.
+    /// Appends a value as it is in the exchange.
     #[inline(always)]
     #[allow(clippy::inline_always)] // The innermost loop; see `Line`.
     fn push<'a, F: LineFormat>(
@@ -81,7 +81,7 @@ impl Memory {
             ExchangeValue::Number(number) => {
                 line.number(numbers[number as usize], &mut self.high_digits[number as usize], self.numbers)
             }
-            // Its text stands around the number.
+            // Its text is around the number.
             ExchangeValue::Source => {
                 let origin = ExchangeNumber::Origin as usize;
                 line.number(numbers[origin], &mut self.high_digits[origin], self.numbers)
@@ -224,7 +224,7 @@ impl<F: LineFormat> ExchangeLines<F> {
     }
 }
 
-/// Appends what stands before a value to the output of the format; gives how it is written, and what stands behind it.
+/// Appends what is before a value to the output of the format; gives how it is written, and what follows it.
 fn step_value<F: LineFormat>(
     at: usize,
     reader: ColumnReader<F>,
@@ -250,7 +250,7 @@ fn step_value<F: LineFormat>(
     }
 }
 
-/// The text of a cell, with what stands before it; empty where there is no value.
+/// The text of a cell, with what is before it; empty where there is no value.
 fn cell<'f, F: LineFormat>(at: usize, reader: &ColumnReader<F>, exchange: &ExchangeRef<'_>, format: &'f mut F) -> &'f [u8] {
     format.out().clear();
     format.column(at);
@@ -258,7 +258,7 @@ fn cell<'f, F: LineFormat>(at: usize, reader: &ColumnReader<F>, exchange: &Excha
     format.out()
 }
 
-/// What the format puts before a value and behind it.
+/// What the format puts before a value and after it.
 fn around_value<F: LineFormat>(value: ExchangeValue) -> [Vec<u8>; 2] {
     match value {
         ExchangeValue::Time | ExchangeValue::Frame(_) => [F::QUOTE, F::QUOTE],
@@ -268,7 +268,7 @@ fn around_value<F: LineFormat>(value: ExchangeValue) -> [Vec<u8>; 2] {
     .map(|mark| mark.as_bytes().to_vec())
 }
 
-/// What a text that shows the position in the input has before the number and behind it.
+/// What a text that shows the position in the input has before the number and after it.
 fn around_number(text: &[u8], exchange: &ExchangeRef<'_>) -> [Vec<u8>; 2] {
     let number = exchange.numbers()[ExchangeNumber::Origin as usize].to_string();
     // It is the last thing in it, but for a quote.

@@ -10,7 +10,7 @@
 //!
 //! Captures are Modbus/UDP inside exported PDUs, because Wireshark's RTU dissector guesses who speaks and leaves most
 //! functions undecoded; `capture::payload` says how. What most frames have is not said in a capture
-//! (`modlens_readers::pcap::metadata::DEFAULTS`). Files go out in pieces of 64 KiB, made in the same memory again.
+//! (`modlens_readers::pcap::metadata::DEFAULTS`). Files go out in blocks of 64 KiB, made in the same memory again.
 
 pub mod capture;
 pub mod csv;

@@ -6,16 +6,16 @@ use crate::text_block::Separator;
 
 /// A text format: writes the values of a line.
 pub trait LineFormat: CellSink + Default + 'static {
-    /// What stands before and behind times and hex digits.
+    /// What is before and after times and hex digits.
     const QUOTE: &str;
 
-    /// What stands before and behind a list.
+    /// What is before and after a list.
     const LIST_MARKS: [&str; 2];
 
-    /// What stands between the numbers of a list.
+    /// What is between the numbers of a list.
     const SEPARATOR: Separator;
 
-    /// Tells the format the names of the columns, before the first line.
+    /// Reports the format the names of the columns, before the first line.
     fn columns(&mut self, keys: &[&str]);
 
     /// The line that is being made.
@@ -24,13 +24,13 @@ pub trait LineFormat: CellSink + Default + 'static {
     /// Announces the column (by index) of the next value.
     fn column(&mut self, at: usize);
 
-    /// Appends what stands before a value of a column.
+    /// Appends what is before a value of a column.
     fn push_key(&mut self, at: usize);
 
     /// Ends a value.
     fn end_value(&mut self);
 
-    /// Makes a line of values a whole one. These are its texts, at least one: what differs from line to line stands between them.
+    /// Makes a line of values a whole one. These are its texts, at least one: what differs from line to line is between them.
     fn complete(texts: &mut [Vec<u8>]);
 }
 

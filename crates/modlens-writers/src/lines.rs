@@ -54,7 +54,7 @@ impl<F: LineFormat> LineWriter<F> {
     /// Appends rows until the block is full. Returns the next row to be written.
     pub fn rows(&mut self, table: &Table, rows: Range<usize>, block: &mut TextBlock) -> usize {
         self.keep_or_forget(table);
-        // What readings share is numbered in each batch anew.
+        // What readings share is numbered in each batch again.
         self.group = self.group.filter(|_| self.kind != TableKind::Readings);
         table.each_row(rows, |row| {
             match row {
@@ -75,7 +75,7 @@ impl<F: LineFormat> LineWriter<F> {
         }
     }
 
-    /// Begins anew where the rows of a table share something else than those before: only then may the texts that are kept be
+    /// Begins again where the rows of a table share something other than those before: only then may the texts that are kept be
     /// others.
     fn keep_or_forget(&mut self, table: &Table) {
         if !self.shared.as_ref().is_some_and(|shared| shared.is_shared_by(table)) {
@@ -104,7 +104,7 @@ impl<F: LineFormat> LineWriter<F> {
         block.append(format.out());
     }
 
-    /// Formats the shared columns anew for the group of this row.
+    /// Formats the shared columns again for the group of this row.
     #[inline(never)]
     fn change_group(&mut self, row: &RowRef<'_>) {
         self.group = row.group();

@@ -27,7 +27,7 @@ pub struct Address {
     pub user: Option<String>,
     /// The password, if there is one.
     pub password: Option<String>,
-    /// A password stands in the address, used or not, where everybody on the machine can read it.
+    /// A password is in the address, used or not, where everybody on the machine can read it.
     pub has_password: bool,
     /// The topics begin with it.
     pub prefix: String,

@@ -1,5 +1,5 @@
-//! A block of text that is written to a file in one piece. Lines whose length has a bound that is known before are made in it: their
-//! pieces are written one behind the other, and nobody asks for each whether there is room.
+//! A block of text that is written to a file in one block. Lines whose length has a bound that is known before are made in it: their
+//! blocks are written one after the other, and nobody asks for each whether there is room.
 
 use modlens_protocol::decimal::{decimal_texts, texts_with_comma};
 use modlens_protocol::hex::digits_of;
@@ -14,10 +14,10 @@ pub const BLOCK_BYTES: usize = 1 << 17;
 /// The most bytes that a line may have that is made in a block.
 pub(crate) const LINE_BYTES: usize = 1 << 14;
 
-/// Where lines are made that begin before `BLOCK_BYTES`: no place in them is behind it. A power of two.
+/// Where lines are made that begin before `BLOCK_BYTES`: no place in them is after it. A power of two.
 const ROOM: usize = 2 * BLOCK_BYTES;
 
-/// Pieces are copied in sizes that the compiler knows: so far the last one may reach behind the line.
+/// Blocks are copied in sizes that the compiler knows: so far the last one may reach after the line.
 const SLACK: usize = 64;
 
 /// The bytes of text whose length is not known when the program is built are copied so many at a time.
@@ -35,7 +35,7 @@ pub(crate) const DURATION_BYTES: usize = NUMBER_BYTES + 5;
 /// The texts of all numbers of 16 bits (`decimal_texts`).
 pub(crate) type NumberTexts = [[u8; 8]; 1 << 16];
 
-/// What stands between the numbers of a list.
+/// What is between the numbers of a list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Separator {
     /// A blank.
@@ -45,7 +45,7 @@ pub enum Separator {
 }
 
 impl Separator {
-    /// The texts of all numbers of 16 bits, each with the separator behind it.
+    /// The texts of all numbers of 16 bits, each with the separator after it.
     #[inline]
     pub(crate) fn number_texts(self) -> &'static NumberTexts {
         match self {
@@ -54,7 +54,7 @@ impl Separator {
         }
     }
 
-    /// The digits of the bits of all bytes, each with the separator behind it.
+    /// The digits of the bits of all bytes, each with the separator after it.
     #[inline]
     fn bit_texts(self) -> &'static [[u8; 16]; 256] {
         match self {
@@ -104,7 +104,7 @@ impl HighDigits {
 
 /// A block of text.
 pub struct TextBlock {
-    /// The text, and room behind it.
+    /// The text, and room after it.
     bytes: Vec<u8>,
     length: usize,
 }
@@ -161,7 +161,7 @@ impl TextBlock {
         self.length = end;
     }
 
-    /// A new line behind the text, which is part of it once it is given to `add`; `None` where the block is full.
+    /// A new line after the text, which is part of it once it is given to `add`; `None` where the block is full.
     #[inline]
     pub(crate) fn line(&mut self) -> Option<Line<'_>> {
         if self.is_full() {
@@ -182,7 +182,7 @@ impl Line<'_> {
     /// Appends the first `length` of these bytes.
     #[inline(always)]
     fn put<const BYTES: usize>(mut self, bytes: &[u8; BYTES], length: usize) -> Self {
-        // The mask, which changes nothing, tells the compiler that all of it lies in the room.
+        // The mask, which changes nothing, shows the compiler that all of it lies in the room.
         self.room[self.length & (ROOM - 1)..][..BYTES].copy_from_slice(bytes);
         self.length += length;
         self
@@ -209,7 +209,7 @@ impl Line<'_> {
         if number.wrapping_sub(high.from) >= 10_000 {
             high.change(number);
         }
-        // The last four digits, with leading zeros, stand in the text of 1xxxx.
+        // The last four digits, with leading zeros, are in the text of 1xxxx.
         let [_, a, b, c, d, ..] = texts[10_000 + (number - high.from) as usize];
         self.put(&high.digits, high.count).put(&[a, b, c, d], 4)
     }
@@ -280,7 +280,7 @@ impl Line<'_> {
         self.put(if yes { b"true\0\0\0\0" } else { b"false\0\0\0" }, if yes { 4 } else { 5 })
     }
 
-    /// Appends bytes as hex digits: sixteen at a time, and the last ones once more with those before them.
+    /// Appends bytes as hex digits: sixteen at a time, and the last ones again with those before them.
     #[inline]
     pub(crate) fn hex(mut self, bytes: &[u8]) -> Self {
         let end = self.length + 2 * bytes.len();
@@ -303,7 +303,7 @@ impl Line<'_> {
         self
     }
 
-    /// Appends registers, the high byte of each first. The texts have what stands between two behind each.
+    /// Appends registers, the high byte of each first. The texts have what is between two after each.
     #[inline]
     pub(crate) fn registers(mut self, bytes: &[u8], texts: &NumberTexts) -> Self {
         let registers = bytes.as_chunks::<2>().0;

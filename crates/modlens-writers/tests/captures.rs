@@ -78,7 +78,7 @@ fn decoded_in(file: &[u8], block: usize, ports: Ports) -> (Batch, Vec<(String, u
     (session.take(), left_out)
 }
 
-/// The transactions in the batches of `take` behind each block.
+/// The transactions in the batches of `take` after each block.
 fn taken_in(file: &[u8], block: usize) -> Vec<Essence> {
     let mut session = Session::default();
     let capture = session.add_capture(CaptureOptions {
@@ -217,7 +217,7 @@ proptest! {
     }
 
     /// Each message in a packet of its own, as on nearly all connections; the answers to some requests do not come, and
-    /// requests that wait, for 30 s, are passed by the exchanges behind them.
+    /// requests that wait, for 30 s, are passed by the exchanges after them.
     #[test]
     fn requests_without_answer_change_nothing_of_those_behind_them(
         exchanges in prop::collection::vec((1u8..=30, 0u8..4, 0u16..60), 1..90),
@@ -272,7 +272,7 @@ proptest! {
     }
 }
 
-/// The first request waits for 30 s, and the rows behind it with it: far more than one batch has.
+/// The first request waits for 30 s, and the rows after it with it: far more than one batch has.
 #[test]
 fn rows_behind_an_old_request_are_given_once_and_in_order() {
     let sizes: Vec<(u8, usize)> = (0..6000u32).map(|at| (1 + (at % 30) as u8, 300)).collect();
@@ -396,13 +396,13 @@ fn any_port_needs_a_question_and_its_answer() {
     assert!(decoded_in(&one, usize::MAX, Ports::Any).0.frames.is_empty(), "one message may be chance");
 }
 
-/// Connections to one server share their statistics, so a bus behind them has another number there than in the session.
+/// Connections to one server share their statistics, so a bus after them has another number there than in the session.
 #[test]
 fn silences_are_counted_on_their_own_bus_behind_connections_to_one_server() {
     let (ask, _) = read_registers(1, 2);
     let sent = Sent { from_client: true, sequence: 1, acknowledged: 1, bytes: ask, ident: 1 };
     let mut other_client = ethernet(&sent);
-    // The source port stands behind 14 bytes of Ethernet and 20 of IPv4.
+    // The source port follows 14 bytes of Ethernet and 20 of IPv4.
     other_client[35] ^= 1;
     let file = pcap(1, &[ethernet(&sent), other_client]);
     let mut session = Session::default();

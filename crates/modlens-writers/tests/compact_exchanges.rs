@@ -130,7 +130,7 @@ fn log() -> impl Strategy<Value = String> {
     })
 }
 
-/// The rows of such a log, taken behind each block of `block` bytes, with frames or without; and how many are compact.
+/// The rows of such a log, taken after each block of `block` bytes, with frames or without; and how many are compact.
 fn rows_of_log(log: &str, frames: bool, block: usize) -> (Vec<String>, usize) {
     let mut session = Session::new(Arc::default(), WantedTables { frames, transactions: true, findings: true }, false, None);
     let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("log") });
@@ -179,7 +179,7 @@ fn a_polled_line_has_compact_exchanges() {
     assert!(batch.transaction_parts().any(|part| matches!(part, Part::Compact(_))));
 }
 
-// The property of profiles would hold if there were none, too.
+// The property of profiles would hold if there were none as well.
 #[test]
 fn a_line_with_a_profile_has_compact_exchanges() {
     let polls = [exchange(1, 3, 2, 2, 7), exchange(1, 4, 1, 2, 7), exchange(3, 3, 2, 2, 7)].concat().concat();
@@ -273,7 +273,7 @@ fn columns_are_those_of_rows(compact: &Table, rows: &Table) -> Result<(), TestCa
     Ok(())
 }
 
-/// The overview of compact exchanges, and the courses alone, show what that of whole rows shows.
+/// The overview of compact exchanges, and the time series alone, show what that of whole rows shows.
 fn overview_is_that_of_the_rows(bytes: &[u8]) -> Result<(), TestCaseError> {
     let of = |mut overview: Overview, compact| {
         overview.observe(&batch(bytes, compact));

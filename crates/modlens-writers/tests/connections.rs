@@ -265,7 +265,7 @@ fn requests_in_flight_and_answers_that_are_a_step_behind_are_counted() {
     let row = only(&window);
     assert_eq!((row.in_flight_max, row.lockstep, row.answered), (3, 0, 3));
 
-    // The client gives up request 2 after 300 ms, and takes every answer from then on for that of the request behind it.
+    // The client gives up request 2 after 300 ms, and takes every answer from then on for that of the request after it.
     let mut behind = Recording::default();
     let mut tcp = Tcp::new(50_000, 502);
     tcp.open(&mut behind, 0).poll(&mut behind, 10, 1).ask(&mut behind, 100, 2).ask(&mut behind, 400, 3);
@@ -301,7 +301,7 @@ fn on_any_port_only_servers_of_modbus_have_rows() {
     Tcp::new(50_000, 443).open(&mut of, 0).send(&mut of, 1, 0, Ack, b"GET /").send(&mut of, 2, 0, Rst, &[]);
     Tcp::new(50_001, 1502).send(&mut of, 3, 0, Syn, &[]).send(&mut of, 4, 1, Rst, &[]);
     Tcp::new(50_002, 1502).open(&mut of, 10).poll(&mut of, 20, 1).send(&mut of, 30, 1, Rst, &[]);
-    // And refused behind it.
+    // And refused after it.
     Tcp::new(50_003, 1502).send(&mut of, 40, 0, Syn, &[]).send(&mut of, 41, 1, Rst, &[]);
     let rows = of.connections(Ports::Any);
     let told: Vec<_> = rows.iter().map(|row| (row.number, row.client_port, row.is_refused)).collect();
@@ -315,7 +315,7 @@ fn a_scan_of_many_ports_needs_little_memory_and_keeps_the_order() {
     let options = CaptureOptions { source: String::from("file"), ports: Ports::default(), mode: None, line: None, rule: None };
     let capture = session.add_capture(options);
     let mut of = Recording::default();
-    // A poll that stays open all the time, and 100,000 attempts behind it.
+    // A poll that stays open all the time, and 100,000 attempts after it.
     Tcp::new(1, 502).open(&mut of, 0).poll(&mut of, 1, 1);
     session.feed_capture(capture, &of.pcap(), false);
     let (mut rows, mut most_waiting) = (0, 0);

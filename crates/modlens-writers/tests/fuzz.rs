@@ -1,4 +1,4 @@
-//! The short form of `make fuzz`: the same checks on cases made of frames, pieces of frames and noise.
+//! The short form of `make fuzz`: the same checks on cases made of frames, blocks of frames and noise.
 //!
 //! `FUZZ_CASES` says how many; `FUZZ_SEED` where to begin.
 
@@ -25,7 +25,7 @@ impl Random {
         all[self.below(all.len())]
     }
 
-    /// A PDU behind a unit: a request, an answer, an exception, anything.
+    /// A PDU after a unit: a request, an answer, an exception, anything.
     fn adu(&mut self) -> Vec<u8> {
         let unit = self.pick(&[0u8, 1, 1, 2, 17, 255]);
         let code = self.pick(&[1u8, 3, 3, 3, 4, 5, 6, 8, 15, 16, 20, 22, 23, 24, 43, 65, 90, 0x83, 0xFF]);
@@ -132,6 +132,6 @@ fn a_damaged_frame_does_not_begin_inside_the_one_before() {
 
 #[test]
 fn records_without_checksum_leave_the_frames_behind_them() {
-    // Found by libFuzzer: the search went back behind such a record, and then stood before the bytes that were left.
+    // Found by libFuzzer: the search went back after such a record, and then stood before the bytes that were left.
     checks::text_holds(b"\xae.1>--4\n14\n1-4.,--04.,--0>-.1>--,2-4\n14\n1-4.,--0>-->--,2-4\n1-40>-77[4]7[7,3=>-,7=,>]63->--,2-4\n1-40>-77[4>-->--,2-4\n1-40>-77[4]3[7,3=>-,7=,>]63->--,2-4\n1-40>-77[4]7[7,3=>-,7=,>]4]7[7,3=>-,7=-,2-4\n1-40>-77[4]3[7,3=>-,7=,>]63->--,2-4\n1-40>-77[4]7[7,3=>-,7=,>]4]7[7,3,>]63[,-7");
 }

@@ -24,7 +24,7 @@ enum Outcome {
     Exception(u8),
     /// An exception comes that is of another function.
     ExceptionOfAnother,
-    /// A byte stands behind the exception.
+    /// A byte follows the exception.
     LongException,
     Silence,
     /// The answer has the identifier of another request.
@@ -55,7 +55,7 @@ fn polls() -> impl Strategy<Value = Vec<Poll>> {
     let pause = prop_oneof![8 => 1u64..30_000, 1 => Just(0), 1 => 900_000u64..2_000_000, 1 => Just(31_000_000)];
     let connection = prop_oneof![6 => Just(0u8), 1 => 0u8..3];
     let function = prop::sample::select(vec![1u8, 3, 3, 4, 6, 16, 23]);
-    // So that a request is often asked again right behind one without an answer.
+    // So that a request is often asked again right after one without an answer.
     let address = prop_oneof![2 => Just(0u16), 1 => 0u16..4];
     let poll = (connection, function, address, outcome, (pause, 0u64..40_000)).prop_map(
         |(connection, function, address, outcome, times)| Poll { connection, function, address, outcome, times: times.into() },
@@ -152,7 +152,7 @@ fn capture(polls: &[Poll], identifiers: u16) -> Vec<u8> {
 /// these were compact.
 type Decoded = ((Vec<String>, RecordBatch), usize);
 
-/// A capture in blocks of this size, with all frames or none; rows are taken behind each block if `takes_each`.
+/// A capture in blocks of this size, with all frames or none; rows are taken after each block if `takes_each`.
 fn decoded(file: &[u8], block: usize, frames: bool, takes_each: bool) -> Decoded {
     let wanted = WantedTables { frames, transactions: true, findings: true };
     let mut session = Session::new(Arc::new(Functions::default()), wanted, false, None);

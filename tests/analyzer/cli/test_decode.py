@@ -125,7 +125,7 @@ def test_standard_input_is_a_recording(name: str, modlens: Modlens) -> None:
 
 
 def test_options_of_decoding(modlens: Modlens, tmp_path: Path) -> None:
-    """Mode, time-out and vendors' functions reach the core."""
+    """Mode, timeout and vendors' functions reach the core."""
     seen = modlens("decode", POLLS, "--mode", "ascii", "--to", "csv", "--table", "frames")
     assert ",ascii," in seen.out
     assert ",rtu," not in seen.out

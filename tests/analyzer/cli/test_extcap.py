@@ -121,7 +121,7 @@ def test_standard_output_may_be_a_file(tmp_path: Path) -> None:
         reader.wait(TIMEOUT_S)
     assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr
     assert read.read_bytes()[:4] == b"\x0a\x0d\x0d\x0a"
-    # A file in place of the pipe is written anew, however long it was.
+    # A file in place of the pipe is written again, however long it was.
     file = tmp_path / "old.pcapng"
     file.write_bytes(bytes(1_000_000))
     subprocess.run([*words, "--fifo", str(file)], check=True, timeout=TIMEOUT_S)

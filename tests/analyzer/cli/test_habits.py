@@ -15,7 +15,7 @@ DISTURBED = CAPTURES / "pymodbus_disturbed" / "recording.jsonl"
 
 
 def test_a_file_is_decoded(modlens: Modlens, tmp_path: Path) -> None:
-    """With any option of `decode`; a name that is no file is told as one."""
+    """With any option of `decode`; a name that is no file is reported as one."""
     assert (
         modlens(DISTURBED, "--where", "ok").out == modlens("decode", DISTURBED, "--where", "ok").out
     )

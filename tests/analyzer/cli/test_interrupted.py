@@ -1,4 +1,4 @@
-"""A signal to an export: the older file stays, what was decoded stands beside it."""
+"""A signal to an export: the older file stays, what was decoded is beside it."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_the_old_files_stay_and_the_new_ones_stand_beside_them(number: int, tmp_
         assert (tmp_path / name).read_bytes() == b"old"
         assert str(partial[name]) in said
     assert "older files are unchanged" in said
-    # The summary stands behind the message, as docs and records have it.
+    # The summary follows the message, as docs and records have it.
     assert said.index("interrupted: ") < said.index("1 transaction: ok 1")
 
     with partial["out.csv"].open(newline="") as lines:
@@ -93,7 +93,7 @@ def test_without_an_older_file_there_is_none_either(tmp_path: Path) -> None:
 
 
 def test_partitions_become_a_folder_beside(tmp_path: Path) -> None:
-    """The folder, too, takes its name only when it is complete."""
+    """The folder as well, takes its name only when it is complete."""
     path = tmp_path / "log.parquet"
     status, _ = interrupt(signal.SIGINT, "-o", path, "--style", "partitions")
     assert status == 128 + signal.SIGINT

@@ -1,4 +1,4 @@
-"""`learn`, `match`, `map`, `show --at`: what traffic tells of a device."""
+"""`learn`, `match`, `map`, `show --at`: what traffic reports a device."""
 
 from __future__ import annotations
 

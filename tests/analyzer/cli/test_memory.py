@@ -24,7 +24,7 @@ _, status, usage = os.wait4(running.pid, 0)
 print(usage.ru_maxrss)
 sys.exit(os.waitstatus_to_exitcode(status))
 """
-"""A small process that starts the command: Linux counts the memory of whoever starts it, too."""
+"""A small process that starts the command: Linux counts the memory of whoever starts it as well."""
 
 
 def peak_kib(*words: str | Path) -> int:

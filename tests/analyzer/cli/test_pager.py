@@ -1,4 +1,4 @@
-"""A pager takes what is longer than the screen; a line tells how far a long reading has come."""
+"""A pager takes what is longer than the screen; a line shows how far a long reading has come."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def paged(folder: Path) -> bytes:
 
 
 def test_a_table_goes_through_the_pager(pager: Mapping[str, str], tmp_path: Path) -> None:
-    """With colours, in the width of the terminal, and with the summary behind it."""
+    """With colours, in the width of the terminal, and with the summary after it."""
     status, got = on_terminal("decode", DISTURBED, *LINE, **pager)
     assert status == 0
     assert SHOWN in got

@@ -1,4 +1,4 @@
-"""`modlens plot`: values over time as dots and as a picture, and courses in `modlens stats`."""
+"""`modlens plot`: values over time as dots and as a picture, and time series in `modlens stats`."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_rising_value_rises(modlens: Modlens, tmp_path: Path) -> None:
 
 
 def test_a_picture_has_a_line_for_each_value(modlens: Modlens, tmp_path: Path) -> None:
-    """At the ends of the frame stand first and last value."""
+    """At the ends of the frame are first and last value."""
     path = write_series(tmp_path / "bus.jsonl")
     target = tmp_path / "plot.svg"
     assert modlens("plot", path, "address == 107", "-o", target).status == 0

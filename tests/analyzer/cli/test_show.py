@@ -58,7 +58,7 @@ def test_a_checksum_of_another_frame_is_reported(modlens: Modlens) -> None:
 
 
 def test_a_request_and_its_response(modlens: Modlens) -> None:
-    """Pasted one behind the other: the registers get their numbers."""
+    """Pasted one after the other: the registers get their numbers."""
     done = modlens("show", "11 03 006B 0003 7687 11 03 06 022B 0000 0064 C8BA")
     assert done.status == 0
     assert "frame 2: response" in done.out

@@ -99,7 +99,7 @@ def follow(bus: PtyBus, client: ModbusSerialClient) -> list[tuple[Sent, Sent]]:
             step()
         time.sleep(0.005)
     bus.wait_idle()
-    time.sleep(0.2)  # for the tap to have it, too
+    time.sleep(0.2)  # for the tap to have it as well
     sent = _whole(bus.truth)
     return list(zip(sent[::2], sent[1::2], strict=True))
 
@@ -186,7 +186,7 @@ def test_the_doctor_listens(tmp_path: Path) -> None:
     assert out.startswith("This line")
     assert "1. dead_unit_cost (error)" in out
     assert "Check:" in out
-    assert "headroom per unit" in out
+    assert "margin per unit" in out
     told = page.read_text("utf-8")
     assert f"Unit {UNIT + 1} never answers" in told
     assert "dead_unit_cost" in told

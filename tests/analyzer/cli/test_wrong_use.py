@@ -125,7 +125,7 @@ def test_a_full_disk(modlens: Modlens, tmp_path: Path) -> None:
     "words", [["decode", SEED, "--to", "csv"], ["decode", SEED], ["formats"], ["explain", "3"]]
 )
 def test_standard_output_is_full(words: list[str | Path], unbuffered: str) -> None:
-    """A full device behind standard output is reported, with exit status 3."""
+    """A full device after standard output is reported, with exit status 3."""
     with Path("/dev/full").open("wb") as full:
         done = subprocess.run(
             command(*words),

@@ -44,7 +44,7 @@ def test_a_table_without_rows_is_sound(tmp_path: Path, modlens: Modlens) -> None
 
 
 def test_addresses_and_times_are_as_asked(tmp_path: Path, modlens: Modlens) -> None:
-    """The options for tables hold for these files, too."""
+    """The options for tables hold for these files as well."""
     reply = tmp_path / "reply.md"
     words = ["--line", "19200-8E1", "--address", "5digit", "--times", "elapsed"]
     assert modlens("export", FILE, *words, "-o", reply).status == 0

@@ -182,7 +182,7 @@ class Live:
         self.sent = b""
 
     def wait_until_it_records(self) -> None:
-        """It says so, behind saying that it listens."""
+        """It says so, after saying that it listens."""
         assert self._tap.stderr is not None
         while b"recording to" not in (line := self._tap.stderr.readline()):
             assert line

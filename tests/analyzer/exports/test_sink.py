@@ -24,7 +24,7 @@ from analyzer.exports.sink import ExportSink, Target, check_style, parse_target
     ],
 )
 def test_an_output_says_table_format_and_path(text: str, expected: Target) -> None:
-    """The table may stand in front; a drive letter is none."""
+    """The table may be in front; a drive letter is none."""
     assert parse_target(text, "transactions") == expected
 
 

@@ -73,7 +73,7 @@ def test_polars_knows_the_types(table: str, files: Path) -> None:
 
 @pytest.mark.parametrize("table", TABLES)
 def test_duckdb_knows_the_types(table: str, files: Path) -> None:
-    """Times in UTC, lists; what is said of the writer is there for it, too."""
+    """Times in UTC, lists; what is said of the writer is there for it as well."""
     duckdb = pytest.importorskip("duckdb")
     path = files / f"{table}.parquet"
     found = duckdb.sql(f"DESCRIBE FROM '{path}'").fetchall()

@@ -169,7 +169,7 @@ def test_findings_are_comments_in_words(mixed: Path) -> None:
 
 
 def test_ascii_keeps_its_text(tmp_path: Path) -> None:
-    """The original stands behind the PDU and in the comment."""
+    """The original follows the PDU and in the comment."""
     path = export(recording("pymodbus_ascii"), tmp_path / "ascii.pcapng")
     frames = list(recording("pymodbus_ascii").frames)
     seen = fields(path, ["frame.comment", "modbus.func_code", "frame.len"])

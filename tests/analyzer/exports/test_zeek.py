@@ -135,7 +135,7 @@ EXCHANGES: Sequence[tuple[str, str, dict[str, str]]] = (
 """Requests and responses of icsnpp-modbus' test capture, and the fields that its baseline has set.
 
 Where the baseline is of an older version, which had sub-function, data, exception and MEI type in
-two fields, they stand in the fields that the present one has for them. Identifiers that lead to its
+two fields, they are in the fields that the present one has for them. Identifiers that lead to its
 other logs are left out.
 """
 
@@ -162,7 +162,7 @@ CLIENT, SERVER = ("192.168.1.6", 37699), ("3.15.227.20", 1502)
 
 
 def connection(path: Path, exchanges: Sequence[tuple[str, str, dict[str, str]]]) -> list[list[str]]:
-    """Log the exchanges of a TCP connection; the lines behind the header."""
+    """Log the exchanges of a TCP connection; the lines after the header."""
     layers = pytest.importorskip("scapy.all")
     numbers, packets = [1000, 5000], list[Any]()
     for tid, (request, response, _) in enumerate(exchanges, 1):

@@ -166,7 +166,7 @@ def test_the_last_will_speaks_when_the_tap_cannot(mosquitto: Mosquitto) -> None:
 
 
 def test_home_assistant_is_announced_again_after_a_restart(mosquitto: Mosquitto) -> None:
-    """A sensor for each value, no commands; all of them again when it starts anew."""
+    """A sensor for each value, no commands; all of them again when it restarts."""
     topic = "homeassistant/sensor/plant_bus_1/hr0/config"
     with Subscriber(mosquitto.port) as reader:
         feed = Mqtt(here(mosquitto), discovery=True)

@@ -275,7 +275,7 @@ def published(
             one.end(signal.SIGTERM)
     found = keys(out)
     assert found.keys() == expected.keys()
-    # A message may come twice, as MQTT says of this quality of service; the page's query counts
+    # A message may come twice, as MQTT allows at this quality of service; the page's query counts
     # it once. What one consumer gets again it leaves out.
     assert found.total() - expected.total() < REQUESTS
 

@@ -115,7 +115,7 @@ def test_chosen_registers_are_plotted_together(opened: Browser) -> None:
 
 
 def test_filters_leave_what_matches(opened: Browser) -> None:
-    """Registers by type, examples by status; how many is told to those who do not see it."""
+    """Registers by type, examples by status; the number is stated for those who do not see it."""
     script = (
         "const box = document.getElementById(arguments[0]); box.value = arguments[1];"
         "box.dispatchEvent(new Event('input'));"
@@ -170,7 +170,7 @@ def test_many_registers_are_laid_out_once(
 
 
 def test_strips_show_a_unit_over_time(opened: Browser) -> None:
-    """The share that was answered, and p95 against the time-out, which is said in words, too."""
+    """The share that was answered, and p95 against the timeout, which is said in words as well."""
     labels = opened.run(
         "return [...document.querySelectorAll('#units canvas')]"
         ".map((one) => one.getAttribute('aria-label'))"

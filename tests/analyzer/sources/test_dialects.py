@@ -49,7 +49,7 @@ def runs(strings: list[tuple[str | None, bytes]]) -> list[tuple[str | None, byte
 
 
 def side_of(name: str, one: LogEntry) -> str | None:
-    """What the dialect says of the sender."""
+    """What the dialect reports about the sender."""
     if name in NO_SIDES:
         return None
     return "sent" if one.sent else "received"
@@ -144,7 +144,7 @@ def is_countable(line: bytes) -> bool:
 
 @pytest.mark.parametrize("line", ["\u00a0", "\u3000 ", "\uff03 a comment", "\u2003// one more"])
 def test_blanks_of_typographers_are_blank(line: str) -> None:
-    """A line of them is none, and what stands behind them begins the line."""
+    """A line of them is none, and what follows them begins the line."""
     _, _, unparsed = TABLE.read("hex", f"{line}\n".encode())
     assert (unparsed, is_countable(line.encode())) == (0, False)
 

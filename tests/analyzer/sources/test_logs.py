@@ -31,7 +31,7 @@ Decode = Callable[..., list[str]]
 @pytest.fixture(name="frames")
 def _frames(tmp_path: Path) -> Decode:
     def frames(data: bytes | str, **options: object) -> list[str]:
-        """The whole frames of a log, in hex; without checksum, too."""
+        """The whole frames of a log, in hex; without checksum as well."""
         path = tmp_path / "bus.log"
         path.write_bytes(data if isinstance(data, bytes) else data.encode())
         rows = decode(path, **options).frames  # type: ignore[arg-type] # the options of decode
@@ -180,7 +180,7 @@ def test_a_file_may_mix_dialects(frames: Decode) -> None:
 
 
 def test_a_dialect_of_several_lines_behind_much_else(frames: Decode) -> None:
-    """It begins behind the bytes that the format is found in."""
+    """It begins after the bytes that the format is found in."""
     chatter = "the program says something that is of no use here\n" * 2000
     assert len(chatter) > 64 << 10
     text = write("hex", EXCHANGE) + chatter + write("socat", EXCHANGE)

@@ -36,14 +36,14 @@ class FarEnd:
         self.plug()
 
     def plug(self) -> None:
-        """A new pty behind the name."""
+        """A new pty after the name."""
         self.far, near = pty.openpty()
         tty.setraw(near)
         os.symlink(os.ttyname(near), self.link)
         self._near = near
 
     def pull(self) -> None:
-        """The name goes, then what stood behind it."""
+        """The name goes, then what followed it."""
         self.link.unlink()
         os.close(self._near)
         os.close(self.far)

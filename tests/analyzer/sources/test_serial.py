@@ -93,7 +93,7 @@ def test_a_time_does_not_wait_for_python(wire: tuple[int, str]) -> None:
 
 
 def test_silence_is_nothing(wire: tuple[int, str]) -> None:
-    """A silent port gives nothing until the time-out."""
+    """A silent port gives nothing until the timeout."""
     with PortReader(wire[1], LINE) as hearing:
         start = time.monotonic()
         assert hearing.read(0.05) is None
@@ -209,7 +209,7 @@ def test_a_port_without_a_descriptor_is_read_by_a_thread(
 
 
 def test_what_does_not_fit_is_counted_and_marked() -> None:
-    """The queue is bounded; behind the loss the port's bytes go on, marked."""
+    """The queue is bounded; after the loss the port's bytes go on, marked."""
     inbox = Inbox(300)
     for number in range(5):
         inbox.put(0, bytes([number]))

@@ -65,7 +65,7 @@ def test_decode_says_it(tmp_path: Path) -> None:
 
 
 def test_bytes_without_marks_and_few_bytes() -> None:
-    """A file of bytes tells neither rate nor parity, whatever --line says; few bytes nothing."""
+    """A file of bytes reports neither rate nor parity, whatever --line says; few bytes nothing."""
     pair = bytes.fromhex("010300000001840a0103020007f986")
     for given in (None, parse_line("19200-8E1")):
         (said,) = infer_settings(list(reads(pair * 20)), given)

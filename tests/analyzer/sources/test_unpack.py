@@ -216,7 +216,7 @@ def test_what_is_written_to_a_fifo_is_decoded(tmp_path: Path) -> None:
 
 
 def test_thousands_of_members_take_linear_time(tmp_path: Path) -> None:
-    """Each opening of the archive anew would list all of them: counted, not timed."""
+    """Each opening of the archive again would list all of them: counted, not timed."""
     path = tmp_path / "many.zip"
     with zipfile.ZipFile(path, "w") as archive:
         for number in range(300):

@@ -33,7 +33,7 @@ def test_the_shortest_ascii_frame_is_bytes_of_a_line(tmp_path: Path, modlens: Mo
 def test_a_response_of_a_write_alone_tells_what_was_written(
     frame: str, address: int, quantity: int, tmp_path: Path
 ) -> None:
-    """Address and quantity stand in the response, too (application protocol, 6.11 and 6.12)."""
+    """Address and quantity are in the response, too (application protocol, 6.11 and 6.12)."""
     path = tmp_path / "log.hex"
     path.write_text(frame)
     (txn,) = decode(path).transactions
@@ -107,7 +107,7 @@ BLUETOOTH = """\
 
 
 def test_a_log_of_bluetooth_is_refused(tmp_path: Path) -> None:
-    """Two zeros and a length that fits are no MBAP header without a function behind them."""
+    """Two zeros and a length that fits are no MBAP header without a function after them."""
     path = tmp_path / "hci.log"
     path.write_text(BLUETOOTH * 5)
     with pytest.raises(SourceError):
@@ -115,7 +115,7 @@ def test_a_log_of_bluetooth_is_refused(tmp_path: Path) -> None:
 
 
 def test_unread_lines_are_ranked_by_their_hex(tmp_path: Path, modlens: Modlens) -> None:
-    """The line that a reader of the message should look at stands first."""
+    """The line that a reader of the message should look at is first."""
     path = tmp_path / "log.txt"
     chatter = "".join(f"2026-11-21 12:30:{n:02} nothing to see\n" for n in range(9))
     lost = "block of 01 02 03 0A 05 06 07 08 09 10 bytes\n"

@@ -20,7 +20,7 @@ def shown(pieces: list[Piece], monkeypatch: pytest.MonkeyPatch, width: int = 80)
 
 
 def test_each_piece_has_its_bytes_and_its_meaning(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The title, the heads, then the pieces in wire order."""
+    """The title, the heads, then the blocks in wire order."""
     pieces = describe(bytes.fromhex("1103006B00037687"), mode="rtu", direction="request")
     lines = shown(pieces, monkeypatch)
     assert lines[0] == "frame 1"

@@ -1,4 +1,4 @@
-"""Time-outs explained, and findings in the order in which to look at them; traffic made by hand."""
+"""Timeouts explained, and findings in the order in which to look at them; traffic made by hand."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_a_late_answer_is_counted_with_its_delay() -> None:
 
 
 def test_a_bus_without_time_outs_says_nothing() -> None:
-    """Without time-outs nothing is explained; the poll cycle is that of the request."""
+    """Without timeouts nothing is explained; the poll cycle is that of the request."""
     bus = timeouts(*warm(0))
     assert bus["timeouts"] is None
     assert list(explain_timeouts(bus)) == []

@@ -139,7 +139,7 @@ def test_a_clock_is_cut_not_rounded(
 def test_names_and_labels_move_no_cursor(
     table: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A profile is text from outside, too: what hides in it is spelled out."""
+    """A profile is text from outside as well: what hides in it is spelled out."""
     profile = tmp_path / "p.toml"
     label = "on\\u001b[2J\\u00ad\\u202e"
     profile.write_text(
@@ -189,7 +189,7 @@ def test_a_filter_leaves_rows_out(polls: Path, monkeypatch: pytest.MonkeyPatch) 
 def test_several_buses_have_a_column_of_their_own(
     captures: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """The part of the path that tells them apart, from the first line on."""
+    """The part of the path that distinguishes them, from the first line on."""
     names = []
     for day in ("monday", "tuesday"):
         path = tmp_path / day / "bus.hex"

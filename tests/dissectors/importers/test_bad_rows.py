@@ -25,7 +25,7 @@ GATEWAY = "variable name,data type,register,documented name,unit,values\n"
     ],
 )
 def test_a_unit_with_a_scale(cell: str, scale: float | None, unit: str | None) -> None:
-    """A number is the scale, what stands behind it the unit."""
+    """A number is the scale, what follows it the unit."""
     found = csv.read(f"{GATEWAY}flow,USHORT,7,Flow,{cell},\n", "map.csv", Options())
     (point,) = found.model["registers"]
     assert point.get("scale", 1) == (scale or 1)

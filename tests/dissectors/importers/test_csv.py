@@ -31,7 +31,7 @@ def rows(head: str, *lines: str) -> str:
 
 
 def one(head: str, line: str) -> str:
-    """A table of one row, whose point is called x and stands at 7."""
+    """A table of one row, whose point is called x and is at 7."""
     return rows(f"Address,Name,{head}", f"7,x,{line}")
 
 

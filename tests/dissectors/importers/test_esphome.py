@@ -32,7 +32,7 @@ def one(keys: str = "register_type: holding", platform: str = "sensor") -> str:
 
 
 def beside(keys: str) -> str:
-    """A sensor y that cannot be carried over, behind x which can."""
+    """A sensor y that cannot be carried over, after x which can."""
     return entities("name: x, address: 7", f"name: y, {keys}")
 
 

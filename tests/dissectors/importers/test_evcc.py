@@ -81,7 +81,7 @@ render: |
 
 
 def test_every_register_of_every_case() -> None:
-    """Address, type, order, scale and name; scales stand in front of a register or behind it."""
+    """Address, type, order, scale and name; scales are in front of a register or after it."""
     found = importers.read("evcc", TEXT, "x.yaml")
     points = {point["at"]: point for point in found.model["registers"]}
     power = points["hr:40"]
@@ -105,7 +105,7 @@ def test_a_template_without_registers_says_why() -> None:
 
 
 def test_maker_and_lists_that_stand_as_far_in_as_their_keys() -> None:
-    """YAML lets a list stand below its key without being further in."""
+    """YAML lets a list be below its key without being further in."""
     text = """\
 template: imaginary
 products:

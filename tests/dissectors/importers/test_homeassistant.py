@@ -34,7 +34,7 @@ def sensor(keys: str = "data_type: uint16") -> str:
 
 
 def beside(keys: str) -> str:
-    """A sensor y that cannot be carried over, behind x which can."""
+    """A sensor y that cannot be carried over, after x which can."""
     return hub("name: x, address: 7, data_type: uint16", f"name: y, {keys}")
 
 

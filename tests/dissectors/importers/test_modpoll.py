@@ -23,7 +23,7 @@ def test_the_order_is_bytes_then_words(word: str, order: str | None) -> None:
 
 
 def test_the_former_layout() -> None:
-    """The unit stands in the row of the poll, the unit of measure in front of the address."""
+    """The unit is in the row of the poll, the unit of measure in front of the address."""
     text = "poll,plant,9,40001,5,holding_register,BE_BE\nref,a,W,40001,int16,rw,\n"
     (point,) = importers.read("modpoll", text, "x.csv").model["registers"]
     assert point == {"at": "hr:40001", "name": "a", "type": "s16", "unit": "W", "access": "rw"}

@@ -53,7 +53,7 @@ def number(
 
 
 def ordered(order: str, at: int, swap: str, telegraf: str, esphome: str | None) -> Point:
-    """A float whose bytes stand in an order."""
+    """A float whose bytes are in an order."""
     return Point(
         {"at": f"hr:{at}", "type": "f32", "order": order},
         csv={"Address": at, "Type": "float", "Order": order},
@@ -259,7 +259,7 @@ def kepware(rows: dict[str, Say]) -> str:
 
 
 def telegraf(rows: dict[str, Say]) -> str:
-    """A request for every field: its order and table stand there."""
+    """A request for every field: its order and table are there."""
     text = '[[inputs.modbus]]\nconfiguration_type = "request"\n'
     for name, say in rows.items():
         row = {key: value for key, value in say.items() if key not in ("register", "order")}

@@ -30,7 +30,7 @@ def test_parts_of_registers_texts_and_names() -> None:
 
 
 def test_names_halves_and_access() -> None:
-    """The documented name is the name, a half of a register is its eight bits, W is read, too."""
+    """The documented name is the name, half a register is its eight bits, W is also read."""
     text = (
         "variable name;data type;writable;register;documented name;description;values;unit\n"
         ";;;5;Reserved;Reserved;;\n"

@@ -73,7 +73,7 @@ def test_other_yaml_is_refused() -> None:
 
 
 def test_maker_and_what_is_written() -> None:
-    """Who makes it stands in the profile; an entity that is set is written; sums have no place."""
+    """Who makes it is in the profile; an entity that is set is written; sums have no place."""
     text = """
 info: {manufacturer: Imaginary, model: [One, Two]}
 parameters:

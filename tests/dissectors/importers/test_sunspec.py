@@ -24,7 +24,7 @@ SUNSPEC = Path(sunspec2.__file__).parent / "models" / "json"
 
 
 def model(*points: dict[str, Any], **keys: Any) -> str:
-    """A model of some points behind ID and length."""
+    """A model of some points after ID and length."""
     head = [{"name": "ID", "type": "uint16", "size": 1}, {"name": "L", "type": "uint16", "size": 1}]
     return json.dumps({"id": 64, "group": {"name": "own", "points": [*head, *points], **keys}})
 
@@ -35,7 +35,7 @@ def point(kind: str, size: int = 1, **keys: Any) -> dict[str, Any]:
 
 
 def x(kind: str = "u16", at: int = 2, nan: int | None = None, **keys: Any) -> dict[str, Any]:
-    """The point x behind ID and length."""
+    """The point x after ID and length."""
     if nan is not None:
         keys["nan"] = [nan]
     head = {"type": "u16", "nan": [0xFFFF], "group": "own"}
@@ -237,7 +237,7 @@ def test_every_model_of_the_alliance_is_read() -> None:
 
 
 def test_model_704_has_its_groups_once() -> None:
-    """Its four power factor groups stand one behind the other, two registers each (IEEE 1547)."""
+    """Its four power factor groups stand one after the other, two registers each (IEEE 1547)."""
     text = (SUNSPEC / "model_704.json").read_text(encoding="utf-8")
     rows = {row["name"]: row["at"] for row in imported("sunspec", text)["registers"]}
     group = json.loads(text)["group"]

@@ -43,7 +43,7 @@ BESIDE = '{ name = "x", address = [7], data_type = "UINT16" }, '
 
 
 def beside(fields: str) -> str:
-    """A field that cannot be carried over, behind x which can."""
+    """A field that cannot be carried over, after x which can."""
     return register("").replace("{  },", f"{BESIDE} {{ {fields} }},")
 
 

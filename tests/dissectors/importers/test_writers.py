@@ -3,7 +3,7 @@
 | writer | what comes back |
 | --- | --- |
 | `toml` | everything, exactly |
-| `csv` | everything; semicolons in labels and commas behind a setting go, with a note |
+| `csv` | everything; semicolons in labels and commas after a setting go, with a note |
 | `telegraf` | at, type, order, scale; an array is a field a value |
 | `homeassistant` | these, and offset, unit, the first nan, arrays; of single bits the lowest |
 """
@@ -112,7 +112,7 @@ def test_toml_carries_everything(model: Row) -> None:
 @settings(deadline=None, max_examples=40)
 @given(model=models())
 def test_csv_carries_everything(model: Row) -> None:
-    """The same model, but for semicolons in labels and commas behind a setting: each a note."""
+    """The same model, but for semicolons in labels and commas after a setting: each a note."""
     profile = from_model(model, "x")
     written = importers.write("csv", profile)
     expected = json.loads(json.dumps(profile.model))

@@ -180,7 +180,7 @@ fn list_levels(offsets: &[i32], nulls: Option<&NullBuffer>, definition: &mut Vec
     }
 }
 
-/// The pages of a column, compressed, until the row group is complete: in the file its columns are one behind the other.
+/// The pages of a column, compressed, until the row group is complete: in the file its columns are one after the other.
 #[derive(Default)]
 struct Pages(Arc<Mutex<Vec<u8>>>);
 

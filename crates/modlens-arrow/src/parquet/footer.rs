@@ -1,4 +1,4 @@
-//! The footer of a file. What it says of a row group is encoded as soon as that is complete: as the library holds it, it takes ten times
+//! The footer of a file. What it reports about a row group is encoded as soon as that is complete: as the library holds it, it takes ten times
 //! the memory, and a long recording has a thousand of them.
 //!
 //! The footer is a struct of Thrift's compact protocol, in which the number of all rows is followed by the list of row groups
@@ -7,19 +7,19 @@
 use parquet::errors::{ParquetError, Result};
 use parquet::file::metadata::{FileMetaData, ParquetMetaDataBuilder, ParquetMetaDataWriter, RowGroupMetaData};
 
-/// The header of a list field behind the field before it.
+/// The header of a list field after the field before it.
 const LIST_FIELD: u8 = 0x19;
 
 /// The header of a list of structs, without the number of its items in the upper half; 15 there says that the number follows.
 const OF_STRUCTS: u8 = 0x0C;
 
-/// The length of the footer and the magic number, which the library writes behind it.
+/// The length of the footer and the magic number, which the library writes after it.
 const TAIL_BYTES: usize = 8;
 
 /// What a file ends with.
 pub(super) struct Footer {
     file: FileMetaData,
-    /// What stands in front of the number of rows, and behind the list of row groups.
+    /// What is in front of the number of rows, and after the list of row groups.
     around: [Vec<u8>; 2],
     /// The encoded row groups.
     row_groups: Vec<u8>,
@@ -43,7 +43,7 @@ impl Footer {
         let rows = row_group.num_rows() as u64;
         let [empty, one] = [self.encoded(None)?, self.encoded(Some(row_group))?];
         let (before, behind) = around_row_groups(&empty, &one)?;
-        // Behind the number of rows, which has seven bits a byte.
+        // After the number of rows, which has seven bits a byte.
         let number = one[before.len()..].iter().position(|byte| byte & 0x80 == 0).ok_or_else(unknown)? + 1;
         let list = &one[before.len() + number..one.len() - behind.len()];
         let [LIST_FIELD, 0x1C, row_group @ ..] = list else { return Err(unknown()) };
@@ -91,7 +91,7 @@ impl Footer {
     }
 }
 
-/// What stands in front of the number of rows and behind the list of row groups, of a footer without any and one that has some.
+/// What is in front of the number of rows and after the list of row groups, of a footer without any and one that has some.
 fn around_row_groups<'a>(empty: &'a [u8], other: &[u8]) -> Result<(&'a [u8], &'a [u8])> {
     let number = empty.iter().zip(other).position(|(one, other)| one != other).ok_or_else(unknown)?;
     match empty.split_at(number) {

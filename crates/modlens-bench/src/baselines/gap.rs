@@ -32,7 +32,7 @@ impl Algorithm for Gap {
     }
 }
 
-/// The pieces between silences that are longer than `threshold` ns.
+/// The blocks between silences that are longer than `threshold` ns.
 pub(crate) fn cut(case: &Case, threshold: f64) -> Vec<ReportedFrame> {
     let mut pieces = Vec::new();
     for line in &case.lines {
@@ -52,7 +52,7 @@ pub(crate) fn cut(case: &Case, threshold: f64) -> Vec<ReportedFrame> {
     paired.collect()
 }
 
-/// Pieces of a line with the times of their last reads.
+/// Blocks of a line with the times of their last reads.
 fn cut_line(line: &CaseLine, char_ns: f64, threshold: f64, pieces: &mut Vec<(i64, ReportedFrame)>) {
     let (mut start, mut end) = (0usize, 0usize);
     let mut before: Option<i64> = None;

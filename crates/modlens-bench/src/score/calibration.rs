@@ -36,7 +36,7 @@ impl Calibration {
         this
     }
 
-    /// Counts frames reported behind an offset where nobody sent any.
+    /// Counts frames reported after an offset where nobody sent any.
     pub fn of_noise(reported: &[ReportedFrame], from: u64) -> Self {
         let mut this = Self::default();
         reported.iter().filter(|frame| frame.is_whole && frame.end > from).for_each(|frame| this.count(frame, true));

@@ -2,7 +2,7 @@
 //!
 //! Let V be the valid frames of the truth, O the reported frames that claim to be whole, and M those of O that match one of
 //! V in start and end. Recall is M/V and precision is M/O. The headline figure (`frames_with_direction`) counts a match only
-//! if its direction is right, too.
+//! if its direction is right as well.
 
 mod calibration;
 pub(crate) mod labels;
@@ -34,7 +34,7 @@ pub struct Score {
     pub claimed: u64,
     /// Reported frames that claim to be whole and have the right start and end.
     pub matched: u64,
-    /// Matched frames that have the right direction, too.
+    /// Matched frames that have the right direction as well.
     pub matched_with_direction: u64,
     /// Matched frames with stated odds of a thousand to one or better.
     pub sure: u64,
@@ -122,7 +122,7 @@ pub fn score(case: &Case, reported: &[ReportedFrame]) -> Score {
     score
 }
 
-/// Counts the frames that are reported behind an offset where there is only noise: those reported as certain, and those
+/// Counts the frames that are reported after an offset where there is only noise: those reported as certain, and those
 /// marked as unconfirmed.
 pub fn false_frames(reported: &[ReportedFrame], from: u64) -> (u64, u64) {
     let claimed = reported.iter().filter(|frame| frame.is_whole && frame.end > from);

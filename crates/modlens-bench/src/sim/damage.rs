@@ -65,7 +65,7 @@ impl Slot {
 pub(crate) struct DamagedTransmission {
     pub(crate) slots: Vec<Slot>,
     pub(crate) damage: Damage,
-    /// It was damaged on the line already, so its receiver drops it, too.
+    /// It was damaged on the line already, so its receiver drops it as well.
     pub(crate) is_damaged_on_line: bool,
 }
 

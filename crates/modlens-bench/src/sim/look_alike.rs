@@ -19,7 +19,7 @@ pub enum LookAlike {
     Squares,
     /// Spells of a poll at another baud rate.
     WrongBaud,
-    /// A telegram of another protocol again and again, of which a part has a valid CRC by accident.
+    /// A telegram of another protocol again and again, of which a part has a valid CRC by chance.
     Foreign,
     /// Three lines of Modbus ASCII in front.
     AsciiInFront,

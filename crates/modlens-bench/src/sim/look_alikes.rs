@@ -57,7 +57,7 @@ pub(crate) fn traffic(kind: LookAlike, scenario: &Scenario, seed: u64, frames: u
     mixed.finish(clean)
 }
 
-/// What the pieces are made of, which stays the same all over a recording.
+/// What the blocks are made of, which stays the same all over a recording.
 struct Makers {
     /// The constant exchange.
     request: Vec<u8>,
@@ -94,7 +94,7 @@ impl Makers {
     }
 }
 
-/// What stands in front of everything.
+/// What is in front of everything.
 fn in_front(kind: LookAlike, rng: &mut Rng) -> Vec<Piece> {
     match kind {
         LookAlike::AsciiInFront => (0..3).map(|at| Piece::noise(ascii(at + 1, &[3, 0, rng.byte(), 0, 2], false))).collect(),

@@ -1,4 +1,4 @@
-//! Simulates the traffic of a bus: the polls, time-outs and retries of the master, the responses of the slaves, and a second
+//! Simulates the traffic of a bus: the polls, timeouts and retries of the master, the responses of the slaves, and a second
 //! master.
 
 use crate::checksum::{ascii, rtu};
@@ -13,7 +13,7 @@ use crate::sim::wire::{FrameRole, RequestOutcome, SentFrame, Wire};
 /// How often a master repeats a request without response.
 const MAX_RETRIES: usize = 2;
 
-/// The response time-out of the master.
+/// The response timeout of the master.
 const RESPONSE_TIMEOUT_NS: f64 = 250e6;
 
 /// By how much, as a logarithm, pauses and response times scatter where the same requests are sent again and again.
@@ -22,7 +22,7 @@ const REPEATED_SPREAD: f64 = 0.1;
 /// The typical silence before a request.
 const REQUEST_DELAY_NS: f64 = 12e6;
 
-/// A response that the slave sends only after the time-out.
+/// A response that the slave sends only after the timeout.
 struct LateResponse {
     request: usize,
     pdu: Vec<u8>,

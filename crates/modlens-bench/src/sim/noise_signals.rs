@@ -78,8 +78,8 @@ pub(crate) fn repeating_poll(exchanges: &[(u8, i64)], sender: Settings, baud: u3
     received
 }
 
-/// A telegram of another protocol in which a substring has a valid CRC by accident: such telegrams are rare, but where one is
-/// repeated with the same payload, the accident is, too. It looks like a frame of `unit`, with a function code of Modbus.
+/// A telegram of another protocol in which a substring has a valid CRC by chance: such telegrams are rare, but where one is
+/// repeated with the same payload, the accident is as well. It looks like a frame of `unit`, with a function code of Modbus.
 pub(crate) fn foreign_telegram(unit: u8, rng: &mut Rng) -> Vec<u8> {
     let (function, length) = (rng.pick(&[1, 2, 3, 4, 6, 16, 0x83]), rng.range(2, 9));
     let mut accident = vec![unit, function];

@@ -1,6 +1,6 @@
 //! Lines on which the same requests are sent again and again: set-points, watchdogs, heartbeats, polls of a dead unit.
 //!
-//! The response to such a write has the same bytes, so only times and habits tell it from the same request once more. Where
+//! The response to such a write has the same bytes, so only times and habits tell it from the same request again. Where
 //! neither does, the truth says that the recording does not decide (`undecided`).
 
 use crate::rng::Rng;

@@ -21,7 +21,7 @@ pub struct Scenario {
     pub noise_gap: f64,
     /// 1 to 3 stray bytes directly in front of the frame.
     pub turn_lead: f64,
-    /// 1 to 3 stray bytes directly behind the frame.
+    /// 1 to 3 stray bytes directly after the frame.
     pub turn_trail: f64,
     /// 1-3 flipped bits.
     pub flip: f64,
@@ -37,13 +37,13 @@ pub struct Scenario {
     pub slow15: f64,
     /// 1-2 gaps of U[3.6, 25] characters inside.
     pub slow35: f64,
-    /// Per transaction: 60-600 noise bytes behind it.
+    /// Per transaction: 60-600 noise bytes after it.
     pub storm: f64,
     /// Per transaction: a place where up to 400 bytes vanish.
     pub cuts: f64,
     /// Per write payload of 8 bytes and more: it contains a complete frame.
     pub nested: f64,
-    /// Per time-out: the response arrives after the retry.
+    /// Per timeout: the response arrives after the retry.
     pub late: f64,
     /// The request appears twice.
     pub echo: f64,

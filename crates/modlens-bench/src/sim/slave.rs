@@ -22,7 +22,7 @@ pub(crate) struct Slave {
 pub(crate) enum LengthStyle {
     /// Constant lengths.
     Fixed { request: usize, response: usize },
-    /// The first byte counts the bytes behind it.
+    /// The first byte counts the bytes after it.
     Counted,
     /// Random lengths.
     Random,

@@ -12,7 +12,7 @@ pub struct TruthFrame {
     pub line: u8,
     /// Offset of its first delivered byte in that line's stream.
     pub start: u64,
-    /// Offset behind its last delivered byte.
+    /// Offset after its last delivered byte.
     pub end: u64,
     /// Request or response.
     pub direction: Direction,
@@ -25,7 +25,7 @@ pub struct TruthFrame {
     /// Number of the transaction, which a request and its response share.
     pub txn: u32,
     /// Another transaction to which the frame may be assigned. For a late response it is the transaction that timed out. The
-    /// response to the retry behind it has the same value: a live tap takes the first of the two for the response to the
+    /// response to the retry after it has the same value: a live tap takes the first of the two for the response to the
     /// retry, and only the second one shows that there was one too many.
     pub alternative_txn: Option<u32>,
     /// All its bytes were delivered, unmodified and contiguous.
@@ -48,7 +48,7 @@ pub struct TruthFrame {
     pub damage: Damage,
 }
 
-/// A place where bytes are missing: the line, and the offset of the first byte behind the gap.
+/// A place where bytes are missing: the line, and the offset of the first byte after the gap.
 pub type Loss = (u8, u64);
 
 /// The position and the condition of a frame in the recording.

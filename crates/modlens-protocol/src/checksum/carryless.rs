@@ -5,7 +5,7 @@
 //! polynomial, with its first 16 coefficients inverted, is a multiple of P = y^16 + y^14 + y + 1, the mirror image of the
 //! generator (serial line specification, 6.2.2). Three properties make this test fast:
 //!
-//! * Zeros behind a frame change nothing, so the last step only needs a mask.
+//! * Zeros after a frame change nothing, so the last step only needs a mask.
 //! * The first 128 coefficients may be multiplied by y^-128 modulo P and added to the next 128: y has an inverse, because
 //!   P has a constant term.
 //! * 64 coefficients are a multiple of P if and only if their product with the inverse of P as a power series is a

@@ -201,7 +201,7 @@ fn parse_field(text: &str) -> Result<Field, String> {
 ///
 /// Four layouts qualify: a read (address and quantity, answered by a byte count and that many bytes), a write of a
 /// block (answered by its address and quantity), a write of one value (answered by the same bytes), and a read with the
-/// write of a block behind it, both of registers (answered as the read). The names of the
+/// write of a block after it, both of registers (answered as the read). The names of the
 /// fields are not enough, so the lengths of the layouts are tried with sample bytes.
 fn standard_layout(
     request: &Layout,

@@ -164,7 +164,7 @@ pub struct FunctionRow {
     pub space: Option<Space>,
     /// The standard layout that request and response have, if any.
     pub standard_layout: Option<StandardLayout>,
-    /// Whether request and response have the same layout, so that the two cannot be told apart by their bytes alone.
+    /// Whether request and response have the same layout, so that the two cannot be distinguished by their bytes alone.
     pub has_equal_layouts: bool,
     /// The leading part of a body, in bytes, that contains all fields with limits, byte counts and quantities. The
     /// bytes after it are data and cannot prove a frame wrong.
@@ -175,7 +175,7 @@ pub struct FunctionRow {
     pub echoes: Vec<Echo>,
     /// Permitted values: `[request, response]`.
     pub field_limits: [Vec<FieldLimits>; 2],
-    /// The row as it stands in the file, with the name of the vendor it comes from.
+    /// The row as it is in the file, with the name of the vendor it comes from.
     pub source: Json,
     /// Offsets of the fields that become columns.
     pub offsets: FieldOffsets,

@@ -151,7 +151,7 @@ impl Shape {
         offset == body.len()
     }
 
-    /// The body offset of a numeric field that stands before all fields of variable length, and so has a fixed offset.
+    /// The body offset of a numeric field that is before all fields of variable length, and so has a fixed offset.
     pub fn offset_of(&self, name: &str) -> Option<usize> {
         let mut offset = 0;
         for field in &self.fields {

@@ -42,7 +42,7 @@ pub fn decode<'a>(shape: &'a Shape, body: &'a [u8]) -> Decoded<'a> {
     Decoded { fields: nodes, complete, covered_bytes: at }
 }
 
-/// Decodes fields from offset `at` on, and moves `at` behind them. `end` is the end of the body or of the part that a
+/// Decodes fields from offset `at` on, and moves `at` after them. `end` is the end of the body or of the part that a
 /// length field announced. Sets `complete` to false if bytes are missing.
 fn decode_fields<'a>(
     fields: &'a [Field],

@@ -1,4 +1,4 @@
-//! Compact exchanges that stand behind each other, of which a writer of columns takes a value from each at once.
+//! Compact exchanges that stand one after the other, of which a writer of columns takes a value from each at once.
 
 use std::ops::Range;
 
@@ -16,7 +16,7 @@ pub struct ReadData<'a> {
     pub count: usize,
     /// Whether they are bits, packed with the least significant first, or registers of two bytes each.
     pub are_bits: bool,
-    /// Their bytes, and whatever stands behind them in memory: who reads eight registers at a time may read beyond the last.
+    /// Their bytes, and whatever follows them in memory: who reads eight registers at a time may read beyond the last.
     pub from: &'a [u8],
 }
 
@@ -25,7 +25,7 @@ pub struct ReadData<'a> {
 pub struct ReadLayout {
     /// Bytes of the response in front of it.
     before: u32,
-    /// Bytes of the response in front of it and behind it.
+    /// Bytes of the response in front of it and after it.
     around: u32,
     are_bits: bool,
     /// The request says how many bits there are; else there are those of whole bytes.

@@ -1,4 +1,4 @@
-//! What columns show of compact exchanges, where that stands at a place that is the same for all of a bus and a kind: a writer need
+//! What columns show of compact exchanges, where that is at a place that is the same for all of a bus and a kind: a writer need
 //! not make their rows to find it.
 
 use modlens_engine::records::Half;
@@ -107,7 +107,7 @@ impl ExchangeValue {
             "request_hex" => Self::Frame(Half::Request),
             "response_hex" => Self::Frame(Half::Response),
             "data" => Self::block(Half::Response, offsets.response_block?, row)?,
-            // A coil is 0 or 1, and not as it stands in the request.
+            // A coil is 0 or 1, and not as it is in the request.
             "write_data" if offsets.value.is_some() => {
                 Self::ListOfRequestWord(offsets.value.filter(|_| row.register_type.as_deref() != Some("coil"))?)
             }

@@ -34,7 +34,7 @@ impl<'a> Fields<'a> {
         self.nodes.is_empty() && self.bodies.is_empty()
     }
 
-    /// Appends the fields as a JSON object. The objects of Read Device Identification stand in it once more as text, by
+    /// Appends the fields as a JSON object. The objects of Read Device Identification are in it again as text, by
     /// name.
     pub fn push(&self, out: &mut Vec<u8>) {
         if self.bodies.is_empty() {

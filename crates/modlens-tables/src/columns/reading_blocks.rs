@@ -86,7 +86,7 @@ impl ReadingBlock {
 }
 
 impl ReadingBlocks {
-    /// Those of a batch. Writes that were refused or not answered are among them, too.
+    /// Those of a batch. Writes that were refused or not answered are among them as well.
     pub fn new(batch: &Batch) -> Self {
         let mut listing = Listing::new(batch);
         listing.add_all();

@@ -31,7 +31,7 @@ impl ReadingRef<'_> {
 }
 
 impl ReadingRows {
-    /// Lists the rows of a batch. Writes that were refused or not answered are listed, too; their status tells them
+    /// Lists the rows of a batch. Writes that were refused or not answered are listed as well; their status shows them
     /// apart.
     pub fn new(batch: &Batch) -> Self {
         Self { all: Arc::new(ReadingBlocks::new(batch)), kept: None }

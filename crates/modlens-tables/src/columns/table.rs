@@ -121,7 +121,7 @@ impl Table {
         self.with_rows(&kept)
     }
 
-    /// At most `count` rows from row `start` on, which may be behind the last one.
+    /// At most `count` rows from row `start` on, which may be after the last one.
     #[must_use]
     pub fn slice(&self, start: usize, count: usize) -> Self {
         let kept: Vec<usize> = (0..self.len()).skip(start).take(count).collect();
@@ -150,7 +150,7 @@ impl Table {
             };
             let cell = self.cell(row, bus);
             let bus = if let Cell::Text(name) = cell { name } else { "" };
-            // Rows of a day and bus mostly stand behind each other.
+            // Rows of a day and bus mostly stand one after the other.
             if parts.get(last).is_none_or(|part| part.0 != day || part.1 != bus) {
                 last = parts.iter().position(|part| part.0 == day && part.1 == bus).unwrap_or_else(|| {
                     parts.push((day, bus.to_owned(), Vec::new()));

@@ -1,4 +1,4 @@
-//! The rows of a table, one behind the other: as rows, or as compact exchanges, of which whole rows are never made.
+//! The rows of a table, one after the other: as rows, or as compact exchanges, of which whole rows are never made.
 
 use std::ops::Range;
 
@@ -39,7 +39,7 @@ pub enum RowChunk<'a> {
     Compact(ExchangeChunk<'a>),
 }
 
-/// Rows that stand behind each other.
+/// Rows that stand one after the other.
 enum PartRefs<'a> {
     Whole(&'a [Transaction]),
     Compact(RunRefs<'a>),
@@ -55,7 +55,7 @@ impl PartRefs<'_> {
     }
 }
 
-/// Tells whether a column has a value, which is not made for that.
+/// Says whether a column has a value, which is not made for that.
 struct Probe(bool);
 
 impl CellSink for Probe {
@@ -138,7 +138,7 @@ impl Table {
         self.kind.columns()[column].key == PROFILE_COLUMN && self.batch.has_points()
     }
 
-    /// Calls `each` for some rows, one behind the other, until it returns false; gives the index of the row behind the last one.
+    /// Calls `each` for some rows, one after the other, until it returns false; gives the index of the row after the last one.
     pub fn each_row(&self, rows: Range<usize>, mut each: impl FnMut(TableRow<'_>) -> bool) -> usize {
         if !matches!(self.rows, Rows::AllAndCompact(_)) {
             let stops_at = rows.clone().find(|&row| !each(TableRow::Whole(&self.row(row))));

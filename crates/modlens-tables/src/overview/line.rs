@@ -180,7 +180,7 @@ pub(super) fn p95_column(buckets: &[RequestBucket]) -> Json {
     buckets.iter().map(RequestBucket::p95).collect()
 }
 
-/// Microseconds; whole ones where nothing is behind the point.
+/// Microseconds; whole ones where nothing is after the point.
 pub(super) fn us(ns: Ns) -> Json {
     if ns % 1000 == 0 {
         (ns / 1000).into()

@@ -110,7 +110,7 @@ struct BusOverview {
 }
 
 impl Overview {
-    /// One that collects the courses of lines and units alone: without values of registers, without examples, and without rows
+    /// One that collects the time series of lines and units alone: without values of registers, without examples, and without rows
     /// for the requests of each function.
     pub fn of_courses() -> Self {
         Self { is_of_courses: true, ..Self::default() }
@@ -199,7 +199,7 @@ impl Overview {
         }
     }
 
-    /// Adds compact exchanges to the courses.
+    /// Adds compact exchanges to the time series.
     fn exchanges(&mut self, batch: &Batch, run: &ExchangeRun) {
         let (line, of_requests, mut requests) = (self.bus_resolution(), self.request_resolution(), self.requests());
         let Some(at) = self.bus_at(batch, run.bus, false) else { return };
@@ -241,7 +241,7 @@ impl Overview {
         });
     }
 
-    /// Adds what was observed of the part of the recording behind this one.
+    /// Adds what was observed of the part of the recording after this one.
     pub fn merge(&mut self, later: &Self) {
         for bus in &later.buses {
             match self.buses.iter().position(|own| own.name == bus.name) {
@@ -307,7 +307,7 @@ impl Overview {
         let line = range.within(self.bus_resolution());
         let of_requests = bus.common(bus.requests.iter().filter_map(|one| one.series.range()), self.request_resolution());
         let of_values = bus.common(bus.registers.range().into_iter(), self.value_resolution());
-        // The text of the courses draws units only; these rows would be most of the document.
+        // The text of the time series draws units only; these rows would be most of the document.
         let shown = if self.is_of_courses { BTreeMap::new() } else { bus.requests.sorted() };
         let requests: Vec<Json> = shown
             .into_iter()

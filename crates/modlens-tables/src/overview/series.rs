@@ -48,7 +48,7 @@ impl<B: Bucket> Series<B> {
         1 << self.shift
     }
 
-    /// The first position behind the bucket of this one.
+    /// The first position after the bucket of this one.
     pub fn bucket_end(&self, position: i64) -> i64 {
         ((position >> self.shift) + 1) << self.shift
     }
@@ -69,7 +69,7 @@ impl<B: Bucket> Series<B> {
         }
     }
 
-    /// Its buckets in a range that covers it, those before and behind it empty.
+    /// Its buckets in a range that covers it, those before and after it empty.
     pub fn cut_to(&self, range: Range) -> Vec<B> {
         let mut found = vec![B::default(); (range.last - range.first + 1) as usize];
         for (at, bucket) in self.buckets.iter().enumerate() {

@@ -47,7 +47,7 @@ pub struct Route {
 const ROUTED_BYTES: usize = 40;
 
 /// Name and ports for a dissector that derives the direction from ports, with room for further bytes. `kind` is 2 for
-/// TCP, 3 for UDP. Built in one piece, because small packets consist mostly of headers.
+/// TCP, 3 for UDP. Built in one block, because small packets consist mostly of headers.
 fn routed<const N: usize>(name: [u8; 5], kind: u8, route: Route) -> [u8; N] {
     let mut header = [0; N];
     header[..4].copy_from_slice(&[0, NAME as u8, 0, 8]);

@@ -173,9 +173,9 @@ fn fit_to_width(text: String, head: &ColumnHead, room: usize) -> String {
     out
 }
 
-/// Appends the pieces with spaces between them, in at most `room` columns; a named value may take more.
+/// Appends the blocks with spaces between them, in at most `room` columns; a named value may take more.
 fn push_run(pieces: &[(CellContent<'_>, Style)], room: usize, parts: &mut Vec<StyledText>) {
-    let mut end = None; // the columns that are used, once there is a piece
+    let mut end = None; // the columns that are used, once there is a block
     for (piece, style) in pieces {
         let start_column = end.map_or(0, |end| end + 1);
         let Some(columns_left) = room.checked_sub(start_column) else { break };

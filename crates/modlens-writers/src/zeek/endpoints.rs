@@ -15,7 +15,7 @@ const SERVER_PORT: u16 = 502;
 /// The letters and digits of Zeek's uids.
 const UID_LETTERS: &[u8; 62] = b"0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz";
 
-/// The length of a uid behind its first letter.
+/// The length of a uid after its first letter.
 const UID_LENGTH: usize = 16;
 
 /// The parameters of FNV-1a with 64 bits (draft-eastlake-fnv).

@@ -51,7 +51,7 @@ const PAIRED: [u8; 15] = [
 /// type, file, record, length (sections 6.14 and 6.15).
 const REFERENCE_BYTES: usize = 7;
 
-/// The fields of one line behind the identity, each as icsnpp has it where the function says nothing of it.
+/// The fields of one line after the identity, each as icsnpp has it where the function says nothing of it.
 struct Detail {
     function: String,
     address: Option<u16>,
@@ -141,7 +141,7 @@ fn diagnostics(request: &[u8], response: &[u8], line: &mut Detail) {
 fn records_read(response: &[u8]) -> Vec<String> {
     let (mut rest, mut all) = (response.get(1..).unwrap_or(&[]), Vec::new());
     while let [length, kind, behind @ ..] = rest {
-        // The length counts the reference type, too.
+        // The length counts the reference type as well.
         let Some((data, next)) = usize::from(*length).checked_sub(1).and_then(|bytes| behind.split_at_checked(bytes)) else {
             break;
         };
@@ -225,7 +225,7 @@ fn padding(batch: &Batch, t: &Transaction) -> Option<String> {
     (!bits.is_empty()).then(|| bits.join(","))
 }
 
-/// The name of a diagnostics sub-function in the specification, which icsnpp uses, too.
+/// The name of a diagnostics sub-function in the specification, which icsnpp uses as well.
 fn diagnostic_name(code: u16) -> String {
     static NAMES: OnceLock<Vec<(u64, String)>> = OnceLock::new();
     let names = NAMES.get_or_init(|| {

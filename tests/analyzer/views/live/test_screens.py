@@ -1,6 +1,6 @@
 """The live screens in a real terminal: every view in two sizes as it should look, and the keys.
 
-The golden screens stand in `golden/`; `MODLENS_UPDATE=1` writes them anew, for a person to look at.
+The golden screens are in `golden/`; `MODLENS_UPDATE=1` writes them again, for a person to look at.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def test_keys_do_what_the_foot_says() -> None:
         terminal.press("-l", "unit = 1")
         terminal.wait_for("filter: unit = 1_")
         terminal.press("Enter")
-        # What was typed stays, to be mended.
+        # What was typed stays, to be fixed.
         terminal.wait_for("filter: unit = 1_  write `==` to compare")
         terminal.press("BSpace", "BSpace")
         terminal.press("-l", "= 1")

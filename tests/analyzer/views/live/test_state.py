@@ -116,7 +116,7 @@ def test_the_newest_rows_are_at_the_end(history: History) -> None:
 
 
 def test_a_page_that_is_looked_at_does_not_move(history: History) -> None:
-    """Rows that come meanwhile stand behind it."""
+    """Rows that come meanwhile follow it."""
     history.turn(-5, 5)
     before = numbers(history, 5)
     line = Line()
@@ -137,7 +137,7 @@ def test_a_filter_looks_at_what_was_seen_before(history: History) -> None:
 
 
 def test_what_is_no_longer_kept_is_said(history: History) -> None:
-    """A line in front of the oldest row tells how many are missing."""
+    """A line in front of the oldest row shows how many are missing."""
     line = Line()
     line.now_ms = 10_000
     for batch in batches(line, 30):
