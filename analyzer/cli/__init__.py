@@ -49,6 +49,7 @@ COMMANDS = {
     "learn": "generate a draft device profile from recorded traffic",
     "match": "find the known profile that best matches a unit",
     "extcap": "add serial lines to Wireshark's list of interfaces",
+    "dashboards": "write a dashboard for Grafana or Home Assistant, ready to import",
     "mcp": "serve recordings to an assistant as read-only tools (MCP)",
     "wireshark-setup": "install a Wireshark profile with columns and colours",
 }

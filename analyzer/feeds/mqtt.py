@@ -6,7 +6,8 @@
   sent every minute in which it changes, and for the last time after midnight (UTC)
 - `PREFIX/BUS/UNIT/NAME`: the last value of a register or coil, retained; sent when it changes
 
-With `discovery`, Home Assistant is informed of each value as a sensor, and again when it restarts.
+With `discovery`, Home Assistant is informed of devices and sensors (see
+`analyzer.feeds.home_assistant`), and again when it restarts.
 Nothing is subscribed to but Home Assistant's own state: a listener takes no commands.
 
 What the broker has not confirmed waits in a spool, in a file if one is named, and is sent when it
@@ -15,7 +16,6 @@ is back; so each message arrives at least once (quality of service 1).
 
 from __future__ import annotations
 
-import json
 import sys
 import threading
 import time
@@ -28,6 +28,7 @@ from analyzer.addresses import SHORT
 from analyzer.columns import pick
 from analyzer.counts import count_of
 from analyzer.feeds.broker import Broker, tls_context
+from analyzer.feeds.home_assistant import DISCOVERY, HomeAssistant
 from analyzer.feeds.spool import Message, Spool
 from analyzer.installing import how_to_install
 from dissectors.errors import UsageError
@@ -37,7 +38,6 @@ __all__ = ["Mqtt"]
 IN_FLIGHT = 200
 """Messages that may be given to the client before the first of them is acknowledged."""
 
-DISCOVERY = "homeassistant"
 _KEEPALIVE_S = 30
 _MAX_RECONNECT_S = 30
 _FIRST_OUTCOME_S = 3.0
@@ -49,7 +49,6 @@ _KEPT_DAYS = 2
 """Days that are counted: yesterday's row is sent again."""
 
 _MAX_VALUES = 200_000
-_BIT_TABLES = ("coil", "discrete_input")
 
 
 class Mqtt:
@@ -80,13 +79,12 @@ class Mqtt:
         self._has_outcome = threading.Event()
         self._spool_path = spool
         self._prefix = where.prefix
-        self._discovery = discovery
+        self._home = HomeAssistant(where.prefix, self._status) if discovery else None
         self._spool = Spool(spool)
         self._columns = pick("transactions", None)
         self._values: dict[str, Any] = {}
         self._days = _modlens.Days(_KEPT_DAYS)
         self._day_every_s, self._day_due_s = day_every_s, time.monotonic() + day_every_s
-        self._sensors: dict[str, Message] = {}
         self._in_flight: dict[int, int] = {}
         self._confirmed: deque[int] = deque()
         self._connected = self._must_announce = False
@@ -174,7 +172,7 @@ class Mqtt:
             return
         self._set_state("connected")
         client.publish(self._status, b"online", qos=1, retain=True)
-        if self._discovery:
+        if self._home is not None:
             client.subscribe(f"{DISCOVERY}/status")
 
     def _on_connect_fail(self, client: Any, data: object) -> None:
@@ -223,7 +221,7 @@ class Mqtt:
     def _publish_waiting(self) -> None:
         if self._must_announce:
             self._must_announce = False
-            self._spool.add(*self._sensors.values())
+            self._spool.add(*self._home.announcements if self._home is not None else ())
         self._acknowledge()
         if not self._client.is_connected():
             return
@@ -256,6 +254,8 @@ class Mqtt:
         for row, line in zip(table, lines, strict=True):
             bus = f"{self._prefix}/{_modlens.topic_level(row.bus)}"
             yield Message(f"{bus}/transaction", line)
+            if self._home is not None:
+                yield from self._home.transaction(row)
             if row.status == "ok":
                 for name, value in _values(row):
                     yield from self._value(f"{bus}/{row.unit}/{name}", value, row, name)
@@ -263,33 +263,11 @@ class Mqtt:
     def _value(self, topic: str, value: Any, row: _modlens.Row, name: str) -> Iterator[Message]:
         if self._values.get(topic) == value or len(self._values) >= _MAX_VALUES:
             return
-        if self._discovery and topic not in self._sensors:
-            self._sensors[topic] = self._sensor(topic, value, row, name)
-            yield self._sensors[topic]
+        if self._home is not None and topic not in self._values:
+            yield from self._home.value(topic, value, row, name)
         self._values[topic] = value
         payload = str(int(value) if isinstance(value, bool) else value)
         yield Message(topic, payload.encode(), retain=True)
-
-    def _sensor(self, topic: str, value: Any, row: _modlens.Row, name: str) -> Message:
-        """The MQTT discovery message by which Home Assistant makes a sensor of one value."""
-        node = _modlens.topic_level(f"{self._prefix}_{row.bus}_{row.unit}")
-        about = {
-            "name": name,
-            "unique_id": f"{node}_{_modlens.topic_level(name)}",
-            "state_topic": topic,
-            "availability_topic": self._status,
-            "device": {
-                "identifiers": [node],
-                "name": f"{row.bus} unit {row.unit}",
-                "manufacturer": "Modbus unit seen by modlens",
-            },
-        }
-        kind = "sensor"
-        if isinstance(value, bool) or row.register_type in _BIT_TABLES:
-            kind = "binary_sensor"
-            about |= {"payload_on": "1", "payload_off": "0"}
-        where = f"{DISCOVERY}/{kind}/{node}/{_modlens.topic_level(name)}/config"
-        return Message(where, json.dumps(about).encode(), retain=True)
 
 
 def _values(row: _modlens.Row) -> Iterator[tuple[str, Any]]:

@@ -17,6 +17,7 @@ complete -c modlens -n __fish_use_subcommand -a map -d 'show each register\'s la
 complete -c modlens -n __fish_use_subcommand -a learn -d 'generate a draft device profile from recorded traffic'
 complete -c modlens -n __fish_use_subcommand -a match -d 'find the known profile that best matches a unit'
 complete -c modlens -n __fish_use_subcommand -a extcap -d 'add serial lines to Wireshark\'s list of interfaces'
+complete -c modlens -n __fish_use_subcommand -a dashboards -d 'write a dashboard for Grafana or Home Assistant, ready to import'
 complete -c modlens -n __fish_use_subcommand -a mcp -d 'serve recordings to an assistant as read-only tools (MCP)'
 complete -c modlens -n __fish_use_subcommand -a wireshark-setup -d 'install a Wireshark profile with columns and colours'
 complete -c modlens -n '__fish_seen_subcommand_from tap' -s h -l help -d 'show this help message and exit'
@@ -372,6 +373,10 @@ complete -c modlens -n '__fish_seen_subcommand_from extcap' -l mode -x -d '==SUP
 complete -c modlens -n '__fish_seen_subcommand_from extcap' -l style -x -d '==SUPPRESS=='
 complete -c modlens -n '__fish_seen_subcommand_from extcap' -l port -r -d '==SUPPRESS=='
 complete -c modlens -n '__fish_seen_subcommand_from extcap' -l file -r -d '==SUPPRESS=='
+complete -c modlens -n '__fish_seen_subcommand_from dashboards' -f
+complete -c modlens -n '__fish_seen_subcommand_from dashboards' -a 'grafana grafana-parquet home-assistant'
+complete -c modlens -n '__fish_seen_subcommand_from dashboards' -s h -l help -d 'show this help message and exit'
+complete -c modlens -n '__fish_seen_subcommand_from dashboards' -s o -r -d 'file to write (default: print it)'
 complete -c modlens -n '__fish_seen_subcommand_from mcp' -f
 complete -c modlens -n '__fish_seen_subcommand_from mcp' -s h -l help -d 'show this help message and exit'
 complete -c modlens -n '__fish_seen_subcommand_from mcp' -l skill -d 'print a SKILL.md that teaches an assistant with a shell the command line, and exit'
