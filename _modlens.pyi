@@ -108,17 +108,6 @@ class LineSearch:
         """What can be said when the search ends without a result."""
 
 @final
-class LineCheck:
-    """Watches a bus whose settings were found by listening."""
-
-    def __new__(cls) -> LineCheck: ...
-    def damage(self, session: Session, bus: int) -> int | None:
-        """The bytes since the last valid frame, if the settings have to be searched again.
-
-        `IndexError` for a bus that there is not.
-        """
-
-@final
 class Dialects:
     """The table of text formats: the embedded rows and further ones."""
 
@@ -472,64 +461,110 @@ class Inbox:
         """
     def put(self, port: int, data: bytes | None) -> None:
         """Queue what somebody else has read just now; None is the end of the port."""
-    def end(self, port: int) -> None:
-        """End the thread of a port; what it has read stays in the queue."""
-    def take(
-        self, timeout: float, every: float = 0.0
-    ) -> list[tuple[int, int, bytes | None, list[int], bool, bool]]:
-        """Everything that has come in, waiting at most `timeout` seconds for the first of it.
-
-        Calls that give something are at least `every` seconds apart: a busy line wakes the caller
-        less often.
+    def take(self, timeout: float) -> list[tuple[int, int, bytes | None, list[int], bool, bool]]:
+        """Return what has come in, waiting at most `timeout` seconds for the first of it.
 
         Each is (port, ns since 1970 right after the read, bytes, places of marked bytes, whether
         bytes were lost before, whether a recorder has it). Where a port has ended, bytes are None
         and the places hold the system's number of the error, 0 for the end of the stream. Bytes
         are empty where a loss was noticed without a read.
         """
-    def route(self, port: int, bus: int, line: int, char_ns: int = 0) -> None:
-        """From now on `feed` gives this port's reads to a bus and line (0; 1 and 2 for A and B).
-
-        `char_ns` is what a character takes: a line that is full is read less often then.
-        """
-    def unroute(self, port: int) -> None:
-        """Take back what `route` said: `feed` returns this port's reads again."""
     def hole(self, port: int) -> None:
         """Bytes were lost before what is read next at this port."""
-    def feed(
-        self, session: Session, lag_ns: int, timeout: float, every: float = 0.0
-    ) -> list[tuple[int, int, bytes | None, list[int], bool, bool]]:
-        """As `take`, but reads go straight to the session.
-
-        Returns when the session has rows, or after `timeout` seconds. After each look at the ports
-        the session is given the time (`Session.poll`), `lag_ns` in the past. The first read of a
-        port without a route, the end of a port, and all after it come back as `take` gives them.
-        IndexError for a bus that is not there.
-        """
-    def record(self, port: int, recorder: Recorder, number: int) -> None:
-        """Record this port's reads as those of the recorder's port `number`, before they are taken.
-
-        Reads that are waiting to be taken are recorded as well.
-        """
-    def stop_recording(self, port: int) -> None:
-        """Take back what `record` said."""
-    def set_idle_ns(self, idle_ns: int) -> None:
-        """After so long without bytes no transaction is in progress: a clock may be followed."""
     def now_ns(self) -> int:
         """The present time (ns since 1970) on the clock of the reads that were taken last."""
-    def check_clocks(self) -> list[tuple[int, int, int, bool]]:
-        """What has happened to the clocks since the last call; each change is given once.
-
-        Each is (by how much the wall clock was set, for how long the machine was suspended, by how
-        much times jump from now on, whether they jump in the middle of traffic); in nanoseconds.
-        Ports that are busy look at the clocks by themselves.
-        """
-    def pretend(self, wall_ns: int, suspended_ns: int) -> None:
-        """For tests: as if the wall clock had been set forward, and the machine had slept."""
     def lost(self) -> int:
         """Bytes that did not fit into `limit`."""
     def close(self) -> None:
         """End all threads; what they have read stays in the queue."""
+
+@final
+class LiveRun:
+    """The loop of a tap: opens ports, finds line settings, feeds the session, waits for lost ports.
+
+    Each of `buses` is (name, source, ports, framing, line settings, silences of 3.5 and 1.5
+    characters in ns). `open_port` is called with a name and settings (`19200-8E1`, or None) and
+    returns an `analyzer.sources.schemes.LivePort`. Settings that are None are found by listening.
+    After `idle_ns` and 1.5 s without bytes, times may follow a clock that was set. Only one thread
+    may use it at a time. OSError(port, reason) if a port cannot be opened.
+    """
+
+    def __new__(
+        cls,
+        session: Session,
+        buses: Sequence[
+            tuple[
+                str,
+                str,
+                Sequence[str],
+                str,
+                tuple[int, int, str, float] | None,
+                tuple[int, int] | None,
+            ]
+        ],
+        open_port: Callable[[str, str | None], object],
+        *,
+        reconnect: bool = True,
+        detect: bool = False,
+        idle_ns: int = 0,
+    ) -> LiveRun: ...
+    def step(self, session: Session, timeout: float) -> None:
+        """Wait until there are rows or messages, at most `timeout` seconds.
+
+        Without `reconnect`, OSError(port, reason) if a port is lost.
+        """
+    def finish(self, session: Session) -> None:
+        """Stop reading, decode what was read, and decide what is still open."""
+    def record(self, recorder: Recorder) -> None:
+        """Record all reads from now on, and those that are not decoded yet."""
+    def take_messages(self) -> list[str]:
+        """Sentences for the user since the last call."""
+    def statuses(
+        self,
+    ) -> list[tuple[str, int | None, str | None, str, float | None, dict[str, int]]]:
+        """The state of each bus.
+
+        Each is (name, number in the session, line settings, their origin, seconds for which a port
+        has been away, what the drivers of its ports have counted).
+        """
+    def pretend(self, wall_ns: int, suspended_ns: int) -> None:
+        """For tests: as if the wall clock had been set forward, and the machine had slept."""
+    def close(self) -> None:
+        """End all threads and close the ports."""
+
+@final
+class Tty:
+    """A serial port of this machine, opened for this program alone, for reading only. Linux only.
+
+    It is set raw and DTR and RTS are lowered before anything else is done with it
+    (modlens-recorder/src/tty.rs). OSError with the reason if it cannot be opened.
+    """
+
+    def __new__(cls, name: str, line: str | None = None) -> Tty: ...
+    @property
+    def takes_line_settings(self) -> bool: ...
+    @property
+    def marks_errors(self) -> bool:
+        """Whether bytes with line errors are marked (PARMRK, termios(3))."""
+    @property
+    def advice(self) -> str:
+        """What limits the resolution of its times; empty where nothing does."""
+    def listen(self, inbox: Inbox, number: int) -> None:
+        """Start to read the port into the inbox, under this number."""
+    def set_line(self, line: str) -> None:
+        """Change the line settings; OSError if the port does not take them."""
+    def counters(self) -> dict[str, int]:
+        """The driver's error counters since the system started; empty where it has none."""
+    def stop(self) -> None:
+        """Do nothing: the inbox ends the thread."""
+    def close(self) -> None:
+        """Close the port."""
+
+def port_advice(number: int, line: str | None = None) -> str | None:
+    """Return what the user can do about an error of the system at a port, by its `errno`."""
+
+def latency_timer(name: str) -> int | None:
+    """Return the milliseconds for which an adapter may hold bytes back; None without a timer."""
 
 @final
 class Recorder:

@@ -17,8 +17,15 @@ import sys
 import time
 
 from analyzer.line import parse_line
-from analyzer.sources.settings_search import BAUDS, SettingsSearch
-from tests.support.settings_search import ASCII, MAX_S, RTU, search_settings, traffic
+from tests.support.settings_search import (
+    ASCII,
+    BAUDS,
+    MAX_S,
+    RTU,
+    SettingsSearch,
+    search_settings,
+    traffic,
+)
 
 SHAPES = [(shape, "rtu") for shape in RTU] + [(shape, "ascii") for shape in ASCII]
 

@@ -61,7 +61,7 @@ class RecordedPort:
 
 
 class Read(Protocol):
-    """A read of a port, such as `analyzer.sources.serial.Chunk`."""
+    """A read of a port."""
 
     @property
     def data(self) -> bytes:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from analyzer.sources.driver import latency_timer
+from _modlens import latency_timer
 
 __all__ = ["Adapter", "Chip", "adapters", "chip_of"]
 

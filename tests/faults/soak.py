@@ -27,8 +27,8 @@ from pathlib import Path
 from typing import IO
 
 from tests.analyzer.feeds.test_mqtt import Mosquitto
-from tests.analyzer.sources.test_port_listener import FarEnd
 from tests.conftest import ROOT, environment
+from tests.support.far_end import FarEnd
 from tests.support.raw_recording import RTAC_HEAD, packets
 
 PAIR = bytes.fromhex("010300000001840a0103020007f986")

@@ -14,27 +14,26 @@ import time
 from pathlib import Path
 from typing import Any
 
-import _modlens
 from analyzer.cli import main
-from analyzer.sources.port_listener import PortListener
+from analyzer.live_run import LiveRun
 
 
-def follow(inbox: _modlens.Inbox, clock: Path) -> None:
+def follow(live: LiveRun, clock: Path) -> None:
     """Set the clock whenever the file says so."""
     while True:
-        inbox.pretend(int(clock.read_text() or 0), 0)
+        live._run.pretend(int(clock.read_text() or 0), 0)
         time.sleep(0.1)
 
 
 def run(clock: Path, words: list[str]) -> int:
     """Run the command with the clock."""
-    original = PortListener.__init__
+    original = LiveRun.__init__
 
-    def begin(self: PortListener, *given: Any, **named: Any) -> None:
+    def begin(self: LiveRun, *given: Any, **named: Any) -> None:
         original(self, *given, **named)
-        threading.Thread(target=follow, args=[self._inbox, clock], daemon=True).start()
+        threading.Thread(target=follow, args=[self, clock], daemon=True).start()
 
-    PortListener.__init__ = begin  # type: ignore[method-assign]
+    LiveRun.__init__ = begin  # type: ignore[method-assign]
     return main(words)
 
 

@@ -110,7 +110,7 @@ def test_line_settings_are_found(
     words = ["--record", "bus.pcapng", "--count", "12"]
     status, out, err = tap(program, port, *words, cwd=tmp_path)
     assert status == 0
-    assert "searched by listening" in err
+    assert "detecting the line settings" in err
     # A pseudo terminal gives its bytes at any settings: the first that are tried are right.
     assert "found 115200-8E1, rtu: " in err
     assert len(rows_of(out)) == 12

@@ -18,7 +18,7 @@ for module in pkgutil.walk_packages(analyzer.__path__, "analyzer."):
     if not module.name.endswith("__main__"):
         importlib.import_module(module.name)
 from analyzer.cli.keys import Keys
-from analyzer.sources.driver import mark_errors
+from analyzer.sources.serial import mark_errors
 with Keys() as keys:
     assert keys.pressed() == []
 assert mark_errors(0) is False

@@ -5,9 +5,9 @@ from __future__ import annotations
 from contextlib import closing
 from typing import Self
 
-from _modlens import Inbox
+from _modlens import Inbox, port_advice
 from analyzer.line import Line
-from analyzer.sources.serial import Port, lost_port_error
+from analyzer.sources.schemes import open_port
 from dissectors.errors import PortError
 
 TIMEOUT_S = 1.0
@@ -18,7 +18,8 @@ class PortReader:
 
     def __init__(self, name: str, line: Line) -> None:
         """Open the port and begin to read."""
-        self.port = Port(name, line)
+        self.port = open_port(name, str(line))
+        self._name = name
         self._inbox = Inbox()
         self._waiting: list[tuple[bytes | None, int, list[int]]] = []
         self.port.listen(self._inbox, 0)
@@ -35,7 +36,8 @@ class PortReader:
             return None
         data, time_ns, errors = self._waiting.pop(0)
         if data is None:
-            raise lost_port_error(self.port.name, errors[0])
+            reason = port_advice(errors[0]) or "the port was lost"
+            raise PortError(reason, port=self._name)
         return data, time_ns, errors
 
     def now_ns(self) -> int:

@@ -1,18 +1,19 @@
-"""Runs a settings search on a simulated line: traffic at 20 % load, bits, and a UART.
+"""The core's search for line settings, driven by hand, and a simulated line to run it on.
 
-`search_settings` gives the seconds of traffic that the search needed; `tests.support.uart` is the
-line.
+`SettingsSearch` is what `_modlens.LiveRun` does in the core. `search_settings` runs it on traffic
+at 20 % load, bits, and a UART (`tests.support.uart`), and gives the seconds of traffic needed.
 """
 
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from types import MappingProxyType
 
 import _modlens
-from analyzer.line import Line
-from analyzer.sources.serial import Chunk
-from analyzer.sources.settings_search import SettingsSearch
+from analyzer.line import Line, parse_line
 from tests.support.uart import ReceivedCharacter, Uart, Wire
 
 LOAD = 0.2
@@ -23,6 +24,111 @@ NS = 1_000_000_000
 READ_S, FLUSH_S = 0.001, 0.016
 RTU = ("8E1", "8O1", "8N1", "8N2")
 ASCII = ("7E1", "7O1", "7N2", "8N1", "8E1", "7E2")
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """The bytes of one read, and the time at which it returned (ns since 1970).
+
+    That is never before the stop bit of the last byte. `errors` are the positions of bytes that the
+    receiver has marked (parity, framing, break); `hole` says that bytes were lost before these, and
+    `recorded` that the recorder has them.
+    """
+
+    data: bytes
+    time_ns: int
+    errors: Sequence[int] = ()
+    hole: bool = False
+    recorded: bool = False
+
+
+BAUDS: Mapping[int, float] = MappingProxyType(dict(_modlens.usual_rates()))
+"""The baud rates that are tried -> their prior probability."""
+
+_ReadTuple = tuple[int, bytes, int, list[int], bool, bool]
+
+
+@dataclass(frozen=True, slots=True)
+class FoundSettings:
+    """The settings found, `rtu` or `ascii`, the evidence, and the reads made with them."""
+
+    line: Line
+    mode: str
+    evidence: str
+    chunks: tuple[tuple[int, Chunk], ...]
+
+
+class SettingsSearch:
+    """Searches the settings of a line; `found` is set when they are known.
+
+    Call `feed` for every read, `advance` when time has passed, and `line_was_set` after the port
+    was set to `line`. `notify` gets messages on what was tried and why it was given up.
+    `marks_errors` says whether the driver marks line errors; `labels` names the lines of a two-line
+    tap by port number.
+    """
+
+    def __init__(
+        self,
+        notify: Callable[[str], None] = lambda _: None,
+        *,
+        marks_errors: bool = True,
+        labels: Mapping[int, str] = MappingProxyType({}),
+    ) -> None:
+        self.found: FoundSettings | None = None
+        self._notify = notify
+        self._labels = labels
+        self._core = _modlens.LineSearch(marks_errors=marks_errors)
+
+    @property
+    def line(self) -> Line:
+        """The settings to listen with now."""
+        return parse_line(self._core.line())
+
+    def line_was_set(self, now_ns: int) -> None:
+        """Leave out what comes right behind: it may have been received with the old settings."""
+        self._core.line_was_set(now_ns)
+
+    def feed(self, port: int, chunk: Chunk) -> None:
+        """Evaluate a read made with the present settings."""
+        self._core.feed(
+            port,
+            chunk.data,
+            chunk.time_ns,
+            line=self._labels.get(port),
+            errors=chunk.errors or None,
+            hole=chunk.hole,
+            recorded=chunk.recorded,
+        )
+        self._follow()
+
+    def advance(self, now_ns: int) -> None:
+        """Tell the search that nothing was received until now: a silence may complete a frame."""
+        self._core.advance(now_ns)
+        self._follow()
+
+    def heard(self) -> Iterator[tuple[Line, list[tuple[int, Chunk]]]]:
+        """All reads so far, or the newest where they are too many, by the settings of the time."""
+        for line, reads in groupby(self._core.heard(), key=lambda read: read[0]):
+            yield parse_line(line), [_arrival(read) for _, read in reads]
+
+    def diagnosis(self) -> str:
+        """What can be said when the search ends without a result."""
+        return self._core.diagnosis()
+
+    def _follow(self) -> None:
+        for text in self._core.take_messages():
+            self._notify(text)
+        found = None if self.found is not None else self._core.found()
+        if found is not None:
+            line, mode, evidence, reads = found
+            self.found = FoundSettings(
+                parse_line(line), mode, evidence, tuple(_arrival(read) for read in reads)
+            )
+
+
+def _arrival(read: _ReadTuple) -> tuple[int, Chunk]:
+    port, data, time_ns, errors, hole, recorded = read
+    return port, Chunk(data, time_ns, errors, hole, recorded)
 
 
 def rtu(body: bytes) -> bytes:

@@ -1,12 +1,12 @@
 //! The search for line settings, and what words on a command line mean.
 
-use modlens_engine::line_search::{self, LineCheck as Check, LineSearch as Search, SearchOptions, SearchRead};
+use modlens_engine::line_search::{self, LineSearch as Search, SearchOptions, SearchRead};
 use modlens_protocol::line::LineSettings;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
 use crate::arguments::{line_settings, SettingsTuple};
-use crate::session::{line_number, Session};
+use crate::session::line_number;
 
 /// A read as it was reported: port, bytes, time in ns, positions of marked bytes, whether bytes were lost before, whether the
 /// recorder has it.
@@ -79,25 +79,6 @@ impl LineSearch {
 
 fn read_tuple<'py>(py: Python<'py>, read: &SearchRead) -> ReadTuple<'py> {
     (read.port, PyBytes::new(py, &read.bytes), read.time, read.errors.clone(), read.follows_loss, read.is_recorded)
-}
-
-/// Whether settings that were found still hold.
-#[pyclass(module = "_modlens")]
-pub struct LineCheck {
-    core: Check,
-}
-
-#[pymethods]
-impl LineCheck {
-    #[new]
-    fn new() -> Self {
-        Self { core: Check::default() }
-    }
-
-    fn damage(&mut self, session: &mut Session, bus: usize) -> PyResult<Option<u64>> {
-        session.check_bus(bus)?;
-        Ok(self.core.damage(session.core(), bus))
-    }
 }
 
 /// The rates that are searched, and how usual each is.

@@ -14,6 +14,7 @@ use modlens_readers::chunk::{Chunk, Times};
 use modlens_readers::logic::Wiring;
 use modlens_readers::pcap::Ports;
 use modlens_readers::text::{day_of, ClockSettings, Reader as TextReader};
+use modlens_recorder::LiveStatus;
 use modlens_tables::columns::TableKind;
 use modlens_tables::overview::Overview;
 use pyo3::exceptions::PyIndexError;
@@ -28,7 +29,7 @@ use crate::profile::Profile;
 use crate::read_ahead::{ReadBlock, Reader};
 
 /// The framing of this name; `None` stands for `auto`, which lets the engine detect it.
-fn framing(name: &str) -> PyResult<Option<Mode>> {
+pub(crate) fn framing(name: &str) -> PyResult<Option<Mode>> {
     Ok(match name {
         "auto" => None,
         "rtu" => Some(Mode::Rtu),
@@ -437,6 +438,12 @@ impl Session {
     /// The engine, for the inbox, which feeds it without the interpreter.
     pub(crate) fn core(&mut self) -> &mut Core {
         &mut self.core
+    }
+
+    /// Notes the buses that a live run has added.
+    pub(crate) fn note_buses(&mut self, statuses: &[LiveStatus]) {
+        let numbers = statuses.iter().filter_map(|status| status.number);
+        self.buses = numbers.map(|number| number + 1).chain([self.buses]).max().unwrap_or_default();
     }
 
     /// Raises `IndexError` for a bus that was not added.

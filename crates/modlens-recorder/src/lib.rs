@@ -1,47 +1,46 @@
-//! Reads live ports and records what it reads, without Python and without decoding.
+//! Listens to live ports: opens them, reads them, records what was read, and feeds the engine.
 //!
-//! Two objects work together, and neither waits for the other or for its caller:
-//!
-//! - [`Inbox`] has a thread per port that only waits for bytes, reads them, takes the time and queues them. The caller
-//!   takes the reads when it has time for them; what does not fit into the queue meanwhile is counted, and the next read
-//!   says so.
+//! - [`LiveRun`] is the loop of every tap. It opens ports, finds line settings by listening, feeds the engine, and waits for
+//!   ports that are lost. It is the same for the command in Python and for `modlens-tap`.
+//! - [`Inbox`] has a thread per port that only waits for bytes, reads them, takes the time and queues them. What does not fit
+//!   into the queue is counted, and the next read says so.
 //! - [`Recorder`] has a thread that writes the same reads to a raw recording (pcapng, `modlens_pcapng::recording`), with
-//!   rotation and retention. The inbox hands it every read before the caller can see it. While the disk is full or the
-//!   folder is gone, reads wait in its memory; what does not fit is counted, and the place is marked in the recording.
+//!   rotation and retention. The inbox hands it every read before the loop can see it. While the disk is full or the folder
+//!   is gone, reads wait in its memory; what does not fit is counted, and the place is marked in the recording.
 //!
-//! So bytes are on their way to the disk before anything is decoded, and a caller that stands still costs rows, not bytes.
+//! So bytes are on their way to the disk before anything is decoded, and a loop that stands still costs rows, not bytes.
 //!
 //! ```no_run
-//! # #[cfg(unix)]
-//! # fn main() -> std::io::Result<()> {
-//! use modlens_recorder::{Inbox, Recorder, RecorderOptions, RecordedPort, Rotation};
-//! use std::os::fd::AsFd;
+//! # #[cfg(target_os = "linux")]
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! use modlens_engine::records::Bus;
+//! use modlens_engine::session::{BusOptions, Session, WantedTables};
+//! use modlens_protocol::source::{Clock, Place};
+//! use modlens_recorder::{LiveOptions, LiveRun, Recorder, RecorderOptions, TappedBus, Tty};
 //! use std::time::Duration;
 //!
-//! let port = std::fs::File::open("/dev/ttyUSB0")?; // raw mode and line settings are up to the caller
-//! let options = RecorderOptions { rotation: Rotation::Bytes(64_000_000), ..RecorderOptions::new("/var/lib/bus.pcapng") };
-//! let recorder = Recorder::start(options)?; // fails where the first file cannot be created
-//! let inbox = Inbox::new(1 << 24);
-//! let at = recorder.add_port(RecordedPort { name: "/dev/ttyUSB0".into(), bus: "boiler".into(), ..RecordedPort::default() });
-//! inbox.record(0, recorder.feed(), at);
-//! inbox.listen(0, port.as_fd(), false)?; // a copy of the descriptor; true if the driver marks errors (PARMRK)
+//! let wanted = WantedTables { frames: false, transactions: true, findings: false };
+//! let mut session = Session::new(Default::default(), wanted, true, None);
+//! let (name, source) = ("boiler".into(), "/dev/ttyUSB0".into());
+//! let bus = Bus { name, source, place: Place::Offset, clock: Clock::Utc, line: None, network: None };
+//! let options = BusOptions { bus, mode: None, line: None, resolution: None, rule: None };
+//! let buses = vec![TappedBus { ports: vec!["/dev/ttyUSB0".into()], options }];
+//! let opener = Box::new(|name: &str, line| Ok(Box::new(Tty::open(name, line)?) as _));
+//! let mut run = LiveRun::open(buses, opener, LiveOptions::default(), &mut session).map_err(|error| error.to_string())?;
+//! let recorder = Recorder::start(RecorderOptions::new("/var/lib/bus.pcapng"))?; // fails where it cannot be created
+//! run.record(recorder.feed());
 //! loop {
-//!     for read in inbox.take(Duration::from_millis(50), Duration::ZERO) {
-//!         match read.bytes {
-//!             Some(bytes) => println!("{} {bytes:02x?}", read.time),
-//!             None => { inbox.end(read.port); return Ok(()) } // the port is gone: open it, `inbox.hole`, `inbox.listen`
-//!         }
-//!     }
-//!     inbox.check_clocks();
-//!     for line in recorder.take_messages() { eprintln!("{line}"); }
-//!     if let Some(trouble) = recorder.status().trouble { eprintln!("not recording: {trouble}"); }
+//!     run.step(&mut session, Duration::from_millis(50)).map_err(|error| error.to_string())?;
+//!     let batch = session.take(); // the rows that were decided
+//!     for line in run.take_messages().into_iter().chain(recorder.take_messages()) { eprintln!("{line}"); }
+//!     # drop(batch);
 //! }
 //! # }
-//! # #[cfg(not(unix))]
+//! # #[cfg(not(target_os = "linux"))]
 //! # fn main() {}
 //! ```
 //!
-//! At the end: [`Inbox::close`], take what is left, then [`Recorder::close`], which waits for the disk no longer than it is
+//! At the end: [`LiveRun::finish`], take what is left, then [`Recorder::close`], which waits for the disk no longer than it is
 //! told. A program with a recorder ignores `SIGXFSZ`, as Python does, or a limit of the file size ends it.
 //!
 //! Times are UTC in nanoseconds and come from [`Clock`]: the monotonic clock, mapped to the wall clock. Where somebody sets
@@ -49,16 +48,28 @@
 //! pauses; the recording marks the place.
 
 pub mod clock;
+#[cfg(target_os = "linux")]
+mod driver;
 mod inbox;
+mod live;
+mod port;
 mod queue;
 #[cfg(unix)]
 mod reader;
 mod recorder;
 mod segments;
+#[cfg(target_os = "linux")]
+mod tty;
 mod writer;
 
 pub use clock::{Clock, ClockChange};
+#[cfg(target_os = "linux")]
+pub use driver::latency_timer;
 pub use inbox::Inbox;
+pub use live::{LiveOptions, LiveRun, LiveStatus, Origin, TappedBus, IDLE_NS};
+pub use port::{advice, Counts, Opener, Port, PortError};
 pub use queue::Read;
 pub use recorder::{Feed, Recorder, RecorderOptions, RecorderStatus};
 pub use segments::{RecordedPort, Retention, Rotation};
+#[cfg(target_os = "linux")]
+pub use tty::Tty;

@@ -122,14 +122,6 @@ impl Recorder {
         Ok(Self { shared, thread: Some(thread) })
     }
 
-    /// Adds a port, and gives its number in the recording.
-    pub fn add_port(&self, port: RecordedPort) -> u32 {
-        let mut state = self.shared.state();
-        state.items.push_back(Item::Port(port));
-        state.ports += 1;
-        state.ports - 1
-    }
-
     /// Where its reads go.
     pub fn feed(&self) -> Feed {
         Feed { shared: Arc::clone(&self.shared) }
@@ -191,6 +183,14 @@ impl Drop for Recorder {
 }
 
 impl Feed {
+    /// Adds a port; returns its number in the recording.
+    pub fn add_port(&self, port: RecordedPort) -> u32 {
+        let mut state = self.shared.state();
+        state.items.push_back(Item::Port(port));
+        state.ports += 1;
+        state.ports - 1
+    }
+
     /// Records a read of a port. Where memory is full, its bytes are counted as lost, and the next block of the port says
     /// that bytes are missing before it.
     pub fn write(&self, port: u32, read: &PortRead<'_>) {

@@ -125,7 +125,7 @@ impl Client {
                 Err(error) => {
                     let text = error.to_string();
                     if failures == 0 || text != said {
-                        eprintln!("{}: {}: {text}", self.bus, self.broker.address);
+                        crate::outlet::say(&format!("{}: {}: {text}", self.bus, self.broker.address));
                     }
                     said = text;
                 }
@@ -161,7 +161,7 @@ impl Client {
             return Err(io::Error::other(refusal(*code)));
         }
         *failures = 0;
-        eprintln!("{}: {}: connected", self.bus, self.broker.address);
+        crate::outlet::say(&format!("{}: {}: connected", self.bus, self.broker.address));
         stream.write_all(&publish(&status, b"online", RETAIN, None))?;
         for message in &mut self.shared.state().waiting {
             // The broker has forgotten what it had not confirmed: the session is a clean one.

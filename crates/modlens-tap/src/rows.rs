@@ -1,7 +1,9 @@
-//! Transactions as JSON lines, to standard output or a file that grows, and to the broker; there the row of the day, too.
+//! Where decoded rows go: transactions as JSON lines, to standard output or a file that grows, and to the broker; there the
+//! row of the day, too. [`Rows::put`] gets every batch: a further consumer is called there.
 
 use std::fs::{File, OpenOptions};
-use std::io::{self, Write};
+use std::io;
+use std::sync::atomic::AtomicBool;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -12,13 +14,14 @@ use modlens_writers::jsonl::rows;
 
 use crate::mqtt::Publisher;
 use crate::options::Options;
+use crate::outlet::{say, Outlet};
 
 /// The row of the day is published at most so often.
 const DAY_INTERVAL: Duration = Duration::from_secs(60);
 /// Days that are counted: yesterday's row is sent once more.
 const KEPT_DAYS: usize = 2;
 
-/// A publisher, and what it tells of each day.
+/// A publisher, and the rows of the days.
 struct Feed {
     publisher: Publisher,
     days: Days,
@@ -48,7 +51,12 @@ impl Feed {
 
 /// Where rows go.
 pub struct Rows {
-    out: Option<Box<dyn Write>>,
+    out: Option<Outlet>,
+    /// The name of the output, for messages.
+    name: String,
+    /// Its reader has gone: there is nobody to listen for.
+    reader_has_gone: bool,
+    out_has_failed: bool,
     feed: Option<Feed>,
     text: Vec<u8>,
     /// Transactions so far.
@@ -58,22 +66,28 @@ pub struct Rows {
 
 impl Rows {
     /// Opens the outputs. A file is appended to, so that a restart loses nothing.
-    pub fn open(options: &Options, publisher: Option<Publisher>) -> io::Result<Self> {
-        let out: Option<Box<dyn Write>> = match &options.output {
-            Some(path) => Some(Box::new(OpenOptions::new().create(true).append(true).open(path)?) as Box<File>),
-            None if options.quiet => None,
-            None => Some(Box::new(io::stdout())),
+    pub fn open(options: &Options) -> io::Result<Self> {
+        let publisher = match &options.broker {
+            Some(broker) => Some(Publisher::start(broker.clone(), options.bus.clone())?),
+            None => None,
         };
-        Ok(Self { out, feed: publisher.map(Feed::new), text: Vec::new(), count: 0, limit: options.count })
+        let name = options.output.as_ref().map_or("standard output".into(), |path| path.display().to_string());
+        let out = match &options.output {
+            Some(path) => Some(open_file(path.clone())?),
+            None if options.quiet => None,
+            None => Some(Outlet::start(|| Ok(File::from(rustix::io::dup(rustix::stdio::stdout())?)))?),
+        };
+        let (feed, limit) = (publisher.map(Feed::new), options.count);
+        Ok(Self { out, name, reader_has_gone: false, out_has_failed: false, feed, text: Vec::new(), count: 0, limit })
     }
 
-    /// Whether the tap has what `--count` asks for.
-    pub fn is_full(&self) -> bool {
-        self.limit.is_some_and(|limit| self.count >= limit)
+    /// Whether the tap has what `--count` asks for, or nobody to give it to.
+    pub fn is_done(&self) -> bool {
+        self.limit.is_some_and(|limit| self.count >= limit) || self.reader_has_gone
     }
 
-    /// Hands on the transactions of a batch.
-    pub fn put(&mut self, batch: Batch) -> io::Result<()> {
+    /// Hands on the transactions of a batch. An output that fails gets no more, and everything else goes on.
+    pub fn put(&mut self, batch: Batch) {
         if let Some(feed) = &mut self.feed {
             feed.observe(&batch);
         }
@@ -82,22 +96,57 @@ impl Rows {
         self.text.clear();
         rows(&table, &columns, &mut self.text);
         let room = self.limit.map_or(usize::MAX, |limit| limit - self.count.min(limit));
+        let mut length = 0;
         for line in self.text.split_inclusive(|byte| *byte == b'\n').take(room) {
             self.count += 1;
-            if let Some(out) = &mut self.out {
-                out.write_all(line)?;
-            }
+            length += line.len();
             if let Some(feed) = &self.feed {
                 feed.publisher.transaction(line.trim_ascii_end());
             }
         }
-        self.out.as_mut().map_or(Ok(()), Write::flush)
+        let done = self.out.as_ref().map_or(Ok(()), |out| out.write(&self.text[..length]));
+        self.fail(done);
     }
 
-    /// Delivers what the broker has not confirmed, for a moment; how many messages were not delivered.
-    pub fn close(mut self) -> usize {
-        let Some(mut feed) = self.feed.take() else { return 0 };
-        feed.publish_days();
-        feed.publisher.close()
+    /// Notes an error of the output.
+    fn fail(&mut self, done: io::Result<()>) {
+        let Err(error) = done else { return };
+        self.out = None;
+        if error.kind() == io::ErrorKind::BrokenPipe {
+            self.reader_has_gone = true;
+        } else {
+            self.out_has_failed = true;
+            say(&format!("{}: cannot be written: {error}", self.name));
+        }
     }
+
+    /// Delivers what waits, for a moment where nobody takes it; whether everything was delivered.
+    pub fn close(mut self, stop: &AtomicBool) -> bool {
+        if let Some(out) = self.out.take() {
+            match out.drain(stop) {
+                Ok(0) => {}
+                Ok(dropped) => say(&format!("{}: {dropped} bytes dropped: nobody read them", self.name)),
+                Err(error) => self.fail(Err(error)),
+            }
+        }
+        let undelivered = self.feed.take().map_or(0, |mut feed| {
+            feed.publish_days();
+            feed.publisher.close()
+        });
+        if undelivered > 0 {
+            say(&format!("modlens-tap: {undelivered} messages were not delivered to the broker"));
+        }
+        undelivered == 0 && !self.out_has_failed
+    }
+}
+
+/// Opens a file at once, so that an error is reported before anything is listened to; a FIFO waits for its reader.
+fn open_file(path: std::path::PathBuf) -> io::Result<Outlet> {
+    use std::os::unix::fs::FileTypeExt;
+    let append = |path| OpenOptions::new().create(true).append(true).open(path);
+    if std::fs::metadata(&path).is_ok_and(|found| found.file_type().is_fifo()) {
+        return Outlet::start(move || append(path));
+    }
+    let file = append(path)?;
+    Outlet::start(move || Ok(file))
 }

@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -20,7 +21,7 @@ from _modlens import Inbox
 from analyzer import PortError, UsageError
 from analyzer.line import Line
 from analyzer.sources import serial as serial_module
-from analyzer.sources.serial import Port
+from analyzer.sources.schemes import open_port
 from tests.support.port_reader import PortReader
 
 if sys.platform == "win32":
@@ -112,7 +113,7 @@ def test_nothing_is_ever_sent(wire: tuple[int, str]) -> None:
     assert nothing_arrived(far)
 
 
-def test_there_is_no_way_to_send() -> None:
+def test_there_is_no_way_to_send(wire: tuple[int, str]) -> None:
     """No call in the sources package writes, and the port offers none."""
     folder = Path(serial_module.__file__).parent
     forbidden = {"write", "writelines", "send", "sendall", "sendto", "send_break", "sendfile"}
@@ -120,13 +121,14 @@ def test_there_is_no_way_to_send() -> None:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Attribute):
                 assert node.attr not in forbidden, f"{path}:{node.lineno}: {node.attr}"
-    assert not forbidden.intersection(dir(Port))
+    with closing(open_port(wire[1], str(LINE))) as port:
+        assert not forbidden.intersection(dir(port))
 
 
-def test_the_driver_is_never_enabled(
+def test_pyserial_never_enables_the_driver(
     monkeypatch: pytest.MonkeyPatch, wire: tuple[int, str]
 ) -> None:
-    """DTR and RTS are inactive before the port is opened, because adapters transmit by them."""
+    """DTR and RTS are inactive before a port is opened where pyserial opens it."""
     lines: list[tuple[bool, bool]] = []
     really_open = serial.Serial.open
 
@@ -135,16 +137,20 @@ def test_the_driver_is_never_enabled(
         really_open(port)
 
     monkeypatch.setattr(serial.Serial, "open", note)
-    Port(wire[1], LINE).close()
+    monkeypatch.setattr(sys, "platform", "elsewhere")
+    open_port(wire[1], "19200-8N1").close()
     assert lines == [(False, False)]
 
 
 def test_a_port_is_opened_exclusively(wire: tuple[int, str]) -> None:
     """A second program gets an error until the first has closed the port."""
     _, name = wire
-    with Port(name, LINE), pytest.raises(PortError, match="in use by another program"):
-        Port(name, LINE)
-    Port(name, LINE).close()
+    with (
+        closing(open_port(name, str(LINE))),
+        pytest.raises(PortError, match="in use by another program"),
+    ):
+        open_port(name, str(LINE))
+    open_port(name, str(LINE)).close()
 
 
 def test_a_lost_port_is_reported(wire: tuple[int, str]) -> None:
@@ -159,7 +165,7 @@ def test_a_lost_port_is_reported(wire: tuple[int, str]) -> None:
 def refused(name: str) -> str:
     """What is said when this cannot be opened."""
     with pytest.raises(PortError) as caught:
-        Port(name, LINE)
+        open_port(name, str(LINE))
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
@@ -177,9 +183,9 @@ def test_what_is_no_port(tmp_path: Path) -> None:
 def test_an_unknown_scheme_is_wrong_use() -> None:
     """An unknown scheme is reported with the known ones."""
     with pytest.raises(UsageError, match=r"tcp://x: unknown port type; use /dev"):
-        Port("tcp://x", LINE)
+        open_port("tcp://x", str(LINE))
     with pytest.raises(PortError):
-        Port("socket://", LINE)
+        open_port("socket://", str(LINE))
 
 
 def test_a_socket_is_a_port() -> None:
@@ -201,8 +207,9 @@ def test_a_port_without_a_descriptor_is_read_by_a_thread(
 ) -> None:
     """A port without file descriptor (RFC 2217, Windows): its end is reported, no thread stays."""
     monkeypatch.setattr(serial_module, "_descriptor", lambda port: None)
+    monkeypatch.setattr(sys, "platform", "elsewhere")
     before = threading.active_count()
-    with PortReader(wire[1], LINE) as hearing:
+    with PortReader(wire[1], Line(19200, 8, "N")) as hearing:
         os.write(wire[0], DATA)
         assert hearing.read_up_to(len(DATA)) == DATA
     assert threading.active_count() == before

@@ -9,10 +9,9 @@ import pytest
 
 from analyzer.exports.recorder import RecordedPort, Recorder
 from analyzer.line import parse_line
-from analyzer.sources.serial import Chunk
 from analyzer.sources.settings_inference import infer_settings, reads, recorded_settings
 from tests.conftest import command, environment
-from tests.support.settings_search import traffic
+from tests.support.settings_search import Chunk, traffic
 from tests.support.uart import Uart
 
 NS = 1_000_000_000

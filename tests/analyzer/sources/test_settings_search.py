@@ -7,9 +7,17 @@ import random
 import pytest
 
 from analyzer.line import parse_line
-from analyzer.sources.serial import Chunk
-from analyzer.sources.settings_search import BAUDS, SettingsSearch
-from tests.support.settings_search import ASCII, MAX_S, RTU, polls, search_settings, traffic
+from tests.support.settings_search import (
+    ASCII,
+    BAUDS,
+    MAX_S,
+    RTU,
+    Chunk,
+    SettingsSearch,
+    polls,
+    search_settings,
+    traffic,
+)
 
 
 def cases() -> list[tuple[str, str]]:
