@@ -665,7 +665,7 @@ class Session:
         timeout_ns: int | None = None,
         tables: Sequence[str] | None = None,
         bus_name: str | None = None,
-        overview: Literal["none", "courses", "all"] = "none",
+        overview: Literal["none", "series", "all"] = "none",
     ) -> Session:
         """A session of no bus yet.
 

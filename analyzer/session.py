@@ -64,7 +64,7 @@ class RecordingStatus:
 
 
 class Progress(Protocol):
-    """Is told how far the reading of recordings has come."""
+    """Gets how far the reading of recordings has come."""
 
     def advance(self, done: int, total: int | None) -> None:
         """So many bytes of the files have been read, of so many; None where that is not known."""

@@ -57,7 +57,7 @@ class Settings:
     zone: Sequence[tuple[int, int]] = ()
     date: str | None = None
     bus_name: str | None = None
-    overview: Literal["none", "courses", "all"] = "none"
+    overview: Literal["none", "series", "all"] = "none"
 
     def __post_init__(self) -> None:
         if self.mode not in MODES:

@@ -28,7 +28,7 @@ Recording = Callable[[Path, int], Path]
 
 @dataclass(frozen=True)
 class Job:
-    """What is measured: name, file, and the words behind `modlens`, `{}` being the file."""
+    """What is measured: name, file, and the words after `modlens`, `{}` being the file."""
 
     name: str
     suffix: str

@@ -20,7 +20,7 @@ Result = TypeVar("Result")
 
 
 class Progress(Protocol):
-    """Is told how far the whole has come, in bytes."""
+    """Gets how far the whole has come, in bytes."""
 
     def advance(self, done: int, total: int | None) -> None:
         """So many bytes, of so many."""

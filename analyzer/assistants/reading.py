@@ -64,7 +64,7 @@ class Reading:
             yield rows if predicate is None else rows.where(predicate)
 
     def doctor(self) -> dict[str, Any]:
-        """What the doctor says of the rows so far; `diagnoses` has to be among the tables."""
+        """Returns the verdict on the rows so far; `diagnoses` has to be among the tables."""
         return {} if self._run is None else self._run.doctor()
 
     def stats(self) -> dict[str, Any]:

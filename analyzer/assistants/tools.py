@@ -1,6 +1,6 @@
 """The six tools. Each reads recordings inside the fence; its answer is JSON with bounded length.
 
-Text that was captured (names, log lines, values) stands in fields only, never in prose.
+Text that was captured (names, log lines, values) is in fields only, never in prose.
 """
 
 from __future__ import annotations

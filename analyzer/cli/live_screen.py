@@ -133,7 +133,7 @@ class LiveScreen:
         """Nothing to do: the terminal is restored when the `with` block ends."""
 
     def rollback(self) -> None:
-        """Nothing to do: a screen leaves nothing behind."""
+        """Nothing to do: a screen leaves nothing."""
 
     def __enter__(self) -> Self:
         self._keys.__enter__()

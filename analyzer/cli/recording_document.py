@@ -31,7 +31,7 @@ class RecordingDocument:
         messages: Messages,
         stop_signals: StopSignals,
         *,
-        overview: Literal["courses", "all"] = "all",
+        overview: Literal["series", "all"] = "all",
     ) -> None:
         self._statuses: list[RecordingStatus] = []
         self._settings = replace(settings(options), tables=("diagnoses",), overview=overview)

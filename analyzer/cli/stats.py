@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
     """Decode the recordings, then print the statistics; gives the exit status."""
     messages = Messages(quiet=options.to is not None, timezone=options.timezone)
     with StopSignals() as stop_signals:
-        drawn: Literal["courses", "all"] = "courses" if options.to is None else "all"
+        drawn: Literal["series", "all"] = "series" if options.to is None else "all"
         recording = RecordingDocument(options, messages, stop_signals, overview=drawn)
         counted = recording.counted
         stats, found = counted["statistics"], counted["doctor"]

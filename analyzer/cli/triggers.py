@@ -250,4 +250,4 @@ class VerdictWatch:
         """Nothing to do: the whole is reported when the tap has ended."""
 
     def rollback(self) -> None:
-        """Nothing to do: it leaves nothing behind."""
+        """Nothing to do: it leaves nothing."""

@@ -1,4 +1,4 @@
-"""What Home Assistant is told by MQTT discovery: devices with values, health and problems.
+"""What Home Assistant gets by MQTT discovery: devices with values, health and problems.
 
 A bus is a device with the verdict of its day and the shares of failures and damage; its problem
 sensor is on while the verdict is not healthy. A unit is a device with its values; its problem

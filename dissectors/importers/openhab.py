@@ -112,7 +112,7 @@ class _Things:
             yield from self.data(unit, space)
 
     def _names(self) -> list[str]:
-        """The words behind `Bridge` or `Thing`; labels and places are left out."""
+        """The words after `Bridge` or `Thing`; labels and places are left out."""
         names = []
         while self._at < len(self._tokens):
             kind, word = self._tokens[self._at]

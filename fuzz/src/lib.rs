@@ -78,7 +78,7 @@ pub fn session_holds(data: &[u8]) {
     assert_tiles(&session.take(), &bytes);
     let whole = frames_without_times(&script, &bytes, usize::MAX);
     assert_eq!(frames_without_times(&script, &bytes, 1), whole, "single bytes");
-    assert_eq!(frames_without_times(&script, &bytes, 7), whole, "pieces of seven");
+    assert_eq!(frames_without_times(&script, &bytes, 7), whole, "blocks of seven");
 }
 
 /// Text is read in any dialect without a panic, and the frames do not depend on how the text is split.

@@ -166,7 +166,7 @@ def test_a_gap_in_a_line_is_a_gap_and_disorder_is_refused() -> None:
     assert not [
         row for row in rows if row["byte_offset"] < 100 < row["byte_offset"] + row["byte_length"]
     ]
-    with pytest.raises(UsageError, match="sort the pieces of a bus by offset"):
+    with pytest.raises(UsageError, match="sort the blocks of a bus by offset"):
         decoded([batch([*apart, ("b", None, 100, None, data[100:130])])], "frames")
 
 

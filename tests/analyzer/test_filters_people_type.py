@@ -229,7 +229,7 @@ TOLD: list[tuple[str, str, str]] = [
     ("transactions", "time > 2023-10-11", "in quotes"),
     ("transactions", "request_hex == 01 03", "as '01 03'"),
     ("transactions", "unit == '1'", "write 1 without quotes"),
-    ("transactions", "function == 'Read Coils'", "names stand in function_name"),
+    ("transactions", "function == 'Read Coils'", "names are in function_name"),
     ("transactions", "function == read_coils", "`'Read Coils' in function_name`"),
     ("transactions", "exception == illegal_data_address", "in exception_name"),
     (

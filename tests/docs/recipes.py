@@ -1,6 +1,6 @@
 """The recipes of CONTRIBUTING.md, carried out on a copy of the tree.
 
-The line above a block says where it goes: "`FILE`, new:", or "`FILE`, behind `LINE`:" (or "in front
+The line above a block says where it goes: "`FILE`, new:", or "`FILE`, after `LINE`:" (or "in front
 of", or "in place of"). A line that is not there exactly once is a mistake in the recipe.
 """
 
@@ -18,14 +18,14 @@ DOCUMENT = "CONTRIBUTING.md"
 LANGUAGES = ("toml", "rust", "python")
 METER = "dissectors/vendor/meter.toml"
 _PLACE = re.compile(
-    r"`(?P<file>[^`]+)`, (?P<how>new|behind|in front of|in place of)(?: `(?P<line>.+)`)?:"
+    r"`(?P<file>[^`]+)`, (?P<how>new|after|in front of|in place of)(?: `(?P<line>.+)`)?:"
 )
 _NOT_COPIED = ("target", ".venv", ".git", "dist", "__pycache__", ".*_cache", ".hypothesis", "*.so")
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One block and its place; `how` is new, behind, in front of or in place of `line`."""
+    """One block and its place; `how` is new, after, in front of or in place of `line`."""
 
     file: str
     how: str
@@ -70,6 +70,6 @@ def carry_out(step: Step, tree: Path) -> None:
     text = path.read_text(encoding="utf-8")
     at = place(step, text)
     lines = text.splitlines(keepends=True)
-    start = at + (step.how == "behind")
+    start = at + (step.how == "after")
     lines[start : at + (step.how != "in front of")] = [step.text]
     path.write_text("".join(lines), encoding="utf-8")

@@ -17,14 +17,14 @@ class FarEnd:
         self.plug()
 
     def plug(self) -> None:
-        """Put a new pty behind the name."""
+        """Puts a new pty at the name."""
         self.far, near = pty.openpty()
         tty.setraw(near)
         os.symlink(os.ttyname(near), self.link)
         self._near = near
 
     def pull(self) -> None:
-        """The name goes, then what stood behind it."""
+        """Removes the name, then the pty that it named."""
         self.link.unlink()
         os.close(self._near)
         os.close(self.far)

@@ -1,6 +1,6 @@
 """Servers of Modbus/TCP that misbehave: a real pymodbus server after a middleman of sockets.
 
-Each connection of a client is one to the server behind; what the middleman does with the answers,
+Each connection of a client is one to the server after it; what the middleman does with the answers,
 and with the connections, is the trouble.
 """
 

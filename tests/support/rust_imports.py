@@ -116,7 +116,7 @@ def _read_items(source: list[Token], module: Module, folder: Path) -> None:
 
 
 def _end_of_path(source: list[Token], at: int) -> int:
-    """The place behind `a::b::c`."""
+    """Returns the place that `a::b::c` names."""
     at += 1
     while at + 1 < len(source) and source[at].text == "::" and source[at + 1].text.isidentifier():
         at += 2

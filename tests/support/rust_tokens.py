@@ -81,7 +81,7 @@ def _end_of_item(source: list[Token], at: int) -> int:
 
 
 def _keyword(source: list[Token], at: int) -> str:
-    """The first word of an item behind `pub` or `pub(in ..)`."""
+    """Returns the first word of an item after `pub` or `pub(in ..)`."""
     if source[at].text == "pub":
         at += 1
         if source[at].text == "(":

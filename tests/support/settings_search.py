@@ -85,7 +85,7 @@ class SettingsSearch:
         return parse_line(self._core.line())
 
     def line_was_set(self, now_ns: int) -> None:
-        """Leave out what comes right behind: it may have been received with the old settings."""
+        """Leave out what comes right after: it may have been received with the old settings."""
         self._core.line_was_set(now_ns)
 
     def feed(self, port: int, chunk: Chunk) -> None:

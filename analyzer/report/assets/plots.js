@@ -148,7 +148,7 @@ const Plots = (() => {
       const ms = (values) => values.map((us) => (us === null ? null : us / 1000));
       const series = [["longest", ms(found.max_us), { width: 1 }], ["shortest", ms(found.min_us), { width: 1 }], ["mean", ms(found.mean_us), { width: 2 }]];
       if (found.p95_us) series.push(["p95", ms(found.p95_us), { width: 1.5 }]);
-      if (reserve?.timeout_us) series.push(["time-out", found.min_us.map(() => reserve.timeout_us / 1000), { dash: [6, 4], colour: "bad" }]);
+      if (reserve?.timeout_us) series.push(["timeout", found.min_us.map(() => reserve.timeout_us / 1000), { dash: [6, 4], colour: "bad" }]);
       plot(place, "over time", bus.axis, "ms", positions(bus.requests.steps, bus.axis), series, { bands: [[1, 2]], height: 180, decimals: 3 });
     };
     select.addEventListener("change", draw);
@@ -214,7 +214,7 @@ const Plots = (() => {
       if (!known.length) return;
       const least = Math.min(...known), most = Math.max(...known), edge = row.timeout_us || most, ms = (us) => Model.fixed(us / 1000, 1);
       const name = `unit ${row.unit}: 95 % of the responses take up to ${ms(least)} to ${ms(most)} ms, ` +
-        (row.timeout_us ? `the time-out is ${ms(edge)} ms` : "the time-out is not known");
+        (row.timeout_us ? `the timeout is ${ms(edge)} ms` : "the timeout is not known");
       strip(cell, name, (to, width, height) => reserve(to, width, height, p95, edge, Boolean(row.timeout_us)));
     });
   }
@@ -237,7 +237,7 @@ const Plots = (() => {
     }
   }
 
-  // Bars up to the p95 in each bucket; the upper edge is the time-out, which what exceeds it hides.
+  // Bars up to the p95 in each bucket; the upper edge is the timeout, which what exceeds it hides.
   function reserve(to, width, height, p95, edge, isTimeout) {
     const step = width / p95.length;
     p95.forEach((us, number) => {

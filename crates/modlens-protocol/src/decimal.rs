@@ -153,7 +153,7 @@ pub fn decimal_texts() -> &'static [[u8; 8]; 1 << 16] {
     TABLE.get_or_init(|| {
         let mut texts: Vec<[u8; 8]> = Vec::with_capacity(1 << 16);
         texts.extend((b'0'..=b'9').map(|digit| [digit, b' ', b' ', b' ', b' ', b' ', b' ', 1]));
-        // A number is a tenth of it with a digit behind. It is made at every start, for which `to_string` takes too long.
+        // A number is a tenth of it followed by a digit. It is made at every start, for which `to_string` takes too long.
         for tenth in 1..=usize::from(u16::MAX) / 10 {
             let mut entry = texts[tenth];
             let length = usize::from(entry[7]);

@@ -97,12 +97,12 @@ impl Session {
                 TableKind::Diagnoses => contrast = Some(Contrast::default()),
             }
         }
-        let shows_text = overview == "courses";
+        let shows_text = overview == "series";
         let overview = match overview {
             "none" => None,
-            "courses" => Some(Overview::of_courses()),
+            "series" => Some(Overview::of_courses()),
             "all" => Some(Overview::default()),
-            other => return Err(value_error(format!("overview {other:?} is not one of none, courses, all"))),
+            other => return Err(value_error(format!("overview {other:?} is not one of none, series, all"))),
         };
         let shows_frames = wanted.frames;
         if contrast.is_some() || overview.is_some() {

@@ -114,7 +114,7 @@ def test_what_has_not_changed_is_left_alone_and_what_has_is_replaced(place: Path
     before = {path: path.stat().st_mtime_ns for path in place.glob("out/date=*/*/*.parquet")}
     again = export(place)
     assert "0 new with 0 rows, 13 unchanged" in again.stderr
-    assert again.returncode == 3, "what is damaged is told again"
+    assert again.returncode == 3, "what is damaged is reported again"
     assert {path: path.stat().st_mtime_ns for path in before} == before
 
     changed = place / "archive/bus-00/shift-001.jsonl"

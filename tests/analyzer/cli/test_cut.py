@@ -101,7 +101,7 @@ def test_standard_input_cannot_be_read_twice(tmp_path: Path, modlens: Modlens) -
 
 
 def test_what_has_no_packets(tmp_path: Path, modlens: Modlens) -> None:
-    """A text has none to cut out; nothing is left behind."""
+    """A text has none to cut out; nothing is left."""
     out = tmp_path / "cut.pcapng"
     path = tmp_path / "bus.hex"
     path.write_text("01 03 00 00 00 01 84 0a\n01 03 02 00 07 f9 86\n")

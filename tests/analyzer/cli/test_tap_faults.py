@@ -166,7 +166,7 @@ def test_a_bus_has_a_name_and_settings_of_its_own(tmp_path: Path) -> None:
 
 
 class Model:
-    """A line made of bits behind a pty: the port hears what a UART with its settings would.
+    """A line made of bits on a pty: the port hears what a UART with its settings would.
 
     The kernel reports the far end which rate the near end has set; ptys have no parity, so the
     model's line has none.

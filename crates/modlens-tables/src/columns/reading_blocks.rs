@@ -226,7 +226,7 @@ fn plain_read(functions: &Functions, code: u8) -> Option<PlainRead> {
 }
 
 /// What is known of blocks, and the number of the list that refers to it.
-struct KnownBlocks<'a> {
+struct BlockCache<'a> {
     blocks: &'a mut BlockPlans,
     list: u64,
 }
@@ -252,7 +252,7 @@ impl<'a> Listing<'a> {
     /// Adds the blocks of all transactions.
     fn add_all(&mut self) {
         let mut of_rows = BlockPlans::default();
-        let mut of_rows = KnownBlocks { list: of_rows.begin_list(), blocks: &mut of_rows };
+        let mut of_rows = BlockCache { list: of_rows.begin_list(), blocks: &mut of_rows };
         // The plans of the last run, and the number of the list that refers to its blocks.
         let mut previous: Option<(&Arc<UnitPlans>, u64)> = None;
         for part in self.batch.transaction_parts() {
@@ -269,14 +269,14 @@ impl<'a> Listing<'a> {
                         _ => blocks.begin_list(),
                     };
                     previous = Some((points, list));
-                    self.add_run(run, &mut KnownBlocks { blocks, list });
+                    self.add_run(run, &mut BlockCache { blocks, list });
                 }
             }
         }
     }
 
     /// Adds the blocks of compact exchanges.
-    fn add_run(&mut self, run: &ExchangeRun, known: &mut KnownBlocks<'_>) {
+    fn add_run(&mut self, run: &ExchangeRun, known: &mut BlockCache<'_>) {
         let exchanges = run.exchanges.of(&self.batch.exchanges);
         let [before, behind] = run.around_pdu();
         for (at, exchange) in exchanges.iter().enumerate() {
@@ -305,7 +305,7 @@ impl<'a> Listing<'a> {
     }
 
     /// Adds the blocks of a transaction.
-    fn add(&mut self, exchange: TransactionView<'_>, known: &mut KnownBlocks<'_>) {
+    fn add(&mut self, exchange: TransactionView<'_>, known: &mut BlockCache<'_>) {
         let (batch, space) = (self.batch, exchange.space());
         let sides = match exchange.operation() {
             Operation::Read => &[false][..],
@@ -338,7 +338,7 @@ impl<'a> Listing<'a> {
         data: Data,
         count: usize,
         plan: Option<(Space, &Arc<PlanInstance>)>,
-        known: &mut KnownBlocks<'_>,
+        known: &mut BlockCache<'_>,
     ) {
         let row = self.all.rows;
         let contents = match plan {
@@ -357,7 +357,7 @@ impl<'a> Listing<'a> {
         &mut self,
         instance: &Arc<PlanInstance>,
         (space, first, count): (Space, u16, usize),
-        KnownBlocks { blocks, list }: &mut KnownBlocks<'_>,
+        BlockCache { blocks, list }: &mut BlockCache<'_>,
     ) -> Contents {
         // No block of a PDU has more bits than a number of 16 bits counts. A single register hardly costs more to find out about
         // than to remember.

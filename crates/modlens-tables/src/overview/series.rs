@@ -92,7 +92,7 @@ impl<B: Bucket> Series<B> {
         self.reshape(self.range().map_or(alone, |own| own.with(alone)).within(most));
     }
 
-    /// Joins its buckets, and adds empty ones before and behind, until they are those of a range that covers it. A bucket is
+    /// Joins its buckets, and adds empty ones before and after, until they are those of a range that covers it. A bucket is
     /// moved and not copied, because a series grows by one bucket most of the time.
     fn reshape(&mut self, range: Range) {
         let by = range.shift - self.shift;

@@ -19,7 +19,7 @@ impl Encapsulation {
     /// Descriptions for the users of the file: of each interface, and of the whole file.
     pub(super) fn words(self) -> (&'static str, &'static str) {
         match self {
-            Self::Udp => ("RTU and ASCII frames are shown as Modbus/UDP with their checksum behind", ""),
+            Self::Udp => ("RTU and ASCII frames are shown as Modbus/UDP followed by their checksum", ""),
             Self::Rtu => ("shown by the dissector mbrtu", ""),
             Self::Tcp => (
                 "SYNTHETIC Ethernet, IP and TCP around the frames",
