@@ -127,6 +127,7 @@ class FileRun:
         self._follow = follow
         self._core = settings.core(live=replay or follow)
         self._decoded = 0
+        self._concluded = False
         self._at = 0
 
     def batches(self) -> Iterator[_modlens.Batch]:
@@ -179,10 +180,16 @@ class FileRun:
             self._recording = None
 
     def finish(self) -> _modlens.Batch:
-        """Decide what is still open, and give those rows, and the diagnoses if they are wanted."""
+        """Decide what is still open, and give those rows.
+
+        The first call also gives the diagnoses if they are wanted.
+        """
         if self._progress is not None:
             self._progress.wipe()
         self._core.flush()
+        if self._concluded:
+            return self._core.take()
+        self._concluded = True
         return self._core.conclude()
 
     def stats(self) -> dict[str, Any]:
@@ -317,10 +324,11 @@ class FileRun:
                 )
             descriptions = [_describe_channel(samples.names, line) for line in found["lines"]]
             descriptions += [
-                f"channel {samples.names[copy]} carries the same bytes" for copy in found["copies"]
+                f"channel {_channel(samples.names, copy)} carries the same bytes"
+                for copy in found["copies"]
             ]
             descriptions += [
-                f"channel {samples.names[one]} is left out: a bus has two lines at most"
+                f"channel {_channel(samples.names, one)} is left out: a bus has two lines at most"
                 for one in found["surplus"]
             ]
             details = {
@@ -395,4 +403,9 @@ def _samples_of(recording: Recording) -> Samples | Levels:
 def _describe_channel(names: dict[int, str], line: dict[str, Any]) -> str:
     """A serial line that was found in samples of a logic analyzer, in words."""
     idle = ", idle low" if line["inverted"] else ""
-    return f"channel {names[line['channel']]}: {line['line']}{idle}"
+    return f"channel {_channel(names, line['channel'])}: {line['line']}{idle}"
+
+
+def _channel(names: dict[int, str], number: int) -> str:
+    """The name of a channel; its number where the session has samples of it but no name."""
+    return names.get(number, str(number))

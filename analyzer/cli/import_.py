@@ -92,7 +92,7 @@ def _imported(options: argparse.Namespace, file: str) -> tuple[str, list[str]]:
     chosen = importers.Options(base, order, options.unit)
     form, notes = options.format, encoding_notes
     if form == AUTO:
-        form = importers.detect(text, file)
+        form = importers.detect(text, file, options.unit)
         notes = [*notes, f"read as {form} (detected)"]
     found = importers.read(form, text, file, chosen)
     profile = from_model(found.model, file)

@@ -147,6 +147,10 @@ def _tar(file: IO[bytes], name: str, opened: ExitStack) -> list[Member]:
 
 
 def _extracted(archive: Any, entry: Any, name: str) -> IO[bytes]:
+    if entry.issparse():
+        # Its size is a number in a header: a few bytes may stand for any amount of zeros.
+        place = f"{name}{MEMBER_SEPARATOR}{entry.name}"
+        raise CaptureError("a sparse file in a tar archive; unpack it first", path=place)
     try:
         found: IO[bytes] = archive.extractfile(entry)
     except Exception as error:

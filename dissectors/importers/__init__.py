@@ -110,13 +110,18 @@ def read(form: str, text: str, name: str, options: Options | None = None) -> Imp
     return Imported(found.model, notes)
 
 
-def detect(text: str, name: str) -> str:
-    """The format of a text: the first one that finds points in it; `ProfileError` if none does."""
+def detect(text: str, name: str, unit: int | None = None) -> str:
+    """The format of a text: the first one that finds points in it, those of `unit` if it is given.
+
+    `ProfileError` if none does, `UsageError` where a file has several units and none is given.
+    """
     reasons = {}
     for form, row in FORMATS.items():
         if row.reads:
             try:
-                found = _module(form, "reads").read(text, name, Options())
+                found = _module(form, "reads").read(text, name, Options(unit=unit))
+            except UsageError:
+                raise  # of this format, which needs a unit
             except ModlensError as error:
                 reasons[form] = error.message.removeprefix(f"{name}: ")
                 continue

@@ -169,7 +169,8 @@ def _add(builder: ProfileBuilder, kind: str, row: Mapping[str, Any]) -> None:
         order=order,
         scale=scale,
         offset=offset,
-        unit=row.get("unit_of_measurement"),
+        # The unit is that of the value which the lambda makes.
+        unit=None if "lambda" in row else row.get("unit_of_measurement"),
         access=access,
         enum=_labels(builder, row),
     )

@@ -132,3 +132,12 @@ def test_settings_are_checked() -> None:
     """Wrong use is reported before a port is opened."""
     with pytest.raises(UsageError, match="timeout"):
         Settings(timeout_ns=0)
+
+
+def test_diagnoses_are_given_once(tmp_path: Path) -> None:
+    """Whoever ends a run asks for what is left again."""
+    path = tmp_path / "bus.hex"
+    path.write_text("TX: 11 06 00 c8 00 01 cb 64\nRX: 11 86 02 c2 64\n" * 40)
+    run = FileRun([str(path)], Settings(tables=("diagnoses",)))
+    found = [row for batch in [*run.batches(), run.finish()] for row in batch.diagnoses]
+    assert len({row.code for row in found}) == len(found) > 0

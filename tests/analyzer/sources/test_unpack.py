@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import bz2
 import gzip
 import lzma
@@ -24,7 +25,7 @@ import zstandard
 import _modlens
 from analyzer import decode
 from analyzer.sources.unpack import expand
-from dissectors.errors import CaptureError
+from dissectors.errors import CaptureError, SourceError
 from tests.conftest import ROOT, Modlens, environment
 
 # The example of section 6.3 of the specification, with the checksums that go with unit 1.
@@ -74,6 +75,39 @@ def test_mail_stands_for_its_text_and_attachments(tmp_path: Path) -> None:
     path = tmp_path / "question.eml"
     path.write_bytes(bytes(mail))
     assert frames(path) == WIRE * 2
+
+
+def test_bad_base64_in_a_mail_is_decoded_as_far_as_it_goes(tmp_path: Path) -> None:
+    """A character after the padding, which decoders refuse."""
+    path = tmp_path / "question.eml"
+    path.write_bytes(
+        b"From: a@b\nTo: c@d\nSubject: x\nMIME-Version: 1.0\n"
+        b"Content-Type: text/plain; name=a.log\nContent-Disposition: attachment; filename=a.log\n"
+        b"Content-Transfer-Encoding: base64\n\n" + base64.b64encode(TEXT) + b"A\n"
+    )
+    assert frames(path) == WIRE
+
+
+def test_a_mail_of_any_size_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The parser holds a message several times over."""
+    monkeypatch.setattr("analyzer.sources.mail.MAX_MAIL_BYTES", 100)
+    path = tmp_path / "question.eml"
+    path.write_bytes(b"From: a@b\nTo: c@d\nSubject: x\n\n" + TEXT * 20)
+    with pytest.raises(SourceError, match="save its attachments"):
+        frames(path)
+
+
+def test_a_sparse_file_in_a_tar_is_refused(tmp_path: Path) -> None:
+    """A header of GNU tar lets a few bytes stand for terabytes of zeros."""
+    header = bytearray(tarfile.TarInfo("bus.hex").tobuf(tarfile.GNU_FORMAT))
+    header[156:157] = b"S"
+    header[483:495] = b"77777777777\0"
+    header[148:156] = b" " * 8
+    header[148:156] = b"%06o\0 " % sum(header)
+    path = tmp_path / "bus.tar"
+    path.write_bytes(bytes(header) + bytes(1024))
+    with pytest.raises(CaptureError, match="sparse"):
+        frames(path)
 
 
 def test_a_directory_stands_for_the_files_in_it(tmp_path: Path) -> None:

@@ -266,3 +266,23 @@ def test_what_is_no_configuration(text: str, line: int | None, part: str) -> Non
     with pytest.raises(ProfileError, match=part) as raised:
         importers.read("esphome", text, "map")
     assert raised.value.line == line
+
+
+def test_a_value_before_a_lambda_has_no_unit() -> None:
+    """The unit is that of what the lambda makes of the raw value."""
+    text = (
+        "modbus_controller:\n  - {id: a, address: 1}\nsensor:\n"
+        "  - {platform: modbus_controller, modbus_controller_id: a, name: x, address: 7,"
+        ' unit_of_measurement: kW, lambda: "return x * 0.1;"}\n'
+    )
+    assert "unit" not in points("esphome", text)["x"]
+
+
+def test_a_unit_is_taken_where_the_format_is_detected() -> None:
+    """Without one, the file with several units is not said to be of no format."""
+    text = "modbus:\n  - sensors:\n" + "".join(
+        f"      - {{name: s{unit}, address: 1, slave: {unit}}}\n" for unit in (1, 3)
+    )
+    assert importers.detect(text, "configuration.yaml", 3) == "homeassistant"
+    with pytest.raises(UsageError, match=r"choose a unit with --unit N; there are 1, 3"):
+        importers.detect(text, "configuration.yaml")

@@ -556,7 +556,7 @@ fn answer_length(function: u8, quantity: u16) -> u64 {
 
 /// The hour of the day.
 fn hour(time: Ns) -> usize {
-    (time.div_euclid(3_600_000_000_000) % 24) as usize
+    time.div_euclid(3_600_000_000_000).rem_euclid(24) as usize
 }
 
 fn merge_each(own: &mut [Tally], later: &[Tally]) {

@@ -6,6 +6,7 @@ use std::cmp::Reverse;
 use std::sync::Arc;
 
 use crate::text::dialect::{Dialect, Dialects};
+use crate::text::header_run::HeaderRun;
 use crate::text::notation::{Notation, NotationFlags};
 use crate::text::proved::hex_bytes;
 use crate::text::reader::Marks;
@@ -42,6 +43,10 @@ struct RowScore {
     bytes: usize,
     /// Bytes in frames with a valid checksum or length, or with a valid layout where the program prints no checksums.
     proven_bytes: usize,
+    /// Of these, bytes without a checksum of their own, which only the exchanges around them prove.
+    unchecked_bytes: usize,
+    /// How many requests without checksum are followed by a response that fits, of how many.
+    exchanges: (usize, usize),
     /// Lines that none of the rows could read.
     unparsed: u64,
 }
@@ -50,6 +55,11 @@ impl RowScore {
     /// The share of the bytes that are proven.
     fn purity(self) -> f64 {
         self.proven_bytes as f64 / self.bytes.max(1) as f64
+    }
+
+    /// The bytes that checksums or lengths prove.
+    fn checked_bytes(self) -> usize {
+        self.proven_bytes - self.unchecked_bytes
     }
 
     /// The figure by which rows are compared: it favours rows that find many frames and few other bytes.
@@ -140,7 +150,10 @@ fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<FormatGuess> {
         let is_purer = best_is_generic && !row.generic && score.purity() >= best_purity;
         let share = if is_purer { MIN_SHARE_OF_GENERIC } else { MIN_SHARE_OF_BEST };
         // What a master receives on a faulty line is no frame; a program's own syntax is known by its lines all the same.
-        let is_complete = !row.generic && score.unparsed == 0 && score.proven_bytes >= best_score.proven_bytes;
+        let is_complete = !row.generic
+            && score.unparsed <= best_score.unparsed
+            && score.bytes >= best_score.bytes
+            && score.proven_bytes >= best_score.proven_bytes;
         score.worth() >= share * best || is_complete
     };
     let chosen = (0..scored.len()).filter(|&i| is_good(&scored[i])).max_by_key(|&i| {
@@ -167,7 +180,7 @@ fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<FormatGuess> {
     // What no row reads is read where checksums prove it. Rows that lack most of this were the wrong ones.
     if let Some((row, alone)) = (total.unparsed > 0).then(proved).flatten() {
         let extended = score(&[&rows[..], &[Arc::clone(&row)]].concat(), text, marks);
-        if extended.proven_bytes as f64 <= MAX_SHARE_OF_PROVED * alone.proven_bytes as f64 {
+        if extended.proven_bytes as f64 <= MAX_SHARE_OF_PROVED * alone.checked_bytes() as f64 {
             (rows, total) = (vec![row], alone);
         } else if extended.proven_bytes > total.proven_bytes {
             rows.push(row);
@@ -180,8 +193,17 @@ fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<FormatGuess> {
 /// The guess for rows with their score.
 fn guess(rows: &[Arc<Dialect>], score: RowScore) -> FormatGuess {
     let names: Vec<&str> = rows.iter().map(|row| row.name.as_str()).collect();
-    let proof = if rows[0].no_checksum { "have the layout of frames" } else { "are in frames confirmed by checksum or length" };
-    let confidence = if rows[0].no_checksum { 0.5 + 0.3 * score.purity() } else { 0.5 + 0.5 * score.purity() };
+    let is_unchecked = rows[0].no_checksum || score.unchecked_bytes > score.checked_bytes();
+    let proof = match score.exchanges {
+        _ if !is_unchecked => "are in frames confirmed by checksum or length".to_owned(),
+        (0, _) => "have the layout of frames".to_owned(),
+        (fitting, all) => format!(
+            "have the layout of frames without checksums: {fitting} of {all} request{} answered by the unit, the function and \
+             the length that fit",
+            if all == 1 { " is" } else { "s are" }
+        ),
+    };
+    let confidence = if is_unchecked { 0.5 + 0.3 * score.purity() } else { 0.5 + 0.5 * score.purity() };
     let reason =
         format!("{} record{}, {:.0} % of their bytes {proof}", score.records, plural(score.records), 100.0 * score.purity());
     (names.join("+"), confidence, reason)
@@ -238,7 +260,7 @@ fn score(rows: &[Arc<Dialect>], text: &[u8], marks: &RefCell<Vec<Marks>>) -> Row
     reader.push(text);
     let mut score = RowScore::default();
     let mut burst: Vec<u8> = Vec::new();
-    let mut jumps = 0;
+    let (mut jumps, mut headers) = (0, HeaderRun::default());
     while let Some((record, bytes)) = reader.next(true) {
         jumps += u64::from(record.follows_loss);
         if record.starts_record || record.follows_loss || burst.len() > 1 << 14 {
@@ -246,17 +268,20 @@ fn score(rows: &[Arc<Dialect>], text: &[u8], marks: &RefCell<Vec<Marks>>) -> Row
             burst.clear();
         }
         score.bytes += bytes.len();
+        headers.add(bytes);
         if record.lacks_checksum {
-            score.proven_bytes += if frame_evidence::has_frame_layout(bytes) { bytes.len() } else { 0 };
+            let bytes = if frame_evidence::has_frame_layout(bytes) { bytes.len() } else { 0 };
+            score.proven_bytes += bytes;
+            score.unchecked_bytes += bytes;
         } else {
             burst.extend_from_slice(bytes);
         }
     }
-    score.proven_bytes += frame_evidence::proven_bytes(&burst);
+    score.proven_bytes = headers.proven_bytes().max(score.proven_bytes + frame_evidence::proven_bytes(&burst));
     if !reader.has_announced_bytes() || 2 * jumps > reader.records() {
         return RowScore::default();
     }
-    RowScore { records: reader.records(), unparsed: reader.unread_lines().count, ..score }
+    RowScore { records: reader.records(), unparsed: reader.unread_lines().count, exchanges: reader.exchanges(), ..score }
 }
 
 /// Whether at least half of the lines are a colon and an even number of hex digits, as in a Modbus ASCII frame.

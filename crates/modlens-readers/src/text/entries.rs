@@ -20,8 +20,8 @@ use modlens_protocol::Ns;
 /// Bytes that were read but not delivered: the number of the line, the bytes, and the reason.
 pub type SkippedBytes = (u64, Vec<u8>, &'static str);
 
-/// The most bytes that a `*` in a dump may stand for; a larger gap between the offsets counts as lost bytes.
-const MAX_REPEATED_BYTES: u64 = 1 << 24;
+/// The most bytes that all `*` of a recording may stand for; what exceeds them counts as lost bytes.
+const MAX_REPEATED_BYTES: u64 = 1 << 22;
 
 /// How many skipped byte strings are kept so that they can be listed.
 const MAX_LISTED: usize = 1000;
@@ -85,6 +85,8 @@ struct DumpState {
     scratch: Vec<u8>,
     /// The last line was a `*`.
     has_repeat_mark: bool,
+    /// The bytes that all `*` so far stand for.
+    repeated_bytes: u64,
 }
 
 /// A frame that a program prints over several lines, as far as it was read.
@@ -212,6 +214,11 @@ impl EntryAssembler {
             }
             LineRole::Bytes(side) => self.entry(dialect, found, bytes, found.side.or(side), found.time, key, timestamps),
         }
+    }
+
+    /// Whether the log has printed these bytes last.
+    pub fn has_printed(&self, bytes: &[u8]) -> bool {
+        self.printed_before(0, bytes) == bytes.len()
     }
 
     /// How many of the bytes the log has printed last: all of them, or what stands before the new ones in a buffer that grows.
@@ -402,8 +409,10 @@ impl EntryAssembler {
         bytes.clear();
         if let Some(expected) = state.expected_offset.filter(|_| offset != 0) {
             let missing = offset.saturating_sub(expected);
-            let is_filled = state.has_repeat_mark && missing <= MAX_REPEATED_BYTES && !state.last_line.is_empty();
+            let is_allowed = missing <= MAX_REPEATED_BYTES - state.repeated_bytes;
+            let is_filled = state.has_repeat_mark && is_allowed && !state.last_line.is_empty();
             if is_filled {
+                state.repeated_bytes += missing;
                 bytes.extend(state.last_line.iter().copied().cycle().take(missing as usize));
             }
             has_lost_bytes = expected != offset && !is_filled;

@@ -20,6 +20,7 @@ mod encapsulation;
 mod entries;
 pub mod foreign_protocols;
 mod frame_evidence;
+mod header_run;
 mod notation;
 mod prefix;
 mod proved;

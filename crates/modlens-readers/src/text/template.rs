@@ -55,6 +55,8 @@ pub(super) struct LineMatch {
     /// Position of the match in the line.
     pub start: usize,
     pub end: usize,
+    /// Where its bytes end; 0 without bytes.
+    pub bytes_end: usize,
     pub time: Option<Ns>,
     pub side: Option<Side>,
     /// Position of the device's name in the line; once the name is known, its number takes the place of the first.
@@ -330,7 +332,11 @@ fn match_elements(
                 (found.time, found.side) = (time, side);
                 rest.len() - behind.len()
             }
-            Element::Bytes(notations, stop) => match_bytes(notations, *stop, rest, found, scratch)?,
+            Element::Bytes(notations, stop) => {
+                let length = match_bytes(notations, *stop, rest, found, scratch)?;
+                found.bytes_end = at + length;
+                length
+            }
             Element::Proved => return None,
             Element::ChunkLog => {
                 let read = super::chunk_log::parse(rest, scratch.timestamps, scratch.out)?;

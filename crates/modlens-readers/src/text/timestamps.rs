@@ -82,6 +82,15 @@ pub(super) struct TimestampState {
     delta_sum_ns: Ns,
 }
 
+/// One of the timestamps of a line.
+#[derive(Clone, Copy, Debug)]
+struct Stamp {
+    time: Ns,
+    kind: ClockKind,
+    decimals: u32,
+    state: TimestampState,
+}
+
 impl TimestampParser {
     /// A parser for one recording; `settings` is what the operator knows of its clock.
     pub fn new(settings: Arc<ClockSettings>) -> Self {
@@ -187,25 +196,54 @@ impl TimestampParser {
         }
     }
 
-    /// Finds a timestamp anywhere in the text that stands in front of the bytes.
+    /// Finds a timestamp anywhere in the text that stands in front of the bytes. Of several the finest counts, such as that of
+    /// a program after that of the journal.
     pub fn find(&mut self, front: &[u8]) -> Option<Ns> {
-        if front.len() < 8 {
+        if front.len() < 4 {
             return None;
         }
         let front = &front[..front.len().min(MAX_PREFIX_CHARS)];
-        // It nearly always stands where it stood in the line before.
-        if let Some((time, _)) = self.date_time_at(front, self.state.last_position) {
+        let start = self.state;
+        // It nearly always stands where it stood in the line before, and is as fine.
+        let is_fine = |one: &Stamp| start.kind != ClockKind::None && (one.decimals, one.kind) >= (start.decimals, start.kind);
+        let usual = self.stamp_at(front, start.last_position, &start);
+        let found = usual.filter(is_fine).or_else(|| {
+            let all = (0..front.len()).filter_map(|at| self.stamp_at(front, at, &start));
+            all.reduce(|best, one| if (one.decimals, one.kind) > (best.decimals, best.kind) { one } else { best })
+        });
+        self.state = start;
+        if let Some(Stamp { time, kind, decimals, state }) = found {
+            self.state = TimestampState { kind: start.kind, decimals: start.decimals, ..state };
+            self.note_clock(kind, decimals);
             return Some(time);
-        }
-        for at in 0..front.len() {
-            if let Some((time, _)) = self.date_time_at(front, at) {
-                self.state.last_position = at;
-                return Some(time);
-            }
         }
         let text = front.trim_ascii_start();
         let text = text.strip_prefix(b"[").or_else(|| text.strip_prefix(b"(")).unwrap_or(text).trim_ascii_start();
-        self.seconds_stamp(text).map(|(time, _)| time)
+        self.seconds_stamp(text).or_else(|| self.count_stamp(text)).map(|(time, _)| time)
+    }
+
+    /// The date and time at position `at` with what it shows, if the parser is in the state `start` before it.
+    fn stamp_at(&mut self, front: &[u8], at: usize, start: &TimestampState) -> Option<Stamp> {
+        self.state = TimestampState { kind: ClockKind::None, decimals: 0, last_position: at, ..*start };
+        let (time, _) = self.date_time_at(front, at)?;
+        Some(Stamp { time, kind: self.state.kind, decimals: self.state.decimals, state: self.state })
+    }
+
+    /// Parses a number of milliseconds, microseconds or seconds with its unit at the start of the line, such as `145ms`.
+    fn count_stamp<'a>(&mut self, line: &'a [u8]) -> Option<(Ns, &'a [u8])> {
+        let digits = line.iter().take_while(|b| b.is_ascii_digit()).count();
+        let (text, rest) = line.split_at(digits);
+        let units: [(&[u8], Ns, u32); 4] =
+            [(b"ms", 1_000_000, 3), (b"us", 1000, 6), ("\u{b5}s".as_bytes(), 1000, 6), (b"s", SECOND_NS, 0)];
+        let (unit, ns, decimals) = units.into_iter().find(|(unit, ..)| rest.starts_with(unit))?;
+        let rest = &rest[unit.len()..];
+        // Words such as `12 seconds` are no stamps.
+        if rest.first().is_some_and(u8::is_ascii_alphanumeric) {
+            return None;
+        }
+        let time = number(text)?.checked_mul(ns)?;
+        self.note_clock(ClockKind::Relative, decimals);
+        Some((time, rest))
     }
 
     /// Parses the date and time at position `at`, which has to be the start of a word.
@@ -381,6 +419,9 @@ mod tests {
             ("[RTU]>Tx > 12:00:00:250 - ", DAY_NS / 2 + 250_000_000, ClockKind::TimeOfDay),
             ("1551441600.5: ", NOON + 500_000_000, ClockKind::Utc),
             ("000001.500 RX ", 1_500_000_000, ClockKind::Relative),
+            ("145ms TX: ", 145_000_000, ClockKind::Relative),
+            ("Mar 01 11:59:59 host ha[691]: 2019-03-01 12:00:00.250 DEBUG send: ", NOON + 250_000_000, ClockKind::Local),
+            ("2019-03-01T12:00:00.250Z app 11:22:33 x ", NOON + 250_000_000, ClockKind::Utc),
         ] {
             assert_eq!(found(line), (Some(ns), kind), "{line}");
         }

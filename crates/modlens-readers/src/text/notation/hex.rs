@@ -199,6 +199,11 @@ pub(super) fn hex(text: &[u8], allow_single_digits: bool, out: &mut Vec<u8>, fla
         if allow_single_digits && token.eq_ignore_ascii_case(b"b") && matches!(text.get(at + 1), Some(b'\'' | b'"')) {
             return end;
         }
+        // Nor is a letter that ends a label, as in `[D] A: 0503`.
+        let is_letter = allow_single_digits && matches!(token, [letter] if letter.is_ascii_alphabetic());
+        if is_letter && matches!(text.get(at + 1..at + 3), Some([b':' | b']' | b')', b' '])) {
+            return end;
+        }
         let read = !flags.no_checksum && hex_token(token, allow_single_digits, out);
         let is_placeholder =
             !read && !out.is_empty() && text.get(at + token.len()) != Some(&b'=') && is_checksum_placeholder(token);
@@ -310,20 +315,24 @@ fn read_prefixed_byte(text: &[u8], out: &mut Vec<u8>) -> Option<usize> {
 
 /// Reads bytes that are each enclosed in the brackets `around`. Returns the length of the text.
 pub(super) fn bracketed(text: &[u8], around: [u8; 2], out: &mut Vec<u8>) -> usize {
-    let mut at = 0;
-    while let Some(&[open, high, low, close]) = text.get(at..at + 4) {
-        let value = HIGH_DIGIT_VALUES[high as usize] | LOW_DIGIT_VALUES[low as usize];
-        let ([true, true], value @ 0..INVALID) = ([open == around[0], close == around[1]], value) else { break };
-        let value = value as u8;
-        out.push(value);
-        at += 4;
+    let (mut at, mut count) = (0, 0);
+    while text.get(at) == Some(&around[0]) {
+        // Some people print `< 01 >< 03 >`.
+        let blank = usize::from(text.get(at + 1) == Some(&b' '));
+        let inner = at + 1 + blank;
+        let close = text.get(inner + 2 + blank);
+        let Some(&[high, low]) = text.get(inner..inner + 2).filter(|_| close == Some(&around[1])) else { break };
+        let value @ 0..INVALID = HIGH_DIGIT_VALUES[high as usize] | LOW_DIGIT_VALUES[low as usize] else { break };
+        out.push(value as u8);
+        count += 1;
+        at = inner + 3 + blank;
         if text.get(at) == Some(&b' ') && text.get(at + 1) == Some(&around[0]) {
             at += 1;
         }
     }
     // A single byte in brackets may be a number in prose.
-    if at < 8 {
-        out.truncate(out.len() - at / 4);
+    if count < 2 {
+        out.truncate(out.len() - count);
         return 0;
     }
     at

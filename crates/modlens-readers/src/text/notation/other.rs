@@ -38,7 +38,7 @@ pub(super) fn named(text: &[u8], out: &mut Vec<u8>) -> usize {
 
 /// Reads decimal numbers up to 255, with separators or as a list in brackets.
 pub(super) fn decimal(text: &[u8], out: &mut Vec<u8>) -> usize {
-    let (mut at, mut end) = (0, 0);
+    let (mut at, mut end, before) = (0, 0, out.len());
     loop {
         while text.get(at).is_some_and(|b| matches!(b, b' ' | b',' | b'-' | b'[' | b'(' | b';')) {
             at += 1;
@@ -49,7 +49,10 @@ pub(super) fn decimal(text: &[u8], out: &mut Vec<u8>) -> usize {
         at += token.len();
         end = at;
         if text.get(at).is_some_and(|b| matches!(b, b']' | b')')) {
-            return at + 1;
+            // A single number in brackets counts something.
+            let is_list = out.len() > before + 1;
+            out.truncate(if is_list { out.len() } else { before });
+            return if is_list { at + 1 } else { 0 };
         }
     }
 }

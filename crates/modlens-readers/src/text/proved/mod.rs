@@ -6,24 +6,30 @@
 //! prove nothing, because damaged frames are what people look for. `pieces` joins frames that are printed over several lines,
 //! `listing` those that are printed a field a line.
 
+mod candidates;
 mod frames;
 mod listing;
 mod pieces;
 mod runs;
 mod sender;
 mod shapes;
+mod statements;
 
 use std::ops::Range;
 
 use crate::chunk::Side;
+use crate::text::frame_evidence::has_frame_layout;
 use crate::text::notation::{Notation, NotationFlags};
+use candidates::{candidates, fronts, mentions};
 use listing::Listing;
-use modlens_protocol::checksum::lrc;
+use modlens_protocol::checksum::{crc_valid, lrc};
 use modlens_protocol::hex::decode_pairs;
 use pieces::{Piece, Pieces};
 use runs::{hex_runs, number_runs, Run, Style};
-use shapes::{shape, Shape, Shapes};
+use shapes::{any_shape, shape, Shape, Shapes};
+use statements::Statements;
 
+pub(super) use candidates::{hex_bytes, other_hex};
 pub(super) use sender::sender;
 
 /// Longer lines are read in parts of this length.
@@ -60,12 +66,15 @@ pub(super) struct Found {
     pub side: Option<Side>,
     pub shape: Option<Shape>,
     pub worth: Worth,
+    /// They are a frame that was printed without its checksum.
+    pub lacks_checksum: bool,
 }
 
 /// What the lines so far have shown.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ProvedHex {
     shapes: Shapes,
+    statements: Statements,
     pieces: Pieces,
     listing: Listing,
 }
@@ -74,6 +83,28 @@ impl ProvedHex {
     /// Takes over the shapes that another reader of the same text has learned.
     pub fn learn_from(&mut self, other: &Self) {
         self.shapes = other.shapes.clone();
+    }
+
+    /// Who sent the bytes after this text, as far as the text of the whole log shows it.
+    pub fn learned_sender(&self, front: &[u8]) -> Option<Side> {
+        self.statements.side(any_shape(front, Style::Pairs))
+    }
+
+    /// Whether this text in front of bytes has a name, so that it may say who sent them.
+    pub fn is_label(front: &[u8]) -> bool {
+        shape(front, Style::Pairs).is_some()
+    }
+
+    /// Learns from the lines at the beginning of a text which statements print frames, and who sent them.
+    pub fn learn_statements(&mut self, lines: impl Iterator<Item = Vec<u8>>) {
+        let may_hold_bytes = |line: &Vec<u8>| line.iter().filter(|b| b.is_ascii_hexdigit()).count() >= MIN_LISTED_BYTES;
+        let mentions = lines.filter(may_hold_bytes).flat_map(|line| mentions(&line));
+        self.statements = Statements::learn(&mentions.collect::<Vec<_>>());
+    }
+
+    /// How many requests without checksum are followed by a response that fits, of how many.
+    pub fn exchanges(&self) -> (usize, usize) {
+        self.statements.exchanges
     }
 
     /// Finds the bytes of frames in a line; `number` is that of the line.
@@ -98,40 +129,43 @@ impl ProvedHex {
     fn read_part(&mut self, line: &[u8], start: usize, number: u64) -> Vec<Found> {
         let proved = proved_runs(line, start);
         if !proved.is_empty() {
-            let found = with_fronts(line, start, &proved);
-            for one in found.iter().filter(|one| one.worth == Worth::Frame) {
+            let style = style_of_frames(&proved);
+            let mut found = with_fronts(line, start, &proved);
+            for one in found.iter_mut().filter(|one| one.worth == Worth::Frame) {
                 self.shapes.add(one.shape);
+                one.side = one.side.or_else(|| self.statements.side(any_shape(&line[one.front.clone()], style)));
             }
             return found;
         }
-        let hex = shifted(hex_runs(&line[start..]), start);
-        let known = self.runs_like_frames(line, start, &hex);
+        let known = self.runs_like_frames(line, start);
         if known.is_empty() {
-            return self.complete_pieces(line, start, &hex, number);
+            return self.complete_pieces(line, start, &shifted(hex_runs(&line[start..]), start), number);
         }
         known
     }
 
     /// The runs that stand where other lines have frames.
-    fn runs_like_frames(&self, line: &[u8], start: usize, hex: &[Run]) -> Vec<Found> {
-        let numbers = [Style::Loose, Style::Decimal].map(|style| shifted(number_runs(&line[start..], style), start));
-        for runs in [hex, &numbers[0], &numbers[1]] {
-            let mut found = Vec::new();
-            let mut from = start;
-            for run in runs {
-                let shape = shape(&line[from..run.text.start], run.style);
-                if self.shapes.contains(shape) && ends_clearly(line, run) {
-                    found.push(self::found(line, from..run.text.start, run.bytes.clone(), shape, Worth::LikeFrames));
-                }
-                if !found.is_empty() || run.bytes.len() >= MIN_LISTED_BYTES {
-                    from = run.text.end;
-                }
-            }
-            if !found.is_empty() {
-                return found;
-            }
+    fn runs_like_frames(&self, line: &[u8], start: usize) -> Vec<Found> {
+        let found = candidates(line, start).into_iter().map(|runs| {
+            let fronts = fronts(line, start, runs);
+            fronts.filter_map(|(front, run)| self.run_like_frame(line, front, run)).collect::<Vec<_>>()
+        });
+        found.into_iter().find(|found| !found.is_empty()).unwrap_or_default()
+    }
+
+    /// The bytes of a run that stands where other lines have frames.
+    fn run_like_frame(&self, line: &[u8], front: Range<usize>, run: Run) -> Option<Found> {
+        let (known, any) = (shape(&line[front.clone()], run.style), any_shape(&line[front.clone()], run.style));
+        let is_long = known.is_some() || run.bytes.len() >= MIN_LISTED_BYTES;
+        let is_known = self.shapes.contains(known) || (is_long && self.statements.contains(any));
+        if !is_known || !ends_clearly(line, &run) {
+            return None;
         }
-        Vec::new()
+        let lacks_checksum = self.statements.lacks_checksum(any) && has_frame_layout(&run.bytes);
+        let mut found = found(line, front, run.bytes, Some(any), Worth::LikeFrames);
+        found.side = found.side.or_else(|| self.statements.side(any));
+        found.lacks_checksum = lacks_checksum;
+        Some(found)
     }
 
     /// Adds the longest run of the line to those of the lines before it. Returns the pieces of a frame that it completes.
@@ -149,6 +183,7 @@ impl ProvedHex {
             side: sender(&piece.line[..piece.start]),
             shape: Some(shape),
             worth: Worth::LikeFrames,
+            lacks_checksum: false,
             earlier: if piece.number == number { Vec::new() } else { vec![(piece.number, piece.line)] },
         };
         pieces.into_iter().map(found).collect()
@@ -163,6 +198,7 @@ fn listed(fields: Vec<Piece>, side: Option<Side>, number: u64) -> Found {
         side,
         shape: None,
         worth: Worth::Frame,
+        lacks_checksum: false,
         earlier: fields.into_iter().filter(|field| field.number != number).map(|field| (field.number, field.line)).collect(),
     }
 }
@@ -171,16 +207,6 @@ fn listed(fields: Vec<Piece>, side: Option<Side>, number: u64) -> Found {
 pub(super) fn read_frames(line: &[u8], start: usize) -> Vec<Found> {
     let end = part_end(line, start);
     with_fronts(line, start, &proved_runs(&line[..end], start))
-}
-
-/// How many bytes of hex a line holds, but for short runs and for dates and times of day.
-pub(super) fn hex_bytes(line: &[u8]) -> usize {
-    let part = &line[..part_end(line, 0)];
-    let is_time = |text: &[u8]| {
-        let has_colons = memchr::memchr_iter(b':', text).nth(1).is_some();
-        has_colons && text.iter().all(|b| !b.is_ascii_alphabetic()) && text.len() < 30
-    };
-    hex_runs(part).iter().filter(|run| run.bytes.len() >= 4 && !is_time(&part[run.text.clone()])).map(|run| run.bytes.len()).sum()
 }
 
 /// Where the part of the line that begins at `start` ends: at its end, or at a blank.
@@ -193,11 +219,8 @@ fn part_end(line: &[u8], start: usize) -> usize {
 }
 
 /// The runs with the positions of a line whose text from `start` on was searched.
-fn shifted(mut runs: Vec<Run>, start: usize) -> Vec<Run> {
-    for run in &mut runs {
-        run.text = run.text.start + start..run.text.end + start;
-    }
-    runs
+fn shifted(runs: Vec<Run>, start: usize) -> Vec<Run> {
+    runs.into_iter().map(|run| run.shifted(start)).collect()
 }
 
 /// The runs of the first notation in which the line holds frames, each with the positions of its frames; runs without a
@@ -228,6 +251,11 @@ fn proved_runs(line: &[u8], start: usize) -> Vec<(Run, Vec<Range<usize>>)> {
     Vec::new()
 }
 
+/// The notation of the runs that hold frames.
+fn style_of_frames(proved: &[(Run, Vec<Range<usize>>)]) -> Style {
+    proved.iter().find(|(_, frames)| !frames.is_empty()).map_or(Style::Pairs, |(run, _)| run.style)
+}
+
 /// The position of a frame that is the whole run.
 fn whole(run: &Run) -> Vec<Range<usize>> {
     std::iter::once(0..run.bytes.len()).collect()
@@ -251,7 +279,7 @@ fn ascii_runs(line: &[u8]) -> Vec<Run> {
         let are_bytes = digits >= 8 && digits.is_multiple_of(2) && decode_pairs(&line[colon + 1..end], &mut bytes);
         if is_word && are_bytes && lrc(&bytes) == 0 && frames::fits_known_function(&bytes[1..bytes.len() - 1]) {
             let bytes = [&line[colon..end], b"\r\n"].concat();
-            runs.push(Run { style: Style::Ascii, text: colon..end, edges: Vec::new(), bytes });
+            runs.push(Run::whole(Style::Ascii, colon..end, bytes));
         }
     }
     runs
@@ -268,8 +296,7 @@ fn escaped_runs(line: &[u8]) -> Vec<Run> {
         let stop = quote.map(|quote| line[quote]);
         let length = Notation::Escaped.read(&line[start..], stop, &mut bytes, &mut NotationFlags::default()).unwrap_or(0);
         // Behind the last quote of a line there may be further text, which is no byte.
-        let edges = vec![0, bytes.len()];
-        runs.push(Run { style: Style::Escaped, text: start..start + length, bytes, edges });
+        runs.push(Run::whole(Style::Escaped, start..start + length, bytes));
         from = (start + length).max(escape + 1);
     }
     runs
@@ -319,7 +346,19 @@ fn parts(run: &Run, frames: &[Range<usize>]) -> Vec<(Range<usize>, Worth)> {
         at = frame.end;
     }
     let gap = at..run.bytes.len();
-    parts.push((gap.clone(), gap_worth(&run.bytes[gap.clone()], is_glued(gap.start), false)));
+    match frames {
+        // The header announces fewer bytes than follow: where the frame ends is not for a reader to say.
+        [only]
+            if *only == (0..at)
+                && !gap.is_empty()
+                && is_glued(at)
+                && run.bytes[0] != b':'
+                && !crc_valid(&run.bytes[only.clone()]) =>
+        {
+            parts = vec![(0..run.bytes.len(), Worth::LikeFrames)];
+        }
+        _ => parts.push((gap.clone(), gap_worth(&run.bytes[gap.clone()], is_glued(gap.start), false))),
+    }
     // What has decimal digits only may be a date.
     let is_listed = |bytes: &[u8]| bytes.len() >= MIN_LISTED_BYTES && bytes.iter().any(|b| b >> 4 > 9 || b & 15 > 9);
     parts.retain(|(range, worth)| !range.is_empty() && (*worth != Worth::Beside || is_listed(&run.bytes[range.clone()])));
@@ -340,5 +379,5 @@ fn gap_worth(bytes: &[u8], same_separators: bool, is_between: bool) -> Worth {
 
 /// Bytes of the current line.
 fn found(line: &[u8], front: Range<usize>, bytes: Vec<u8>, shape: Option<Shape>, worth: Worth) -> Found {
-    Found { earlier: Vec::new(), side: sender(&line[front.clone()]), front, bytes, shape, worth }
+    Found { earlier: Vec::new(), side: sender(&line[front.clone()]), front, bytes, shape, worth, lacks_checksum: false }
 }

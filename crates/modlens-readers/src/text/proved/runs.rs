@@ -48,6 +48,33 @@ pub(super) struct Run {
     /// Positions in `bytes` where the separators change, or a long word begins or ends; ascending, the ends of the run among
     /// them.
     pub edges: Vec<usize>,
+    /// Where a number in front of the bytes ends, in bytes and in the line: it counts them, or a bracket closes behind it.
+    after_number: Option<(usize, usize)>,
+}
+
+impl Run {
+    /// A run that is not made of words.
+    pub fn whole(style: Style, text: Range<usize>, bytes: Vec<u8>) -> Self {
+        let edges = vec![0, bytes.len()];
+        Self { style, text, bytes, edges, after_number: None }
+    }
+
+    /// The run with its place moved by so many characters.
+    pub fn shifted(mut self, by: usize) -> Self {
+        self.text = self.text.start + by..self.text.end + by;
+        self.after_number = self.after_number.map(|(bytes, text)| (bytes, text + by));
+        self
+    }
+
+    /// The run without a number in front of its bytes, such as their count in `(8) 01 03`.
+    pub fn without_number(mut self) -> Self {
+        if let Some((bytes, text)) = self.after_number.take() {
+            self.bytes.drain(..bytes);
+            self.text.start = text;
+            self.edges = self.edges.iter().filter(|edge| **edge >= bytes).map(|edge| edge - bytes).collect();
+        }
+        self
+    }
 }
 
 /// The bytes of one word, and the separator in front of it.
@@ -88,7 +115,7 @@ fn runs(line: &[u8], read: impl Fn(&[u8], Range<usize>, &mut Vec<u8>) -> Option<
         let Some(style) = style else { continue };
         if !is_open {
             close(line, all.last_mut(), &mut words);
-            all.push(Run { style, text: word.clone(), bytes: Vec::new(), edges: Vec::new() });
+            all.push(Run { style, text: word.clone(), bytes: Vec::new(), edges: Vec::new(), after_number: None });
             is_open = true;
         }
         let Some(run) = all.last_mut() else { break };
@@ -104,6 +131,17 @@ fn runs(line: &[u8], read: impl Fn(&[u8], Range<usize>, &mut Vec<u8>) -> Option<
 fn close(line: &[u8], run: Option<&mut Run>, words: &mut Vec<Word>) {
     let Some(run) = run else { return };
     let usual = usual_separator(line, words.get(1..).unwrap_or(&[]));
+    if let [first, second, ..] = &words[..] {
+        let mark = &line[second.separator.clone()];
+        let closes = mark.iter().any(|b| matches!(b, b')' | b']' | b'}'))
+            && (words.len() == 2 || usual.as_deref().is_none_or(|usual| !same_separator(mark, usual)));
+        let counts = first.count == 1 && counts_bytes(&line[run.text.start..second.separator.start], run.bytes.len() - 1);
+        let is_number = first.count <= 2
+            && second.count >= first.count
+            && run.style == Style::Pairs
+            && (closes || (counts && words.len() > 4));
+        run.after_number = is_number.then_some((first.count, second.separator.end));
+    }
     run.edges.push(0);
     for word in words.drain(..).skip(1) {
         let is_long = word.count >= MIN_WORD_BYTES;
@@ -116,6 +154,11 @@ fn close(line: &[u8], run: Option<&mut Run>, words: &mut Vec<Word>) {
     }
     run.edges.push(run.bytes.len());
     run.edges.dedup();
+}
+
+/// Whether a number says how many bytes follow it.
+fn counts_bytes(text: &[u8], bytes: usize) -> bool {
+    std::str::from_utf8(text).is_ok_and(|text| text.parse() == Ok(bytes))
 }
 
 /// The separator that stands most often in front of these words.

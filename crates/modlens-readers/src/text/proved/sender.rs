@@ -72,6 +72,8 @@ const NEXT_TO_BYTES: &[(&str, Side)] = &[
 const ARROWS: &[(&str, Side)] = &[
     ("\u{2192}", Side::Sent),
     ("\u{2190}", Side::Received),
+    ("<--", Side::Received),
+    ("<==", Side::Received),
     ("->", Side::Sent),
     ("=>", Side::Sent),
     ("<-", Side::Received),

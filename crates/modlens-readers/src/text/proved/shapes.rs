@@ -35,21 +35,45 @@ impl Shapes {
 
 /// The shape of a text in front of bytes in this notation; `None` if there are no words or arrows to know it by.
 pub(super) fn shape(front: &[u8], style: Style) -> Option<Shape> {
-    let front = &front[front.len().saturating_sub(MAX_CHARS)..];
+    let known_by = |word: &[u8]| match word[0] {
+        first if first.is_ascii_alphabetic() => word.len() > 1,
+        first if first.is_ascii_digit() => false,
+        _ => word.iter().any(|b| matches!(b, b'<' | b'>') || !b.is_ascii()),
+    };
+    let has_name = words(front).any(|word| known_by(word) && !word.iter().any(u8::is_ascii_digit));
+    has_name.then(|| any_shape(front, style))
+}
+
+/// The shape of a text in front of bytes in this notation, whatever the text.
+pub(super) fn any_shape(front: &[u8], style: Style) -> Shape {
     let mut hash = Fnv::new(style as u8);
-    let mut is_known_by = false;
-    for word in front.chunk_by(|one, other| one.is_ascii_alphanumeric() == other.is_ascii_alphanumeric()) {
+    for word in words(front) {
         if word.iter().any(u8::is_ascii_digit) {
             hash.add(b'#');
         } else if word[0].is_ascii_alphabetic() {
-            is_known_by |= word.len() > 1;
             hash.add_all(word.iter().map(u8::to_ascii_lowercase));
         } else {
-            is_known_by |= word.iter().any(|b| matches!(b, b'<' | b'>') || !b.is_ascii());
             hash.add_all(word.iter().copied().filter(|b| !matches!(b, b' ' | b'\t')));
         }
     }
-    is_known_by.then_some(hash.state)
+    hash.state
+}
+
+/// The words in front of bytes, hashed, without numbers.
+pub(super) fn label(front: &[u8]) -> Vec<u64> {
+    let names = words(front).filter(|word| word[0].is_ascii_alphabetic() && !word.iter().any(u8::is_ascii_digit));
+    let hash = |word: &[u8]| {
+        let mut hash = Fnv::new(0);
+        hash.add_all(word.iter().map(u8::to_ascii_lowercase));
+        hash.state
+    };
+    names.map(hash).collect()
+}
+
+/// The words of a text in front of bytes, and what stands between them.
+fn words(front: &[u8]) -> impl Iterator<Item = &[u8]> {
+    front[front.len().saturating_sub(MAX_CHARS)..]
+        .chunk_by(|one, other| one.is_ascii_alphanumeric() == other.is_ascii_alphanumeric())
 }
 
 /// The hash function FNV-1a.

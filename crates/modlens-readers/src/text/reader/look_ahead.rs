@@ -1,7 +1,7 @@
 //! What a reader learns from the beginning of a text before it reads it: what no single line says.
 
 use crate::chunk::Side;
-use crate::text::clean::is_quoted;
+use crate::text::clean::{clean, is_quoted};
 use crate::text::frame_evidence;
 use crate::text::reader::Reader;
 use crate::text::timestamps::TimestampParser;
@@ -21,6 +21,7 @@ impl Reader {
     /// Gives, for what the log calls sent and received, requests less responses among the frames that can be one only.
     pub fn look_ahead(&mut self, sample: &[u8]) -> [i32; 2] {
         self.look_at_marks(sample);
+        self.look_at_statements(sample);
         let mut ahead = Self::to_count(self.dialects.clone());
         ahead.is_quoted_mail = self.is_quoted_mail;
         (ahead.proved, ahead.proved_row) = (self.proved.clone(), self.proved_row.clone());
@@ -51,9 +52,22 @@ impl Reader {
         }
     }
 
+    /// Learns which statements of a program print frames.
+    fn look_at_statements(&mut self, sample: &[u8]) {
+        let Some(proved) = &mut self.proved else { return };
+        let cleaned = sample.split(|&b| b == b'\n').map(|line| {
+            let mut scratch = Vec::new();
+            clean(line, false, self.is_quoted_mail, &mut scratch).to_vec()
+        });
+        proved.learn_statements(cleaned);
+    }
+
     /// Learns the order of dates, and whether the text is quoted.
     fn look_at_marks(&mut self, sample: &[u8]) {
         self.is_quoted_mail = is_quoted(sample);
+        self.has_angles = memchr::memchr_iter(b'<', sample).any(|at| {
+            matches!(sample.get(at + 1..at + 4), Some([high, low, b'>']) if high.is_ascii_hexdigit() && low.is_ascii_hexdigit())
+        });
         self.timestamps.look_ahead(sample);
     }
 }

@@ -17,7 +17,7 @@ use crate::text::dialect::{Dialect, Dialects};
 use crate::text::entries::{EntryAssembler, SkippedBytes};
 use crate::text::frame_evidence;
 use crate::text::notation::Notation;
-use crate::text::proved::{sender, ProvedHex};
+use crate::text::proved::{hex_bytes, sender, ProvedHex};
 use crate::text::role::LineRole;
 use crate::text::template::{LineMatch, MatchContext, Template};
 use crate::text::timestamps::{delta, TimestampParser};
@@ -71,6 +71,8 @@ pub struct Reader {
     is_continued: bool,
     /// Most lines begin with mail quotes.
     is_quoted_mail: bool,
+    /// The text has bytes in angle brackets, as libmodbus prints received ones.
+    has_angles: bool,
     timestamps: TimestampParser,
     /// The notation that gave the last valid checksum, of a template with several.
     preferred: Option<Notation>,
@@ -122,6 +124,7 @@ impl Reader {
             number: 0,
             is_continued: false,
             is_quoted_mail: false,
+            has_angles: true,
             timestamps,
             preferred: None,
             bytes: Vec::new(),
@@ -221,7 +224,7 @@ impl Reader {
     }
 
     /// Hands a line to the first row that can read it: the rows in use, then other rows, then other rows together with
-    /// the lines before. A line that nothing reads is counted, unless it is a comment.
+    /// the lines before. A line that nothing reads is counted, unless it is a comment without hex.
     fn read_line(&mut self, line: &[u8]) {
         self.assembler.number = self.number;
         self.expects_regular_lines = false;
@@ -242,7 +245,7 @@ impl Reader {
             let may_be_announced = row.generic && self.unread.back().is_some_and(|(number, _)| number + 2 >= self.number);
             let is_read_with_others = may_be_announced && self.read_with_unread_lines(line);
             if !(is_read_with_others || row.generic && self.prefer_proved(line, &row)) {
-                self.let_words_decide(line);
+                self.let_words_decide(line, &row);
                 self.read_proved_front(line);
                 self.deliver_matches(&row);
                 self.read_proved_tail(line, self.tail);
@@ -250,19 +253,26 @@ impl Reader {
             self.unread.clear();
             self.expects_regular_lines = !self.is_general && self.may_expect_regular_lines(&row);
         } else if !self.read_with_another_dialect(line)
-            && !is_comment(text)
-            && !self.read_with_unread_lines(line)
+            && (is_comment(text) || !self.read_with_unread_lines(line))
             && !self.read_proved(line)
         {
-            if !has_deltas {
-                self.assembler.end_announcement(&self.timestamps);
-            }
-            self.note_unparsed(text);
+            self.leave_unread(text, has_deltas);
         }
         if let Some(delta) = delta(text).filter(|_| has_deltas) {
             let time = self.timestamps.add_delta(delta);
             self.assembler.end_frame_at(time, &self.timestamps);
         }
+    }
+
+    /// Counts a line that nothing reads. A comment counts only if it holds hex, and ends nothing that was announced.
+    fn leave_unread(&mut self, text: &[u8], has_deltas: bool) {
+        if is_comment(text) && hex_bytes(text) == 0 {
+            return;
+        }
+        if !has_deltas && !is_comment(text) {
+            self.assembler.end_announcement(&self.timestamps);
+        }
+        self.note_unparsed(text);
     }
 
     /// Passes the matches of the current line to `deliver`, which makes entries of them.
@@ -287,13 +297,23 @@ impl Reader {
     }
 
     /// Lets words in front of bytes in brackets say who sent them: libmodbus gives the two kinds of brackets a meaning, other
-    /// programs do not.
-    fn let_words_decide(&mut self, line: &[u8]) {
+    /// programs do not. Where a row of any program knows no word, what was learned of the text counts.
+    fn let_words_decide(&mut self, line: &[u8], row: &Dialect) {
+        let learned = |front: &[u8]| self.proved.as_ref().and_then(|proved| proved.learned_sender(front));
         for (role, found, _) in &mut self.matches {
             let brackets = line.get(found.start..found.start + 4);
             let is_in_brackets = matches!(brackets, Some([b'[', _, _, b']'] | [b'<', _, _, b'>']));
-            if let (LineRole::Bytes(Some(side)), true, 1..) = (role, is_in_brackets, found.start) {
-                *side = sender(&line[..found.start]).unwrap_or(*side);
+            match role {
+                LineRole::Bytes(Some(side)) if is_in_brackets && found.start > 0 => {
+                    let front = &line[..found.start];
+                    let may_mean_brackets = self.has_angles || !ProvedHex::is_label(front);
+                    let said = sender(front).or_else(|| learned(&line[..=found.start]));
+                    *role = LineRole::Bytes(said.or(Some(*side).filter(|_| may_mean_brackets)));
+                }
+                LineRole::Bytes(side @ None) if row.generic && found.side.is_none() && found.start > 0 => {
+                    *side = learned(&line[..found.start]);
+                }
+                _ => {}
             }
         }
     }
@@ -327,7 +347,7 @@ impl Reader {
             (from, must_reach_line_end) = (found.end.max(from + 1), to_line_end);
             self.matches.push((role, found, self.found.len()));
         }
-        self.tail = from;
+        self.tail = self.matches.last().map_or(from, |(_, found, _)| if found.bytes_end > 0 { found.bytes_end } else { from });
         let tail = line.get(from..).unwrap_or(&[]);
         let is_read_to_end =
             if must_reach_line_end { tail.iter().all(|b| b" \t\r.,;*`_|]}\"'".contains(b)) } else { may_follow(tail) };
@@ -431,6 +451,11 @@ impl Reader {
     /// The number of entries delivered so far.
     pub fn records(&self) -> u64 {
         self.assembler.records
+    }
+
+    /// How many requests that were printed without checksum are followed by a response that fits, of how many.
+    pub(super) fn exchanges(&self) -> (usize, usize) {
+        self.proved.as_ref().map_or((0, 0), |proved| proved.exchanges())
     }
 
     /// False if the first dialect in use has header lines and the text has shown none of them, so that its bytes may be of

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use crate::chunk::Side;
 use crate::text::dialect::Dialect;
 use crate::text::frame_evidence;
-use crate::text::proved::{read_frames, Found, Worth};
+use crate::text::notation::NotationFlags;
+use crate::text::proved::{other_hex, read_frames, Found, Worth};
 use crate::text::reader::Reader;
 use crate::text::role::LineRole;
 use crate::text::template::LineMatch;
@@ -39,16 +40,27 @@ impl Reader {
         if text.len() < MIN_TAIL_CHARS || text.iter().filter(|b| b.is_ascii_hexdigit()).count() < MIN_TAIL_CHARS {
             return;
         }
-        if self.proved.is_none() {
+        // A column of characters beside a dump holds no further bytes.
+        if self.proved.is_none() || matches!(text[0], b'|' | b'>') {
             return;
         }
-        let mut all = read_frames(line, tail);
-        // Programs print the same bytes in two notations: they count once.
-        all.retain(|one| one.worth == Worth::Frame && !contains(&self.found, &one.bytes));
-        if !all.is_empty() {
-            self.use_proved();
-            self.deliver_found(line, tail, all);
+        self.read_beside(line, tail);
+    }
+
+    /// Reads the frames in a part of a line that a dialect has left, and lists other hex in it. Returns whether there was any.
+    fn read_beside(&mut self, line: &[u8], start: usize) -> bool {
+        let mut all = read_frames(line, start);
+        if !all.iter().any(|one| one.worth == Worth::Frame) {
+            all = other_hex(line, start);
         }
+        // Programs print the same bytes in two notations: they count once.
+        all.retain(|one| one.worth != Worth::LikeFrames && !contains(&self.found, &one.bytes));
+        if all.iter().any(|one| one.worth == Worth::Frame) {
+            self.use_proved();
+        }
+        let is_any = !all.is_empty();
+        self.deliver_found(line, start, all);
+        is_any
     }
 
     /// Reads the frames that stand in a line in front of what a dialect has read of it. Most lines of a log have about the same
@@ -58,13 +70,8 @@ impl Reader {
         if self.proved.is_none() || end <= self.plain_front {
             return;
         }
-        let mut all = read_frames(&line[..end], 0);
-        all.retain(|one| one.worth == Worth::Frame && !contains(&self.found, &one.bytes));
-        if all.is_empty() {
+        if !self.read_beside(&line[..end], 0) {
             self.plain_front = end;
-        } else {
-            self.use_proved();
-            self.deliver_found(line, 0, all);
         }
     }
 
@@ -150,12 +157,15 @@ impl Reader {
         let Some(row) = self.proved_row.as_ref().map(Arc::clone) else { return };
         let voice = Some(one.shape.unwrap_or(0));
         let is_other_voice = self.last_voice != voice;
-        if one.worth == Worth::Beside {
+        if one.worth == Worth::Beside && self.assembler.has_printed(&one.bytes) {
+            self.assembler.skip_copy(&one.bytes);
+        } else if one.worth == Worth::Beside {
             self.assembler.skip(self.assembler.number, &one.bytes, BESIDE);
         } else if one.worth == Worth::Frame && is_other_voice && self.assembler.is_copy(&one.bytes, side) {
             self.assembler.skip_copy(&one.bytes);
         } else {
-            let found = LineMatch { time, side, ..LineMatch::default() };
+            let flags = NotationFlags { no_checksum: one.lacks_checksum };
+            let found = LineMatch { time, side, flags, ..LineMatch::default() };
             self.assembler.take(&row, LineRole::Bytes(side), &found, &one.bytes, &self.timestamps);
             self.last_voice = voice;
         }
