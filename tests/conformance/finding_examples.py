@@ -131,4 +131,7 @@ EXAMPLES = {
 NOT_BETWEEN_EXCHANGES = {
     "one_side_only": "the recording has requests alone, or responses alone",
     "no_valid_frame": "no frame of the recording is valid",
+    "faster_than_line": "most frames of the recording come faster than its line settings permit",
+    "overfull_line": "all bytes of the recording take longer than it lasts",
+    "errors_on_valid_frames": "the receiver marks nearly all frames of the recording",
 }

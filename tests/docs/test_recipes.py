@@ -103,6 +103,13 @@ def test_a_user_sees_them(words: list[str], expected: str, built: Path) -> None:
     assert expected in run([sys.executable, "-m", "analyzer", *words], built)
 
 
+@pytest.mark.parametrize("name", ["address_end", "every_column"])
+def test_they_show_in_ordinary_traffic(name: str, built: Path) -> None:
+    """Between plain exchanges, which take the fast path, and not on a single frame alone."""
+    words = ["pytest", "-q", "-p", "no:cacheprovider", "tests/conformance/test_ordinary_traffic.py"]
+    assert " passed" in run([sys.executable, "-m", *words, "-k", name], built)
+
+
 def test_a_column_is_in_every_export(built: Path) -> None:
     """The new column is in every export, and can be used in filters."""
     words = ["decode", "captures/seed_rtu/recording.hex", "--table", "frames", "--to", "wiki"]

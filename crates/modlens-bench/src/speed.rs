@@ -3,7 +3,6 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use modlens_engine::fast_path::rtu_exchange::Answered;
 use modlens_engine::framer::fixed::FixedFramer;
 use modlens_engine::framer::{Framer, FramerContext};
 use modlens_engine::input::Input;
@@ -144,7 +143,6 @@ fn framing(bytes: &[u8]) -> u64 {
     let mut adu = Vec::new();
     let mut count = 0;
     let mut drain = |input: &mut Input| loop {
-        count += exchanges(&mut framer, functions, input);
         let context = FramerContext::without_clock(functions, &known_units);
         let Some(cut) = framer.next(input, &context, &mut adu) else { break };
         // Like a session, count a unit as known only after a valid frame.
@@ -160,26 +158,6 @@ fn framing(bytes: &[u8]) -> u64 {
     }
     (input.is_closed, input.is_ended) = (true, true);
     drain(&mut input);
-    count
-}
-
-/// Frames of the exchanges at the head of the input that leave no doubt.
-fn exchanges(framer: &mut FixedFramer, functions: &Functions, input: &mut Input) -> u64 {
-    let settled = framer.is_settled_at(input.offset());
-    let Some(rtu) = framer.rtu_mut().filter(|_| settled) else { return 0 };
-    let (mut count, mut last, mut before) = (0, None, rtu.answered());
-    while let Some(known) = rtu.next_exchange(functions, input, before, i64::MAX, |_| 0.0) {
-        before = Answered::by_exchange(known.unit, known.code);
-        let [asked, answered] = known.rtu_lengths();
-        let (request, behind) = input.bytes().split_at(asked);
-        rtu.record_exchange(request, &behind[..answered], known.echoes_request);
-        input.consume(asked + answered);
-        (count, last) = (count + 2, Some(known));
-    }
-    if let Some([asked, answered]) = last.map(|last| last.rtu_lengths()) {
-        let (request, response) = input.consumed_bytes(asked + answered).split_at(asked);
-        rtu.sync_after_batch(request, response, input.offset(), 60.0);
-    }
     count
 }
 

@@ -2,7 +2,7 @@
 
 use memchr::memchr;
 
-use crate::fast_path::emit::{adjacent_spans, may_hold_no_map, ExchangePlaces};
+use crate::fast_path::emit::{adjacent_spans, ExchangePlaces};
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rows::MatchedExchange;
 use crate::fast_path::run::Run;
@@ -73,7 +73,7 @@ fn decode_exchange(functions: &Functions, text: &[u8], adus: &mut [Vec<u8>; 2]) 
     let request_length = 2 + memchr(b'\r', &text[..text.len().min(MAX_MESSAGE_CHARACTERS)])?;
     let expected = decode_clean(text, request_length, request)
         .then(|| ExpectedExchange::from_request(functions, Mode::Ascii, request))?
-        .filter(|expected| may_hold_no_map(expected) && !expected.resembles_response)?;
+        .filter(|expected| !expected.resembles_response)?;
     let response_length = frame_characters(expected.response_bytes);
     let is_whole = request.len() == expected.request_bytes && decode_clean(&text[request_length..], response_length, response);
     (is_whole && expected.is_answered_by(request, response)).then_some((expected, [request_length, response_length]))

@@ -2,7 +2,6 @@
 //! it at once.
 
 use crate::confidence;
-use crate::fast_path::emit::may_hold_no_map;
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::known_reads::KnownReads;
 use crate::fast_path::plain_write::PlainWrite;
@@ -159,7 +158,7 @@ impl CompactRun {
         let (unit, function) = (bytes[0], bytes[1]);
         let is_certain = !(is_mirrored && of.answered_behind(self.last).may_have_header(unit, function))
             && known.framer.search.model.is_familiar(unit, function, REQUEST)
-            && write.is_answered(bytes);
+            && write.is_answered(known.functions, bytes);
         if !is_certain {
             return None;
         }
@@ -261,12 +260,11 @@ fn of_points<'a>(expected: &ExpectedExchange, bytes: &'a [u8]) -> (&'a [u8], Opt
     (request, expected.read_data(&response[..expected.response_bytes]))
 }
 
-/// The exchange at the head of these bytes, if `RtuFramer::next_exchange` would take it, too, or if it is refused without a
-/// doubt. `answered`: what came before; `pause`: what an unknown silence says.
+/// Returns the exchange at the head of these bytes, if it is unambiguous, whether answered or refused. `answered`: what came before; `pause`: what an unknown silence says.
 #[inline(always)]
 #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
 fn next_exchange(known: &Known<'_>, bytes: &[u8], answered: Answered, pause: PauseEvidence) -> Option<Decided> {
-    let expected = ExpectedExchange::from_request(known.functions, Mode::Rtu, bytes).filter(may_hold_no_map)?;
+    let expected = ExpectedExchange::from_request(known.functions, Mode::Rtu, bytes)?;
     let request_bytes = expected.rtu_lengths()[0];
     let is_followed_by_response = |second: &[u8]| is_response(pause.timeout, false, second, request_bytes);
     if known.framer.is_certain(&expected, bytes, answered, [true; 2], is_followed_by_response) {

@@ -1,6 +1,5 @@
 //! The end of the fast path that all framings share: the rows of a matched exchange, and what the session learns from it.
 
-use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rows::{ExchangeRows, MatchedExchange};
 use crate::fast_path::run::Run;
 use crate::records::{PacketPair, Span};
@@ -9,10 +8,8 @@ use crate::session::frame_timing::{FrameTiming, TimingConfig};
 use crate::session::held_exchanges::ExchangeStart;
 use crate::session::line::LineState;
 use crate::session::Session;
-use modlens_profiles::points::sunspec::may_begin_in;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Mode;
-use modlens_protocol::functions::StandardLayout;
 use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
 use modlens_protocol::Ns;
 
@@ -151,13 +148,6 @@ fn learn_exchange(state: &mut BusState, matched: &MatchedExchange, request: &Fra
     state.pairing.record_exchange(*mbap_id, expected.echoes_request, request.gap, response_time);
     state.note_paired(expected.unit);
     response_time
-}
-
-/// Whether no self-describing register map (`points::sunspec`) can begin in the registers that are read. If one can, the
-/// exchange has to take the slow path, which looks for the map.
-pub(super) fn may_hold_no_map(expected: &ExpectedExchange) -> bool {
-    let reads_registers = matches!(expected.kind, StandardLayout::ReadRegisters | StandardLayout::ReadWriteRegisters);
-    !reads_registers || !may_begin_in(expected.address, usize::from(expected.quantity))
 }
 
 /// The place of the PDU in the bytes of a binary frame, behind its unit and, on TCP, its MBAP header. `length` is that of unit

@@ -6,8 +6,10 @@
 
 use std::ops::RangeInclusive;
 
+use crate::findings::frame::is_plain_request;
 use crate::records::Exchange;
 use crate::stats::RequestKey;
+use modlens_profiles::points::sunspec::may_begin_in;
 use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, StandardLayout, EXCEPTION_BIT};
@@ -67,37 +69,43 @@ pub struct ExpectedExchange {
 }
 
 impl ExpectedExchange {
-    /// The exchange that the request at the head of these bytes announces. The bytes begin with the unit and may go on behind
-    /// the request; no checksum is looked at, and the data of a write need not have come.
-    ///
-    /// `None` if the bytes are too few for a header, no plain read or write, or break a limit of the specification: the unit
-    /// of a serial line, the quantity or value, the byte count of a write. On a serial line, a read of bits from an address
-    /// 0x03xx on has the length of a response with three bytes: `None` if it asks for three bytes, since it could be its own
-    /// response, else `resembles_response` is set and the caller decides.
+    /// Returns the exchange that the request at the head of these bytes announces, if the slow path would have nothing to report
+    /// on the request: no finding on its content, and no self-describing register map that can begin in what it reads. The bytes
+    /// begin with the unit and may go on after the request; checksums are left to the caller.
     #[inline(always)]
     #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
     pub fn from_request(functions: &Functions, mode: Mode, bytes: &[u8]) -> Option<Self> {
+        let expected = Self::announced_by(functions, mode, bytes).filter(Self::may_hold_no_map)?;
+        is_plain_request(functions, mode, bytes.get(..expected.request_bytes)?).then_some(expected)
+    }
+
+    /// Returns the exchange that a request announces by its layout alone; of a write, the data need not have come.
+    ///
+    /// `None` if the bytes are too few for a header or no plain read or write, if the unit cannot answer on a serial line, or if
+    /// the byte count of a write is wrong. On a serial line, a read of bits from an address 0x03xx on has the length of a response
+    /// with three bytes: `None` if it asks for three bytes, since it could be its own response, else `resembles_response` is set
+    /// and the caller decides.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
+    pub(super) fn announced_by(functions: &Functions, mode: Mode, bytes: &[u8]) -> Option<Self> {
         let request: &[u8; SHORT_REQUEST_BYTES] = bytes.first_chunk()?;
         let [unit, code, ..] = *request;
-        let limits = functions.request_limits(code).filter(|_| mode == Mode::Tcp || RTU_UNITS.contains(&unit))?;
+        let standard = functions.standard_request(code).filter(|_| mode == Mode::Tcp || RTU_UNITS.contains(&unit))?;
         let (address, number) = (u16_at(*request, 2), u16_at(*request, 4));
-        if !functions.permits(limits, code, number, &bytes[2..]) {
-            return None;
-        }
         let echoed = Self {
             unit,
             code,
-            kind: limits.kind,
+            kind: standard.kind,
             address,
             quantity: number,
             request_bytes: SHORT_REQUEST_BYTES,
             response_bytes: SHORT_REQUEST_BYTES,
-            echoes_request: limits.has_equal_layouts,
+            echoes_request: standard.has_equal_layouts,
             resembles_response: false,
             response: Response::Echo,
         };
         let (bit_bytes, register_bytes) = (usize::from(number.div_ceil(8)), 2 * usize::from(number));
-        match limits.kind {
+        match standard.kind {
             StandardLayout::ReadBits => echoed.as_read(mode, bit_bytes, padding_bits(number)),
             StandardLayout::ReadRegisters => echoed.as_read(mode, register_bytes, 0),
             StandardLayout::WriteBits => echoed.as_write_of(bit_bytes, bytes),
@@ -146,6 +154,14 @@ impl ExpectedExchange {
         let count = u8::try_from(2 * u32::from(self.quantity)).ok().filter(|_| is_consistent && !resembles_response)?;
         let (response_bytes, response) = (READ_HEADER_BYTES + usize::from(count), Response::Block { count, padding: 0 });
         Some(Self { request_bytes, response_bytes, echoes_request: false, response, ..self })
+    }
+
+    /// Returns whether no self-describing register map (`points::sunspec`) can begin in the registers that are read. If one can,
+    /// the exchange has to take the slow path, which looks for the map.
+    #[inline]
+    fn may_hold_no_map(&self) -> bool {
+        let reads_registers = matches!(self.kind, StandardLayout::ReadRegisters | StandardLayout::ReadWriteRegisters);
+        !reads_registers || !may_begin_in(self.address, usize::from(self.quantity))
     }
 
     /// The same as the unit refuses it: with an exception in place of the response.

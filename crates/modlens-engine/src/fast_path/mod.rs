@@ -54,7 +54,6 @@ mod ascii_batch;
 mod compact_run;
 mod emit;
 pub mod expected_exchange;
-pub(crate) mod frame_check;
 mod known_pairs;
 pub(crate) mod known_reads;
 mod line_pairs;
@@ -67,7 +66,6 @@ mod rows;
 mod rtu_batch;
 mod rtu_compact;
 pub mod rtu_exchange;
-pub(crate) mod rtu_frame;
 mod run;
 mod tcp_batch;
 

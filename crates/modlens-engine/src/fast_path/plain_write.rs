@@ -4,8 +4,10 @@
 //! same of any request, and is the oracle of the property below.
 
 use crate::fast_path::expected_exchange::{RTU_UNITS, SHORT_REQUEST_BYTES, WRITE_HEADER_BYTES};
-use crate::fast_path::frame_check::is_followed_by_copy;
+use crate::findings::frame::is_plain_request;
+use crate::framer::rtu::frame_check::is_followed_by_copy;
 use modlens_protocol::checksum::{crc_valid_at, CRC_BYTES};
+use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, StandardLayout};
 
 /// Bytes of a response, and of a request that writes one value.
@@ -24,14 +26,14 @@ pub(super) struct PlainWrite {
 }
 
 impl PlainWrite {
-    /// The write that a request at the head of these bytes announces; `None` where `ExpectedExchange::from_request` gives none, or
-    /// anything else.
+    /// Returns the write that a request at the head of these bytes announces; `None` where `ExpectedExchange::announced_by` gives
+    /// none, or no write.
     #[inline]
     pub(super) fn at(functions: &Functions, bytes: &[u8]) -> Option<Self> {
         let &[unit, code, address_high, address_low, high, low, count, _] = bytes.first_chunk()?;
-        let limits = functions.request_limits(code)?;
+        let standard = functions.standard_request(code)?;
         let number = u16::from_be_bytes([high, low]);
-        let (quantity, data) = match limits.kind {
+        let (quantity, data) = match standard.kind {
             StandardLayout::WriteOne => (1, None),
             StandardLayout::WriteBits => (number, Some(usize::from(number.div_ceil(8)))),
             StandardLayout::WriteRegisters => (number, Some(2 * usize::from(number))),
@@ -39,17 +41,18 @@ impl PlainWrite {
         };
         let is_consistent = data.is_none_or(|data| data == usize::from(count)) && RTU_UNITS.contains(&unit);
         let request = data.map_or(SHORT_BYTES, |data| WRITE_HEADER_BYTES + CRC_BYTES + data);
-        (is_consistent && functions.permits(limits, code, number, &bytes[2..])).then_some(Self {
+        is_consistent.then_some(Self {
             lengths: [request, SHORT_BYTES],
-            is_mirrored: limits.has_equal_layouts,
+            is_mirrored: standard.has_equal_layouts,
             address: u16::from_be_bytes([address_high, address_low]),
             quantity,
         })
     }
 
-    /// Whether its response is right behind it, both with valid checksums, and is no retry that may have a third copy behind it.
+    /// Returns whether its response follows at once, both have valid checksums, the response is no retry that a third copy may
+    /// follow, and the slow path would find nothing on the request.
     #[inline]
-    pub(super) fn is_answered(&self, bytes: &[u8]) -> bool {
+    pub(super) fn is_answered(&self, functions: &Functions, bytes: &[u8]) -> bool {
         let [request, response] = self.lengths;
         if bytes.len() < request + response {
             return false;
@@ -59,6 +62,7 @@ impl PlainWrite {
         (is_copy || answer.first_chunk::<SHORT_REQUEST_BYTES>() == bytes.first_chunk() && crc_valid_at(answer, response))
             && crc_valid_at(bytes, request)
             && (!self.is_mirrored || is_followed_by_copy(answer, request) == Some(false))
+            && is_plain_request(functions, Mode::Rtu, &bytes[..request - CRC_BYTES])
     }
 }
 
@@ -67,7 +71,6 @@ mod tests {
     use super::*;
     use crate::fast_path::expected_exchange::ExpectedExchange;
     use modlens_protocol::checksum::crc16;
-    use modlens_protocol::framing::Mode;
     use proptest::prelude::*;
 
     fn framed(bytes: &[u8]) -> Vec<u8> {
@@ -94,7 +97,7 @@ mod tests {
                 let at = at % line.len();
                 line[at] ^= bits;
             }
-            let expected = ExpectedExchange::from_request(&functions, Mode::Rtu, &line).filter(ExpectedExchange::is_write);
+            let expected = ExpectedExchange::announced_by(&functions, Mode::Rtu, &line).filter(ExpectedExchange::is_write);
             let write = PlainWrite::at(&functions, &line);
             let announced = expected.map(|expected| PlainWrite {
                 lengths: expected.rtu_lengths(),
@@ -107,10 +110,11 @@ mod tests {
             let [request, response] = write.lengths;
             let is_answered = line.len() >= request + response && {
                 let (asked, answer) = line.split_at(request);
-                expected.is_answered_by(asked, answer) && crc_valid_at(asked, request) && crc_valid_at(answer, response)
+                ExpectedExchange::from_request(&functions, Mode::Rtu, &line).is_some()
+                    && expected.is_answered_by(asked, answer) && crc_valid_at(asked, request) && crc_valid_at(answer, response)
                     && (!write.is_mirrored || is_followed_by_copy(answer, request) == Some(false))
             };
-            prop_assert_eq!(write.is_answered(&line), is_answered);
+            prop_assert_eq!(write.is_answered(&functions, &line), is_answered);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The fast path on an RTU line: request and response follow each other on the only line of a bus.
 
 use crate::confidence;
-use crate::fast_path::emit::{adjacent_spans, may_hold_no_map, ExchangePlaces};
+use crate::fast_path::emit::{adjacent_spans, ExchangePlaces};
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::known_reads::KnownReads;
 use crate::fast_path::rows::MatchedExchange;
@@ -155,7 +155,7 @@ pub(super) fn match_exchange(
     let known = line.reads.get(bytes);
     let expected = match known {
         Some(known) => known.expected,
-        None => ExpectedExchange::from_request(functions, Mode::Rtu, bytes).filter(may_hold_no_map)?,
+        None => ExpectedExchange::from_request(functions, Mode::Rtu, bytes)?,
     };
     let counters = known.and_then(|known| known.counters);
     let lengths = expected.rtu_lengths();

@@ -40,7 +40,7 @@ impl Session {
         let of_run = RunBytes::new(&known, bytes, arena_start);
         let odds = run.take(known, &of_run, &mut self.batch.exchanges);
         let Some(at) = run.last else { return };
-        let expected = ExpectedExchange::from_request(&self.functions, Mode::Rtu, &bytes[at..]).expect("it was matched");
+        let expected = ExpectedExchange::announced_by(&self.functions, Mode::Rtu, &bytes[at..]).expect("it was matched");
         let is_refused = self.batch.exchanges.last().is_some_and(|exchange| exchange.exception != 0);
         let expected = if is_refused { expected.refused() } else { expected };
         self.end_compact_run(bus, first, &run, LastExchange { expected, odds });

@@ -3,18 +3,14 @@
 //! Each exchange has to leave the framer in exactly the state in which `RtuFramer::next` would leave it behind the two frames.
 
 use crate::fast_path::expected_exchange::ExpectedExchange;
-use crate::fast_path::frame_check::is_followed_by_copy;
+use crate::framer::rtu::frame_check::is_followed_by_copy;
 use crate::framer::rtu::side::REQUEST;
 use crate::framer::rtu::traffic_model::{LearningRun, RequestCopy};
 use crate::framer::rtu::RtuFramer;
 use crate::framer::PauseEvidence;
-use crate::input::Input;
 use crate::weights::{CERTAIN_DIRECTION_BITS, RESPONSE_LOG_ODDS_BITS};
 use modlens_protocol::checksum::crc_valid_at;
 use modlens_protocol::direction::TimeoutLogOdds;
-use modlens_protocol::framing::Mode;
-use modlens_protocol::functions::Functions;
-use modlens_protocol::Ns;
 
 /// What a request may be in truth: the response to another one, where it looks like it.
 #[derive(Clone, Copy, Default)]
@@ -60,37 +56,9 @@ impl LastExchange {
 }
 
 impl RtuFramer {
-    /// The exchange at the head of the input, if there is no doubt about it: its unit and function are familiar, and its
-    /// request and its response follow each other with valid CRCs, in one read without times or within `request_timeout`.
-    ///
-    /// May be called only while nothing is open (`Framer::is_settled_at`). `answered`: what came before; `request_timeout` in
-    /// nanoseconds; `pause`: the log2 odds timeout : response of the silence before the byte at an index of the input. Consumes
-    /// and learns nothing: the caller does, if nothing else speaks against the exchange.
-    ///
-    /// `None` also while bytes of it are missing, where the request may be the previous response once more, where marks of the
-    /// receiver or records forbid it (`Input::holds_exchange`), and where the response equals its request and may be a retry.
-    #[inline(always)]
-    #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
-    pub fn next_exchange(
-        &self,
-        functions: &Functions,
-        input: &Input,
-        answered: Answered,
-        request_timeout: Ns,
-        pause: impl Fn(usize) -> TimeoutLogOdds,
-    ) -> Option<ExpectedExchange> {
-        let expected = ExpectedExchange::from_request(functions, Mode::Rtu, input.bytes())?;
-        let [request_bytes, response_bytes] = expected.rtu_lengths();
-        let is_taken = input.holds_exchange(Mode::Rtu, request_bytes, response_bytes, request_timeout)
-            && self.is_certain(&expected, input.bytes(), answered, [true; 2], |second| {
-                is_response(pause(request_bytes), input.has_times, second, request_bytes)
-            });
-        is_taken.then_some(expected)
-    }
-
     /// Whether there is no doubt about the exchange that the request at the head of these bytes announces, as far as the bytes
     /// say: its unit and function are familiar, the response is the expected one, and the CRCs are valid; those of request and
-    /// response are checked if `checks` says so. `answered`: as above. `is_response`, asked with the bytes from the second frame
+    /// response are checked if `checks` says so. `answered`: what came before. `is_response`, asked with the bytes from the second frame
     /// on, says whether the second of two equal frames is the response to the first. `false` if the bytes end before the
     /// response.
     #[inline(always)]
@@ -137,17 +105,8 @@ impl RtuFramer {
         Answered { header, awaits_late_response: requests.superseded.is_some() }
     }
 
-    /// Learns from a request and its response, whose CRCs are valid. `echoes_request`: the two have the same bytes.
-    #[inline]
-    pub fn record_exchange(&mut self, request: &[u8], response: &[u8], echoes_request: bool) {
-        self.search.model.learn_exchange(
-            request,
-            response,
-            if echoes_request { RequestCopy::Unclear } else { RequestCopy::First },
-        );
-    }
-
-    /// Learns what `record_exchange` learns, but in a run: what is the same of all exchanges follows with `learn_run`.
+    /// Learns from a request and its response, whose CRCs are valid; what is the same for all exchanges of a run follows with
+    /// `learn_run`. `echoes_request`: the two have the same bytes.
     #[inline(always)]
     #[allow(clippy::inline_always)] // See `TrafficModel::learn_in_run`.
     pub fn learn_in_run(&mut self, run: &mut LearningRun, request: &[u8], response: &[u8], echoes_request: bool) {

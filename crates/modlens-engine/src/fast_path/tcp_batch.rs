@@ -1,6 +1,6 @@
 //! The fast path on a TCP connection: each side has its own line, and each message has its own packet.
 
-use crate::fast_path::emit::{may_hold_no_map, ExchangePlaces};
+use crate::fast_path::emit::ExchangePlaces;
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::known_reads::KnownReads;
 use crate::fast_path::pairing::OpenRequests;
@@ -68,7 +68,7 @@ pub(super) fn match_packets(
     let known = of_bus.reads.get(&asked[LENGTH_AT..]);
     let expected = match known {
         Some(known) => known.expected,
-        None => ExpectedExchange::from_request(functions, Mode::Tcp, request).filter(may_hold_no_map)?,
+        None => ExpectedExchange::from_request(functions, Mode::Tcp, request)?,
     };
     let id =
         of_bus.open.undoubted_id(&expected, ([header, response_header], [request, response]), [requested_at, answered_at])?;
@@ -93,7 +93,7 @@ pub(super) fn match_refusal(
 ) -> Option<(MatchedExchange, u8)> {
     let (header, request) = asked.split_first_chunk::<MBAP_PREFIX_BYTES>()?;
     let (response_header, response) = answered.split_first_chunk::<MBAP_PREFIX_BYTES>()?;
-    let expected = ExpectedExchange::from_request(functions, Mode::Tcp, request).filter(may_hold_no_map)?.refused();
+    let expected = ExpectedExchange::from_request(functions, Mode::Tcp, request)?.refused();
     let exception = expected.refused_by(response)?;
     let id = of_bus.open.undoubted_id(&expected, ([header, response_header], [request, response]), times)?;
     let (lines, lengths) = ([0, 1], [asked.len(), answered.len()]);

@@ -17,9 +17,32 @@ const LAST_UNIT: u8 = 247;
 /// Finds what is odd about the content of a frame: a good one against the specification, a damaged one against its checksum.
 /// Findings are added to `found`. A good frame with fewer bytes than unit and function code has none.
 pub(crate) fn content(functions: &Functions, frame: &ObservedFrame<'_>, found: &mut Found) {
-    if !frame.verdict.is_good() {
+    if frame.verdict.is_good() {
+        good_frame(functions, &GoodFrame { adu: frame.adu, direction: frame.direction, mode: frame.mode }, found);
+    } else {
         checksum(frame, found);
-    } else if let [unit, ref pdu @ ..] = *frame.adu {
+    }
+}
+
+/// Returns whether nothing is odd about the content of a request, `adu` being its unit and PDU. The fast path asks this about
+/// each request that it takes, so that a finding on a request shows in ordinary traffic, too.
+pub(crate) fn is_plain_request(functions: &Functions, mode: Mode, adu: &[u8]) -> bool {
+    let mut found = Found::new();
+    good_frame(functions, &GoodFrame { adu, direction: Direction::Request, mode }, &mut found);
+    found.is_empty()
+}
+
+/// What the findings on the content of a good frame may depend on: its bytes and who sent it, but not when it came.
+struct GoodFrame<'a> {
+    /// Unit and PDU.
+    adu: &'a [u8],
+    direction: Direction,
+    mode: Mode,
+}
+
+/// Finds what is odd about the content of a good frame.
+fn good_frame(functions: &Functions, frame: &GoodFrame<'_>, found: &mut Found) {
+    if let [unit, ref pdu @ ..] = *frame.adu {
         if !pdu.is_empty() {
             good_unit(unit, frame.mode, found);
             good_pdu(functions, frame, pdu, found);
@@ -35,9 +58,9 @@ fn good_unit(unit: u8, mode: Mode, found: &mut Found) {
 }
 
 /// Finds what breaks the specification in the PDU of a good frame, which has at least a function code: an unknown function,
-/// fields beyond their limits, and what `good_length` finds. Behind an unknown function nothing else is checked, as there is
+/// fields beyond their limits, and what `good_length` finds. After an unknown function nothing else is checked, as there is
 /// no layout, nor in an exception response of a known one.
-fn good_pdu(functions: &Functions, frame: &ObservedFrame<'_>, pdu: &[u8], found: &mut Found) {
+fn good_pdu(functions: &Functions, frame: &GoodFrame<'_>, pdu: &[u8], found: &mut Found) {
     let (function, body) = (pdu[0] & !EXCEPTION_BIT, &pdu[1..]);
     let Some(row) = functions.row(function, body) else {
         found.push((Finding::UnknownFunction, words::unknown_function(function)));
@@ -57,7 +80,7 @@ fn good_pdu(functions: &Functions, frame: &ObservedFrame<'_>, pdu: &[u8], found:
 
 /// Finds a length that no layout of the function has in either direction (on TCP the framer reports that), or, in what is not a
 /// response, a quantity that contradicts the number of data bytes. `row` is the function's; `pdu` is no exception response.
-fn good_length(functions: &Functions, frame: &ObservedFrame<'_>, row: &FunctionRow, pdu: &[u8], found: &mut Found) {
+fn good_length(functions: &Functions, frame: &GoodFrame<'_>, row: &FunctionRow, pdu: &[u8], found: &mut Found) {
     let body = &pdu[1..];
     let (as_request, as_response) = possible_directions(functions, pdu);
     let fits_no_layout = !as_request && !as_response && frame.mode != Mode::Tcp;

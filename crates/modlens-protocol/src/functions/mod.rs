@@ -11,7 +11,7 @@ mod row;
 mod shape;
 
 pub use parse::parse_toml;
-pub use row::{Echo, FieldLimits, FieldOffsets, FunctionRow, Operation, RequestLimits, StandardLayout};
+pub use row::{Echo, FieldLimits, FieldOffsets, FunctionRow, Operation, StandardLayout, StandardRequest};
 pub use shape::{Extent, Field, FieldType, Layout, Shape};
 
 use parse::parse;
@@ -46,9 +46,9 @@ struct FunctionVariants {
 #[derive(Clone, Debug)]
 pub struct Functions {
     entries: Vec<Option<Box<FunctionVariants>>>,
-    /// For each function code, the checks of a request, if the function is a standard read or write (see `StandardLayout`).
+    /// For each function code, the request, if the function is a standard read or write (see `StandardLayout`).
     /// Computed once, because the fast path for request and response pairs needs it for every frame.
-    request_limits: Vec<Option<RequestLimits>>,
+    standard_requests: Vec<Option<StandardRequest>>,
 }
 
 impl Default for Functions {
@@ -62,7 +62,7 @@ impl Functions {
     pub fn embedded() -> &'static Self {
         static EMBEDDED: OnceLock<Functions> = OnceLock::new();
         EMBEDDED.get_or_init(|| {
-            let mut table = Self { entries: vec![None; 256], request_limits: vec![None; 256] };
+            let mut table = Self { entries: vec![None; 256], standard_requests: vec![None; 256] };
             table.load(TABLE, "functions.toml", None).expect("the embedded table is tested");
             table
         })
@@ -97,7 +97,7 @@ impl Functions {
                 }
             }
             let only = slot.as_deref().filter(|entry| entry.width == 0).and_then(|entry| entry.variants.first());
-            self.request_limits[code] = only.and_then(RequestLimits::of);
+            self.standard_requests[code] = only.and_then(StandardRequest::of);
         }
         Ok(())
     }
@@ -125,21 +125,10 @@ impl Functions {
         entry.variants.iter().find(|row| row.when.is_none() || row.when == leading)
     }
 
-    /// The limits of a request with this function code, if it is a standard read or write.
+    /// Returns the request with this function code, if it is a standard read or write.
     #[inline]
-    pub fn request_limits(&self, code: u8) -> Option<RequestLimits> {
-        self.request_limits[usize::from(code)]
-    }
-
-    /// Whether the table permits a request with this number (quantity or value) after its address. `limits` are those of
-    /// its function code, `body` is the PDU without the function code.
-    #[inline(always)]
-    #[allow(clippy::inline_always)] // For nearly all functions this is only a comparison, on the fast path of every request.
-    pub fn permits(&self, limits: RequestLimits, code: u8, number: u16, body: &[u8]) -> bool {
-        let (least, most) = limits.permitted;
-        let row_permits =
-            || self.row(code, body).is_some_and(|row| row.field_limits[0].iter().all(|limit| limit.violated_by(body).is_none()));
-        (least..=most).contains(&number) && (limits.is_complete || row_permits())
+    pub fn standard_request(&self, code: u8) -> Option<StandardRequest> {
+        self.standard_requests[usize::from(code)]
     }
 
     /// The number of body bytes that `row` needs to choose between the variants of a function; 0 if it has none.

@@ -86,36 +86,19 @@ pub enum StandardLayout {
     ReadWriteRegisters,
 }
 
-/// The limits of a request of a standard read or write, checked with two comparisons on the fast path.
+/// What the fast path has to know of a standard read or write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RequestLimits {
+pub struct StandardRequest {
     /// The request and response layout.
     pub kind: StandardLayout,
     /// Whether request and response have the same layout.
     pub has_equal_layouts: bool,
-    /// The lowest and the highest permitted value of the 16-bit number after the address (quantity or value).
-    pub(super) permitted: (u16, u16),
-    /// Whether `permitted` is the complete rule. If not (a list of ranges, or limits on other fields),
-    /// `Functions::permits` consults the row.
-    pub(super) is_complete: bool,
 }
 
-impl RequestLimits {
-    /// Offset and size in a body of the number after the address.
-    const NUMBER: (usize, usize) = (2, 2);
-
-    /// The limits of a row's request; `None` if the row is not a standard read or write.
+impl StandardRequest {
+    /// Returns the request of a row; `None` if the row is not a standard read or write.
     pub(super) fn of(row: &FunctionRow) -> Option<Self> {
-        let complete = |permitted| (permitted, true);
-        let (permitted, complete) = match &row.field_limits[0][..] {
-            [] => complete((0, u16::MAX)),
-            [FieldLimits { offset, width, ranges, .. }] if (*offset, *width) == Self::NUMBER && ranges.len() == 1 => {
-                let clamp_to_u16 = |limit: u32| limit.min(u32::from(u16::MAX)) as u16;
-                complete((clamp_to_u16(ranges[0].0), clamp_to_u16(ranges[0].1)))
-            }
-            _ => ((0, u16::MAX), false),
-        };
-        Some(Self { kind: row.standard_layout?, has_equal_layouts: row.has_equal_layouts, permitted, is_complete: complete })
+        Some(Self { kind: row.standard_layout?, has_equal_layouts: row.has_equal_layouts })
     }
 }
 

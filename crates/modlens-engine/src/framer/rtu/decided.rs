@@ -1,8 +1,8 @@
 //! What the search decided, and the rows that it becomes: frames, and the damaged frames and noise before them.
 
 use crate::damage::recovery::{damaged_hypothesis, Surroundings};
-use crate::fast_path::frame_check::FrameCheck;
 use crate::framer::rtu::announced_length::announced_lengths;
+use crate::framer::rtu::frame_check::FrameCheck;
 use crate::framer::rtu::search::{is_held_back, Decision};
 use crate::framer::rtu::RtuFramer;
 use crate::framer::{FrameResult, FramerContext};

@@ -9,6 +9,7 @@ pub(crate) mod answerable;
 pub(crate) mod context_score;
 pub(crate) mod crc_scan;
 pub(crate) mod frame_bytes;
+pub(crate) mod frame_check;
 pub(crate) mod header_score;
 pub(crate) mod learned_lengths;
 pub(crate) mod log2;
@@ -23,10 +24,11 @@ pub(crate) mod side;
 pub(crate) mod traffic_model;
 
 mod decided;
+mod single_frame;
 mod unambiguous;
 
 use crate::damage::recovery::DamageRecovery;
-use crate::fast_path::frame_check::FrameCheck;
+use crate::framer::rtu::frame_check::FrameCheck;
 use crate::framer::{FrameResult, Framer, FramerContext};
 use crate::input::Input;
 use crate::weights::{COARSE_MIN_GAP_NS, FRAME_BREAK_CHARACTERS_FACTOR, FRAME_BREAK_NS};

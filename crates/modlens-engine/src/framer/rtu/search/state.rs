@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use crate::fast_path::frame_check::{expected_response, FrameLength};
 use crate::framer::rtu::answerable::{AnswerableRequests, Fingerprint, HeldRequest, RequestPool};
 use crate::framer::rtu::crc_scan::CrcScanner;
 use crate::framer::rtu::frame_bytes::FrameBytes;
+use crate::framer::rtu::frame_check::{expected_response, FrameLength};
 use crate::framer::rtu::lone_frames::LoneFrames;
 use crate::framer::rtu::search::commit::SkipAhead;
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};

@@ -5,9 +5,9 @@
 
 use std::ops::Range;
 
-use crate::fast_path::frame_check::{FrameCheck, FrameLength};
 use crate::framer::rtu::announced_length::{announced_lengths, EXCEPTION_RESPONSE_BYTES};
 use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
+use crate::framer::rtu::frame_check::{FrameCheck, FrameLength};
 use crate::framer::rtu::search::commit::frame_ahead::{has_valid_length, max_frame_length, FrameAhead};
 use crate::framer::rtu::search::commit::rival::HeaderFilter;
 use crate::framer::rtu::search::commit::state::{Completion, Rival, RivalAt, RivalBar};

@@ -2,10 +2,10 @@
 //! are familiar on this line, with the length that its header announces and a valid CRC. Nearly all traffic is of this
 //! kind, so that the speed of the framer depends on this file.
 
-use crate::fast_path::frame_check::{is_followed_by_copy, FrameCheck, FrameLength};
 use crate::framer::rtu::announced_length::EXCEPTION_RESPONSE_BYTES;
 use crate::framer::rtu::answerable::HeldRequest;
 use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
+use crate::framer::rtu::frame_check::{is_followed_by_copy, FrameCheck, FrameLength};
 use crate::framer::rtu::search::Search;
 use crate::framer::rtu::side::REQUEST;
 use crate::framer::FramerContext;
