@@ -211,6 +211,34 @@ class Days:
         Of a bus the latest day comes last.
         """
 
+@final
+class Watch:
+    """Security rules and usage, from batches with transactions, frames and connections.
+
+    `rules` is a JSON list of {code, table, tree, pdu, per, distinct, count, within_s, only_once};
+    `tree` is a filter as `analyzer.filters` compiles it. `ValueError` names the rule and the key.
+    """
+
+    def __new__(cls, rules: str = "[]") -> Watch: ...
+    def add(self, batch: Batch) -> None:
+        """Look at the rows of a batch."""
+    def finish(self) -> None:
+        """Decide what waits for more rows."""
+    def alerts(self) -> str:
+        """JSON: {"alerts": [...], "not_judged": [code, ...]}.
+
+        An alert is {code, bus, client, unit, function, address, count, items, since_ns, until_ns,
+        examples}.
+        """
+    def usage(self) -> str:
+        """What was asked, by bus, as JSON: what `compare` takes, and what a baseline holds."""
+    def compare(self, usual: str, *, values: bool = False) -> str:
+        """The differences from a usage, as a JSON list; `ValueError` if `usual` is none.
+
+        A difference is {code, bus, client, unit, function, address, quantity, usual, now, count,
+        since_ns, examples}. With `values`, it also lists registers that began or stopped to change.
+        """
+
 def bus_day_columns() -> list[tuple[str, str]]:
     """Key and meaning of each column of `bus_day_row`, in order."""
 

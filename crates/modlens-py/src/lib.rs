@@ -23,6 +23,7 @@ mod session;
 mod stream;
 mod table;
 mod view;
+mod watch;
 mod words;
 
 use modlens_diagnosis::table::Diagnosis;
@@ -155,6 +156,7 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(words::topic_level, module)?)?;
     module.add_class::<recorder::Recorder>()?;
     module.add_class::<view::Lines>()?;
+    module.add_class::<watch::Watch>()?;
     module.add_function(wrap_pyfunction!(view::carried, module)?)?;
     module.add_class::<batch::Batch>()?;
     module.add_class::<read_ahead::Reader>()?;

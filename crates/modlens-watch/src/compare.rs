@@ -1,0 +1,311 @@
+//! What differs from what is usual.
+//!
+//! A difference is stated for the largest thing that explains it: a new client, not each of its requests. Shares, periods and
+//! response times differ only where chance is ruled out and the size matters; both bounds are constants here.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use modlens_protocol::Ns;
+use serde_json::{json, Value as Json};
+
+use crate::histogram::rounded;
+use crate::usage::{BusUsage, Habit, RequestKey, Usage, Values};
+use crate::usual::{Usual, UsualBus, UsualRequest, UsualValues};
+
+/// A poll is missing after so many of its periods, or after so many seconds, whichever is longer.
+const MISSING_PERIODS: f64 = 10.0;
+const MISSING_SECONDS: f64 = 60.0;
+
+/// A poll: at least so many requests.
+const POLL_COUNT: u64 = 10;
+
+/// A median interval outside of all usual ones by this factor has moved.
+const PERIOD_FACTOR: f64 = 1.25;
+
+/// A median response time that differs by this factor, and more often than not, has shifted.
+const RESPONSE_FACTOR: f64 = 1.5;
+
+/// The share of response times above (or below) the usual ones that makes a shift; 0.5 is none.
+const RESPONSE_SHARE: f64 = 0.75;
+
+/// Response times on each side without which nothing is said.
+const RESPONSE_COUNT: u64 = 20;
+
+/// Standard deviations by which the shares of an outcome have to differ.
+const OUTCOME_DEVIATIONS: f64 = 4.0;
+
+/// And by how much: one in a hundred.
+const OUTCOME_SHARE: f64 = 0.01;
+
+/// Changes of a register after which standing still, or samples after which moving, is a difference.
+const MOVING_CHANGES: u64 = 20;
+
+/// Compares a recording with what is usual; a list of `{code, bus, client, unit, function, address, quantity, usual, now,
+/// count, since_ns, examples}` as JSON. `usual` and `now` are texts.
+///
+/// With `values`, registers that began or stopped to change are listed, too.
+pub fn compare(usual: &Usual, seen: &Usage, values: bool) -> Json {
+    let mut found = Vec::new();
+    // One bus each: the same line, whatever the file was called.
+    let is_one_line = usual.buses.len() == 1 && seen.buses.len() == 1;
+    let same = |name: &str| usual.buses.get(name).or_else(|| usual.buses.values().next().filter(|_| is_one_line));
+    for (name, bus) in &seen.buses {
+        match same(name) {
+            Some(usual) => Comparison { name, usual, seen: bus, found: &mut found }.run(values),
+            None => found.push(json!({"code": "new_bus", "bus": name, "now": requests_text(bus.requests.len())})),
+        }
+    }
+    for (name, bus) in usual.buses.iter().filter(|(name, _)| !is_one_line && !seen.buses.contains_key(*name)) {
+        found.push(json!({"code": "missing_bus", "bus": name, "usual": requests_text(bus.requests.len())}));
+    }
+    Json::Array(found)
+}
+
+fn requests_text(count: usize) -> String {
+    format!("{count} different request{}", if count == 1 { "" } else { "s" })
+}
+
+/// Requests that are one difference: its code, the client, and unit and function where they are the same, else 0.
+type Group = (&'static str, Option<String>, u8, u8);
+
+struct Comparison<'a> {
+    name: &'a str,
+    usual: &'a UsualBus,
+    seen: &'a BusUsage,
+    found: &'a mut Vec<Json>,
+}
+
+impl Comparison<'_> {
+    fn run(&mut self, values: bool) {
+        let (usual, seen) = (self.usual, self.seen);
+        let mut new = Vec::new();
+        for (key, habit) in &seen.requests {
+            match usual.requests.get(key) {
+                None => new.push((key, habit)),
+                Some(usual) => self.request(key, usual, habit, values),
+            }
+        }
+        self.new_requests(&new);
+        self.missing_requests();
+    }
+
+    /// Adds a difference of one request.
+    fn push(&mut self, code: &str, key: &RequestKey, habit: Option<&Habit>, usual: &str, now: &str) {
+        self.found.push(json!({
+            "code": code, "bus": self.name, "client": key.client, "unit": key.unit, "function": key.function,
+            "address": key.range.map(|range| range.0), "quantity": key.range.map(|range| range.1),
+            "usual": usual, "now": now, "count": habit.map(|habit| habit.count),
+            "since_ns": habit.and_then(|habit| habit.times).map(|times| times.0),
+            "examples": habit.map_or_else(Vec::new, |habit| vec![habit.first_txn]),
+        }));
+    }
+
+    fn new_requests(&mut self, new: &[(&RequestKey, &Habit)]) {
+        let usual = self.usual;
+        let knows = |same: &dyn Fn(&RequestKey) -> bool| usual.requests.keys().any(same);
+        let mut groups: BTreeMap<Group, Vec<(&RequestKey, &Habit)>> = BTreeMap::new();
+        for (key, habit) in new {
+            let group = if !knows(&|known| known.client == key.client) {
+                ("new_client", key.client.clone(), 0, 0)
+            } else if key.writes && !knows(&|known| known.client == key.client && known.unit == key.unit && known.writes) {
+                ("new_writer", key.client.clone(), key.unit, 0)
+            } else if !knows(&|known| known.unit == key.unit) {
+                ("new_unit", key.client.clone(), key.unit, 0)
+            } else if !knows(&|known| known.client == key.client && known.unit == key.unit && known.function == key.function) {
+                ("new_function", key.client.clone(), key.unit, key.function)
+            } else if key.writes {
+                ("new_write_range", key.client.clone(), key.unit, key.function)
+            } else {
+                ("new_request", key.client.clone(), key.unit, key.function)
+            };
+            groups.entry(group).or_default().push((key, habit));
+        }
+        for ((code, client, unit, function), members) in groups {
+            let writes: u64 = members.iter().filter(|(key, _)| key.writes).map(|(_, habit)| habit.count).sum();
+            let count: u64 = members.iter().map(|(_, habit)| habit.count).sum();
+            let units: BTreeSet<u8> = members.iter().map(|(key, _)| key.unit).collect();
+            let (first, habit) = members.iter().min_by_key(|(_, habit)| habit.first_txn).expect("a group has a member");
+            let since: Option<Ns> = members.iter().filter_map(|(_, habit)| habit.times).map(|times| times.0).min();
+            let is_one = members.len() == 1;
+            self.found.push(json!({
+                "code": code, "bus": self.name, "client": client,
+                "unit": if code == "new_client" && units.len() > 1 { Json::Null } else { json!(unit.max(first.unit)) },
+                "function": if is_one { json!(first.function) } else if function > 0 { json!(function) } else { Json::Null },
+                "address": first.range.filter(|_| is_one).map(|range| range.0),
+                "quantity": first.range.filter(|_| is_one).map(|range| range.1),
+                "usual": "", "now": now_text(members.len(), count, writes), "count": count, "since_ns": since,
+                "examples": [habit.first_txn], "keys": members.len(),
+            }));
+        }
+    }
+
+    fn missing_requests(&mut self) {
+        let (usual, seen) = (self.usual, self.seen);
+        let Some((begin, end)) = seen.times else { return };
+        for (key, known) in usual.requests.iter().filter(|(_, known)| known.count >= POLL_COUNT) {
+            let Some(longest) = known.periods.iter().map(|period| period[1]).reduce(f64::max) else { continue };
+            let habit = seen.requests.get(key);
+            let last = habit.and_then(|habit| habit.times).map_or(begin, |times| times.1);
+            let silent = (end - last) as f64 / 1e9;
+            if silent < (longest * MISSING_PERIODS).max(MISSING_SECONDS) {
+                continue;
+            }
+            let usual = format!("every {}", period_text(&known.periods));
+            let now = match habit {
+                None => String::from("never"),
+                Some(_) => format!("not in the last {}", seconds_text(silent)),
+            };
+            self.push("missing_request", key, habit, &usual, &now);
+        }
+    }
+
+    fn request(&mut self, key: &RequestKey, usual: &UsualRequest, habit: &Habit, values: bool) {
+        self.period(key, usual, habit);
+        self.outcomes(key, usual, habit);
+        self.response_time(key, usual, habit);
+        if key.writes {
+            self.written_values(key, usual, habit);
+        } else if values {
+            self.read_values(key, usual, habit);
+        }
+    }
+
+    fn period(&mut self, key: &RequestKey, usual: &UsualRequest, habit: &Habit) {
+        let Some(median) = habit.intervals.quantile(0.5) else { return };
+        let is_poll = usual.count >= POLL_COUNT && habit.count >= POLL_COUNT && !usual.periods.is_empty();
+        let is_usual = |period: &[f64; 2]| (period[0] / PERIOD_FACTOR..=period[1] * PERIOD_FACTOR).contains(&median);
+        if is_poll && !usual.periods.iter().any(is_usual) {
+            self.push("period_moved", key, Some(habit), &period_text(&usual.periods), &seconds_text(median));
+        }
+    }
+
+    fn outcomes(&mut self, key: &RequestKey, usual: &UsualRequest, habit: &Habit) {
+        let [before, now] = [&usual.outcomes, &habit.outcomes].map(|counts| counts.values().sum::<u64>() as f64);
+        if before < 1.0 || now < 1.0 {
+            return;
+        }
+        let names: BTreeSet<&String> = usual.outcomes.keys().chain(habit.outcomes.keys()).filter(|name| *name != "ok").collect();
+        for name in names {
+            let count = |counts: &BTreeMap<String, u64>| counts.get(name).copied().unwrap_or(0) as f64;
+            let (a, b) = (count(&usual.outcomes), count(&habit.outcomes));
+            // One more on each side keeps shares of few requests from being certain.
+            let share = (a + b + 1.0) / (before + now + 2.0);
+            let deviation = (share * (1.0 - share) * (1.0 / before + 1.0 / now)).sqrt();
+            let difference = (b / now - a / before).abs();
+            if difference > OUTCOME_SHARE && difference > OUTCOME_DEVIATIONS * deviation {
+                self.push("outcome_changed", key, Some(habit), &share_text(name, a, before), &share_text(name, b, now));
+            }
+        }
+    }
+
+    fn response_time(&mut self, key: &RequestKey, usual: &UsualRequest, habit: &Habit) {
+        let (count, deciles) = &usual.response_times;
+        if *count < RESPONSE_COUNT || habit.responses.total() < RESPONSE_COUNT || deciles.len() != 9 {
+            return;
+        }
+        let (before, Some(now)) = (deciles[4], habit.responses.quantile(0.5)) else { return };
+        let above = habit.responses.above(deciles);
+        let is_slower = above > RESPONSE_SHARE && now > before * RESPONSE_FACTOR;
+        let is_faster = above < 1.0 - RESPONSE_SHARE && now < before / RESPONSE_FACTOR;
+        if is_slower || is_faster {
+            let text = |median: f64, count: u64| format!("median {} of {count}", seconds_text(median));
+            self.push("response_time_shifted", key, Some(habit), &text(before, *count), &text(now, habit.responses.total()));
+        }
+    }
+
+    fn written_values(&mut self, key: &RequestKey, usual: &UsualRequest, habit: &Habit) {
+        for (at, (known, seen)) in usual.values.iter().zip(&habit.values).enumerate() {
+            let Some((low, high)) = seen.range else { continue };
+            let odd: Vec<i64> = if known.few.is_empty() {
+                [low, high].map(i64::from).into_iter().filter(|value| !is_within(known, *value)).collect()
+            } else if seen.is_list() {
+                seen.few.iter().map(|value| i64::from(*value)).filter(|value| !known.few.contains(value)).collect()
+            } else {
+                vec![i64::from(low), i64::from(high)]
+            };
+            if !odd.is_empty() {
+                let values = odd.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+                self.register("value_never_written", key, at, habit, &values_text(known), &values);
+            }
+        }
+    }
+
+    fn read_values(&mut self, key: &RequestKey, usual: &UsualRequest, habit: &Habit) {
+        for (at, (known, seen)) in usual.values.iter().zip(&habit.values).enumerate() {
+            if known.changes >= MOVING_CHANGES && seen.changes == 0 && habit.count >= MOVING_CHANGES {
+                // The usual number of changes in as many samples as there are now.
+                let expected = known.changes as f64 / usual.count as f64 * habit.count as f64;
+                if expected >= MOVING_CHANGES as f64 {
+                    self.register("register_stopped", key, at, habit, &values_text(known), &now_values(seen));
+                }
+            } else if known.changes == 0 && usual.count >= MOVING_CHANGES && seen.changes >= MOVING_CHANGES {
+                self.register("register_moves", key, at, habit, &values_text(known), &now_values(seen));
+            }
+        }
+    }
+
+    /// A difference of the register at this place of a request's range.
+    fn register(&mut self, code: &str, key: &RequestKey, at: usize, habit: &Habit, usual: &str, now: &str) {
+        let range = key.range.map(|(address, _)| (address.saturating_add(at as u16), 1));
+        self.push(code, &RequestKey { range, ..key.clone() }, Some(habit), usual, now);
+    }
+}
+
+/// Whether a value lies in the usual range, widened by a tenth of it on both sides.
+fn is_within(known: &UsualValues, value: i64) -> bool {
+    known.range.is_none_or(|(low, high)| {
+        let slack = (high - low) / 10;
+        (low - slack..=high + slack).contains(&value)
+    })
+}
+
+fn now_text(requests: usize, count: u64, writes: u64) -> String {
+    let times = if count == 1 { String::from("once") } else { format!("{count} times") };
+    let kinds = if requests == 1 { String::new() } else { format!(", {requests} different requests") };
+    let writes = match writes {
+        0 => String::new(),
+        1 if count == 1 => String::from(", a write"),
+        all if all == count => String::from(", all writes"),
+        some => format!(", {some} of them writes"),
+    };
+    format!("{times}{kinds}{writes}")
+}
+
+fn values_text(known: &UsualValues) -> String {
+    match known.range {
+        Some((low, high)) if known.few.is_empty() => format!("{low} to {high}"),
+        _ => known.few.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "),
+    }
+}
+
+fn now_values(seen: &Values) -> String {
+    match seen.range {
+        Some((low, high)) if !seen.is_list() => format!("{low} to {high}"),
+        _ => seen.few.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "),
+    }
+}
+
+fn share_text(name: &str, count: f64, total: f64) -> String {
+    format!("{name} {count:.0} of {total:.0}")
+}
+
+fn period_text(periods: &[[f64; 2]]) -> String {
+    let one = |period: &[f64; 2]| {
+        if period[1] < period[0] * PERIOD_FACTOR {
+            seconds_text((period[0] * period[1]).sqrt())
+        } else {
+            format!("{} to {}", seconds_text(period[0]), seconds_text(period[1]))
+        }
+    };
+    periods.iter().map(one).collect::<Vec<_>>().join(" or ")
+}
+
+fn seconds_text(seconds: f64) -> String {
+    if seconds < 1.0 {
+        format!("{} ms", rounded(seconds * 1e3))
+    } else if seconds < 120.0 {
+        format!("{} s", rounded(seconds))
+    } else {
+        format!("{} min", rounded(seconds / 60.0))
+    }
+}
