@@ -4,7 +4,7 @@ A rule is a filter over transactions, frames or connections, with a count and a 
 core counts (`_modlens.Watch`); this module reads the table and writes the sentences.
 
 >>> next(rule.title for rule in rules() if rule.code == "listen_only")
-'a device was told to stop responding'
+'a device was ordered to stop responding'
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ use serde_json::Value as Json;
 
 use crate::usage::RequestKey;
 
-/// What a baseline says of one register.
+/// What a baseline records for one register.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct UsualValues {
     /// How often it changed.
@@ -17,7 +17,7 @@ pub struct UsualValues {
     pub range: Option<(i64, i64)>,
 }
 
-/// What a baseline says of one request.
+/// What a baseline records for one request.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct UsualRequest {
     /// How often it was seen.
@@ -32,7 +32,7 @@ pub struct UsualRequest {
     pub values: Vec<UsualValues>,
 }
 
-/// What a baseline says of one bus.
+/// What a baseline records for one bus.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct UsualBus {
     /// Its requests.
