@@ -28,7 +28,7 @@ from analyzer.session import FileRun
 from analyzer.settings import Settings
 from analyzer.silence_limits import silence_limits
 from analyzer.times import utc_offset_changes
-from dissectors.errors import UsageError
+from dissectors.errors import SourceError, UsageError
 
 __all__ = ["Decoding", "Rows", "Tap", "decode", "tap"]
 
@@ -174,8 +174,8 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
     - `ports`: TCP and UDP ports of Modbus in captures, 502 by default; `any` looks everywhere
     - `channels`: those of a logic analyzer, as `["RX", "TX"]`, found by default; `!RX` idles low
 
-    `UsageError` for settings that cannot be. Nothing is read yet: `SourceError` comes when somebody
-    looks.
+    `UsageError` for settings that cannot be, `SourceError` for a file that does not exist. Files
+    are read when rows are asked for.
     """
     names, data = _sources(recordings)
     settings = _settings(line, mode, timeout, functions, profiles)
@@ -199,8 +199,11 @@ def _sources(recordings: Source | Iterable[Source]) -> tuple[tuple[str, ...], di
     data: dict[str, bytes] = {}
     for source in cast(Iterable[Source], recordings if several else (recordings,)):
         if isinstance(source, str | os.PathLike):
-            names.append(os.fspath(source))
+            names.append(_existing(os.fspath(source)))
             continue
+        if not isinstance(source, _BYTES) and not hasattr(source, "read"):
+            kind = type(source).__name__
+            raise UsageError(f"a recording is a file's name, bytes or an open file, not {kind}")
         label = getattr(source, "name", None)
         name = label if isinstance(label, str) else f"memory-{len(names) + 1}"
         data[name] = bytes(source) if isinstance(source, _BYTES) else source.read()
@@ -208,6 +211,13 @@ def _sources(recordings: Source | Iterable[Source]) -> tuple[tuple[str, ...], di
     if not names:
         raise UsageError("no recording to decode")
     return tuple(names), data
+
+
+def _existing(name: str) -> str:
+    """Returns the name of a file or folder, `-` for standard input; `SourceError` for others."""
+    if name != "-" and not os.path.lexists(name):
+        raise SourceError(f"{name}: no such file")
+    return name
 
 
 def _ports(ports: Iterable[int] | Literal["any"] | None) -> tuple[int, ...] | None:
@@ -299,6 +309,10 @@ def _settings(
     profiles: Iterable[str | Binding],
 ) -> Settings:
     """The settings that `decode` and `tap` have in common."""
+    if isinstance(profiles, str | Mapping):
+        raise UsageError('profiles is a list such as ["1=mightyzap", "2-7=pump.yaml"]')
+    if not isinstance(line, str | Line | None):
+        raise UsageError(f'line is a text such as "19200-8E1" (rate, bits, parity), not {line!r}')
     bound = tuple(one if isinstance(one, Binding) else parse_binding(one) for one in profiles)
     return Settings(
         line=parse_line(line) if isinstance(line, str) else line,

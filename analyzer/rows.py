@@ -56,7 +56,7 @@ class Rows(Generic[Item_co]):
     Arrow stream. `name` is the table's name.
 
     >>> from modlens import decode
-    >>> rows = decode("bus.hex").frames.where("verdict != 'ok'")
+    >>> rows = decode(b"").frames.where("verdict != 'ok'")
     >>> rows.name, rows.columns[:2]
     ('frames', ('frame', 'time'))
     """
@@ -79,10 +79,12 @@ class Rows(Generic[Item_co]):
         return self._selected or tuple(column.key for column in columns(self.name))
 
     def where(self, text: str) -> Rows[Item_co]:
-        """The rows that match a filter (see `analyzer.filters`).
+        """Returns the rows that match a filter (see `analyzer.filters`).
 
         `FilterError` if it cannot be understood.
         """
+        if not isinstance(text, str):
+            raise UsageError('a filter is a text such as where("unit == 1 and exception")')
         return self._with(parse(text, self.name))
 
     def select(self, *keys: str) -> Rows[tuple[Any, ...]]:
@@ -91,7 +93,7 @@ class Rows(Generic[Item_co]):
         `UsageError` for a column that the table does not have.
 
         >>> from modlens import decode
-        >>> decode("bus.hex").transactions.select("unit", "status").columns
+        >>> decode(b"").transactions.select("unit", "status").columns
         ('unit', 'status')
         """
         return Rows(self._recording, self.name, self._steps, pick(self.name, ",".join(keys)))
@@ -176,6 +178,8 @@ class Rows(Generic[Item_co]):
     @overload
     def __getitem__(self, place: slice, /) -> Rows[Item_co]: ...
     def __getitem__(self, place: int | slice, /) -> Item_co | Rows[Item_co]:
+        if isinstance(place, str):
+            raise UsageError(f'rows have numbers; write select("{place}") for a column')
         if isinstance(place, slice):
             return self._with(self._forward(place))
         at = place if place >= 0 else len(self) + place

@@ -146,3 +146,8 @@ class PortError(ModlensError):
 
 def _question(hint: str | None) -> str:
     return "" if hint is None else f"; did you mean {hint!r}?"
+
+
+for _error in (ModlensError, *ModlensError.__subclasses__()):
+    # Tracebacks show the name that programs import.
+    _error.__module__ = "modlens"

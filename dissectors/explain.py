@@ -10,7 +10,7 @@ With the section that specifies it, and an example taken apart.
 >>> explain("Read Coil")
 Traceback (most recent call last):
 ...
-dissectors.errors.UsageError: no such code or name: 'Read Coil'; did you mean 'Read Coils'?
+modlens.UsageError: no such code or name: 'Read Coil'; did you mean 'Read Coils'?
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ FunctionChoice(code=8, preset={'sub_function': 11})
 >>> find_function("read coil")
 Traceback (most recent call last):
 ...
-dissectors.errors.UsageError: no function 'read coil'; did you mean 'Read Coils'?
+modlens.UsageError: no function 'read coil'; did you mean 'Read Coils'?
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ One model in three spellings: TOML, YAML and CSV. The core checks and converts;
 >>> parse("profile = 1\n[[registers]]\nat = 'hr:1'\nname = 'x'\ntyp = 's16'\n", "meter.toml")
 Traceback (most recent call last):
 ...
-dissectors.errors.ProfileError: meter.toml:5: registers[0].typ: no such key; did you mean 'type'?
+modlens.ProfileError: meter.toml:5: registers[0].typ: no such key; did you mean 'type'?
 """
 
 from __future__ import annotations

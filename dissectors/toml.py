@@ -8,7 +8,7 @@ parts of a key.
 >>> load("a = " + "[" * 5000, "bus.toml")
 Traceback (most recent call last):
     ...
-dissectors.errors.ProfileError: bus.toml: TOML that is nested too deeply
+modlens.ProfileError: bus.toml: TOML that is nested too deeply
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ r"""modlens: decode Modbus recordings, and listen to serial lines, from a progra
 notebook, handed to polars, pandas, pyarrow and duckdb, and written to files.
 """
 
+from _modlens import __version__
 from analyzer import (
     CaptureError,
     Decoding,
@@ -43,6 +44,7 @@ __all__ = [
     "Tap",
     "TransactionRow",
     "UsageError",
+    "__version__",
     "decode",
     "tap",
 ]

@@ -12,11 +12,10 @@ from collections.abc import Sequence
 import _modlens
 from analyzer.cli.chosen_settings import load_functions
 from analyzer.cli.parser import add_functions
-from analyzer.columns import TABLES, columns
-from analyzer.explanations import explain_word
-from analyzer.views.screen import Screen, stdout, visible
+from analyzer.explanations import WordGroups, explain_word, word_groups
+from analyzer.views.screen import Screen, fit, stdout, visible
 from dissectors.errors import UsageError
-from dissectors.explain import Explanation, known_words
+from dissectors.explain import Explanation
 
 __all__ = ["add_arguments", "run"]
 
@@ -37,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         metavar="CODE",
         help="a function or exception code, or the name of a function, finding, status or column;"
-        " several names are explained one after the other; list prints all names",
+        " several names are explained one after the other; list prints all of them",
     )
     add_functions(parser)
     parser.epilog = EPILOG
@@ -48,15 +47,27 @@ def run(options: argparse.Namespace) -> int:
     source = load_functions(options.functions)
     screen = stdout()
     if options.words == ["list"]:
-        keys = (one.key for name in TABLES for one in columns(name))
-        for word in dict.fromkeys((*known_words(source=source), *keys)):
-            screen.line(visible(word))
+        _draw_list(word_groups(source), screen)
         return 0
     for number, found in enumerate(_explanations(options.words, source)):
         if number:
             screen.line("")
         _draw(found, screen)
     return 0
+
+
+def _draw_list(groups: WordGroups, screen: Screen) -> None:
+    """Prints the names of each group, each with one line on what it is."""
+    for number, (title, entries) in enumerate(groups.items()):
+        if number:
+            screen.line("")
+        screen.line(title, "head")
+        width = min(max(map(len, entries)), _NAME_WIDTH)
+        for word, meaning in entries.items():
+            screen.line(fit(visible(f"{word:{width}}  {meaning}"), screen.width).rstrip())
+
+
+_NAME_WIDTH = 34
 
 
 def _draw(found: Explanation, screen: Screen) -> None:

@@ -68,19 +68,18 @@ def test_arrow_streams_are_taken_by_others(library: str) -> None:
             assert found.shape[0] == len(list(rows))
 
 
-def test_nothing_is_read_before_somebody_looks(tmp_path: Path) -> None:
-    """A missing file is reported when it is first read."""
-    recording = decode(tmp_path / "no.hex")
+def test_a_missing_file_is_reported_at_once(tmp_path: Path) -> None:
+    """A missing file is reported by the call that names it."""
     with pytest.raises(SourceError, match="no such file"):
-        next(iter(recording))
+        decode(tmp_path / "no.hex")
 
 
 def test_settings_that_cannot_be() -> None:
     """Invalid arguments are reported at once."""
     with pytest.raises(UsageError, match="line settings"):
-        decode("x", line="fast")
+        decode(b"", line="fast")
     with pytest.raises(UsageError, match="mode 'rtx'"):
-        decode("x", mode="rtx")
+        decode(b"", mode="rtx")
     with pytest.raises(UsageError, match="no recording"):
         decode([])
     with pytest.raises(UsageError, match="no port"):

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from analyzer import decode
 from tests.conftest import ROOT, TIMEOUT_S, environment
 from tests.docs.documents import blocks, rows_of_table, shell, shell_environment, text_of
 from tests.docs.recipes import DOCUMENT, METER, Step, carry_out, copy_of_the_tree, place, steps
@@ -68,6 +69,31 @@ def test_an_export_is_found_by_its_tests(tmp_path: Path) -> None:
         cwd=tree, env=environment(), capture_output=True, text=True, timeout=TIMEOUT_S, check=True,
     )  # fmt: skip
     assert ".wiki" in listed.stdout
+
+
+def test_a_command_runs(tmp_path: Path) -> None:
+    """Applies the recipe to a copy: the command has help and counts ordinary traffic."""
+    tree = copy_of_the_tree(tmp_path / "copy")
+    recipe = [step for step in steps("python") if "analyzer/cli" in step.file]
+    assert len(recipe) == 2
+    for step in recipe:
+        carry_out(step, tree)
+    recording = "captures/pymodbus_two_units/recording.jsonl"
+    for words, expected in (
+        (["--help"], "count the transactions of recordings"),
+        (["count", "--help"], "recordings to read"),
+        (["count", recording], f"{len(decode(ROOT / recording).transactions)} transactions"),
+    ):
+        done = subprocess.run(
+            [sys.executable, "-m", "analyzer", *words],
+            cwd=tree,
+            env=environment(),
+            capture_output=True,
+            text=True,
+            timeout=TIMEOUT_S,
+            check=True,
+        )
+        assert expected in done.stdout
 
 
 def test_the_commands_are_targets() -> None:

@@ -114,7 +114,7 @@ def test_a_wrong_attribute_is_an_error_for_a_type_checker(tmp_path: Path) -> Non
 
 
 def test_the_public_package_has_what_analyzer_has() -> None:
-    """Nothing but re-exports, and all of them."""
+    """Nothing but re-exports, and all of them; errors say that they are from modlens."""
     assert set(analyzer.__all__) < set(modlens.__all__)
-    for name in modlens.__all__:
+    for name in (one for one in modlens.__all__ if not one.endswith("Error")):
         assert inspect.getmodule(getattr(modlens, name)) is not modlens

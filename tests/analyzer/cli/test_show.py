@@ -12,6 +12,7 @@ import pytest
 from analyzer import decode
 from analyzer.hex_text import parse_hex
 from analyzer.sources import all_formats
+from dissectors.explain import known_words
 from tests.conftest import CAPTURES, ROOT, Modlens, command, environment
 
 SEED = CAPTURES / "seed_rtu" / "recording.hex"
@@ -264,8 +265,19 @@ def test_columns_are_explained(modlens: Modlens) -> None:
 
 
 def test_explain_lists_its_words(modlens: Modlens) -> None:
-    """`explain list` prints the name of each function, exception, finding, status and column."""
-    words = modlens("explain", "list").out.splitlines()
-    assert {"Read Holding Registers", "Illegal Data Address", "retry", "not_observed"} <= {*words}
-    assert {"unit", "response_time_us", "delimited_by"} <= {*words}
-    assert len(words) == len({*words})
+    """`explain list` prints the names in groups, each with a line on what it is."""
+    out = modlens("explain", "list").out
+    for word in known_words():
+        assert re.search(rf"^{re.escape(word)}( |$)", out, re.MULTILINE), word
+    assert "\nfindings\n" in out
+    assert re.search("^response_time_us +.*response", out, re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    ("word", "related"),
+    [("timeout", "late_response"), ("crc", "bad_checksum"), ("retries", "retry")],
+)
+def test_a_word_that_is_no_name_leads_to_names(word: str, related: str, modlens: Modlens) -> None:
+    done = modlens("explain", word)
+    assert done.status == 2
+    assert related in done.err
