@@ -76,6 +76,8 @@ def _refusal(sample: bytes, best: str, reason: str) -> str:
             f" use --from {best} to decode it anyway"
         )
     kind = "text in an unknown format" if is_text(sample) else f"unknown format ({reason})"
+    if is_text(sample) and "hex" in reason:
+        kind = f"{kind}: {reason}"
     return f"{kind}; see `modlens formats`, or choose one with --from"
 
 

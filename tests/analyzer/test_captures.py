@@ -455,3 +455,16 @@ def test_late_answers_where_transactions_have_no_numbers(number: int, tmp_path: 
         ("ok", [1, 2], None, None),
         ("unsolicited", [7], 1, 30_000.0),
     ]
+
+
+def test_interfaces_without_names_are_different_buses(tmp_path: Path) -> None:
+    """Two serial lines of one capture, of which only the number of their interface is known."""
+    made = tmp_path / "lines.pcapng"
+    wire = [bytes.fromhex("0103006b00037417"), bytes.fromhex("0203006b00037424")]
+    start = captures.EPOCH * 1_000_000
+    blocks = [captures.epb(data, start + at, at) for at, data in enumerate(wire)]
+    made.write_bytes(captures.section() + 2 * captures.idb(147) + b"".join(blocks))
+    assert [(row.bus, row.unit) for row in decode(made).frames] == [
+        (str(made), 1),
+        (f"{made}:2", 2),
+    ]

@@ -109,3 +109,21 @@ fn hex_that_a_dialect_leaves_in_a_line_is_read_or_listed() {
     let (_, reader, _) = read(&format!("{received} 0xde 0xad 0xbe 0xef 0x1\n"));
     assert_eq!(reader.skipped().iter().map(|(line, bytes, _)| (*line, bytes.len())).collect::<Vec<_>>(), [(1, 5)]);
 }
+
+#[test]
+fn a_text_that_is_refused_says_what_hex_it_holds() {
+    let guesses = detect(b"hello\nbuffer: 03 04 15 39 43 68\n", "x.log", Dialects::embedded);
+    assert_eq!(guesses[0].2, "1 line holds 6 bytes of hex that no checksum proves, the first is line 2");
+}
+
+#[test]
+fn an_echo_by_another_word_is_no_printed_copy() {
+    let (entries, ..) = read("write <Buffer 01 03 00 5e 00 02 a5 d9>\nresp <Buffer 01 03 00 5e 00 02 a5 d9>\n");
+    assert_eq!(entries.iter().map(|entry| entry.1).collect::<Vec<_>>(), [SENT, RECEIVED]);
+}
+
+#[test]
+fn fields_that_begin_with_their_bytes_are_a_frame() {
+    let text = "00 00 Transaction identifier\n00 00 Protocol identifier\n00 03 Length\n01 Unit\n84 Error code 4\n02 Exception\n";
+    assert_eq!(read(text).0.iter().map(|entry| entry.2.as_str()).collect::<Vec<_>>(), ["000000000003018402"]);
+}

@@ -104,7 +104,12 @@ fn push_input_text(cell: &Cell<'_>, out: &mut Vec<u8>) {
 
 /// Whether a text has to be quoted.
 fn needs_quotes(text: &[u8]) -> bool {
-    is_formula(text) || memchr3(b',', b'"', b'\n', text).is_some() || text.contains(&b'\r')
+    is_formula(text) || memchr3(b',', b'"', b'\n', text).is_some() || text.iter().any(|&byte| is_control(byte))
+}
+
+/// Whether the byte is a control character, with which a terminal that shows the file would be controlled.
+fn is_control(byte: u8) -> bool {
+    byte < b' ' || byte == 0x7F
 }
 
 /// Whether a spreadsheet would interpret the text as a formula.
@@ -128,7 +133,8 @@ fn quote(start: usize, out: &mut Vec<u8>) {
         if byte == b'"' {
             out.push(b'"');
         }
-        out.push(byte);
+        // Line ends and tabs are part of a text; other control characters are replaced.
+        out.push(if is_control(byte) && !matches!(byte, b'\n' | b'\r' | b'\t') { b'?' } else { byte });
     }
     out.push(b'"');
 }
@@ -150,5 +156,6 @@ mod tests {
         assert_eq!(quoted("say \"hi\""), "\"say \"\"hi\"\"\"");
         assert_eq!(quoted("=1+1"), "\"'=1+1\"");
         assert_eq!(quoted("a\nb"), "\"a\nb\"");
+        assert_eq!(quoted("a\x1b[31mb"), "\"a?[31mb\"");
     }
 }

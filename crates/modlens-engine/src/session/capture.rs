@@ -134,7 +134,7 @@ impl Session {
             Event::Closed { slot, connection } => self.close_connection(state, slot, connection.as_ref()),
             Event::Line { interface: index, section, by: interface, content, errors, packet, time } => {
                 self.end_lines_before(state, section);
-                let bus = self.serial_bus(state, index, interface);
+                let bus = self.serial_bus(state, (index, section), interface);
                 self.feed_serial(bus, interface, content, &errors, packet, time);
             }
             Event::Reimported { by: interface, metadata, packet, time, .. } => {
@@ -301,10 +301,11 @@ impl Session {
         self.feed(bus, &chunk);
     }
 
-    /// The bus of the serial interface of this `index` in the capture. If the interface is new, it is that of its port in a
+    /// The bus of the serial interface of this `index` in the capture, in the section whose first interface is `section`. If the interface is new, it is that of its port in a
     /// raw recording of modlens (`recorded_bus`), that of the interface of the same name in the section before, or one that is
-    /// added, named after the interface or else after the file.
-    fn serial_bus(&mut self, state: &mut CaptureState, index: usize, interface: &Interface) -> usize {
+    /// added, named after the interface or else after the file. A further interface without a name gets its number, so that it
+    /// is not taken for the same bus.
+    fn serial_bus(&mut self, state: &mut CaptureState, (index, section): (usize, usize), interface: &Interface) -> usize {
         if state.lines.len() <= index {
             state.lines.resize(index + 1, None);
         }
@@ -314,7 +315,16 @@ impl Session {
         let bus = if let Some(port @ PortMetadata { recording: Some(segment), .. }) = &interface.written_by_modlens {
             self.recorded_bus(state, port, segment)
         } else {
-            let name = interface.name.clone().unwrap_or_else(|| self.name_after(&state.options.source));
+            let name = interface.name.clone().unwrap_or_else(|| {
+                let name = self.name_after(&state.options.source);
+                let mut others = state.lines.iter().skip(section).flatten();
+                let is_taken = others.any(|&bus| self.buses[bus].options.bus.name == name);
+                if is_taken {
+                    format!("{name}:{}", index - section + 1)
+                } else {
+                    name
+                }
+            });
             let source = state.options.source.clone();
             self.resumed_line(state, &name)
                 .unwrap_or_else(|| self.add_serial(state, name, (source, Place::Packet), state.options.line))

@@ -104,7 +104,8 @@ pub fn detect<'a>(sample: &[u8], name: &str, dialects: impl Fn() -> &'a Dialects
         guesses.push(("raw".into(), 0.95, String::from("colon and hex digits: Modbus ASCII as it was on the line")));
     }
     guesses.extend(text_guess(sample, dialects()));
-    guesses.push(("raw".into(), 0.1, String::from("any bytes can be raw")));
+    let reason = if guesses.is_empty() { unproved_hex(sample) } else { None };
+    guesses.push(("raw".into(), 0.1, reason.unwrap_or_else(|| String::from("any bytes can be raw"))));
     guesses
 }
 
@@ -236,6 +237,19 @@ fn unproved(scored: &[(Arc<Dialect>, RowScore)], text: &[u8]) -> Option<FormatGu
         None if why.is_empty() => None,
         None => Some(("raw".into(), UNPROVED / 2.0, format!("no known dialect{why}"))),
     }
+}
+
+/// What hex a text holds that nothing proves, in words; `None` if there is none.
+fn unproved_hex(text: &[u8]) -> Option<String> {
+    let lines = text.split(|&b| b == b'\n').map(hex_bytes).enumerate().filter(|(_, bytes)| *bytes > 0);
+    let (mut count, mut bytes, mut first) = (0, 0, None);
+    for (at, found) in lines {
+        count += 1;
+        bytes += found;
+        first = first.or(Some(at + 1));
+    }
+    let lines = if count == 1 { "line holds" } else { "lines hold" };
+    first.map(|first| format!("{count} {lines} {bytes} bytes of hex that no checksum proves, the first is line {first}"))
 }
 
 /// The first run of at least four hex bytes of each line, without regard to any dialect.

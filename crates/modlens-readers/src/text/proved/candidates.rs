@@ -30,10 +30,17 @@ pub(in crate::text) fn hex_bytes(line: &[u8]) -> usize {
         return count;
     }
     // Bytes with other text between them, such as `00: 02, 01: 02`.
-    let words =
-        part.split(|b| !b.is_ascii_alphanumeric()).filter(|word| word.len() == 2 && word.iter().all(u8::is_ascii_hexdigit));
+    let words = part.split(u8::is_ascii_whitespace).map(without_marks);
+    let words = words.filter(|word| word.len() == 2 && word.iter().all(u8::is_ascii_hexdigit));
     let numbers = number_runs(part, Style::Decimal).into_iter().map(|run| run.bytes.len()).max();
     Some(words.count().max(numbers.unwrap_or(0))).filter(|bytes| *bytes >= MIN_SCATTERED_BYTES).unwrap_or(0)
+}
+
+/// A word without the punctuation around it.
+fn without_marks(word: &[u8]) -> &[u8] {
+    let Some(start) = word.iter().position(u8::is_ascii_alphanumeric) else { return &[] };
+    let end = word.iter().rposition(u8::is_ascii_alphanumeric).map_or(start, |last| last + 1);
+    &word[start..end]
 }
 
 /// Whether a run of digits is a date, a time of day or a UUID.

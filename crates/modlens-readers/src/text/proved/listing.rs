@@ -9,6 +9,7 @@ use crate::text::proved::frames::is_frame;
 use crate::text::proved::pieces::Piece;
 use crate::text::proved::runs::{hex_runs, Style};
 use crate::text::proved::sender::sender;
+use modlens_protocol::hex::decode_pairs;
 use modlens_protocol::mbap::{announced_length, PREFIX_BYTES};
 
 /// The most lines between two fields of a frame: an empty one.
@@ -73,10 +74,27 @@ fn is_listed_frame(fields: &[Piece]) -> bool {
     (has_header || ends.any(|end| end == PREFIX_BYTES + 1)) && is_frame(&bytes)
 }
 
+/// The bytes of a field that begins with them, such as `00 03 Length`.
+fn leading_field(line: &[u8]) -> Option<(usize, Vec<u8>)> {
+    let start = line.iter().position(|b| !b.is_ascii_whitespace())?;
+    let mut bytes = Vec::new();
+    for word in line[start..].split(|&b| b == b' ').filter(|word| !word.is_empty()) {
+        if word.len() != 2 || !decode_pairs(word, &mut bytes) {
+            let is_name = word.len() > 2 && word.iter().all(u8::is_ascii_alphabetic);
+            return (is_name && !bytes.is_empty()).then_some((start, bytes));
+        }
+    }
+    // A line of bytes alone is none.
+    None
+}
+
 /// The bytes of a field, and where they begin in the line; `None` for a line of another kind.
 fn field(line: &[u8]) -> Option<(usize, Vec<u8>)> {
     let line = &line[..line.len().min(MAX_LINE_CHARS)];
     let is_mark = |at: usize| matches!(line[at], b':' | b'=') && line.get(at + 1).is_none_or(u8::is_ascii_whitespace);
+    if let Some(found) = leading_field(line) {
+        return Some(found);
+    }
     let mark = (0..line.len()).find(|&at| is_mark(at))?;
     if !line[..mark].iter().any(u8::is_ascii_alphabetic) {
         return None;

@@ -23,6 +23,7 @@ use crate::text::notation::{Notation, NotationFlags};
 use candidates::{candidates, fronts, mentions};
 use listing::Listing;
 use modlens_protocol::checksum::{crc_valid, lrc};
+use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::hex::decode_pairs;
 use pieces::{Piece, Pieces};
 use runs::{hex_runs, number_runs, Run, Style};
@@ -161,7 +162,9 @@ impl ProvedHex {
         if !is_known || !ends_clearly(line, &run) {
             return None;
         }
-        let lacks_checksum = self.statements.lacks_checksum(any) && has_frame_layout(&run.bytes);
+        let lacks_checksum = self.statements.lacks_checksum(any)
+            && has_frame_layout(&run.bytes)
+            && run.bytes.get(1).is_some_and(|code| Functions::embedded().row(code & !EXCEPTION_BIT, &run.bytes[2..]).is_some());
         let mut found = found(line, front, run.bytes, Some(any), Worth::LikeFrames);
         found.side = found.side.or_else(|| self.statements.side(any));
         found.lacks_checksum = lacks_checksum;

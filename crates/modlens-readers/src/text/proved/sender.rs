@@ -68,6 +68,9 @@ const NEXT_TO_BYTES: &[(&str, Side)] = &[
     ("device", Side::Received),
 ];
 
+/// Words for the bytes themselves, which may stand between them and the word that tells who sent them.
+const CONTAINERS: &[&str] = &["buffer", "bytes", "data", "hex", "array", "raw", "frame", "packet", "payload", "message", "adu"];
+
 /// Arrows, which stand next to the bytes, longer ones first.
 const ARROWS: &[(&str, Side)] = &[
     ("\u{2192}", Side::Sent),
@@ -89,7 +92,8 @@ pub(in crate::text) fn sender(front: &[u8]) -> Option<Side> {
     let nearest = |list: &[(&str, Side)]| words.iter().rev().find_map(|word| look_up(list, word));
     nearest(VERBS).or_else(|| arrow(front)).or_else(|| nearest(NOUNS)).or_else(|| {
         // A number behind the word counts bytes or names a port.
-        words.last().and_then(|word| look_up(NEXT_TO_BYTES, word))
+        let names_bytes = |word: &&Vec<u8>| CONTAINERS.iter().any(|known| known.as_bytes() == word.as_slice());
+        words.iter().rev().find(|word| !names_bytes(word)).and_then(|word| look_up(NEXT_TO_BYTES, word))
     })
 }
 
@@ -123,6 +127,9 @@ fn arrow(front: &[u8]) -> Option<Side> {
     })?;
     let end = end + 1;
     let text = &front[..end];
+    // A bracket around the bytes stands next to the arrow, as in `-> < 01 03 >`.
+    let before = text.strip_suffix(b"<").map(<[u8]>::trim_ascii_end).filter(|before| before.len() + 1 < text.len());
+    let text = before.filter(|before| ARROWS.iter().any(|(sign, _)| before.ends_with(sign.as_bytes()))).unwrap_or(text);
     // A bracket that closes something, as in `<Buffer>`, is no arrow.
     let closes =
         text.ends_with(b">") && text.iter().rposition(|&b| b == b'<').is_some_and(|at| text[at + 1].is_ascii_alphabetic());
@@ -147,6 +154,10 @@ mod tests {
             ("bus1 <- ", Some(Side::Received)),
             ("Request frame ", Some(Side::Sent)),
             ("Read: ", Some(Side::Received)),
+            ("write <Buffer ", Some(Side::Sent)),
+            ("resp <Buffer ", Some(Side::Received)),
+            ("\u{2192} < ", Some(Side::Sent)),
+            ("\u{2190} < ", Some(Side::Received)),
             ("Read holding registers: ", None),
             ("Parsing RTU frame: ", None),
             ("<Buffer ", None),

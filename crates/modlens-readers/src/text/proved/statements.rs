@@ -290,13 +290,14 @@ fn response_fit(request: &[u8], bytes: &[u8]) -> Fit {
     let functions = Functions::embedded();
     let (unit, pdu, front) = parts(request);
     let asked = RequestRef { unit, pdu };
-    let expected = functions.row(pdu[0], &pdu[1..]).and_then(|row| expected_data_bytes(row, pdu));
+    let row = functions.row(pdu[0], &pdu[1..]);
+    let expected = row.and_then(|row| expected_data_bytes(row, pdu));
     let mut best = Fit { level: usize::from(bytes.get(front) == Some(&unit)), lacks_checksum: false };
     for rest in (0..=MAX_STRAY_BYTES).filter_map(|stray| bytes.get(front + stray..)).filter(|rest| rest.len() >= 2) {
         if rest[0] != unit || rest[1] & 0x7F != pdu[0] {
             continue;
         }
-        let fully = |pdu: &[u8]| match_response(functions, asked, unit, pdu) == ResponseMatch::Fully;
+        let fully = |pdu: &[u8]| row.is_some() && match_response(functions, asked, unit, pdu) == ResponseMatch::Fully;
         let lacks_checksum = front == 0 && fully(&rest[1..]);
         let has_length = expected.is_some_and(|data| rest.len() == 3 + data + CRC_BYTES);
         let checked = rest.len() > 1 + CRC_BYTES && fully(&rest[1..rest.len() - CRC_BYTES]);
