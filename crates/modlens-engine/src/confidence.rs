@@ -16,7 +16,7 @@ pub enum Likeness {
     Specified,
     /// Its response may equal its request, so the direction is open.
     EqualLayouts,
-    /// Any length would do, so the end is open, and mostly the direction, too.
+    /// Any length would do, so the end is open, and mostly the direction as well.
     OpenLength,
 }
 
@@ -54,7 +54,7 @@ impl Likeness {
 pub enum Standing {
     /// Among other frames.
     Among,
-    /// Behind bytes that may hide a damaged frame.
+    /// After bytes that may hide a damaged frame.
     InNoise,
     /// It stood alone in the same noise before: its valid CRC is no news.
     Recurring,
@@ -104,7 +104,7 @@ pub fn of_verdict(verdict: Verdict) -> u8 {
     }
 }
 
-/// The value at `lead` of a line through these points (lead, bits), which is level behind the last one.
+/// The value at `lead` of a line through these points (lead, bits), which is level after the last one.
 fn between<const N: usize>(points: [(f32, f32); N], lead: f32) -> f32 {
     let segment = points.windows(2).find(|ends| lead < ends[1].0);
     let Some(&[(from, low), (to, high)]) = segment.and_then(|ends| ends.first_chunk()) else { return points[N - 1].1 };

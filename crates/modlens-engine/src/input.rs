@@ -17,7 +17,7 @@ const MAX_CONSUMED_BYTES: usize = 1 << 16;
 /// One read of the source, or one record of a recording.
 #[derive(Clone, Copy, Debug)]
 pub struct Read {
-    /// Stream offset of the byte behind its last one.
+    /// Stream offset of the byte after its last one.
     pub end: u64,
     /// When its last byte had arrived, or `NO_TIME`.
     pub time: Ns,
@@ -299,13 +299,13 @@ impl Input {
         self.reads.front().filter(is_whole)
     }
 
-    /// Whether all unframed bytes stand in one read, whose beginning is framed already, and none on this line had a time.
+    /// Whether all unframed bytes are in one read, whose beginning is framed already, and none on this line had a time.
     #[inline]
     pub fn is_one_untimed_read(&self) -> bool {
         !self.has_times && self.reads.len() == 1 && self.first_read_start < self.offset
     }
 
-    /// Whether a request of `request_bytes` and a response of `response_bytes` stand at the head in reads that cannot change
+    /// Whether a request of `request_bytes` and a response of `response_bytes` are at the head in reads that cannot change
     /// how they are decided: both in one read without times and side (other bytes may follow in it), or exactly in a read
     /// each, the second one less than `within` ns after the first, or both without times. Neither read may lack checksums or
     /// prove another framing than `mode`, and the receiver must never have marked anything on this line.
@@ -328,7 +328,7 @@ impl Input {
     }
 
     /// How many of the unframed bytes are in one read without time, side and marks, in which exchanges of this framing are
-    /// decided by their bytes alone, as `holds_exchange` says of each of them; 0 if the first read is none.
+    /// decided by their bytes alone, as `holds_exchange` reports about each of them; 0 if the first read is none.
     pub fn plain_untimed_bytes(&self, mode: Mode) -> usize {
         let is_plain = |read: &&Read| {
             let proves_no_other = read.proven_framing.is_none_or(|proven| proven == mode);
@@ -396,7 +396,7 @@ impl Input {
     }
 }
 
-/// A read of bytes of a chunk that ends at stream offset `end`, with what the chunk says of all of them.
+/// A read of bytes of a chunk that ends at stream offset `end`, with what the chunk reports about all of them.
 #[inline]
 fn read_of(chunk: &Chunk<'_>, end: u64, time: Ns, starts_record: bool) -> Read {
     Read {

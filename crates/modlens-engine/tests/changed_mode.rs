@@ -1,4 +1,4 @@
-//! The framing of a line that is detected: what stands in front must not decide for the rest.
+//! The framing of a line that is detected: what is in front must not decide for the rest.
 
 mod wire;
 
@@ -13,7 +13,7 @@ use wire::{read_request, read_response, session};
 /// Exchanges of RTU.
 const EXCHANGES: u16 = 300;
 
-/// The rows of these bytes and of some RTU behind them, fed `piece` bytes at a time, where the framing has to be found.
+/// The rows of these bytes and of some RTU after them, fed `piece` bytes at a time, where the framing has to be found.
 fn detected(front: &[u8], piece: usize) -> Batch {
     let (mut session, _) = session(false, Clock::None);
     let bus = session.add_bus(BusOptions::named("detected"));

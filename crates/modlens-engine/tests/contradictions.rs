@@ -1,4 +1,4 @@
-//! Recordings that contradict physics or their settings: the line is told so at its end, and values of doubtful place are not
+//! Recordings that contradict physics or their settings: that is reported at the end of the line, and values of doubtful place are not
 //! taken for registers.
 //!
 //! Expected values follow from how each line is built here.

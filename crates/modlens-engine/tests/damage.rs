@@ -47,7 +47,7 @@ fn with_damage(damage: impl Fn(&mut Vec<u8>, &mut Vec<u8>)) -> (Vec<u8>, Batch) 
     (before, batch)
 }
 
-// Stray bytes of a line driver take the place of those that the response has lost; behind a pause follows a frame that begins
+// Stray bytes of a line driver take the place of those that the response has lost; after a pause follows a frame that begins
 // with the same value.
 #[test]
 fn the_first_byte_behind_a_pause_is_no_stray_byte() {
@@ -261,7 +261,7 @@ fn a_request_in_front_of_its_response_is_located_although_its_header_is_wrong() 
     assert_eq!(found[0].0, 0);
 }
 
-/// The rows of these frames, each of which came as a read, so many milliseconds behind the one before.
+/// The rows of these frames, each of which came as a read, so many milliseconds after the one before.
 fn decode_timed(frames: &[(i64, Vec<u8>)]) -> Batch {
     let (mut session, bus) = wire::session(false, Clock::Relative);
     let mut time = 0;

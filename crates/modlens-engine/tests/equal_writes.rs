@@ -102,7 +102,7 @@ fn answered_writes_without_a_clock_are_exchanges_and_not_certain() {
     for write in writes() {
         let batch = untimed(&vec![write.clone(); 80]);
         expect_exchanges(&batch, 40, &format!("function {}", write[1]));
-        // A single response that is missing turns all directions behind it, so none of them is said to be certain.
+        // A single response that is missing turns all directions after it, so none of them is said to be certain.
         assert!(batch.frames[1..].iter().all(|row| row.confidence < 10), "function {}", write[1]);
     }
 }

@@ -5,7 +5,7 @@
 //! | | pitfall | tests |
 //! | --- | --- | --- |
 //! | 1 | frames in one read, one frame in many, every split | `frames_glued_into_one_read_are_told_apart`; `taps.rs`: `every_split_of_a_pair_in_two_reads` |
-//! | 2 | pieces of 32 and 62 bytes, stalls | `taps.rs`: `packets_of_32_and_62_bytes_with_long_waits_between_them`, `a_read_that_comes_late_inside_a_frame_live_and_not` |
+//! | 2 | blocks of 32 and 62 bytes, stalls | `taps.rs`: `packets_of_32_and_62_bytes_with_long_waits_between_them`, `a_read_that_comes_late_inside_a_frame_live_and_not` |
 //! | 3 | checksums that end in 00 | `a_frame_whose_checksum_ends_in_zero_is_whole`; `taps.rs`: `a_frame_whose_checksum_ends_in_zero_byte_by_byte_and_live` |
 //! | 4 | strays of 00 and FF | `stray_zeros_and_ones_around_frames_belong_to_none`, `a_second_response_with_a_stray_zero_behind_it_is_no_request`, `published_frames_with_glitches_on_both_sides` |
 //! | 5 | runs and collisions in linear time | `runs_of_one_value_are_no_frames_and_take_linear_time` |
@@ -14,11 +14,11 @@
 //! | 8 | unanswered, broadcast, late, another unit | `unanswered_broadcast_and_late`, `an_answer_after_the_time_out_is_late_and_no_second_master`, `another_unit_answers_and_the_master_asks_again` |
 //! | 9 | exceptions of every function, strange codes | `exceptions_of_every_function_and_strange_codes` |
 //! | 10 | functions of any length | `look_alikes.rs`: `functions_without_layout_of_every_length_filled_with_zeros_and_with_strays_behind`, `canopen_references_of_every_length_end_where_their_checksum_says` |
-//! | 11 | lengths that stand in the frame | `look_alikes.rs`: `functions_whose_length_stands_in_the_frame` |
+//! | 11 | lengths that are in the frame | `look_alikes.rs`: `functions_whose_length_stands_in_the_frame` |
 //! | 12 | a file record of one register | `a_file_record_response_of_one_register_is_legal` |
 //! | 13 | answers against the rules | `quantities_over_the_limit_are_frames_with_a_finding`, `a_response_with_four_bytes_a_register_is_a_frame_with_a_finding`; `look_alikes.rs`: `answers_that_do_not_keep_to_their_requests_are_frames_with_findings` |
 //! | 14 | frames inside payloads | `a_frame_inside_a_payload_is_payload`; `look_alikes.rs`: `frames_inside_payloads_of_files_and_tunnels_live_too`, `a_file_or_a_loopback_that_holds_a_whole_exchange_live_too`, `a_loopback_that_holds_a_frame_live_too` |
-//! | 15 | a request behind a truncated response | `a_request_behind_a_truncated_response_is_found` |
+//! | 15 | a request after a truncated response | `a_request_behind_a_truncated_response_is_found` |
 //! | 16 | one flipped bit | `one_flipped_bit_spoils_one_frame_only`; `damage.rs`: `a_flipped_bit_is_found_and_named_in_every_byte_of_a_response` |
 //! | 17 | collisions, captures cut at both ends | `damage.rs`: `a_collision_is_one_where_only_ones_are_missing`; `capture_starts_and_ends_in_the_middle` |
 //! | 18 | pauses inside, none between | `pauses_inside_frames_and_none_between_them` |
@@ -27,7 +27,7 @@
 //! | 21 | noise, cold and warm; a noisy start | `random_noise_is_noise`; `taps.rs`: `a_noisy_start_teaches_no_units`; `crates/modlens-bench/tests/engine.rs`: `noise_gives_no_frames_that_are_sold_as_facts` |
 //! | 22 | units and baud rates that change | `taps.rs`: `units_change_after_hours_and_are_believed_at_once`, `the_baud_rate_changes_in_the_middle_of_a_recording` |
 //! | 23 | live is as offline, and soon | `taps.rs`: `live_frames_come_with_their_last_byte_and_are_those_of_the_recording`, `silence_bounds_the_wait_of_a_live_tap` |
-//! | 24 | pieces change nothing, the fast path gives the rows of the slow path | `properties.rs`: `untimed_bytes_tile_and_chunk_sizes_change_nothing`, `the_fast_path_gives_the_rows_of_the_slow_path` |
+//! | 24 | blocks change nothing, the fast path gives the rows of the slow path | `properties.rs`: `untimed_bytes_tile_and_chunk_sizes_change_nothing`, `the_fast_path_gives_the_rows_of_the_slow_path` |
 //! | 25 | ASCII | `streams.rs`: `ascii_is_found_again_behind_every_kind_of_damage`, `lower_case_digits_and_another_delimiter`, `ascii_characters_may_come_a_second_apart`, `rtu_data_that_holds_colons_stays_rtu` |
 //! | 26 | clocks that stand still, step or fail | `taps.rs`: `clocks_that_stand_still_step_back_or_fail_lose_no_frame` |
 //! | 27 | offsets beyond 4 GiB, memory | `crates/modlens-engine/src/session/bus.rs`: `offsets_beyond_four_gib_are_told_whole`; `make speed` (memory over 1 GB of noise) |
@@ -111,7 +111,7 @@ fn frames_glued_into_one_read_are_told_apart() {
 
 #[test]
 fn a_frame_whose_checksum_ends_in_zero_is_whole() {
-    // 01 04 02 03 01 has the CRC 78 00: without its last byte the frame is CRC-valid, too.
+    // 01 04 02 03 01 has the CRC 78 00: without its last byte the frame is CRC-valid as well.
     let whole = vec![0x01, 0x04, 0x02, 0x03, 0x01, 0x78, 0x00];
     assert_eq!(frame(1, &[4, 2, 3, 1]), whole);
     let request = frame(1, &[4, 0, 0, 0, 1]);
@@ -142,7 +142,7 @@ fn stray_zeros_and_ones_around_frames_belong_to_none() {
 
 #[test]
 fn published_frames_with_glitches_on_both_sides() {
-    // minimalmodbus #61 and modbus-cli #41: CRC-valid with the trailing 00, too.
+    // minimalmodbus #61 and modbus-cli #41: CRC-valid with the trailing 00 as well.
     for text in ["00 04 83 02 D0 F0 00", "00 2E 03 02 04 80 6E E2 00"] {
         let bytes = modlens_protocol::hex::parse_hex(text).unwrap();
         let request = read_request(bytes[1], 0, 1);

@@ -14,17 +14,17 @@ use wire::{read_request, read_response, session, MS};
 /// A character at 19200 baud, 8E1.
 const CHAR: i64 = 572_917;
 
-/// The master's time-out: from the end of a request to its retry.
+/// The master's timeout: from the end of a request to its retry.
 const TIMEOUT: i64 = 250 * MS;
 
-/// Six rounds of three transactions, the third of which needs a retry, so that the master's time-out is known.
+/// Six rounds of three transactions, the third of which needs a retry, so that the master's timeout is known.
 fn polls() -> Vec<(i64, Vec<u8>)> {
     let exchange = |unit: u8| [(20 * MS, read_request(unit, 7, 2)), (8 * MS, read_response(unit, &[0x1234, 0x5678]))];
     let retried = || [(20 * MS, read_request(3, 7, 1)), (TIMEOUT, read_request(3, 7, 1)), (8 * MS, read_response(3, &[9]))];
     (0..6).flat_map(|_| [&exchange(1)[..], &exchange(2), &retried()].concat()).collect()
 }
 
-/// The rows of these bursts with polls before and behind them, in reads of one byte. A burst is a pause and bytes.
+/// The rows of these bursts with polls before and after them, in reads of one byte. A burst is a pause and bytes.
 fn decode(bursts: &[(i64, Vec<u8>)], live: bool) -> Batch {
     let (mut session, bus) = session(live, Clock::Utc);
     let mut now = 1_700_000_000_000_000_000;

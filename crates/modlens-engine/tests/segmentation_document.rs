@@ -1,5 +1,5 @@
 //! `docs/segmentation.md` says what the code says: its tables and its drawing are generated from the sources, and the names
-//! in it are names of the engine. `MODLENS_UPDATE=1` writes the generated parts anew.
+//! in it are names of the engine. `MODLENS_UPDATE=1` writes the generated parts again.
 
 use std::collections::HashSet;
 use std::fmt::Write;

@@ -1,4 +1,4 @@
-//! ASCII and MBAP streams with damage, behind which the framer has to resynchronise.
+//! ASCII and MBAP streams with damage, after which the framer has to resynchronise.
 
 use modlens_engine::records::Batch;
 use modlens_engine::session::{BusOptions, Session};

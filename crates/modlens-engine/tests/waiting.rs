@@ -29,7 +29,7 @@ impl Tap {
         Self { session, bus, now: START }
     }
 
-    /// A frame behind so many milliseconds of silence.
+    /// A frame after so many milliseconds of silence.
     fn send(&mut self, silence_ms: i64, bytes: &[u8]) {
         self.now += silence_ms * MS;
         let times: Vec<i64> = (1..=bytes.len() as i64).map(|at| self.now + at * CHAR).collect();
@@ -186,7 +186,7 @@ fn the_answer_to_a_lost_request_is_not_that_of_the_one_before_it() {
         let mut packets = Packets::new();
         packets.data(0, 50_000, true, &ask(1, 10, 2));
         packets.data(10, 50_000, false, &answer(1, &[1, 7]));
-        // Its answer is lost, and so is the request behind it.
+        // Its answer is lost, and so is the request after it.
         packets.data(500, 50_000, true, &ask(2, 10, 2));
         packets.lose(50_000, false, &answer(2, &[2, 7]));
         packets.lose(50_000, true, &ask(3, 20, 2));

@@ -88,7 +88,7 @@ fn recording(polls: &[Poll]) -> (Vec<u8>, Vec<Sent>) {
     for poll in polls {
         poll.put(&mut bytes, &mut frames);
     }
-    // The last frames have something behind them, too.
+    // The last frames have something after them as well.
     Poll { unit: 1, value: 0, answered: true, strays: [(0, 0); 2], flipped: None }.put(&mut bytes, &mut frames);
     (bytes, frames)
 }

@@ -2,7 +2,7 @@
 //!
 //! Each kind of damage has a cost in bits, each byte that agrees gains the information content of its value. The kind
 //! with the highest total is the alignment. Example: the expected request is `11 03 00 6B 00 03 76 87`, the bytes are
-//! `11 03 6B 00 03 76 87`. The first two bytes agree; with one byte missing behind them the other five agree, too, and
+//! `11 03 6B 00 03 76 87`. The first two bytes agree; with one byte missing after them the other five agree as well, and
 //! are worth far more than `MISSING_INSIDE_BITS`. So one byte is missing at index 2.
 
 use crate::damage::expected_frame::ExpectedFrame;
@@ -51,7 +51,7 @@ const ONES: [f32; 256] = {
 pub struct Alignment {
     /// Bits in favour of the expected frame.
     pub score: f32,
-    /// Bytes from the first one to behind the last one that agrees: another frame may begin behind them.
+    /// Bytes from the first one to after the last one that agrees: another frame may begin after them.
     pub core_bytes: usize,
     /// Bytes of the expected frame that are missing in front.
     pub missing_head_bytes: usize,
@@ -88,7 +88,7 @@ pub fn align(model: &TrafficModel, expected: &ExpectedFrame<'_>, bytes: &[u8], n
 /// 0 and at least `need` bits. `bytes` begin where the rest of the frame would and may reach beyond its end. If two
 /// alignments are worth the same, the one that is tried later is taken (see `Comparison::explain` for the order).
 ///
-/// Where the bytes stand in their region is not judged here.
+/// Where the bytes are in their region is not judged here.
 fn align_without_head(
     model: &TrafficModel,
     expected: &ExpectedFrame<'_>,
@@ -179,7 +179,7 @@ impl<'a> Comparison<'a> {
     }
 
     /// Gives out the ways in which the bytes can be explained, with their scores, in this order: flipped bits alone; then one
-    /// break right behind the bytes that agree: one, two or three bytes missing, the last one doubled, a collision.
+    /// break right after the bytes that agree: one, two or three bytes missing, the last one doubled, a collision.
     ///
     /// A break is tried only if no bytes are missing in front, some known bytes agree, and some do not; and only if it may be
     /// worth `least` bits. What it is worth less may be left out.
@@ -243,7 +243,7 @@ struct Prefix {
 struct Explanation {
     /// Bits of the bytes that agree, less what the damage costs.
     score: f32,
-    /// Bytes from the first one to behind the last one that agrees.
+    /// Bytes from the first one to after the last one that agrees.
     core_bytes: usize,
     /// What happened; `None` for flipped bits alone.
     damage: Option<DamageKind>,
@@ -268,7 +268,7 @@ fn without_break(model: &TrafficModel, known: &[u8], bytes: &[u8], missing: usiz
 }
 
 /// Compares bytes one by one and allows for flipped bits. Returns the highest score that any number of leading bytes
-/// reaches, and the index behind those bytes, where the first byte has the index `from`.
+/// reaches, and the index after those bytes, where the first byte has the index `from`.
 fn score_with_flips(model: &TrafficModel, known: &[u8], bytes: &[u8], from: usize) -> (f32, usize) {
     let (mut score, mut best) = (0.0, (0.0, 0));
     for (at, (&wanted, &byte)) in known.iter().zip(bytes).enumerate() {
@@ -290,13 +290,13 @@ fn score_with_flips(model: &TrafficModel, known: &[u8], bytes: &[u8], from: usiz
     best
 }
 
-/// Explains the bytes by `count` bytes that are missing behind the prefix.
+/// Explains the bytes by `count` bytes that are missing after the prefix.
 fn missing_inside(model: &TrafficModel, known: &[u8], bytes: &[u8], prefix: Prefix, count: usize) -> Option<Explanation> {
     let rest = known.get(prefix.length + count..)?;
     let (score, core_bytes) = score_with_flips(model, rest, &bytes[prefix.length..], prefix.length);
     let score = prefix.score + score - MISSING_INSIDE_BITS;
     let damage = Some(DamageKind::LostBytes { at: prefix.length, count });
-    // If no known byte is left behind the loss, only the CRC can confirm it.
+    // If no known byte is left after the loss, only the CRC can confirm it.
     (core_bytes > prefix.length || rest.is_empty()).then_some(Explanation { score, core_bytes, damage })
 }
 
@@ -311,10 +311,10 @@ fn doubled_byte(model: &TrafficModel, known: &[u8], bytes: &[u8], prefix: Prefix
     (core_bytes > at + 1).then_some(Explanation { score, core_bytes, damage: Some(DamageKind::DoubledByte { at }) })
 }
 
-/// Explains the bytes by a second transmitter behind the prefix. On RS-485 the driver that pulls to 0 wins: bits that
+/// Explains the bytes by a second transmitter after the prefix. On RS-485 the driver that pulls to 0 wins: bits that
 /// were sent as 1 may arrive as 0, but no bit that was sent as 0 arrives as 1.
 ///
-/// `None`, too, where the score falls further behind the information content of the bytes than by `spare` bits.
+/// `None` as well, where the score falls further below the information content of the bytes than by `spare` bits.
 fn collision(model: &TrafficModel, known: &[u8], bytes: &[u8], prefix: Prefix, spare: f32) -> Option<Explanation> {
     let mut score = prefix.score - COLLISION_BITS;
     let mut spare = spare - COLLISION_BITS;

@@ -24,9 +24,9 @@ pub(crate) struct ColonlessMessage {
     pub start: usize,
     /// Index of its first hex character.
     pub hex_start: usize,
-    /// Index behind its last hex character.
+    /// Index after its last hex character.
     pub hex_end: usize,
-    /// Index behind its line end.
+    /// Index after its line end.
     pub end: usize,
     /// All of its hex characters are there.
     pub is_complete: bool,
@@ -34,7 +34,7 @@ pub(crate) struct ColonlessMessage {
     pub damage: Option<DamageKind>,
 }
 
-/// Whether these characters behind a colon are noise, and so is the colon: fewer than `MIN_HEX_CHARACTERS`, of which the first
+/// Whether these characters after a colon are noise, and so is the colon: fewer than `MIN_HEX_CHARACTERS`, of which the first
 /// is no hex character, or none at all.
 pub(crate) fn is_noise_behind_colon(text: &[u8]) -> bool {
     text.len() < MIN_HEX_CHARACTERS && !text.first().is_some_and(u8::is_ascii_hexdigit)
@@ -82,7 +82,7 @@ fn colonless_in_line(bytes: &[u8], line_start: usize, line_end: usize, known_uni
 /// the end of `text`, which is that of the line that starts at `line_start`.
 ///
 /// 1. All of them have a valid LRC. A character in front that may be the damaged colon belongs to the message, and nothing is
-///    lost (`damage` is `None`); else the colon is lost, and what stands in front is no part of the message.
+///    lost (`damage` is `None`); else the colon is lost, and what is in front is no part of the message.
 /// 2. They have a valid LRC without the first one: that one is the damaged colon.
 fn whole_message(text: &[u8], line_start: usize, hex_start: usize) -> Option<ColonlessMessage> {
     let is_valid = |start: usize| (text.len() - start).is_multiple_of(2) && has_valid_lrc(&text[start..]);
@@ -103,7 +103,7 @@ fn whole_message(text: &[u8], line_start: usize, hex_start: usize) -> Option<Col
 /// The rest of a message that has lost more than its colon: an unknown number of characters in front. Its hex characters
 /// reach from `hex_start` to the end of `text`; their LRC is invalid.
 ///
-/// Right behind another message only: in the first line (`line_start` is 0), with at most three stray characters in front, none
+/// Right after another message only: in the first line (`line_start` is 0), with at most three stray characters in front, none
 /// of them a damaged colon right in front. It needs more than six hex characters, and one of two signs of a loss: their number
 /// is odd, or one byte with the number of a known unit would make the LRC valid.
 fn rest_of_message(text: &[u8], line_start: usize, hex_start: usize, known_units: &[bool; 256]) -> Option<ColonlessMessage> {

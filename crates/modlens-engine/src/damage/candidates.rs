@@ -20,7 +20,7 @@ use modlens_protocol::functions::{Extent, FunctionRow, EXCEPTION_BIT};
 pub(crate) struct Candidate {
     /// Index of its first byte.
     pub(crate) start: usize,
-    /// Index behind the bytes that agree with it: the next candidate of a chain may begin here.
+    /// Index after the bytes that agree with it: the next candidate of a chain may begin here.
     pub(crate) core_end: usize,
     /// Index where it should end, if its length is known.
     pub(crate) end: Option<usize>,
@@ -157,7 +157,7 @@ impl UnframedRegion<'_, '_> {
         function != 0 && !is_other_side && (code == function || direction == RESPONSE)
     }
 
-    /// `score` in bits with what the body behind a header adds, and the length of the frame in bytes, if the layout of its
+    /// `score` in bits with what the body after a header adds, and the length of the frame in bytes, if the layout of its
     /// function determines it.
     ///
     /// A response costs what an unsolicited one does, since no request in front predicts it, but not where the other line has

@@ -30,7 +30,7 @@ impl UnframedRegion<'_, '_> {
     }
 
     /// The frames of the chain that ends with the candidate `last`, in order. They are made from the last one to the first,
-    /// because only the frame behind says up to where one may reach.
+    /// because only the frame after says up to where one may reach.
     fn frames_of_chain(&self, candidates: &[Candidate], chains: &[Chain], last: Option<usize>) -> Vec<DamagedFrame> {
         let mut frames: Vec<DamagedFrame> = Vec::new();
         let mut current = last;
@@ -148,7 +148,7 @@ impl UnframedRegion<'_, '_> {
     }
 
     /// Whether a frame of the right length is really a shorter one, whose lost bytes have been replaced by as many stray
-    /// bytes of a line driver behind it.
+    /// bytes of a line driver after it.
     fn strays_for_lost_bytes(&self, candidate: &Candidate, bytes: &[u8]) -> Option<DamageKind> {
         if !candidate.is_exact && candidate.agreeing_bytes.is_none() {
             return None;
@@ -177,7 +177,7 @@ impl UnframedRegion<'_, '_> {
         }
     }
 
-    /// The index of the first pause inside a frame, from the bytes behind those that agree up to index `end`: the frame ended
+    /// The index of the first pause inside a frame, from the bytes after those that agree up to index `end`: the frame ended
     /// there. `None` if a correction makes the frame valid, if it ends at a pause or with the region, or if pauses inside
     /// frames are usual on this line.
     fn gap_inside(&self, candidate: &Candidate, end: usize) -> Option<usize> {
@@ -188,7 +188,7 @@ impl UnframedRegion<'_, '_> {
         (candidate.core_end.max(candidate.start + 1)..end).find(|&at| self.has_frame_gap(at))
     }
 
-    /// Whether the request follows the region once more, so that the unit has not received the candidate, or the master
+    /// Whether the request follows the region again, so that the unit has not received the candidate, or the master
     /// has not: then the sender stopped, and the tap has lost nothing.
     fn is_followed_by_retry(&self, candidate: &Candidate) -> bool {
         let Some((frame, Direction::Request)) = self.next_frame else { return false };
@@ -221,9 +221,9 @@ struct Chain {
 
 /// For each candidate, the chain with the highest total that ends with it: from left to right, by dynamic programming.
 ///
-/// A candidate may stand behind another one that begins earlier, whose `core_end` is not behind its start, and that has
+/// A candidate may follow another one that begins earlier, whose `core_end` is not after its start, and that has
 /// `MIN_DAMAGED_FRAME_BITS` by its own score. It then counts with `score_behind` less `FURTHER_DAMAGED_FRAME_BITS`, if
-/// `score_behind` is at least `MIN_DAMAGED_FRAME_BITS`. It stands alone, with its own score, if no chain is worth more.
+/// `score_behind` is at least `MIN_DAMAGED_FRAME_BITS`. It is alone, with its own score, if no chain is worth more.
 fn chains(candidates: &[Candidate]) -> Vec<Chain> {
     let mut chains: Vec<Chain> = Vec::with_capacity(candidates.len());
     for candidate in candidates {
@@ -243,7 +243,7 @@ fn chains(candidates: &[Candidate]) -> Vec<Chain> {
     chains
 }
 
-/// The score of a candidate in bits if another one stands before it in the chain.
+/// The score of a candidate in bits if another one is before it in the chain.
 fn score_behind(candidate: &Candidate, before: &Candidate) -> f32 {
     let overlaps = before.end.is_some_and(|end| end > candidate.start);
     let is_response_to_it = before.direction == REQUEST

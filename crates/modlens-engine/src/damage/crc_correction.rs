@@ -1,7 +1,7 @@
 //! Which single inserted or removed byte makes the CRC of a damaged frame valid.
 //!
 //! Two CRC registers are computed for every place in one pass: the register over the bytes before the place, and the one
-//! that would make the register over all bytes end in zero, given the bytes behind the place. A change at a place fits if
+//! that would make the register over all bytes end in zero, given the bytes after the place. A change at a place fits if
 //! it leads from the first register to the second. So all places are tried in time that is linear in the frame's length.
 
 use crate::framer::rtu::crc_scan::step_back_bit;

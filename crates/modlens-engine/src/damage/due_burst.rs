@@ -1,6 +1,6 @@
 //! Frames that only their place gives away: a burst of bytes where a frame is due, too damaged to be recognised by its bytes.
 //!
-//! Between a request and another one stood a response, in front of a response a request, and in front of a time-out a request
+//! Between a request and another one stood a response, in front of a response a request, and in front of a timeout a request
 //! that nobody could read. A few bytes at such a place that begin with the unit that is due, or more in a row than line noise
 //! has, are that frame.
 
@@ -21,13 +21,13 @@ use crate::weights::{
 use modlens_protocol::direction::{Direction, RequestRef};
 use modlens_protocol::functions::EXCEPTION_BIT;
 
-/// Bytes of a region that belong to no recognised frame, with what stands around them.
+/// Bytes of a region that belong to no recognised frame, with what is around them.
 struct Gap<'a> {
     /// Indices in the region.
     range: Range<usize>,
     /// The request in front of it that has no response yet.
     outstanding: Option<RequestRef<'a>>,
-    /// The frame behind it.
+    /// The frame after it.
     next: Option<(&'a [u8], Direction)>,
 }
 
@@ -43,7 +43,7 @@ struct DueFrame {
 }
 
 impl UnframedRegion<'_, '_> {
-    /// Adds the frames that must stand between those that were found, in front of them or behind them: the burst that is worth
+    /// Adds the frames that must be between those that were found, in front of them or after them: the burst that is worth
     /// most, if it is worth `MIN_DAMAGED_FRAME_BITS`.
     pub(crate) fn add_due_bursts(&self, frames: &mut Vec<DamagedFrame>) {
         // What a line driver has left holds no burst.
@@ -61,7 +61,7 @@ impl UnframedRegion<'_, '_> {
         }
     }
 
-    /// The bytes between the recognised frames of the region, in front of them and behind them.
+    /// The bytes between the recognised frames of the region, in front of them and after them.
     fn gaps<'a>(&'a self, frames: &'a [DamagedFrame]) -> impl Iterator<Item = Gap<'a>> + 'a {
         (0..=frames.len()).map(move |at| {
             let before = at.checked_sub(1).map(|before| &frames[before]);
@@ -88,7 +88,7 @@ impl UnframedRegion<'_, '_> {
         (is_request && bytes.len() > 4).then(|| RequestRef { unit: bytes[0], pdu: &bytes[1..bytes.len() - 2] })
     }
 
-    /// The frame that must stand in a gap, if some bytes there are worth enough: the best ones, of equal ones the first.
+    /// The frame that must be in a gap, if some bytes there are worth enough: the best ones, of equal ones the first.
     fn due_burst(&self, gap: &Gap<'_>) -> Option<DamagedFrame> {
         // Most gaps hold nothing but what a line driver has left.
         if gap.range.is_empty() || self.bursts(gap).next().is_none() || self.may_be_collision(gap) {
@@ -115,7 +115,7 @@ impl UnframedRegion<'_, '_> {
         (start > 0 || self.follows_damaged_frame) && !follows_pause
     }
 
-    /// Whether there is a pause before this byte that may stand between two frames.
+    /// Whether there is a pause before this byte that may be between two frames.
     fn has_pause(&self, at: usize) -> bool {
         self.input.pause_before(at).is_some_and(|pause| pause >= self.frame_gap_ns)
     }
@@ -132,8 +132,8 @@ impl UnframedRegion<'_, '_> {
         }
     }
 
-    /// The response to the outstanding request, if the frame behind the gap is not that. In front of a retry, and where no frame
-    /// is known behind the gap, the unit may as well have been silent.
+    /// The response to the outstanding request, if the frame after the gap is not that. In front of a retry, and where no frame
+    /// is known after the gap, the unit may as well have been silent.
     fn due_response(&self, gap: &Gap<'_>) -> Option<DueFrame> {
         let request = gap.outstanding.filter(|request| self.context.paired_units[usize::from(request.unit)])?;
         let is_request = |(frame, direction): (&[u8], Direction)| {
@@ -149,7 +149,7 @@ impl UnframedRegion<'_, '_> {
         Some(DueFrame { direction: Direction::Response, header: Some(header), length: response_length(self, request), score })
     }
 
-    /// A request: in front of a response nearly for certain, in front of another request or a silence only if that is a time-out.
+    /// A request: in front of a response nearly for certain, in front of another request or a silence only if that is a timeout.
     fn due_request(&self, gap: &Gap<'_>) -> Option<DueFrame> {
         let direction = Direction::Request;
         let is_paired = |unit: u8| self.context.paired_units[usize::from(unit)];
@@ -170,7 +170,7 @@ impl UnframedRegion<'_, '_> {
     }
 
     /// The bytes of a gap that may be the frame, up to the next pause and without what a line driver leaves at either end, and
-    /// how many stray bytes stand in front of them behind the last pause: none or a few.
+    /// how many stray bytes are in front of them after the last pause: none or a few.
     fn bursts<'a>(&'a self, gap: &'a Gap<'_>) -> impl Iterator<Item = (usize, Range<usize>)> + 'a {
         let Range { start, end } = gap.range;
         (start..end).filter(move |&at| at == start || self.has_pause(at)).flat_map(move |at| {
@@ -194,7 +194,7 @@ impl UnframedRegion<'_, '_> {
         burst.start + front..burst.end - back
     }
 
-    /// Bits for a burst behind so many stray bytes being the frame that is due rather than noise: by the number of its bytes, by
+    /// Bits for a burst after so many stray bytes being the frame that is due rather than noise: by the number of its bytes, by
     /// unit and function where they agree, by a length that fits, and by the time at which it came. `f32::MIN` if it cannot be.
     fn score_of_burst(&self, gap: &Gap<'_>, due: &DueFrame, strays: usize, burst: &Range<usize>) -> f32 {
         let bytes = &self.bytes()[burst.clone()];
@@ -230,8 +230,8 @@ impl UnframedRegion<'_, '_> {
         (if has_unit { unit_bits } else { 0.0 }) + if has_function { DUE_FUNCTION_BITS } else { 0.0 }
     }
 
-    /// Whether a burst begins with the unit, and has the function behind it, that are due; where nothing is known of them, with a
-    /// unit of the line, and a function of the line behind it.
+    /// Whether a burst begins with the unit, and has the function after it, that are due; where nothing is known of them, with a
+    /// unit of the line, and a function of the line after it.
     fn begins_with_header(&self, due: &DueFrame, bytes: &[u8]) -> (bool, bool) {
         let code = bytes.get(1).map(|code| code & !EXCEPTION_BIT);
         if let Some([unit, function]) = due.header {
@@ -242,12 +242,12 @@ impl UnframedRegion<'_, '_> {
         (has_unit, has_unit && code.is_some_and(|code| self.model.has_unit_and_function(bytes[0], code)))
     }
 
-    /// Bits for the time at which a burst came: a response comes as soon as others do, and behind a request that nobody could
-    /// read comes a time-out. 0 where the order of lines is inferred.
+    /// Bits for the time at which a burst came: a response comes as soon as others do, and after a request that nobody could
+    /// read comes a timeout. 0 where the order of lines is inferred.
     ///
     /// A burst that may be a response is judged by the silence in front of it, from the byte before the gap on; the fewer
-    /// bits, the longer that is. One that must be a request is judged by the silence behind it, up to the first byte of the
-    /// request that follows the region, if one does: `f32::MIN`, so never, unless it looks like a time-out. Where nothing is
+    /// bits, the longer that is. One that must be a request is judged by the silence after it, up to the first byte of the
+    /// request that follows the region, if one does: `f32::MIN`, so never, unless it looks like a timeout. Where nothing is
     /// known to follow, a live line counts as silent.
     fn time_of_burst(&self, gap: &Gap<'_>, due: &DueFrame, burst: &Range<usize>) -> f32 {
         let odds = |silence| (self.context.timeout_log_odds)(silence);
@@ -260,7 +260,7 @@ impl UnframedRegion<'_, '_> {
         }
         match gap.next {
             Some((_, Direction::Request)) if gap.range.end == self.length => {
-                // Index `length` is the first byte behind the region: that of the next request.
+                // Index `length` is the first byte after the region: that of the next request.
                 let silence = self.input.silence_since(self.input.offset() + burst.end as u64, self.length);
                 let odds = odds(silence);
                 if odds > 0.0 {
@@ -309,7 +309,7 @@ impl UnframedRegion<'_, '_> {
     }
 }
 
-/// A frame behind a damaged one that the search has found, and in front of a request: probably the response to it, but that
+/// A frame after a damaged one that the search has found, and in front of a request: probably the response to it, but that
 /// may have been a response itself.
 fn due_frame_behind_damage(gap: &Gap<'_>) -> Option<DueFrame> {
     let is_request = gap.next.is_some_and(|(_, direction)| direction == Direction::Request);

@@ -18,7 +18,7 @@ pub struct ExpectedFrame<'a> {
     pub length: Option<usize>,
     /// `REQUEST` or `RESPONSE`.
     pub direction: usize,
-    /// Bits that it takes to choose this frame among all that may stand here.
+    /// Bits that it takes to choose this frame among all that may be here.
     pub selection_cost: f32,
 }
 
@@ -64,7 +64,7 @@ fn whole_request(frame: &[u8], selection_cost: f32) -> ExpectedFrame<'_> {
     ExpectedFrame { bytes: Cow::Borrowed(frame), length: Some(frame.len()), direction: REQUEST, selection_cost }
 }
 
-/// The outstanding request, sent once more.
+/// The outstanding request, sent again.
 fn retry<'a>(request: RequestRef<'_>) -> ExpectedFrame<'a> {
     let mut bytes = vec![request.unit];
     bytes.extend_from_slice(request.pdu);
@@ -133,7 +133,7 @@ fn normal_response<'a>(region: &UnframedRegion<'_, '_>, request: RequestRef<'_>,
     ExpectedFrame { bytes: Cow::Owned(bytes), length, direction: RESPONSE, selection_cost: DUE_FRAME_BITS }
 }
 
-/// Appends to `bytes`, which are unit and function, what the body of a request says of the body of its normal response: all
+/// Appends to `bytes`, which are unit and function, what the body of a request reports about the body of its normal response: all
 /// of it where the function sends it back; else the byte count of a read, if it fits in a byte; else the first
 /// `ECHOED_BYTES` of a write. Nothing for other functions, and for a write with a shorter body.
 fn append_known_body(bytes: &mut Vec<u8>, row: &FunctionRow, request: RequestRef<'_>, body: &[u8]) {

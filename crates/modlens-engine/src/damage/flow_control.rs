@@ -36,7 +36,7 @@ impl UnframedRegion<'_, '_> {
         let missing = places.flat_map(|at| FLOW_CONTROL_BYTES.map(|value| Missing { at, value }));
         let found = missing.filter_map(|missing| self.frame_with_header_byte(start, missing));
         let mut found: Vec<Candidate> = found.chain(self.frame_with_body_byte(start)).collect();
-        // What the other candidates at this place have in favour of them, this one has, too; but its CRC is valid.
+        // What the other candidates at this place have in favour of them, this one has as well; but its CRC is valid.
         let rivals = candidates.iter().filter(|other| other.start == start && !other.is_corrected);
         if let Some(best_score) = rivals.map(|other| other.score).reduce(f32::max) {
             for frame in &mut found {
@@ -68,7 +68,7 @@ impl UnframedRegion<'_, '_> {
         Some(self.flow_control_candidate(start, length - 1, direction, missing))
     }
 
-    /// The frame at `start` that lacks a flow control byte behind its header, if one at some place makes its CRC valid.
+    /// The frame at `start` that lacks a flow control byte after its header, if one at some place makes its CRC valid.
     fn frame_with_body_byte(&self, start: usize) -> Option<Candidate> {
         let bytes = &self.bytes()[start..];
         if bytes.len() < HEADER_BYTES || !self.is_familiar_without(start, HEADER_BYTES) {

@@ -1,4 +1,4 @@
-//! Fragments of frames in front of the damaged frames of a region and behind them, which only their place gives away.
+//! Fragments of frames in front of the damaged frames of a region and after them, which only their place gives away.
 
 use crate::damage::expected_frame::response_length;
 use crate::damage::glitch::is_glitch_byte;
@@ -22,13 +22,13 @@ struct DueFrame<'a> {
 }
 
 impl UnframedRegion<'_, '_> {
-    /// Whether a pause separates the bytes behind a frame from it, and those bytes have no pause among themselves.
+    /// Whether a pause separates the bytes after a frame from it, and those bytes have no pause among themselves.
     pub(crate) fn is_one_burst_behind(&self, frame: &DamagedFrame) -> bool {
         let (start, end) = (frame.end, self.length);
         start < end && self.has_frame_gap(start) && !(start + 1..end).any(|at| self.has_frame_gap(at))
     }
 
-    /// The fragment behind a frame that lost its end, between two pauses: the end of a frame that lost its beginning.
+    /// The fragment after a frame that lost its end, between two pauses: the end of a frame that lost its beginning.
     pub(crate) fn trailing_fragment(&self, frames: &[DamagedFrame]) -> Option<DamagedFrame> {
         let last = frames.last().filter(|last| matches!(last.damage, Some(DamageKind::LostBytes { .. })))?;
         let (_, next_direction) = self.next_frame?;
@@ -62,7 +62,7 @@ impl UnframedRegion<'_, '_> {
 
     /// The first one or two bytes of the response to the request that is due to be answered, if the first `end` bytes are
     /// that (`begins_response`), are the whole region, and stray bytes are rare on the line. `Truncated` if that request
-    /// follows the region once more, else without explanation.
+    /// follows the region again, else without explanation.
     fn fragment_without_end(&self, end: usize, due: DueFrame<'_>) -> Option<DamagedFrame> {
         let bytes = &self.bytes()[..end];
         let is_beginning =
@@ -138,9 +138,9 @@ impl UnframedRegion<'_, '_> {
         pauses_are_known && is_frame_part && !(1..end).any(|at| self.has_frame_gap(at))
     }
 
-    /// Whether a frame has lost an unknown number of bytes, because the bytes behind it are neither stray bytes nor part of
+    /// Whether a frame has lost an unknown number of bytes, because the bytes after it are neither stray bytes nor part of
     /// a recognised frame, on a line where bytes go missing. Where another transmitter may have collided with the frame
-    /// instead, the bytes behind it may be that transmitter's, which does not stop where the frame ends.
+    /// instead, the bytes after it may be that transmitter's, which does not stop where the frame ends.
     pub(crate) fn lost_bytes_behind(&self, frame: &DamagedFrame) -> bool {
         let behind = self.length - frame.end;
         let is_correctable = correctable_bit(&self.bytes()[frame.start..frame.end]).is_some();
@@ -149,8 +149,8 @@ impl UnframedRegion<'_, '_> {
         loses_bytes && self.has_few_strays() && is_unexplained && behind > self.model.max_stray_bytes()
     }
 
-    /// Whether the line is silent behind the stray bytes that begin at index `strays`, as it is behind those of a line
-    /// driver. A second transmitter would keep sending. What stands behind a pause or begins a record is no stray byte, though
+    /// Whether the line is silent after the stray bytes that begin at index `strays`, as it is after those of a line
+    /// driver. A second transmitter would keep sending. What follows a pause or begins a record is no stray byte, though
     /// it may have the same value.
     pub(crate) fn is_silent_behind_strays(&self, strays: usize) -> bool {
         let bytes = self.input.bytes();
@@ -186,7 +186,7 @@ impl UnframedRegion<'_, '_> {
         !has_header && !is_announced
     }
 
-    /// Whether the bytes behind a frame that lost some are its own last ones: the pause before them is as long as the
+    /// Whether the bytes after a frame that lost some are its own last ones: the pause before them is as long as the
     /// transmission of the missing bytes.
     pub(crate) fn resumes_after_loss(&self, frame: &DamagedFrame) -> bool {
         let (Some(DamageKind::LostBytes { count, .. }), Some(char_ns)) = (frame.damage, self.input.char_ns) else { return false };

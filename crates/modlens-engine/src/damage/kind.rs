@@ -5,7 +5,7 @@
 pub enum DamageKind {
     /// The tap has lost bytes of the frame.
     LostBytes {
-        /// Index of the first byte behind the loss; the number of bytes that are left where the end is missing.
+        /// Index of the first byte after the loss; the number of bytes that are left where the end is missing.
         at: usize,
         /// Number of lost bytes; 0 where it is unknown.
         count: usize,

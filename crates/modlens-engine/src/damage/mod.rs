@@ -7,7 +7,7 @@
 //! # The decision
 //!
 //! The unframed bytes between two frames are a *region* (`region`). Each start in a region is a hypothesis test: do these
-//! bytes come from a frame that is likely to stand here, or from noise? Scores are log2 likelihood ratios in bits, and a
+//! bytes come from a frame that is likely to be here, or from noise? Scores are log2 likelihood ratios in bits, and a
 //! damaged frame is reported from `MIN_DAMAGED_FRAME_BITS` (10) on, where noise looks like one in about one of 1000 cases.
 //!
 //! 1. **Which frames are likely here?** (`expected_frame`, `candidates`) The response to the outstanding request, a retry of
@@ -32,13 +32,13 @@
 //! cycle. The expected response has 11 bytes and begins with `11 03 06`. Its first two bytes agree (17 bits). With one byte
 //! missing at index 2 (cost 6), the other bytes end where the region ends (gain 4), and the CRC over `11 03 06` and the
 //! bytes that follow is valid (gain 16). That is 17 - 1 - 6 + 4 + 16 = 30 bits, so the row is `incomplete` with the finding
-//! `lost_bytes` (1 byte missing behind byte 1) and not 10 bytes of noise.
+//! `lost_bytes` (1 byte missing after byte 1) and not 10 bytes of noise.
 //!
 //! # Two ways in
 //!
 //! - `recovery::DamageRecovery::next_frame` analyses a region that the RTU search has left unframed.
 //! - `recovery::damaged_hypothesis` explains a frame with a wrong CRC that the search itself has chosen, because it stands
-//!   right behind another frame and has the length that its header announces. Those hypotheses, and what they are worth,
+//!   right after another frame and has the length that its header announces. Those hypotheses, and what they are worth,
 //!   are part of the search (`framer::rtu::search`), where they compete with valid frames.
 //!
 //! In ASCII framing a colon begins and CR LF ends a message, so that there is no need to search: `ascii` decides by the

@@ -34,7 +34,7 @@ pub struct UnframedRegion<'a, 'c> {
 pub struct DamagedFrame {
     /// Index of its first byte.
     pub start: usize,
-    /// Index behind its last byte.
+    /// Index after its last byte.
     pub end: usize,
     /// Who sent it.
     pub direction: Direction,
@@ -80,7 +80,7 @@ impl UnframedRegion<'_, '_> {
         self.input.pause_before(at).is_some_and(|pause| pause >= min_gap_ns)
     }
 
-    /// Whether the frame behind the region is this request.
+    /// Whether the frame after the region is this request.
     pub(crate) fn is_followed_by(&self, request: Option<RequestRef<'_>>) -> bool {
         let frame = self.next_frame.map_or(&[][..], |(frame, _)| frame);
         request.is_some_and(|request| frame.len() > 2 && request.unit == frame[0] && request.pdu == &frame[1..frame.len() - 2])

@@ -25,7 +25,7 @@ pub(crate) fn content(functions: &Functions, frame: &ObservedFrame<'_>, found: &
 }
 
 /// Returns whether nothing is odd about the content of a request, `adu` being its unit and PDU. The fast path asks this about
-/// each request that it takes, so that a finding on a request shows in ordinary traffic, too.
+/// each request that it takes, so that a finding on a request shows in ordinary traffic as well.
 pub(crate) fn is_plain_request(functions: &Functions, mode: Mode, adu: &[u8]) -> bool {
     let mut found = Found::new();
     good_frame(functions, &GoodFrame { adu, direction: Direction::Request, mode }, &mut found);
@@ -113,7 +113,7 @@ fn checksum(frame: &ObservedFrame<'_>, found: &mut Found) {
 /// that was `sent` belongs. The function must be a known one, and an exception stays one. `None` if no value of either byte
 /// does.
 ///
-/// No further bytes are tried, because with each one the chance grows that some value fits by accident.
+/// No further bytes are tried, because with each one the chance grows that some value fits by chance.
 fn frame_of_checksum(content: &[u8], sent: &[u8]) -> Option<Vec<u8>> {
     for at in [1, 0] {
         for byte in 0..=255 {
@@ -144,7 +144,7 @@ pub(crate) fn reception(input: &Input, length: usize, found: &mut Found) {
     }
 }
 
-/// Finds what the framer says of a frame: that it may be an accident of noise, how it was damaged, and how it breaks the
+/// Finds what the framer reports about a frame: that it may be an accident of noise, how it was damaged, and how it breaks the
 /// rules of its framing.
 #[inline]
 pub(crate) fn framing(framed: &FrameResult, found: &mut Found) {

@@ -29,7 +29,7 @@ use modlens_protocol::finding::Finding;
 /// That of a frame with a right checksum which may be noise all the same.
 pub(crate) const UNCONFIRMED: Finding = Finding::Unconfirmed;
 
-/// That of an exchange without a doubt whose request was refused.
+/// That of an unambiguous exchange whose request was refused.
 pub(crate) const REFUSED: Finding = Finding::Exception;
 
 /// Findings with their details.

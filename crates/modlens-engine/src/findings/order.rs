@@ -95,7 +95,7 @@ pub(crate) fn unsolicited(txn: u64) -> PairingResult {
     PairingResult { txn: Some(txn), finding: Some(Finding::Unsolicited), other: None }
 }
 
-/// The response answers the request of `other`, whose time-out has passed.
+/// The response answers the request of `other`, whose timeout has passed.
 pub(crate) fn late(txn: u64, other: u64) -> PairingResult {
     PairingResult { txn: Some(txn), finding: Some(Finding::LateResponse), other: Some(other) }
 }

@@ -71,7 +71,7 @@ fn response(functions: &Functions, transaction: &PendingTransaction, found: &mut
     }
 }
 
-/// The last byte of a response with bits, and how many of its bits were requested, if a bit behind those is set. `None` for
+/// The last byte of a response with bits, and how many of its bits were requested, if a bit after those is set. `None` for
 /// registers, and where the bits requested fill the last byte. `block` and `quantity` are offsets in the body of the PDU.
 fn set_padding(block: Option<(usize, bool)>, quantity: Option<usize>, request: &[u8], response: &[u8]) -> Option<(u8, u16)> {
     let (_, has_bits) = block?;

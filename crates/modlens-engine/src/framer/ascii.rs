@@ -33,11 +33,11 @@ impl Default for AsciiFramer {
     }
 }
 
-/// Where the message behind a colon ends.
+/// Where the message after a colon ends.
 struct MessageEnd {
-    /// Index behind the last character of the frame.
+    /// Index after the last character of the frame.
     frame_end: usize,
-    /// Index behind the last hex character.
+    /// Index after the last hex character.
     hex_end: usize,
     /// The evidence that ended it.
     delimited_by: DelimitedBy,
@@ -50,7 +50,7 @@ impl AsciiFramer {
     /// are needed to tell.
     ///
     /// No message is longer than `MAX_MESSAGE_CHARACTERS`, and none reaches across the start of a record, a loss or a silence of
-    /// `CHARACTER_TIMEOUT_NS` (the edge). In front of these, the first colon, CR or LF behind the first byte ends it
+    /// `CHARACTER_TIMEOUT_NS` (the edge). In front of these, the first colon, CR or LF after the first byte ends it
     /// (`end_at_character`), else one of these themselves (`end_without_delimiter`).
     fn message_end(&self, input: &Input) -> Option<MessageEnd> {
         let bytes = input.bytes();
@@ -68,9 +68,9 @@ impl AsciiFramer {
     /// Where a message ends by the colon, LF or CR at index `at` of its bytes; `is_all`: no more bytes can belong to it.
     ///
     /// - At a colon, which is no part of it (`Restart`).
-    /// - Behind LF without CR, which is a fault.
-    /// - Behind CR with LF, or CR with the delimiter that the line has set.
-    /// - Behind CR alone, if another character follows or `is_all`. `None` if LF may still follow.
+    /// - After LF without CR, which is a fault.
+    /// - After CR with LF, or CR with the delimiter that the line has set.
+    /// - After CR alone, if another character follows or `is_all`. `None` if LF may still follow.
     fn end_at_character(&self, bytes: &[u8], at: usize, is_all: bool) -> Option<MessageEnd> {
         let end = |frame_end, delimited_by, fault| Some(MessageEnd { frame_end, hex_end: at, delimited_by, fault });
         match (bytes[at], bytes.get(at + 1)) {
@@ -83,7 +83,7 @@ impl AsciiFramer {
     }
 
     /// The row of a message that begins with the first byte, which is not a colon: `Incomplete`; `adu` gets unit and PDU as far
-    /// as they came. `length`: how many bytes are looked at. `None` if no message without colon (`damage::ascii`) stands in
+    /// as they came. `length`: how many bytes are looked at. `None` if no message without colon (`damage::ascii`) is in
     /// front of the first colon. If one begins further on, the bytes in front of it, as noise.
     fn colonless_message(input: &Input, context: &FramerContext<'_>, length: usize, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let bytes = &input.bytes()[..length];
@@ -122,7 +122,7 @@ impl AsciiFramer {
     /// The row of the message that begins with the first byte, a colon, and ends at `end`. `adu` gets unit and PDU; the last
     /// byte of an `Incomplete` message stays in it, although it may be the LRC.
     ///
-    /// A colon with hardly a hex character behind it is noise (`is_noise_behind_colon`).
+    /// A colon with hardly a hex character after it is noise (`is_noise_behind_colon`).
     ///
     /// A message that is damaged by its number of characters is `Incomplete` (`completeness`; not where the recording
     /// prints no checksums). Of the others, one with an even number of hex characters and nothing else is `Ok` if its LRC is
@@ -221,7 +221,7 @@ fn end_of_closed_input(input: &Input) -> Option<DelimitedBy> {
 
 /// Whether a message came with all of its characters.
 enum Completeness {
-    /// It did, as far as their number tells.
+    /// It did, as far as their number shows.
     Complete,
     /// It did not; with what happened to it, if that is known.
     Incomplete(Option<DamageKind>),

@@ -129,7 +129,7 @@ impl AutoFramer {
         self.changed_at = Some(offset);
     }
 
-    /// The next row of the chosen framer. `None`, too, as long as the input knows another silence that ends frames than this
+    /// The next row of the chosen framer. `None` as well, as long as the input knows another silence that ends frames than this
     /// framer's mode has: the caller brings it up to date and asks again.
     fn next_of_chosen(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let framer = self.chosen.as_mut()?;
@@ -165,9 +165,9 @@ impl Framer for AutoFramer {
     /// The next frame, by the framer of the mode that was detected; `adu` gets its unit and PDU. `None` if more bytes are needed:
     /// to detect the mode, or for the frame.
     ///
-    /// A read that proves another mode is given out as a frame of that, and the mode detected stays (`next_of_other_mode`). If
+    /// A read that proves another mode is returned as a frame of that, and the mode detected stays (`next_of_other_mode`). If
     /// what the framer gives is not good and holds mostly valid frames of another mode (`other_mode`), the line has changed:
-    /// the result is dropped, and the same bytes are framed anew in the new mode.
+    /// the result is dropped, and the same bytes are framed again in the new mode.
     fn next(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         if self.chosen.is_none() {
             if input.bytes().is_empty() {

@@ -1,4 +1,4 @@
-//! Framers: where frames begin and end. One per framing, behind one trait.
+//! Framers: where frames begin and end. One per framing, after one trait.
 //!
 //! A framer sees the unframed bytes of one line and says what the first of them are. It must say the same for every chunking
 //! of the same bytes and times: it decides at bytes, at times of bytes and at the end, never at calls.
@@ -47,7 +47,7 @@ pub struct FrameResult {
     pub direction: Direction,
     /// The log2 odds that the row is right, as `confidence` counts them.
     pub confidence: u8,
-    /// The CRC is valid, but the frame stands alone in noise, and its unit has not been seen in a paired transaction.
+    /// The CRC is valid, but the frame is alone in noise, and its unit has not been seen in a paired transaction.
     pub unconfirmed: bool,
     /// Transaction identifier of the MBAP header.
     pub mbap_id: Option<u16>,
@@ -79,7 +79,7 @@ impl FrameResult {
     }
 }
 
-/// What the silence before a frame says of it, as log-odds in bits; 0 without a clock.
+/// What the silence before a frame reports about it, as log-odds in bits; 0 without a clock.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PauseEvidence {
     /// That the master has given up waiting, against a response.
@@ -111,7 +111,7 @@ pub struct FramerContext<'a> {
     pub paired_units: &'a [bool; 256],
     /// The log-odds of a silence: timeout against response.
     pub timeout_log_odds: &'a dyn Fn(Option<Ns>) -> TimeoutLogOdds,
-    /// The longest silence that is too short to stand between two frames, if the clock is fine enough to tell.
+    /// The longest silence that is too short to be between two frames, if the clock is fine enough to tell.
     pub immediate_ns: Option<Ns>,
     /// The log-odds of a silence: the master's pause before a new request against response.
     pub poll_log_odds: &'a dyn Fn(Option<Ns>) -> f32,
@@ -140,12 +140,12 @@ impl<'a> FramerContext<'a> {
 }
 
 impl FramerContext<'_> {
-    /// What a silence says of the frame behind it.
+    /// What a silence reports about the frame after it.
     pub fn pause_evidence(&self, silence: Option<Ns>) -> PauseEvidence {
         PauseEvidence { timeout: (self.timeout_log_odds)(silence), poll: (self.poll_log_odds)(silence), too_soon_bits: [0.0; 2] }
     }
 
-    /// What the silence before the byte at this index says of a frame that begins there.
+    /// What the silence before the byte at this index reports about a frame that begins there.
     pub fn pause_evidence_at(&self, input: &Input, index: usize) -> PauseEvidence {
         let too_soon_bits = self.too_soon_bits(input, index);
         PauseEvidence { too_soon_bits, ..self.pause_evidence(input.pause_before(index)) }

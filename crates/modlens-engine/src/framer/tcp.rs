@@ -21,7 +21,7 @@ pub struct TcpFramer {
     noise_bytes: usize,
 }
 
-/// Whether a whole frame stands at the start of these bytes whose header and layout agree; `None` if bytes are missing and
+/// Whether a whole frame is at the start of these bytes whose header and layout agree; `None` if bytes are missing and
 /// those that are there do not contradict it.
 fn begins_with_frame(functions: &Functions, bytes: &[u8]) -> Option<bool> {
     if bytes.len() < HEADER_BYTES {
@@ -33,14 +33,14 @@ fn begins_with_frame(functions: &Functions, bytes: &[u8]) -> Option<bool> {
     bytes.get(PREFIX_BYTES + 1..length).map(|pdu| layout_fits(functions, pdu))
 }
 
-/// Whether the read that begins here ends with the frame, or with a CRC behind it.
+/// Whether the read that begins here ends with the frame, or with a CRC after it.
 fn is_whole_read(input: &Input, length: usize) -> bool {
     let rest = input.bytes_left_in_read(0);
     let is_read = input.read(0).is_some_and(|read| read.starts_record || read.time != NO_TIME);
     is_read && rest == length || (rest == length + CRC_BYTES && has_crc_behind(input, length))
 }
 
-/// Whether a gateway has left the CRC of the RTU frame behind the PDU, and the read ends with it.
+/// Whether a gateway has left the CRC of the RTU frame after the PDU, and the read ends with it.
 fn has_crc_behind(input: &Input, length: usize) -> bool {
     // Blocks of a file are no reads: a read has a time or starts a record.
     input.read(length - 1).is_some_and(|read| read.starts_record || read.time != NO_TIME)
@@ -59,7 +59,7 @@ enum LengthCheck {
 }
 
 /// The length of the frame at the first byte by its layout, as a request or as a response, if that is less than `length`, what
-/// its header announces, and a whole frame begins right behind it and ends before `length`, among the bytes that have come.
+/// its header announces, and a whole frame begins right after it and ends before `length`, among the bytes that have come.
 fn earlier_end(functions: &Functions, bytes: &[u8], length: usize) -> Option<usize> {
     let available = bytes.len().min(length - 1);
     let ends = layout_lengths(functions, bytes).into_iter().flatten().filter(|&end| end < available);
@@ -128,7 +128,7 @@ impl TcpFramer {
     }
 
     /// Moves `noise_bytes` to the next index at which a frame begins (`Some(true)`), to the limit of a noise row
-    /// (`Some(false)`), or to the first place that cannot be decided because bytes are missing, be it behind the last one
+    /// (`Some(false)`), or to the first place that cannot be decided because bytes are missing, be it after the last one
     /// (`None`). A further call goes on from there, and looks at no earlier place again.
     fn skip_noise(&mut self, input: &Input, context: &FramerContext<'_>) -> Option<bool> {
         while self.noise_bytes < MAX_NOISE_ROW_BYTES {
@@ -144,7 +144,7 @@ impl TcpFramer {
 
     /// Whether a frame begins at index `at` of the input; `None` if more bytes are needed, which cannot be once it is closed.
     ///
-    /// At the first byte a header is enough, except behind an edge (a record's start, a loss, a long silence) if the read does
+    /// At the first byte a header is enough, except after an edge (a record's start, a loss, a long silence) if the read does
     /// not end with the announced frame. There, and at any later index, the whole frame has to be there and its layout fit.
     fn begins(input: &Input, context: &FramerContext<'_>, at: usize) -> Option<bool> {
         let bytes = &input.bytes()[at..];
@@ -152,12 +152,12 @@ impl TcpFramer {
             return input.is_closed.then_some(false);
         }
         let Some(length) = announced_length(bytes) else { return Some(false) };
-        // A record, or the first bytes behind a loss, may begin anywhere in a frame.
+        // A record, or the first bytes after a loss, may begin anywhere in a frame.
         let follows_edge = input.is_boundary(0);
         if at == 0 && (!follows_edge || is_whole_read(input, length)) {
             return Some(true);
         }
-        // Behind bytes that belong to no frame, a header alone is weak evidence.
+        // After bytes that belong to no frame, a header alone is weak evidence.
         match bytes.get(PREFIX_BYTES + 1..length) {
             Some(pdu) => Some(pdu[0] & !EXCEPTION_BIT != 0 && layout_fits(context.functions, pdu)),
             None => input.is_closed.then_some(false),
@@ -171,7 +171,7 @@ impl TcpFramer {
     /// frame here); the length is wrong (`check_length`), which is a fault as well; or the input is closed before the announced
     /// end, by the end of the recording or, live, by a silence of `break_ns` and more (`Input::is_closed`). Else the
     /// row is that of `complete`. On a connection, whose packets are known, a header is believed without `check_length` if the
-    /// packet ends with the frame, or with a CRC that a gateway left behind it.
+    /// packet ends with the frame, or with a CRC that a gateway left after it.
     fn frame(input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         adu.clear();
         let length = announced_length(input.bytes())?;
@@ -192,7 +192,7 @@ impl TcpFramer {
     }
 
     /// The row of a frame of `length` bytes, which have all come; `adu` gets its unit and PDU. It is `Ok` in any case: a layout
-    /// that does not fit, or a CRC of the RTU frame left behind the PDU, is a fault. Such a CRC is part of the row. The side of
+    /// that does not fit, or a CRC of the RTU frame left after the PDU, is a fault. Such a CRC is part of the row. The side of
     /// the connection is the direction; without one, it is inferred, and the silence in front says nothing.
     fn complete(input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>, length: usize) -> FrameResult {
         adu.extend_from_slice(&input.bytes()[PREFIX_BYTES..length]);

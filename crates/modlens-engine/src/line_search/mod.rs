@@ -2,7 +2,7 @@
 //!
 //! The only evidence that counts is frames with valid checksums. Which settings are tried next follows from the bytes that
 //! wrong settings gave (`rates`). At the right rate the character formats are tried (`character_format`). There is no I/O
-//! here: the owner of the port sets it to [`LineSearch::line`] whenever that has changed, and tells what it reads.
+//! here: the owner of the port sets it to [`LineSearch::line`] whenever that has changed, and shows what it reads.
 //!
 //! ```
 //! use modlens_engine::line_search::{LineSearch, SearchOptions};
@@ -149,7 +149,7 @@ impl LineSearch {
         std::mem::take(&mut self.messages)
     }
 
-    /// The port was set to [`Self::line`] at this time; what comes right behind is not counted.
+    /// The port was set to [`Self::line`] at this time; what comes right after is not counted.
     pub fn line_was_set(&mut self, now: Ns) {
         self.unsettled = Some(now + SETTLE_NS);
     }
@@ -266,7 +266,7 @@ impl LineSearch {
         let log_odds = self.log_odds();
         let here = log_odds.iter().find(|one| one.0 == rate).map_or(f64::NEG_INFINITY, |one| one.1);
         let untried = log_odds.iter().filter(|one| (0..FORMATS.len()).any(|format| !self.tried.contains(&(one.0, format))));
-        // The first of equals, as the most usual rates stand first.
+        // The first of equals, as the most usual rates are first.
         let best = untried.copied().reduce(|best, one| if one.1 > best.1 { one } else { best });
         let limit = self.limit * if self.trial.looks_like_text() { TEXT_FACTOR } else { 1 };
         match best {
@@ -319,7 +319,7 @@ impl LineSearch {
         FORMATS[0].at(FIRST_RATE)
     }
 
-    /// Tells that A and B may be swapped: such a line idles at 0, so that bursts end in 00.
+    /// Says that A and B may be swapped: such a line idles at 0, so that bursts end in 00.
     fn check_swapped_wires(&mut self) {
         let (trial, rate) = (&self.trial, self.trial.line.baud);
         let (bursts, to_zero) = self.burst_ends.entry(rate).or_default();

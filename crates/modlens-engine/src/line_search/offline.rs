@@ -194,8 +194,8 @@ mod tests {
         assert_eq!(uninverted(&burst, Parity::None).as_deref(), Some(&frame[..]));
     }
 
-    /// A receiver on swapped wires, straight from the definition: it starts at each 1 behind a 0 or behind a missing stop bit, and
-    /// takes the eight bits behind it, inverted.
+    /// A receiver on swapped wires, straight from the definition: it starts at each 1 after a 0 or after a missing stop bit, and
+    /// takes the eight bits after it, inverted.
     fn by_hand(bits: &str) -> Vec<u8> {
         let bit = |at: usize| bits.as_bytes().get(at).is_none_or(|bit| *bit == b'1');
         let (mut received, mut at) = (Vec::new(), 0);

@@ -26,9 +26,9 @@ pub const RATES: [(u32, f64); 18] = [
     (921_600, 0.01),
 ];
 
-/// Longest low pulse that can be told apart: a start bit and eight data bits of zero.
+/// Longest low pulse that can be distinguished: a start bit and eight data bits of zero.
 const MAX_PULSE_BITS: usize = 9;
-/// The share of pulses that are anything, and the ratio of bit times below which nothing can be told.
+/// The share of pulses that are anything, and the ratio of bit times below which nothing can be reported.
 const OUTLIER_SHARE: f64 = 0.1;
 const MIN_RATIO: f64 = 0.9;
 /// The share of characters that are nine bits low.
@@ -43,7 +43,7 @@ pub type PulseLengths = [u32; MAX_PULSE_BITS + 1];
 pub fn pulse_lengths(bytes: &[u8]) -> PulseLengths {
     let mut counts = [0; MAX_PULSE_BITS + 1];
     for byte in bytes {
-        // The start bit is low, too.
+        // The start bit is low as well.
         counts[byte.trailing_zeros() as usize + 1] += 1;
     }
     counts

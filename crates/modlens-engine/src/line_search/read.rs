@@ -1,4 +1,4 @@
-//! What a search is told.
+//! What a search is given.
 
 use modlens_protocol::Ns;
 

@@ -1,6 +1,6 @@
 //! Requests that arrived damaged, and how their retries are recognised.
 //!
-//! A unit drops a frame with a wrong checksum, and the master sends the request again after its time-out (serial line
+//! A unit drops a frame with a wrong checksum, and the master sends the request again after its timeout (serial line
 //! specification, 2.4.1). The next request is therefore nearly always the retry of a damaged request without response. It
 //! is enough to check that the damaged bytes may have been that request; the checksum, which differs between requests,
 //! is part of the comparison.
@@ -30,8 +30,8 @@ impl DamagedRequest {
     /// Whether the damaged bytes may have been this intact request. Both are whole frames on the wire, checksum included.
     ///
     /// Of equal length: at most three bits are flipped anywhere, or the first three bytes are intact and at least four times
-    /// as many bits were pulled to 0 as to 1, which is what a second sender does. Shorter: it was cut behind at least three
-    /// intact bytes, and nothing but a glitch of the line driver stands behind the cut. A longer one never was.
+    /// as many bits were pulled to 0 as to 1, which is what a second sender does. Shorter: it was cut after at least three
+    /// intact bytes, and nothing but a glitch of the line driver follows the cut. A longer one never was.
     pub(super) fn may_have_been(&self, intact: &[u8]) -> bool {
         let damaged = &self.0;
         let intact_bytes = damaged.iter().zip(intact).take_while(|(is, was)| is == was).count();

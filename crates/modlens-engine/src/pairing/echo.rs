@@ -1,7 +1,7 @@
 //! Whether a request that appears twice is the echo of the local adapter or the master's retry.
 //!
 //! An echo comes much sooner than any retry: the clock decides as far as it is fine enough, else whether the line has shown
-//! echo so far (`echo_share`). Where neither tells, nothing is claimed.
+//! echo so far (`echo_share`). Where neither reports, nothing is claimed.
 
 use crate::findings::order;
 use crate::pairing::interval::interval;
@@ -87,7 +87,7 @@ impl Pairing {
     /// Whether the same request again is an echo or a retry, `end` being the end of the first one: by the clock as far as
     /// it is fine enough, else by whether this line has shown echo so far.
     fn echo_or_retry(&self, frame: &ObservedFrame<'_>, end: Option<Ns>, txn: u64) -> SameRequest {
-        // A clock of a second tells an echo from a retry no better than none.
+        // A clock of a second distinguishes an echo from a retry no better than none.
         let is_fine_enough = self.read_lateness < MIN_MASTER_TIMEOUT_NS;
         match (interval(end, frame.start).filter(|_| is_fine_enough), self.echoes.has_echo()) {
             (Some(pause), _) if pause < MAX_ECHO_DELAY_NS && self.read_lateness <= MAX_ECHO_DELAY_NS => SameRequest::Echo(txn),

@@ -15,7 +15,7 @@ const MIN_NORMAL_SHARE: f32 = 1e-12;
 
 /// Estimates the share of requests that appear twice in a row on this line.
 ///
-/// If the adapter echoes its own transmissions, it is close to 1; if the master merely retries after time-outs, it is far
+/// If the adapter echoes its own transmissions, it is close to 1; if the master merely retries after timeouts, it is far
 /// lower. Requests whose response is identical to the request are not counted.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EchoStatistics {

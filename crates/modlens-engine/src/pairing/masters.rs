@@ -2,19 +2,19 @@
 //!
 //! A master waits for the response before it sends its next request. If a request arrives inside another transaction and
 //! both are answered, either a second master sent it, or the only master gave up early and the unit answered late. The
-//! clock tells the two apart where the request came sooner than any master gives up. Without a clock the habit of the
-//! master does: one that was seen to retry after time-outs does not turn to another unit instead. One such overlap is
+//! clock distinguishes the two where the request came sooner than any master gives up. Without a clock the habit of the
+//! master does: one that was seen to retry after timeouts does not turn to another unit instead. One such overlap is
 //! never reported, because a false alarm sends somebody to the site.
 
 use crate::pairing::result::Overlap;
 
-/// Overlaps before two masters are reported, where the clock excludes a time-out.
+/// Overlaps before two masters are reported, where the clock excludes a timeout.
 const MIN_TIMED_OVERLAPS: u32 = 2;
 
-/// Overlaps before two masters are reported, where only the master's habit to retry excludes a time-out.
+/// Overlaps before two masters are reported, where only the master's habit to retry excludes a timeout.
 const MIN_OVERLAPS_OF_RETRYING_MASTER: u32 = 3;
 
-/// Retries that make a habit, and how many there must be for each time-out after which the master sent another request.
+/// Retries that make a habit, and how many there must be for each timeout after which the master sent another request.
 const MIN_RETRIES: u32 = 2;
 const MIN_RETRIES_PER_SKIP: u32 = 4;
 
@@ -24,7 +24,7 @@ const MAX_UNDECIDED_OVERLAPS: usize = 64;
 /// What the recording has shown of the masters' habits.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MasterEvidence {
-    /// Overlaps for which the clock excludes a time-out.
+    /// Overlaps for which the clock excludes a timeout.
     timed_overlaps: u32,
     /// Overlaps for which it does not.
     untimed_overlaps: u32,
@@ -69,7 +69,7 @@ impl MasterEvidence {
     /// Whether an overlap is by now certain to be the work of two masters. `timeout_excluded`: the clock shows that the
     /// master had not given up yet.
     ///
-    /// Two overlaps of that kind prove all others, too. Without them, three overlaps of any kind prove those that the clock
+    /// Two overlaps of that kind prove all others as well. Without them, three overlaps of any kind prove those that the clock
     /// does not exclude, if the master retries by habit: at least twice, and four times as often as it goes on to another
     /// request.
     fn is_proven(&self, timeout_excluded: bool) -> bool {

@@ -8,19 +8,19 @@
 //! | the response that fits | `ok`, `exception` |
 //! | a damaged frame in place of the response, then the next request | `bad_response` |
 //! | a good response of another length than requested | `bad_response` |
-//! | the next request, after at least the master's time-out, or the same one | `no_response` |
-//! | another request, too soon for a time-out, though the unit does respond | `not_observed`: the tap has missed the response |
+//! | the next request, after at least the master's timeout, or the same one | `no_response` |
+//! | another request, too soon for a timeout, though the unit does respond | `not_observed`: the tap has missed the response |
 //! | the end of its waiting time, live or with a transaction identifier | `no_response` |
 //! | bytes missing from the recording, or its end | `not_observed` |
 //! | none; the request is a broadcast, and if that is a read, no response came | `broadcast` |
 //!
 //! A request with a wrong checksum opens a transaction of status `bad_request`, and a response that no open request fits is
-//! a transaction by itself, `unsolicited`; `history` tells whether it is late or sent twice. On a serial line one request is
+//! a transaction by itself, `unsolicited`; `history` shows whether it is late or sent twice. On a serial line one request is
 //! open at a time, or two that overlap (`masters`); on a TCP connection as many as there are transaction identifiers
 //! (`transaction_ids`), which further requests leave open.
 //!
-//! How long a request waits is decided in `timeouts`: the time-out of the user, else the one that the master's retries have
-//! shown (`timing`), else until the next request. It tells a retry from a response that repeats its request,
+//! How long a request waits is decided in `timeouts`: the timeout of the user, else the one that the master's retries have
+//! shown (`timing`), else until the next request. It distinguishes a retry from a response that repeats its request,
 //! a second master from one that gave up, and a silent unit from a response that the tap has missed.
 //!
 //! Some findings show only after the row of their frame is written (a second master, a response from the wrong unit): these
@@ -79,9 +79,9 @@ pub struct Pairing {
     pub(crate) history: History,
     /// Transactions whose rows are written: their buffers are used again.
     reusable: Vec<Box<PendingTransaction>>,
-    /// Response times and time-outs of the bus.
+    /// Response times and timeouts of the bus.
     pub timing: TimingModel,
-    /// The time-out of requests that the user has set; learned where `None`.
+    /// The timeout of requests that the user has set; learned where `None`.
     timeout: Option<Ns>,
     pub(crate) echoes: EchoStatistics,
     pub(crate) masters: MasterEvidence,
@@ -118,13 +118,13 @@ pub struct Pairing {
     now: Option<Ns>,
     /// On a connection, what the server does with transaction identifiers.
     id_habit: IdHabit,
-    /// On a connection, a response came behind a further request: that one was no retry.
+    /// On a connection, a response came after a further request: that one was no retry.
     is_pipelined: bool,
 }
 
 impl Pairing {
-    /// Pairing with this time-out of requests; it is learned where `None`. `live`: transactions are closed at their
-    /// time-out, not at the next request.
+    /// Pairing with this timeout of requests; it is learned where `None`. `live`: transactions are closed at their
+    /// timeout, not at the next request.
     pub fn new(timeout: Option<Ns>, live: bool) -> Self {
         Self {
             open: VecDeque::new(),

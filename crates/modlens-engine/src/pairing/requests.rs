@@ -26,7 +26,7 @@ impl Pairing {
     /// - The adapter's echo opens none: the result has the finding, and `compare_with_open` has marked the open request.
     /// - A truncated request before it, of which this is the retry, gets a transaction of its own, with the number before
     ///   this one's, and is closed at once. If it is not that, it is forgotten, also by an echo.
-    /// - A request to another unit may leave the open one waiting (`close_superseded`); both are told of the overlap.
+    /// - A request to another unit may leave the open one waiting (`close_superseded`); the overlap is noted for both.
     /// - A broadcast on a serial line is closed at once, because nobody responds to it.
     ///
     /// Closed transactions are appended to `done`, the oldest first.
@@ -55,7 +55,7 @@ impl Pairing {
         }
         if let Some(truncated) = truncated.filter(|truncated| self.is_retry_of_truncated(truncated, frame)) {
             self.open_truncated(truncated, next_txn);
-            // An overlapping request stays open: the truncated one behind it is the one to close.
+            // An overlapping request stays open: the truncated one after it is the one to close.
             self.open.rotate_right(1);
             self.close_oldest(functions, frame, done);
         }
@@ -120,7 +120,7 @@ impl Pairing {
 
     /// Closes the open requests whose response is not expected any more once this request was sent: on a connection those that
     /// `close_reused` names, and the oldest where more than `MAX_OPEN_REQUESTS` would be open; on a serial line all but the last
-    /// one, and that, too, unless the new request overlaps it (`overlaps`). A response to one of them would be a late one.
+    /// one, and that as well, unless the new request overlaps it (`overlaps`). A response to one of them would be a late one.
     ///
     /// `Some` if the last open one stays open because of an overlap, with the evidence for it.
     fn close_superseded(
@@ -163,7 +163,7 @@ impl Pairing {
         }
     }
 
-    /// On a connection, the open request that this one repeats: the same content again right behind it, from a client that was
+    /// On a connection, the open request that this one repeats: the same content again right after it, from a client that was
     /// never seen to ask before it had its response, after a time at which it may have given up.
     fn repeated_on_connection(&self, frame: &ObservedFrame<'_>) -> Option<u64> {
         let open = self.open.back().filter(|_| frame.mode == Mode::Tcp && !self.is_pipelined)?;
@@ -254,7 +254,7 @@ impl Pairing {
     /// yet, is the time from the end of the request to the start of `next`; less than two steps of the clock is not kept.
     ///
     /// Without a good response its status is `no_response`, or `not_observed` in two cases, unless `next` repeats it: the unit
-    /// does respond, and the next request came too soon for a time-out or nothing proves that there was one (`silence_of`), so
+    /// does respond, and the next request came too soon for a timeout or nothing proves that there was one (`silence_of`), so
     /// that the tap has probably missed the response; or the order of frames is inferred, where a lack of response may as well
     /// be missing bytes. `close` has the other statuses.
     fn close_at(&mut self, at: usize, functions: &Functions, next: &ObservedFrame<'_>, done: &mut Vec<Box<PendingTransaction>>) {
@@ -277,7 +277,7 @@ impl Pairing {
     /// Learns from a request that is closed because a good one came: if it arrived undamaged and had no response at all, that
     /// its master gave up, how long it waited, and whether it asked again.
     ///
-    /// A request that its response repeats teaches nothing, since the time-out is what tells such a response from a retry; nor
+    /// A request that its response repeats teaches nothing, since the timeout is what distinguishes such a response from a retry; nor
     /// does the wait of one that another overlaps, because a second master may have sent that.
     fn learn_timeout(&mut self, functions: &Functions, transaction: &PendingTransaction, is_retried: bool) {
         let is_damaged = transaction.status == Status::BadRequest;
@@ -290,7 +290,7 @@ impl Pairing {
         }
     }
 
-    /// From what it is concluded that an open request had no response, when another request follows `waited` behind it.
+    /// From what it is concluded that an open request had no response, when another request follows `waited` after it.
     fn silence_of(&self, open: &PendingTransaction, (waited, is_retried): (Option<Ns>, bool)) -> Silence {
         let has_timed_out = || self.timing.timeout_log_odds(waited) > TIMEOUT_EVIDENCE_BITS;
         match (is_retried, open.retry_of.is_some()) {
@@ -309,7 +309,7 @@ impl Pairing {
 enum OverlapEvidence {
     /// By the clock it came sooner than any master gives up.
     BeforeTimeout,
-    /// There is no clock, so that a time-out cannot be excluded.
+    /// There is no clock, so that a timeout cannot be excluded.
     WithoutClock,
 }
 

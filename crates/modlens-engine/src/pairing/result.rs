@@ -1,4 +1,4 @@
-//! What pairing says of a frame, at once or later.
+//! What pairing reports about a frame, at once or later.
 
 use modlens_protocol::finding::Finding;
 use modlens_protocol::Ns;

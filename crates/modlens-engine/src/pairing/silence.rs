@@ -11,7 +11,7 @@ pub(super) enum Silence {
     OfRetry,
     /// Its master has gone on to another request, as it does.
     ByHabit,
-    /// Its master has gone on to another request, after the time of a time-out.
+    /// Its master has gone on to another request, after the time of a timeout.
     BeforeAnother,
     /// Its master has gone on to another request, and neither is known.
     Unproven,

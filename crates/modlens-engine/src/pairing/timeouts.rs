@@ -20,14 +20,14 @@ const TYPICAL_TIMEOUT_NS: Ns = 1_000_000_000;
 /// Live, a request without a response gets its row after this time at the latest.
 pub const LIVE_WAIT_NS: Ns = 10_000_000_000;
 
-/// In a recording, a request with a transaction identifier holds back the rows behind it for this time at the most.
+/// In a recording, a request with a transaction identifier holds back the rows after it for this time at the most.
 pub const IDENTIFIED_WAIT_NS: Ns = 30_000_000_000;
 
-/// No master gives up sooner than this, as long as it has not shown its time-out (serial line specification, 2.4.1: one
+/// No master gives up sooner than this, as long as it has not shown its timeout (serial line specification, 2.4.1: one
 /// second is typical).
 pub(super) const MIN_MASTER_TIMEOUT_NS: Ns = 50_000_000;
 
-/// A master whose time-out is known never gives up before this share of it: recorded times are late by at most the rest.
+/// A master whose timeout is known never gives up before this share of it: recorded times are late by at most the rest.
 const MIN_TIMEOUT_FRACTION: f64 = 0.4;
 
 impl Pairing {
@@ -42,7 +42,7 @@ impl Pairing {
         self.timeout.unwrap_or_else(|| learned().map_or(bound, |learned| learned.min(bound)))
     }
 
-    /// Whether a request that was silent for so long at the end of the recording was given up, as far as can be told.
+    /// Whether a request that was silent for so long at the end of the recording was given up, as far as can be reported.
     pub(super) fn is_probably_given_up(&self, waited: Ns) -> bool {
         let shown = self.timeout.or_else(|| self.timing.learned_request_timeout());
         waited >= shown.unwrap_or_else(|| self.timing.twice_the_longest_response().max(TYPICAL_TIMEOUT_NS))

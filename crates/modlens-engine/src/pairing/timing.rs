@@ -5,7 +5,7 @@
 use modlens_protocol::direction::TimeoutLogOdds;
 use modlens_protocol::Ns;
 
-/// However well a silence fits a time-out or a response, it never counts for more than this.
+/// However well a silence fits a timeout or a response, it never counts for more than this.
 const MAX_TIMING_EVIDENCE_BITS: f64 = 20.0;
 
 /// Before any response time was seen, it is expected to be this ...
@@ -32,35 +32,35 @@ const CLEAR_RESPONSE_BITS: f32 = -3.0;
 /// Standard deviation of the logarithm of response times: units differ by a factor of about two, and so do functions.
 const RESPONSE_LOG_SPREAD: f64 = 0.7;
 
-/// Least standard deviation of the logarithm of the master's time-out. It is a constant, but the times it is learned
+/// Least standard deviation of the logarithm of the master's timeout. It is a constant, but the times it is learned
 /// from are late by what the adapter holds bytes back.
 const MIN_TIMEOUT_LOG_SPREAD: f64 = 0.12;
 
-/// Standard deviation of the logarithm of the time-out before it was seen; the greatest one later.
+/// Standard deviation of the logarithm of the timeout before it was seen; the greatest one later.
 const PRIOR_TIMEOUT_LOG_SPREAD: f64 = 0.5;
 
 /// The natural logarithm of eight: silences of less than an eighth of the typical response time are no evidence.
 const LN_8: f64 = 2.079;
 
-/// Before any time-out was seen, it is expected to take at least so many typical response times.
+/// Before any timeout was seen, it is expected to take at least so many typical response times.
 const PRIOR_TIMEOUT_IN_RESPONSE_TIMES: f64 = 30.0;
 
-/// The expected time-out before any was seen is at most this, unless the silence at hand is shorter.
+/// The expected timeout before any was seen is at most this, unless the silence at hand is shorter.
 const MAX_PRIOR_TIMEOUT_NS: f64 = 1e9;
 
 /// Weight of the newest response time in the running mean.
 const LEARNING_RATE: f64 = 0.1;
 
-/// Time-outs over which the median is taken.
+/// Timeouts over which the median is taken.
 const KEPT_TIMEOUTS: usize = 9;
 
-/// Time-outs that must have been seen before the median is used.
+/// Timeouts that must have been seen before the median is used.
 const MIN_TIMEOUTS: usize = 2;
 
-/// Greatest typical distance from the median, in natural logarithms, with which the master's time-out counts as known.
+/// Greatest typical distance from the median, in natural logarithms, with which the master's timeout counts as known.
 const MAX_TIMEOUT_LOG_SCATTER: f64 = 0.3;
 
-/// A request is given up after so many times the master's own time-out ...
+/// A request is given up after so many times the master's own timeout ...
 const TIMEOUT_FACTOR: f64 = 1.5;
 /// ... or so many times the longest response time, whichever is longer.
 const LONGEST_RESPONSE_FACTOR: f64 = 2.0;
@@ -117,7 +117,7 @@ impl LogMedian {
     }
 }
 
-/// The response times and time-outs that a bus has shown.
+/// The response times and timeouts that a bus has shown.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TimingModel {
     /// Running mean of the logarithm of the response time.
@@ -181,9 +181,9 @@ impl TimingModel {
         Some(median.exp() as Ns)
     }
 
-    /// After how long pairing gives a request up; `None` until the master's own time-out is known.
+    /// After how long pairing gives a request up; `None` until the master's own timeout is known.
     ///
-    /// It is longer than the master's time-out: a response that is a little late for the master is still paired.
+    /// It is longer than the master's timeout: a response that is a little late for the master is still paired.
     pub(super) fn learned_request_timeout(&self) -> Option<Ns> {
         let timeout = self.master_timeout()?;
         Some((timeout as f64 * TIMEOUT_FACTOR).max(self.longest_response * LONGEST_RESPONSE_FACTOR) as Ns)
@@ -194,10 +194,10 @@ impl TimingModel {
         (self.longest_response * LONGEST_RESPONSE_FACTOR) as Ns
     }
 
-    /// Log-odds in bits that a silence after a request is the master's time-out rather than a unit's response time.
-    /// Positive for a time-out, negative for a response, 0 where there is no evidence.
+    /// Log-odds in bits that a silence after a request is the master's timeout rather than a unit's response time.
+    /// Positive for a timeout, negative for a response, 0 where there is no evidence.
     ///
-    /// Both times are log-normal. For example, with typical response times of 10 ms and a time-out of 250 ms, 250 ms of
+    /// Both times are log-normal. For example, with typical response times of 10 ms and a timeout of 250 ms, 250 ms of
     /// silence give more than 10 bits, and 12 ms less than -10.
     pub fn timeout_log_odds(&self, silence: Option<Ns>) -> TimeoutLogOdds {
         let Some(silence) = silence.map(log_of) else { return 0.0 };
@@ -217,7 +217,7 @@ impl TimingModel {
         clamped(log2_likelihood(silence, timeout, spread) - log2_likelihood(silence, response, response_spread))
     }
 
-    /// Log-odds in bits that a silence stands before a new request rather than before a response. 0 where there is no
+    /// Log-odds in bits that a silence is before a new request rather than before a response. 0 where there is no
     /// evidence.
     pub fn poll_log_odds(&self, silence: Option<Ns>) -> f32 {
         let Some(silence) = silence.map(log_of) else { return 0.0 };
@@ -270,7 +270,7 @@ mod tests {
         // A unit that takes nearly as long as the master waits is given more time, or every response of it were late.
         timing.record_response_time(240 * MS);
         assert!(about(timing.learned_request_timeout(), 480));
-        // One accident among the time-outs changes nothing.
+        // One accident among the timeouts changes nothing.
         timing.record_timeout(3 * MS, true);
         assert!(about(timing.master_timeout(), 250));
     }
@@ -294,7 +294,7 @@ mod tests {
         }
         assert!(timing.timeout_log_odds(Some(250 * MS)) > 10.0);
         assert!(timing.timeout_log_odds(Some(12 * MS)) < -10.0);
-        // 60 ms are long for a response, but no time-out either: this master waits for just 250 ms.
+        // 60 ms are long for a response, but no timeout either: this master waits for just 250 ms.
         assert!(timing.timeout_log_odds(Some(60 * MS)) < -5.0);
         assert!(timing.timeout_log_odds(None) == 0.0 && timing.timeout_log_odds(Some(MS / 2)) == 0.0);
     }

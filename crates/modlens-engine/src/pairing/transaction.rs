@@ -146,7 +146,7 @@ impl BufferedFrame {
         }
     }
 
-    /// Index of the PDU in the bytes on the wire, if it stands there as it is.
+    /// Index of the PDU in the bytes on the wire, if it is there as it is.
     pub fn pdu_index(&self) -> Option<usize> {
         match self.pdu {
             PduLocation::InWire(at, _) => Some(at),
@@ -218,7 +218,7 @@ pub struct PendingTransaction {
     pub response_time: Option<Ns>,
     /// From the end of an unanswered request to the next request.
     pub waited: Option<Ns>,
-    /// From the end of the request to the start of its response, for a response that came after the time-out.
+    /// From the end of the request to the start of its response, for a response that came after the timeout.
     pub late_response: Option<Ns>,
     /// The transaction whose request is repeated here.
     pub retry_of: Option<u64>,
@@ -232,7 +232,7 @@ pub struct PendingTransaction {
     pub findings: Vec<Finding>,
     /// Line or packet number in the recording, or the stream offset.
     pub origin: u64,
-    /// The time-out has passed; a response from now on is late.
+    /// The timeout has passed; a response from now on is late.
     pub(crate) is_timed_out: bool,
     /// By the specification the request gets no response (application protocol 6.8, sub-function 4): nothing is missing.
     pub(crate) expects_no_response: bool,
@@ -241,7 +241,7 @@ pub struct PendingTransaction {
     pub(crate) silence_is_inconclusive: bool,
     /// The adapter's echo of the request was seen.
     pub(crate) echo_seen: bool,
-    /// Its response came after the time-out.
+    /// Its response came after the timeout.
     pub(crate) has_late_response: bool,
     /// The request that came before this one had its response.
     pub(crate) overlap: Option<OverlappingRequest>,

@@ -13,7 +13,7 @@ use modlens_protocol::functions::Functions;
 
 /// Emitted rows, with the bytes and findings that they refer to.
 ///
-/// A batch returns its vectors to the session when it is dropped: to allocate them anew would cost more than most rows.
+/// A batch returns its vectors to the session when it is dropped: to allocate them again would cost more than most rows.
 #[derive(Debug, Default)]
 pub struct Batch {
     /// For each bus, what its rows share.
@@ -123,9 +123,9 @@ impl Batch {
         Span { start: start as u32, length: bytes.len() as u32 }
     }
 
-    /// The transactions in the order of their numbers, compact exchanges as rows, too.
+    /// The transactions in the order of their numbers, compact exchanges as rows as well.
     ///
-    /// These rows are made when this is first called. Where the rows are read once, one behind the other, it is cheaper to make
+    /// These rows are made when this is first called. Where the rows are read once, one after the other, it is cheaper to make
     /// them one by one (`compact_row`).
     pub fn all_transactions(&self) -> &[Transaction] {
         if self.exchange_runs.is_empty() {
@@ -195,7 +195,7 @@ impl Batch {
     }
 }
 
-/// Rows of a batch that stand behind each other: as rows, or compact exchanges.
+/// Rows of a batch that stand one after the other: as rows, or compact exchanges.
 #[derive(Clone, Copy, Debug)]
 pub enum Part<'a, Row> {
     /// As rows; at least one.

@@ -43,7 +43,7 @@ pub struct Connection {
     pub begun: Option<Ns>,
     /// When the client asked for the connection; `None` where its SYN was not captured.
     pub opened: Option<Ns>,
-    /// The server has sent something else than a RST.
+    /// The server has sent something other than a RST.
     pub is_accepted: bool,
     /// When the first FIN or RST ended it; `None` where it is open at the end of the capture.
     pub closed: Option<Ns>,
@@ -61,7 +61,7 @@ pub struct Connection {
     pub first_status: Option<Status>,
     /// The most requests that waited for their answers at the same time.
     pub in_flight_max: u32,
-    /// Answers that came in the place of those to the request behind theirs.
+    /// Answers that came in the place of those to the request after theirs.
     pub lockstep: u64,
     /// The framing in which the client writes: a framing of Modbus, or `other`; `None` where it has sent nothing.
     pub client_framing: Option<&'static str>,

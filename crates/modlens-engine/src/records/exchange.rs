@@ -1,4 +1,4 @@
-//! Compact exchanges: what the rows of an exchange without a doubt follow from, in a twentieth of the room, or a fifth where it
+//! Compact exchanges: what the rows of an unambiguous exchange follow from, in a twentieth of the memory, or a fifth where it
 //! has times.
 
 use std::sync::Arc;
@@ -20,7 +20,7 @@ const MAX_EXCEPTION: u8 = 11;
 
 /// An exchange of an RTU line, or of a TCP connection in a packet each: a plain request and its good response,
 /// without a finding; or its refusal, whose only finding is the exception. Its bytes are in the arena, the response's right
-/// behind the request's.
+/// after the request's.
 #[derive(Clone, Copy, Debug)]
 pub struct Exchange {
     /// Where the request's bytes begin.
@@ -77,7 +77,7 @@ impl Exchange {
         [request, response].map(|frame| &frame[1..frame.len() - CRC_BYTES])
     }
 
-    /// The numbers of bytes in front of a PDU and behind it, on a connection and on an RTU line.
+    /// The numbers of bytes in front of a PDU and after it, on a connection and on an RTU line.
     #[inline]
     pub fn around_pdu(mode: Mode) -> [u32; 2] {
         if mode == Mode::Tcp {
@@ -130,7 +130,7 @@ pub struct PacketPair {
     pub mbap_id: u16,
 }
 
-/// Compact exchanges that stand one behind the other, on the line and in the arena.
+/// Compact exchanges that stand one after the other, on the line and in the arena.
 #[derive(Clone, Debug)]
 pub struct ExchangeRun {
     /// Index of the bus.
@@ -170,7 +170,7 @@ pub struct ExchangeTiming<'a> {
 }
 
 impl ExchangeRun {
-    /// Number of the transaction behind its last one.
+    /// Number of the transaction after its last one.
     #[inline]
     pub fn end(&self) -> u64 {
         self.number + u64::from(self.exchanges.length)
@@ -191,7 +191,7 @@ impl ExchangeRun {
         self.points.as_ref()?.of_unit(unit)
     }
 
-    /// The numbers of bytes in front of a PDU and behind it.
+    /// The numbers of bytes in front of a PDU and after it.
     #[inline]
     pub fn around_pdu(&self) -> [u32; 2] {
         Exchange::around_pdu(self.mode())

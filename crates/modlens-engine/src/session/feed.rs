@@ -85,7 +85,7 @@ impl Session {
     /// session, everything on all buses that time alone decides up to just before `time`, that of the chunk.
     ///
     /// A hole on a serial line means that the tap was away: no response to an open request will come. (A connection goes on
-    /// behind lost segments.) If bytes follow the hole, it is unknown when the tap went away, so the bus is flushed before
+    /// after lost segments.) If bytes follow the hole, it is unknown when the tap went away, so the bus is flushed before
     /// time advances. A chunk without bytes says that the tap goes away at this moment, so it is flushed afterwards.
     #[inline]
     fn decide_before(&mut self, bus: usize, chunk: &Chunk<'_>, time: Option<Ns>) {
@@ -160,7 +160,7 @@ impl Session {
     /// Lets the requests of a bus time out up to `now`. Bytes that are not framed yet may be a response, so time advances
     /// only up to the first of them.
     ///
-    /// Only in a live session does a time-out close a transaction, which is emitted here; in a recording the request is
+    /// Only in a live session does a timeout close a transaction, which is emitted here; in a recording the request is
     /// marked.
     pub(crate) fn advance_pairing(&mut self, bus: usize, now: Ns) {
         let state = &mut self.buses[bus];

@@ -32,7 +32,7 @@ impl Session {
         let number = self.next_frame;
         self.next_frame += 1;
         let state = &mut self.buses[bus];
-        // This also tells pairing how exact the clock is by now.
+        // This also shows pairing how exact the clock is by now.
         let config = state.timing_config(at);
         state.clock_jumped = false;
         let rule = state.options.rule();
@@ -130,7 +130,7 @@ fn recognise(
     habits.recognise(framed, wire, pairing.unit_of_last_response(), responses_of)
 }
 
-/// Copies the codes of these findings into the batch: first those on the frame itself, behind them that of pairing, if any.
+/// Copies the codes of these findings into the batch: first those on the frame itself, after them that of pairing, if any.
 #[inline]
 fn store_codes(batch: &mut Batch, found: &Found) -> Span {
     let start = batch.codes.len() as u32;
@@ -209,7 +209,7 @@ fn is_cut_by_recording(input: &Input, framed: &FrameResult, now: Option<Ns>) -> 
 
 /// Counts whether a receiver that goes by silences of t3.5 alone would have delimited this frame like the framer did: whether
 /// there is one before it, and none inside. The beginning of the stream, or a boundary of the input, counts as a silence.
-/// `offset` is the stream offset of the frame, which stands at the head of the input.
+/// `offset` is the stream offset of the frame, which is at the head of the input.
 #[inline]
 fn count_silence(stats: &mut Stats, counts: usize, input: &Input, frame: &ObservedFrame<'_>, (offset, rule): (u64, SilenceRule)) {
     let is_long = |pause: Option<Ns>| pause.is_some_and(|pause| pause >= rule.t35_ns);

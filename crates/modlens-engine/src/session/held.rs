@@ -1,4 +1,4 @@
-//! Rows of transactions that wait: in a recording they are given out in the order of requests, so that those behind a request
+//! Rows of transactions that wait: in a recording they are returned in the order of requests, so that those after a request
 //! that is still open have to wait for it.
 
 use crate::records::{Batch, Span};
@@ -8,7 +8,7 @@ use crate::session::Session;
 /// Transactions that may wait for an older one; beyond it they are written all the same, out of order.
 const MAX_HELD_TRANSACTIONS: usize = 65_536;
 
-/// Rows that are kept are copied. Where there are more than this, the next ones are given out together with many others.
+/// Rows that are kept are copied. Where there are more than this, the next ones are returned together with many others.
 const MAX_COPIED_EACH_TIME: usize = 512;
 
 /// So many new rows are enough to copy those that are kept, however many these are.
@@ -29,7 +29,7 @@ impl Session {
         open.chain(reimported).min()
     }
 
-    /// Moves the transactions that may be given out from `held` to a batch.
+    /// Moves the transactions that may be returned from `held` to a batch.
     ///
     /// In a recording these are the ones in front of the oldest transaction that is still open, in the order of their requests.
     /// In a live session, and in a recording where more than `MAX_HELD_TRANSACTIONS` are held, all of them are.
@@ -40,7 +40,7 @@ impl Session {
     }
 
     /// Copies the bytes and findings of the transactions that are kept for a later call to the next batch, and lets the rows
-    /// refer to the copies. `from` is the batch that is given out. A PDU that is a part of the bytes on the wire stays one.
+    /// refer to the copies. `from` is the batch that is returned. A PDU that is a part of the bytes on the wire stays one.
     pub(super) fn copy_held_bytes(&mut self, from: &Batch) {
         self.held.exchanges.move_bytes(from, &mut self.batch);
         for row in self.held.iter_mut() {

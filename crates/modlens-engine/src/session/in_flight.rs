@@ -1,9 +1,9 @@
 //! The requests of a connection that wait for their answer at the same time, and whether the client takes each answer for
-//! that of the request behind it.
+//! that of the request after it.
 //!
 //! A client that gives up on a request and goes on over the same connection still gets the answer, if only later. If it takes
-//! that for the answer to its next request, it is a step behind from then on: answer n-1 follows request n, and the client
-//! goes on before answer n has come. So it is, too, where the server is the one that is a step behind: answer n-1 follows
+//! that for the answer to its next request, it is a step after from then on: answer n-1 follows request n, and the client
+//! goes on before answer n has come. So it is as well, where the server is the one that is a step behind: answer n-1 follows
 //! request n as soon as answers normally come, and answer n does not come in time. A client that compares transaction
 //! identifiers drops a late answer and goes on waiting (MODBUS Messaging on TCP/IP, 4.3.2); a slow server answers late by any
 //! time; and a client that wants several requests in flight sends them without waiting at all.
@@ -34,7 +34,7 @@ pub(crate) struct InFlight {
     waiting: VecDeque<Sent>,
     /// The most that waited at the same time.
     pub(crate) most: u32,
-    /// Answers that came in the place of those to the request behind theirs.
+    /// Answers that came in the place of those to the request after theirs.
     pub(crate) lockstep: u64,
     /// The longest time to an answer of a request that waited alone.
     longest: Ns,
@@ -51,14 +51,14 @@ impl InFlight {
         self.waiting.is_empty() && self.stale_answer.is_none()
     }
 
-    /// Notes requests with their answers, one behind the other, of which the slowest answer took so long, where it `is_idle`.
+    /// Notes requests with their answers, one after the other, of which the slowest answer took so long, where it `is_idle`.
     #[inline]
     pub(crate) fn lone_exchanges(&mut self, longest: Ns) {
         self.most = self.most.max(1);
         self.longest = self.longest.max(longest);
     }
 
-    /// Notes a request with its answer, one behind the other.
+    /// Notes a request with its answer, one after the other.
     #[inline]
     pub(crate) fn exchange(&mut self, id: Option<u16>, [asked, answered]: [Ns; 2], may_give_up: impl Fn(Ns) -> bool) {
         if self.is_idle() {

@@ -10,7 +10,7 @@ impl Session {
     /// other packet is taken as the events that it means.
     pub(super) fn take_in_turn(&mut self, state: &mut CaptureState, mut packets: &[PacketInTurn<'_>], interface: &Interface) {
         let Some(first) = packets.first() else { return };
-        // Those behind it tell nothing more of the clock.
+        // Those after it tell nothing more of the clock.
         self.note_time(state, first.time, interface);
         loop {
             packets = self.take_pairs(state, packets);
@@ -27,8 +27,8 @@ impl Session {
         }
     }
 
-    /// Takes the pairs at the head of these packets that are exchanges of the connection at hand without a doubt; gives those
-    /// behind them. None of them may move the clock on so far that requests of other connections have to be looked after.
+    /// Takes the pairs at the head of these packets that are unambiguous exchanges of the connection at hand; gives those
+    /// after them. None of them may move the clock on so far that requests of other connections have to be looked after.
     fn take_pairs<'a, 'b>(&mut self, state: &mut CaptureState, packets: &'b [PacketInTurn<'a>]) -> &'b [PacketInTurn<'a>] {
         let (Some(bus), Some(first), Some(last_sweep)) = (self.bus_of_pairs(), packets.first(), state.last_sweep) else {
             return packets;

@@ -1,6 +1,6 @@
 //! Pauses inside frames that come through an adapter which holds bytes back.
 //!
-//! A read that ends inside a frame may make the bytes behind it look late: by the latency timer of the adapter, or by a host
+//! A read that ends inside a frame may make the bytes after it look late: by the latency timer of the adapter, or by a host
 //! that is busy now and then. A single long pause proves nothing there. It is the sender's if one sender has it again and again
 //! and the others on the same line do not: adapter and host delay the frames of all alike.
 

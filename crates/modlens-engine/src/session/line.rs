@@ -51,7 +51,7 @@ pub(crate) struct UnmergedFrames {
     pub(crate) results: VecDeque<FrameResult>,
     /// For each of `results`, what its place depends on.
     pub(crate) frames: VecDeque<LineFrame>,
-    /// The bytes of the line from the first of these frames on. The line's own input begins behind all of them.
+    /// The bytes of the line from the first of these frames on. The line's own input begins after all of them.
     pub(crate) input: Input,
 }
 

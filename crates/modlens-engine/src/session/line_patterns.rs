@@ -1,4 +1,4 @@
-//! Findings on a line as a whole, which are told once: what nearly all of its frames, or those of a unit, have in common.
+//! Findings on a line as a whole, which are reported once: what nearly all of its frames, or those of a unit, have in common.
 
 use crate::findings::line;
 use crate::findings::Found;
@@ -38,7 +38,7 @@ fn only_one_side(state: &mut BusState) -> Found {
 }
 
 impl Session {
-    /// Emits the findings on a bus as a whole, at the end of its recording: each is told once.
+    /// Emits the findings on a bus as a whole, at the end of its recording: each is reported once.
     pub(super) fn find_on_line(&mut self, bus: usize) {
         let mut found = only_one_side(&mut self.buses[bus]);
         found.extend(self.habits_of_units(bus));
@@ -54,7 +54,7 @@ impl Session {
         }
     }
 
-    /// What many responses of a unit have in common, and the units that others answer for. The counts begin anew.
+    /// What many responses of a unit have in common, and the units that others answer for. The counts restart.
     fn habits_of_units(&mut self, bus: usize) -> Found {
         let state = &mut self.buses[bus];
         let mut found = Found::new();

@@ -15,7 +15,7 @@ use modlens_readers::text::{LogEntry, Reader};
 pub struct LentReader {
     lent: Lent,
     /// How many records or events the last block had, and how many bytes of Modbus: the next one has about as many. Memory that
-    /// grows is copied and touched anew.
+    /// grows is copied and touched again.
     last_size: (usize, usize),
 }
 

@@ -1,8 +1,8 @@
 //! Import of captures that modlens has written: frames and transactions become the same rows again, without framing and
-//! pairing them anew.
+//! pairing them again.
 //!
-//! They cannot be decided anew, because the file may lack what they were decided by: the bytes around a frame, the reads
-//! behind a pause, the requests before a response. The metadata of each packet give its verdict, direction and transaction;
+//! They cannot be decided again, because the file may lack what they were decided by: the bytes around a frame, the reads
+//! after a pause, the requests before a response. The metadata of each packet give its verdict, direction and transaction;
 //! only the bytes are decoded again.
 
 use crate::findings::Found;
@@ -161,7 +161,7 @@ fn transaction_in(text: &str, txns_before: u64, first: &WaitingFrame) -> Option<
     }))
 }
 
-/// A transaction that is read back, as far as its first frame tells it.
+/// A transaction that is read back, as far as its first frame shows it.
 fn transaction_of(first: &WaitingFrame, txn: u64) -> PendingTransaction {
     PendingTransaction {
         txn,
@@ -300,7 +300,7 @@ impl Session {
 
     /// Keeps a frame until its transaction is read, with the findings that are not on the frame itself. Those on a frame
     /// without transaction are emitted at once, and it is not kept. If too many wait, the one with the smallest number is
-    /// dropped; its transaction will lack this half. Transactions of the session are numbered on behind those read.
+    /// dropped; its transaction will lack this half. Transactions of the session are numbered on after those read.
     fn wait_for_transaction(
         &mut self,
         reimport: &mut ReimportState,

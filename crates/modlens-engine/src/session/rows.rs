@@ -23,7 +23,7 @@ pub(super) fn store_frame(batch: &mut Batch, frame: &BufferedFrame) -> FrameRef 
     FrameRef { frame: frame.number, wire, pdu, start: frame.start }
 }
 
-/// What the row of a finding says of the place where it was found.
+/// What the row of a finding reports about the place where it was found.
 #[derive(Clone, Copy)]
 pub(crate) struct FindingPlace {
     /// Number of the frame.

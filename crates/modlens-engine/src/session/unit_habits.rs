@@ -14,7 +14,7 @@ use modlens_protocol::framing::Verdict;
 /// Responses alike before they are a habit of their unit: from then on they are taken for what they evidently are.
 pub(crate) const MIN_HABIT_RESPONSES: u64 = 5;
 
-/// A habit is told of a unit if at least one in so many of its responses shows it.
+/// A habit is reported of a unit if at least one in so many of its responses shows it.
 pub(crate) const RESPONSES_PER_HABIT: u64 = 4;
 
 /// The habits of units, counted over their responses.
@@ -22,7 +22,7 @@ pub(crate) const RESPONSES_PER_HABIT: u64 = 4;
 pub(crate) struct UnitHabits(BTreeMap<(u8, Habit), u64>);
 
 impl UnitHabits {
-    /// How often each habit was seen, by unit; the counts begin anew.
+    /// How often each habit was seen, by unit; the counts restart.
     pub(crate) fn take(&mut self) -> BTreeMap<(u8, Habit), u64> {
         std::mem::take(&mut self.0)
     }

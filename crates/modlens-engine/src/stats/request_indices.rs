@@ -9,8 +9,8 @@ const PLACES_PER_NUMBER: usize = 4;
 /// Indices of numbers that somebody else keeps, in the order in which they came.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RequestIndices {
-    /// For each place, the index of a number plus one; 0 where there is none. A number stands at the place of its hash, or
-    /// behind places that were taken.
+    /// For each place, the index of a number plus one; 0 where there is none. A number is at the place of its hash, or
+    /// after places that were taken.
     places: Vec<u16>,
 }
 

@@ -70,12 +70,12 @@ struct RequestCounts {
     /// How often it was sent.
     sent: u64,
     unanswered: u64,
-    /// Of those unanswered: behind which a damaged frame or noise was seen.
+    /// Of those unanswered: after which a damaged frame or noise was seen.
     unanswered_with_damage: u64,
     late_responses: u64,
-    /// How long behind the master's time-out the late responses came.
+    /// How long after the master's timeout the late responses came.
     late_by: TimeHistogram,
-    /// Of those unanswered: how many came behind a transaction of this unit and status.
+    /// Of those unanswered: how many came after a transaction of this unit and status.
     preceded_by: BTreeMap<(u8, Status), u64>,
     /// When it was last polled, if no retry came since.
     last_start: Option<Ns>,

@@ -52,7 +52,7 @@ impl Packets {
         Self { file: words.iter().flat_map(|word| word.to_le_bytes()).collect(), sequence: HashMap::new() }
     }
 
-    /// Data from the client of this port or from the server, so many milliseconds behind the start.
+    /// Data from the client of this port or from the server, so many milliseconds after the start.
     pub fn data(&mut self, ms: i64, port: u16, from_client: bool, bytes: &[u8]) {
         self.packet(ms, port, from_client, DATA, bytes);
     }
@@ -91,7 +91,7 @@ impl Packets {
         self.file.extend(packet);
     }
 
-    /// The rows of this capture, and the transactions that are given out before its end.
+    /// The rows of this capture, and the transactions that are returned before its end.
     pub fn decode(&self, live: bool) -> (Batch, Vec<Transaction>) {
         self.decode_in_blocks(live, usize::MAX)
     }

@@ -13,7 +13,7 @@ pub const EXCEPTION_RESPONSE_BYTES: usize = 5;
 /// The whole-frame lengths that a header announces, with CRC, the likelier direction first: the response where the header
 /// answers the context's outstanding request, else the request.
 ///
-/// `frame` begins with unit and function code, and may have any number of bytes behind them. An exception response has one
+/// `frame` begins with unit and function code, and may have any number of bytes after them. An exception response has one
 /// length, a function without row one of open length and unknown direction, and function code 0 none.
 #[inline]
 pub fn announced_lengths(context: &FramerContext<'_>, frame: &[u8]) -> [Option<(Direction, Extent)>; 2] {

@@ -19,7 +19,7 @@ pub struct HeldRequest {
     pub is_damaged: bool,
     /// It repeats the request before it, with no response between: heard twice already.
     pub is_repeated: bool,
-    /// It stands alone in noise and may be none.
+    /// It is alone in noise and may be none.
     pub is_unconfirmed: bool,
     /// The byte count that its response begins with, and the response's whole length, where both are known.
     pub expected_response: Option<(u8, usize)>,
@@ -51,7 +51,7 @@ pub struct Answerable {
     pub outstanding: Option<RequestId>,
     /// The request before the outstanding one, if it got no response: that response may still come, late.
     pub superseded: Option<RequestId>,
-    /// The request that was answered last, and its response: the same response may come once more.
+    /// The request that was answered last, and its response: the same response may come again.
     pub last_answered: Option<(RequestId, Fingerprint)>,
 }
 
@@ -220,7 +220,7 @@ impl RequestPool {
         copy
     }
 
-    /// What may be answered behind this frame, given what might have been answered before it. `make_room` has to be called
+    /// What may be answered after this frame, given what might have been answered before it. `make_room` has to be called
     /// before. `frame` includes the CRC.
     ///
     /// A response that answers clears the outstanding request and is remembered; any other changes nothing. A request becomes the
@@ -243,7 +243,7 @@ impl RequestPool {
         }
     }
 
-    /// What may be answered behind a request. It is outstanding itself, unless it is a broadcast, which is never answered: then
+    /// What may be answered after a request. It is outstanding itself, unless it is a broadcast, which is never answered: then
     /// nothing is. It is marked as repeated if it equals the one outstanding before and that one is not repeated itself, and as
     /// damaged if its CRC is invalid.
     fn after_request(&mut self, before: Answerable, frame: &[u8], is_crc_valid: bool) -> Answerable {

@@ -8,7 +8,7 @@
 //! The step is linear, and one bit of it, backwards, turns 0001 into 0002, then 0004 and so on. From there it runs through all
 //! states with an odd number of ones but one, and from 0003 on through all with an even number but 0; both sequences repeat
 //! after 32,767 single steps (the order of x modulo the polynomial). So a byte is so many steps from 0001 or 0003, its logarithm,
-//! and T^-k(byte) stands in its sequence 8 k places behind it.
+//! and T^-k(byte) is in its sequence 8 k places after it.
 
 use std::sync::OnceLock;
 
@@ -34,7 +34,7 @@ const MIN_FRAME_SPAN: u64 = 4;
 const BUCKETS: usize = 4096;
 
 /// The states of each sequence, and the entries of its part of the table: the sequence twice, so that the sum of two places in it
-/// is a place, too.
+/// is a place as well.
 const SEQUENCE_ENTRIES: usize = 1 << 16;
 
 /// What T^-k makes of bytes and of the start value FFFF, for each k. A scan has its own copy of it: so the compiler sees that no
@@ -105,7 +105,7 @@ impl Prefix {
         self.value ^ powers.after(powers.start_value, self.steps)
     }
 
-    /// Takes one byte more: then `value` is the key that the position behind it has as an end.
+    /// Takes one byte more: then `value` is the key that the position after it has as an end.
     #[inline(always)]
     #[allow(clippy::inline_always)] // As above.
     fn add(&mut self, byte: u8, powers: InversePowers) {
@@ -144,7 +144,7 @@ impl StartTable {
         *head = (position as u32).wrapping_add(1);
     }
 
-    /// The latest entry of the bucket of this key, if it stands at most `MAX_CANDIDATE_BYTES` before stream offset `end`.
+    /// The latest entry of the bucket of this key, if it is at most `MAX_CANDIDATE_BYTES` before stream offset `end`.
     #[inline(always)]
     #[allow(clippy::inline_always)] // As above.
     fn latest(&self, key: u16, end: u64) -> Option<u32> {

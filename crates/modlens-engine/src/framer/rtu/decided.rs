@@ -16,8 +16,8 @@ impl RtuFramer {
     /// The first frame or noise row, by search where the fast path does not find it; `None` if more bytes, a silence or the
     /// end are needed. A record without checksum is a row as it is.
     ///
-    /// Each round gives out the next row of `decision`, or else decides (`next_decision`): a decision is a frame and all
-    /// unframed bytes before it, and each call gives out one row of these. It is a function of its own, so that `next`, which takes
+    /// Each round returns the next row of `decision`, or else decides (`next_decision`): a decision is a frame and all
+    /// unframed bytes before it, and each call returns one row of these. It is a function of its own, so that `next`, which takes
     /// nearly all frames on the fast path, stays short.
     #[inline(never)]
     pub(super) fn next_by_search(
@@ -30,7 +30,7 @@ impl RtuFramer {
             return Some(row);
         }
         loop {
-            // The search has committed these unframed bytes, so its next decision begins behind them and covers them, too.
+            // The search has committed these unframed bytes, so its next decision begins after them and covers them as well.
             if self.decision.as_ref().is_some_and(|decision| is_held_back(decision, input, context)) {
                 self.decision = None;
             }
@@ -49,7 +49,7 @@ impl RtuFramer {
         }
     }
 
-    /// What is decided next, by the fast path behind stray bytes, else by the search; `None` if more bytes, a silence or the end
+    /// What is decided next, by the fast path after stray bytes, else by the search; `None` if more bytes, a silence or the end
     /// are needed. Once the input is closed, committed unframed bytes that were held back are a decision, as no frame will
     /// follow them.
     fn next_decision(&mut self, input: &Input, context: &FramerContext<'_>) -> Option<Decision> {
@@ -65,9 +65,9 @@ impl RtuFramer {
     }
 
     /// The next row of `decision`: one of the unframed bytes before the frame, else the frame. `None` if nothing was decided,
-    /// or all of it is given out.
+    /// or all of it is returned.
     ///
-    /// With the frame, `decision` is cleared; only a damaged one that is shorter than announced leaves the bytes behind it.
+    /// With the frame, `decision` is cleared; only a damaged one that is shorter than announced leaves the bytes after it.
     fn emit_decision(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let decision = self.decision?;
         if input.offset() < decision.unframed_to() {
@@ -89,8 +89,8 @@ impl RtuFramer {
         }
     }
 
-    /// Notes a committed frame with a valid CRC at the first byte: that no damaged one stands in front of the next bytes, whether
-    /// it has a pause inside, and what it says of a truncated response before it.
+    /// Notes a committed frame with a valid CRC at the first byte: that no damaged one is in front of the next bytes, whether
+    /// it has a pause inside, and what it reports about a truncated response before it.
     fn learn_from_valid_frame(&mut self, input: &Input, context: &FramerContext<'_>, length: usize, direction: Direction) {
         self.last_was_damaged = false;
         self.learn_inner_pause(input, length);
@@ -98,7 +98,7 @@ impl RtuFramer {
     }
 
     /// The first row of the unframed bytes before this decision, of which there is at least one: a damaged frame, or noise.
-    /// `recovery` finds it with the help of the frame behind them, if one was decided.
+    /// `recovery` finds it with the help of the frame after them, if one was decided.
     fn next_unframed(
         &mut self,
         input: &Input,
@@ -155,7 +155,7 @@ impl RtuFramer {
     }
 
     /// What ends a frame with a valid CRC that has `length` bytes: its length if its header announces exactly that in either
-    /// direction; else silence if a pause follows, or the input is closed and has no bytes behind it; else its CRC.
+    /// direction; else silence if a pause follows, or the input is closed and has no bytes after it; else its CRC.
     fn delimited_by(&self, input: &Input, context: &FramerContext<'_>, length: usize) -> DelimitedBy {
         let announced = announced_lengths(context, &input.bytes()[..length]);
         let follows_pause = || input.pause_before(length).is_some_and(|pause| pause >= self.frame_gap_ns(input));
@@ -169,7 +169,7 @@ impl RtuFramer {
     /// The row of the first record, if it comes without checksum: then it is one frame, or noise if it has less than two bytes.
     /// `None` for any other read. `adu` gets all of its bytes.
     ///
-    /// The search moves its root behind the record, but learns nothing: `context` knows the outstanding request.
+    /// The search moves its root after the record, but learns nothing: `context` knows the outstanding request.
     fn record_without_checksum(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let read = input.first_read().filter(|read| read.lacks_checksum)?;
         let length = (read.end - input.offset()) as usize;

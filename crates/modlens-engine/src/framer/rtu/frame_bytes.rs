@@ -33,7 +33,7 @@ impl<'a> FrameBytes<'a> {
         &self.0[1..self.0.len() - CRC_BYTES]
     }
 
-    /// The bytes behind the function code and before the CRC; may be empty.
+    /// The bytes after the function code and before the CRC; may be empty.
     #[inline]
     pub fn body(self) -> &'a [u8] {
         &self.0[2..self.0.len() - CRC_BYTES]

@@ -127,7 +127,7 @@ fn due_header_score(
 impl TrafficModel {
     /// An upper bound of the score, in bits, of any header with this unit and function code that responds to no request, whatever
     /// its fields hold. It is the sum of a bound of the unit and one of the function code. Both come from `score_bounds`, and are
-    /// computed anew, for somewhat more frames, once more frames were seen than they hold for.
+    /// computed again, for somewhat more frames, again frames were seen than they hold for.
     pub fn max_header_score(&mut self, functions: &Functions, unit: u8, code: u8) -> f32 {
         self.cached_unit_bound(unit) + self.cached_code_bound(functions, code)
     }
@@ -146,7 +146,7 @@ impl TrafficModel {
         bits
     }
 
-    /// The bound of a function code and the fields behind it (`max_code_score`).
+    /// The bound of a function code and the fields after it (`max_code_score`).
     #[inline]
     fn cached_code_bound(&mut self, functions: &Functions, code: u8) -> f32 {
         let counts = [REQUEST, RESPONSE].map(|direction| self.function_count(code, direction));
@@ -160,7 +160,7 @@ impl TrafficModel {
         bits
     }
 
-    /// An upper bound of what a function code and the fields behind it are worth, in bits, in the better direction, if the
+    /// An upper bound of what a function code and the fields after it are worth, in bits, in the better direction, if the
     /// function had been seen this often as a request and as a response. `code` may have the exception bit. Function 0 gives
     /// `f32::MIN`: no frame has it.
     fn max_code_score(&self, functions: &Functions, code: u8, observations: [f32; 2]) -> f32 {
@@ -177,7 +177,7 @@ impl TrafficModel {
     }
 }
 
-/// The most that the fields behind a function code without exception bit are worth in bits, as a request and as a response, in
+/// The most that the fields after a function code without exception bit are worth in bits, as a request and as a response, in
 /// whichever of its layouts. A function without a row is a request of any length and no response.
 fn max_layout_scores(functions: &Functions, function: u8) -> [f32; 2] {
     let fields = |permits: &[FieldLimits]| permits.iter().map(max_field_score).sum::<f32>();

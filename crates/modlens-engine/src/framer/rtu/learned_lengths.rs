@@ -1,7 +1,7 @@
 //! Lengths of functions without public layout, as this line has shown them.
 //!
 //! Vendors' frames mostly have one length per direction, or begin with a count of the bytes that follow. Once that has been
-//! seen, a length is evidence as good as a layout's, and it tells requests from responses.
+//! seen, a length is evidence as good as a layout's, and it distinguishes requests from responses.
 
 use crate::framer::rtu::log2::log2;
 use crate::weights::{HALVE_LENGTHS_FRAMES, LENGTH_DISCOUNT_FRAMES, LENGTH_PRIOR_FRAMES, OPEN_LENGTH_BITS};
@@ -31,7 +31,7 @@ impl Default for LearnedLengths {
     }
 }
 
-/// Whether the first byte of a body is the number of bytes behind it.
+/// Whether the first byte of a body is the number of bytes after it.
 fn begins_with_count(body: &[u8]) -> bool {
     body.first().is_some_and(|&count| usize::from(count) + 1 == body.len())
 }

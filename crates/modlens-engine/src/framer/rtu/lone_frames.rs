@@ -1,6 +1,6 @@
 //! Frames that stood alone in noise, so that the same accident of the checksum is not believed because it comes again.
 //!
-//! That a CRC is valid is evidence once. Where the same bytes come again behind the same bytes, as in the telegrams of another
+//! That a CRC is valid is evidence once. Where the same bytes come again after the same bytes, as in the telegrams of another
 //! protocol or a poll received at a wrong baud rate, its being valid again was certain. Only a response proves such a request.
 
 use crate::weights::{LONE_FRAMES_PER_ANSWER_FACTOR, MAX_LONE_FRAMES};
@@ -8,7 +8,7 @@ use crate::weights::{LONE_FRAMES_PER_ANSWER_FACTOR, MAX_LONE_FRAMES};
 /// Slots of the table.
 const SLOTS: usize = 256;
 
-/// Bytes in front of a frame by which its surroundings are told from others.
+/// Bytes in front of a frame by which its surroundings are distinguished from others.
 pub const SURROUNDING_BYTES: usize = 4;
 
 /// What stood alone in noise, and how often.
@@ -46,7 +46,7 @@ impl LoneFrames {
         slot.key == key && slot.seen > LONE_FRAMES_PER_ANSWER_FACTOR * slot.answered
     }
 
-    /// Counts a frame that stands alone.
+    /// Counts a frame that is alone.
     pub fn record(&mut self, key: u64) {
         let slot = &mut self.slots[slot_of(key)];
         if slot.key != key {

@@ -41,15 +41,15 @@ use search::{Decision, Search};
 /// The framer of an RTU line.
 pub struct RtuFramer {
     pub(crate) search: Search,
-    /// What the search decided and is not given out yet.
+    /// What the search decided and is not returned yet.
     decision: Option<Decision>,
     /// The stream offset at which the fast path found no frame.
     fast_path_failed_at: Option<u64>,
-    /// The stream offset of bytes behind which, taken as stray bytes, the fast path found no frame.
+    /// The stream offset of bytes after which, taken as stray bytes, the fast path found no frame.
     fast_path_failed_after_strays_at: Option<u64>,
     /// What was found in the unframed bytes before the decision.
     recovery: DamageRecovery,
-    /// The last frame given out was damaged.
+    /// The last frame returned was damaged.
     pub(crate) last_was_damaged: bool,
     /// The shortest pause between frames.
     frame_gap_ns: Ns,

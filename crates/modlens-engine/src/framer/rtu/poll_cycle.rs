@@ -22,7 +22,7 @@ pub struct PollCycle {
     texts: Box<[Text]>,
     /// The slots of up to 64 requests that came again. A place in this list is the request's number in `index` and `prefilter`.
     polled: Vec<u16>,
-    /// The number of the request that joined first, once there are so many: the next one takes its place. Those behind it have
+    /// The number of the request that joined first, once there are so many: the next one takes its place. Those after it have
     /// joined later, and those before it later still.
     oldest: usize,
     index: PrefixIndex,
@@ -32,7 +32,7 @@ pub struct PollCycle {
 /// What a slot of the dictionary holds.
 #[derive(Clone, Copy, Default)]
 struct SeenRequest {
-    /// A hash that tells the request from others.
+    /// A hash that distinguishes the request from others.
     key: u64,
     /// How often it came, less the other requests that wanted the slot.
     count: u32,
@@ -179,7 +179,7 @@ fn bytes_of(text: &Text) -> &[u8] {
     &text[1..=usize::from(text[0])]
 }
 
-/// A hash that tells a request from others, from which its slot in the dictionary follows. It covers the first eight bytes, the
+/// A hash that distinguishes a request from others, from which its slot in the dictionary follows. It covers the first eight bytes, the
 /// last four, the CRC among them, and the length: that is quicker than going through all bytes.
 #[derive(Clone, Copy, Debug)]
 pub struct RequestName(u64);

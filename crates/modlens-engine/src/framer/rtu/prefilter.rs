@@ -2,7 +2,7 @@
 //!
 //! Whatever happened to a frame, only bytes that agree with it count as evidence, or bytes that a collision has taken one
 //! bits from. So the information content of all bytes that may agree is an upper bound of the score that `align` can find.
-//! It is summed for 64 requests at a time: bit `n` of all 64 sums stands in one machine word.
+//! It is summed for 64 requests at a time: bit `n` of all 64 sums is in one machine word.
 
 use std::ops::Range;
 
@@ -49,7 +49,7 @@ pub struct DamageCosts {
 /// For each place of 64 requests and every byte value, the requests that have it there.
 pub struct RequestPrefilter {
     equal: Table,
-    /// The requests that have it one to `MAX_LOST_BYTES` places behind this one: so many bytes in front may be missing.
+    /// The requests that have it one to `MAX_LOST_BYTES` places after this one: so many bytes in front may be missing.
     behind: Table,
     /// The requests that have it there, one place before (a byte may be there twice), or one to `MAX_LOST_BYTES` places behind
     /// (bytes inside may be missing).
@@ -184,7 +184,7 @@ impl RequestPrefilter {
 
     /// The requests of five bytes and more by how they may stand, damaged, at the first of these bytes. `align` accepts damage
     /// inside a frame only if its first byte agrees, flipped bits only if one of the first two does and few bits of the other
-    /// are flipped, and missing leading bytes only if the two bytes behind them agree.
+    /// are flipped, and missing leading bytes only if the two bytes after them agree.
     fn ways(&self, bytes: &[u8]) -> Ways {
         let begins = bytes.first().map_or(0, |&first| self.equal_at(0, first));
         let &[first, second, ..] = bytes else { return Ways { begins, headed: begins, headless: 0 } };
@@ -212,7 +212,7 @@ impl RequestPrefilter {
         self.equal[place][usize::from(byte)]
     }
 
-    /// The requests that have these two bytes side by side, the first of them one to `MAX_LOST_BYTES` places behind the
+    /// The requests that have these two bytes side by side, the first of them one to `MAX_LOST_BYTES` places after the
     /// beginning.
     fn with_pair_inside(&self, first: u8, second: u8) -> FrameSet {
         (1..=MAX_LOST_BYTES).fold(0, |set, lost| set | self.equal_at(lost, first) & self.equal_at(lost + 1, second))

@@ -21,7 +21,7 @@ pub fn members(mut set: FrameSet) -> impl Iterator<Item = usize> {
     })
 }
 
-/// The frames that may begin with these bytes: their unit or function code stands here, or two of their next bytes do and
+/// The frames that may begin with these bytes: their unit or function code is here, or two of their next bytes do and
 /// the ones before are missing.
 ///
 /// `with_byte(place, byte)` is the set of frames that have this byte at this place.
@@ -52,7 +52,7 @@ impl PrefixFilter {
     /// Admits one more frame, of which the first bytes are known.
     pub fn add(&mut self, known: &[u8]) {
         let put = |set: &mut [u64; 4], byte: u8| set[usize::from(byte >> 6)] |= 1 << (byte & 63);
-        // With so few bytes known, all of them may be lost, and any byte may stand first.
+        // With so few bytes known, all of them may be lost, and any byte may be first.
         if known.len() <= MAX_LOST_BYTES {
             self.first = [u64::MAX; 4];
         }
@@ -113,7 +113,7 @@ impl PrefixIndex {
                     let set = &mut by_value[usize::from(byte)];
                     *set = change(*set, 1 << number);
                 }
-                // Behind the known bytes any value may stand.
+                // After the known bytes any value may stand.
                 None => by_value.iter_mut().for_each(|set| *set = change(*set, 1 << number)),
             }
         }

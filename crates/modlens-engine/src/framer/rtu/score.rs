@@ -28,7 +28,7 @@ pub fn is_impossible(code: u8, length: usize) -> bool {
     code == 0 || (code & EXCEPTION_BIT != 0 && length != EXCEPTION_RESPONSE_BYTES)
 }
 
-/// Score in bits of a frame by itself in this direction, whatever stands before it; `None` where no frame can look like this.
+/// Score in bits of a frame by itself in this direction, whatever is before it; `None` where no frame can look like this.
 /// The caller has found the CRC of `frame` to be valid, so its two bytes count with their information content.
 pub fn frame_score(model: &TrafficModel, context: &FramerContext<'_>, frame: &[u8], direction: usize) -> Option<f32> {
     let frame = FrameBytes(frame);
@@ -89,7 +89,7 @@ fn exception_response_score(model: &TrafficModel, functions: &Functions, frame: 
     header - broadcast_cost(None, frame, RESPONSE) + exception_code_score(model, frame.code(), frame.body()[0])
 }
 
-/// Score in bits of the exception code behind function code `code`: its information content, less the choice among the codes
+/// Score in bits of the exception code after function code `code`: its information content, less the choice among the codes
 /// (cheapest where the specification names them), a broken rule if `code` is the exception bit alone, and what an exception
 /// costs at all.
 fn exception_code_score(model: &TrafficModel, code: u8, exception: u8) -> f32 {
@@ -109,7 +109,7 @@ fn is_specified_exception(exception: u8) -> bool {
 
 /// Whether the length of a body is one that its layout admits, and what that is worth in bits.
 enum LengthScore {
-    /// It is admitted: 0 if the layout fixes it, less if it leaves it open. Fields and counts are looked at, too.
+    /// It is admitted: 0 if the layout fixes it, less if it leaves it open. Fields and counts are looked at as well.
     Admitted(f32),
     /// It is not admitted. Nothing else counts.
     Refused(f32),
@@ -132,7 +132,7 @@ fn layout_score(model: &TrafficModel, row: &FunctionRow, body: &[u8], direction:
 
 /// What the length of a body says, by the layout of its function in this direction. A body that lacks just one byte, as the
 /// layout of either direction announces it, is refused at a price of its own (`CUT_SHORT_BITS`): a frame whose last byte is 00
-/// has a valid CRC without that byte, too, and then the hypothesis cuts the frame short. So it does where the length is right in
+/// has a valid CRC without that byte as well, and then the hypothesis cuts the frame short. So it does where the length is right in
 /// this direction, but the fields break their limits: eight bytes of a response are no request for 6000 registers.
 fn length_score(model: &TrafficModel, row: &FunctionRow, body: &[u8], direction: usize) -> LengthScore {
     let (layout, other) = if direction == REQUEST { (&row.request, &row.response) } else { (&row.response, &row.request) };
@@ -215,7 +215,7 @@ pub fn field_score(model: &TrafficModel, permit: &FieldLimits, body: &[u8]) -> f
     (model.bits_of(field) - log2(choices as f32)).max(0.0)
 }
 
-/// Score in bits of a frame with an invalid CRC, with what the outstanding request says of it; `None` unless it is expected here
+/// Score in bits of a frame with an invalid CRC, with what the outstanding request reports about it; `None` unless it is expected here
 /// (see the two below). Function codes without a row, those of exception responses among them, never are. The caller guarantees
 /// that the header announces exactly this length in this direction.
 pub fn damaged_frame_score(

@@ -5,7 +5,7 @@
 //! recomputed when the count exceeds that. Observations of other values only lower the score, so the bound stays valid. When
 //! all counters are halved, the cache is cleared.
 
-/// Headroom factor for the observation count. It decides how often bounds are recomputed, never what is found.
+/// Margin factor for the observation count. It decides how often bounds are recomputed, never what is found.
 pub const OBSERVATION_HEADROOM: f32 = 1.125;
 
 /// All bounds are recomputed after this factor more frames: they are half a bit too high by then, because the shares of
@@ -28,7 +28,7 @@ const UNKNOWN: CachedBound = CachedBound { bits: 0.0, observations: [-1.0; 2] };
 pub struct ScoreBounds {
     /// Bounds of units.
     pub units: Box<[CachedBound; 256]>,
-    /// Bounds of function codes, with the fields behind them.
+    /// Bounds of function codes, with the fields after them.
     pub codes: Box<[CachedBound; 256]>,
     /// Frames seen when all bounds were last recomputed.
     frames: f32,
@@ -41,7 +41,7 @@ impl Default for ScoreBounds {
 }
 
 impl ScoreBounds {
-    /// Forgets all bounds, because the counts behind them have become smaller.
+    /// Forgets all bounds, because the counts after them have become smaller.
     pub fn clear(&mut self) {
         self.units.fill(UNKNOWN);
         self.codes.fill(UNKNOWN);

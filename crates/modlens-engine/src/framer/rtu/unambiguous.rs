@@ -34,8 +34,8 @@ impl RtuFramer {
         }
     }
 
-    /// Whether an unambiguous frame stands behind one to three stray bytes of a recording: then the search commits it, and it
-    /// becomes `decision`, which the caller gives out.
+    /// Whether an unambiguous frame follows one to three stray bytes of a recording: then the search commits it, and it
+    /// becomes `decision`, which the caller returns.
     ///
     /// `NoFrame` is remembered, for the reason that `try_fast_path` gives, unless the question does not arise at all
     /// (`may_follow_strays`). After `NeedsMoreBytes` it is tried again when more have come.
@@ -57,8 +57,8 @@ impl RtuFramer {
         }
     }
 
-    /// Whether a frame behind stray bytes is looked for at the first byte: in a recording of a single line, with nothing that
-    /// declares a direction or starts a record there, with all committed bytes given out, with a sound outstanding request or
+    /// Whether a frame after stray bytes is looked for at the first byte: in a recording of a single line, with nothing that
+    /// declares a direction or starts a record there, with all committed bytes returned, with a sound outstanding request or
     /// none, and not where it has failed before.
     fn may_follow_strays(&self, input: &Input, context: &FramerContext<'_>) -> bool {
         let is_single_line = context.line_direction.is_none() && context.connection_side.is_none() && !context.is_multi_line;
@@ -69,7 +69,7 @@ impl RtuFramer {
         is_possible && self.search.has_sound_outstanding_request()
     }
 
-    /// Whether the unambiguous frame behind these stray bytes needs no search: a request is outstanding or its unit took part
+    /// Whether the unambiguous frame after these stray bytes needs no search: a request is outstanding or its unit took part
     /// in a paired transaction, and the search has no other frame in mind.
     fn is_accepted_after_strays(
         &self,
@@ -83,7 +83,7 @@ impl RtuFramer {
         is_known && self.search.allows_fast_path(stray_bytes, length)
     }
 
-    /// Lets the search commit the unambiguous frame behind these stray bytes, and makes it the decision.
+    /// Lets the search commit the unambiguous frame after these stray bytes, and makes it the decision.
     fn commit_frame_after_strays(&mut self, input: &Input, context: &FramerContext<'_>, stray_bytes: usize, length: FrameLength) {
         let start = input.offset() + stray_bytes as u64;
         let odds = self.fast_path_odds(input, context, stray_bytes, length);

@@ -1,6 +1,6 @@
-//! The order of the frames of two lines, inferred from their content where no clock tells it.
+//! The order of the frames of two lines, inferred from their content where no clock shows it.
 //!
-//! Within each line the frames are in order, and each side has its own line: requests stand on one, responses on the
+//! Within each line the frames are in order, and each side has its own line: requests are on one, responses on the
 //! other. Merging the two is a sequence alignment (Needleman and Wunsch): a response repeats unit, function, length and
 //! address of its request, so a pair of them scores; a request without response and a response without request cost.
 //! Dynamic programming finds the order with the greatest sum of scores in bits.
@@ -132,7 +132,7 @@ fn best_ways(functions: &Functions, lines: [&[LineFrame]; 2], is_complete: bool)
     grid
 }
 
-/// The best way from cell (i, j), given those of the cells behind it. Equal scores go to the pair, then to the first line.
+/// The best way from cell (i, j), given those of the cells after it. Equal scores go to the pair, then to the first line.
 fn best_way(functions: &Functions, lines: [&[LineFrame]; 2], grid: &Grid, i: usize, j: usize) -> Way {
     let (in_first, in_second) = (i < lines[0].len(), j < lines[1].len());
     let way = |behind: Way, bits: f32, step| Way { score: behind.score + bits, first_step: Some(step) };

@@ -7,7 +7,7 @@ use modlens_protocol::checksum::{crc_valid, CRC_BYTES};
 use modlens_protocol::direction::{match_response, Direction, RequestRef, ResponseMatch};
 use modlens_protocol::functions::{Extent, Functions, EXCEPTION_BIT};
 
-/// A frame is found behind fewer stray bytes than this.
+/// A frame is found after fewer stray bytes than this.
 const MAX_FRAME_START: usize = 4;
 
 /// Bytes of an RTU frame beside the body of its PDU: unit, function code and checksum.

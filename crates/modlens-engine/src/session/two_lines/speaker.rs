@@ -51,7 +51,7 @@ impl BusState {
     /// The survey is only needed for two lines with a clock whose source does not say who sends: not for a connection, whose
     /// sides are known, nor for ASCII. It ends for good as soon as the votes have a lead, which the lines then start with; or
     /// as soon as one line has ended, has enough bytes, has no times, or has records or a side; or, live, after a second.
-    /// While no line has bytes, it stays open. It is taken anew with each call, as nothing is consumed before its end.
+    /// While no line has bytes, it stays open. It is taken again with each call, as nothing is consumed before its end.
     pub(in crate::session) fn survey_is_open(&mut self, functions: &Functions, live: bool) -> bool {
         if self.is_surveyed || self.lines.is_empty() {
             return false;

@@ -2,7 +2,7 @@
 //!
 //! It is the line whose first unframed byte is older, if the two times differ by more than the adapters' delays. If they
 //! do not, a response may have been seen before its request, because adapters hold bytes back on each line by itself. Then
-//! the content decides: a response comes behind the request that it fits, and a line whose frame is not due waits for the
+//! the content decides: a response comes after the request that it fits, and a line whose frame is not due waits for the
 //! bytes of the other one.
 
 use std::cmp::Ordering;
@@ -41,7 +41,7 @@ impl BusState {
     /// Which of two lines is next where both have bytes and the clock does not tell: the response goes to the request that it
     /// fits best, the outstanding one (the line of the responses is next) or the first one that is not emitted yet (that of
     /// the requests is). If it fits both equally well or neither, the `oldest` line is next. `None` only while the frame
-    /// behind a repeated response to a retry is waited for.
+    /// after a repeated response to a retry is waited for.
     fn turn_by_content(&self, functions: &Functions, oldest: usize, (requests, responses): (usize, usize)) -> Option<usize> {
         let response_bytes = self.lines[responses].1.input.bytes();
         let fit_of_next = self.fit_of_next_request(functions, requests, response_bytes);
@@ -52,7 +52,7 @@ impl BusState {
             return Some(if fit_of_next >= Fit::Header { requests } else { oldest });
         };
         match response_fit(functions, response_bytes, outstanding).cmp(&fit_of_next) {
-            // Behind a time-out, it is the response to the retry that is next.
+            // After a timeout, it is the response to the retry that is next.
             _ if fit_of_next != Fit::No && self.is_after_timeout(responses) => Some(requests),
             Ordering::Greater => Some(responses),
             Ordering::Less => Some(requests),
@@ -84,9 +84,9 @@ impl BusState {
         first.zip(last).is_some_and(|((frame, _), (unit, pdu))| frame[0] == unit && frame[1..] == *pdu)
     }
 
-    /// The line that is next behind an answered retry whose response repeats: that of the responses, if the frame behind the
+    /// The line that is next after an answered retry whose response repeats: that of the responses, if the frame after the
     /// repeated one is the whole response to the next request, so that the repeated one is left over; else that of the
-    /// requests. `None`: the frame behind may still come, so it is waited for.
+    /// requests. `None`: the frame after may still come, so it is waited for.
     fn turn_after_retry(&self, functions: &Functions, requests: usize, responses: usize) -> Option<usize> {
         let input = &self.lines[responses].1.input;
         let (_, behind) = first_frame(functions, input.bytes(), Direction::Response)?;

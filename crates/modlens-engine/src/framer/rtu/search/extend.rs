@@ -1,5 +1,5 @@
 //! Adds frame hypotheses to the lattice: substrings with a valid CRC, and damaged frames of the announced length, each
-//! behind every path that ends before it.
+//! after every path that ends before it.
 
 use std::ops::Range;
 
@@ -106,7 +106,7 @@ impl Search {
     }
 
     /// A frame with a valid CRC from stream offset `start` (included) to `scanned_to` (excluded), of which nothing else is known
-    /// yet but where a damaged one may end behind it.
+    /// yet but where a damaged one may end after it.
     fn new_hypothesis(&self, start: u64, next_damaged_end_at: u64) -> Hypothesis {
         Hypothesis {
             start,
@@ -132,9 +132,9 @@ impl Search {
     }
 }
 
-/// Frames with an invalid CRC. Each begins right behind another frame and has exactly the length that it announces.
+/// Frames with an invalid CRC. Each begins right after another frame and has exactly the length that it announces.
 impl Search {
-    /// Adds the damaged frames that end with the last byte scanned, behind every hypothesis behind which one may end there
+    /// Adds the damaged frames that end with the last byte scanned, after every hypothesis after which one may end there
     /// (`next_damaged_end_at`), and notes for each where one may end next. `ends_valid_frame`: a substring with a valid CRC
     /// ends there; then none is added.
     pub(super) fn add_damaged_hypotheses(&mut self, input: &Input, context: &FramerContext<'_>, ends_valid_frame: bool) {
@@ -242,7 +242,7 @@ fn next_possible_length(extent: Extent, length: usize) -> Option<usize> {
     }
 }
 
-/// Whether a pause of `frame_gap_ns`, the start of a record or a loss stands inside these bytes of the input (indices, the end
+/// Whether a pause of `frame_gap_ns`, the start of a record or a loss is inside these bytes of the input (indices, the end
 /// excluded), so that they are not one frame: a frame that lost bytes ends at the pause, before it has its length. False where
 /// a timed read has several bytes, because there a pause is not known to be one.
 fn crosses_known_pause(input: &Input, range: Range<usize>, frame_gap_ns: Ns) -> bool {

@@ -10,7 +10,7 @@ pub const ROOT: usize = 0;
 pub struct Hypothesis {
     /// Stream offset of its first byte.
     pub start: u64,
-    /// Stream offset behind its last byte.
+    /// Stream offset after its last byte.
     pub end: u64,
     /// Who sent it: `REQUEST` or `RESPONSE`.
     pub direction: usize,
@@ -18,17 +18,17 @@ pub struct Hypothesis {
     pub path_score: f32,
     /// Score in bits of this frame.
     pub frame_score: f32,
-    /// Index of the frame before it. Parents stand before their children in the lattice.
+    /// Index of the frame before it. Parents are before their children in the lattice.
     pub parent: usize,
-    /// Index of the first frame behind the root on the way to this one: what is committed if this path wins.
+    /// Index of the first frame after the root on the way to this one: what is committed if this path wins.
     pub first_on_path: usize,
-    /// Stream offset at which the next damaged frame may end that begins right behind this one.
+    /// Stream offset at which the next damaged frame may end that begins right after this one.
     pub next_damaged_end_at: u64,
     /// It answers the request that is outstanding before it.
     pub answers_outstanding: bool,
     /// Its CRC is valid.
     pub is_crc_valid: bool,
-    /// The requests that a frame behind it may answer.
+    /// The requests that a frame after it may answer.
     pub answerable: Answerable,
 }
 

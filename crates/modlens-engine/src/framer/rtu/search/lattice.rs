@@ -1,7 +1,7 @@
 //! The lattice: paths of frame hypotheses through the bytes, as a tree whose root is the frame committed last.
 //!
 //! A path is a chain of hypotheses from the root on. Its score is the sum of the scores of its frames, less the cost of the
-//! bytes between them. Paths that fall too far behind the best one are dropped, as in a beam search.
+//! bytes between them. Paths that fall too far after the best one are dropped, as in a beam search.
 
 use crate::framer::rtu::search::commit::Decision;
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
@@ -16,8 +16,8 @@ pub(super) fn root_floor(model: &TrafficModel, root: &Hypothesis, scanned_to: u6
 }
 
 impl Search {
-    /// The score in bits of the path that ends with this hypothesis, as it stands at the last byte scanned: less the cost of
-    /// the bytes behind the frame.
+    /// The score in bits of the path that ends with this hypothesis, as it is at the last byte scanned: less the cost of
+    /// the bytes after the frame.
     pub(super) fn current_score(&self, hypothesis: &Hypothesis) -> f32 {
         hypothesis.path_score - self.model.open_unframed_cost(self.scanned_to - hypothesis.end)
     }
@@ -88,7 +88,7 @@ impl Search {
         });
     }
 
-    /// Moves the root to this offset: the bytes before it belong to no frame. Hypotheses behind it stay.
+    /// Moves the root to this offset: the bytes before it belong to no frame. Hypotheses after it stay.
     pub(super) fn commit_unframed(&mut self, to: u64) -> Decision {
         let mut index = 0;
         self.lattice.retain(|hypothesis| {
@@ -103,7 +103,7 @@ impl Search {
         Decision::UnframedTo(to)
     }
 
-    /// Makes the hypothesis of this index the root, because it is committed. Those that do not stand behind it are dropped, path
+    /// Makes the hypothesis of this index the root, because it is committed. Those that do not follow it are dropped, path
     /// scores count from it on, and what was known in advance is void. `scanned_to` stays.
     pub(super) fn set_root(&mut self, new_root: usize) {
         let score = self.lattice[new_root].path_score;
@@ -114,7 +114,7 @@ impl Search {
         self.update_after_new_root();
     }
 
-    /// Keeps this hypothesis, which becomes the root, and those on whose path it is. Parents stand before their children.
+    /// Keeps this hypothesis, which becomes the root, and those on whose path it is. Parents are before their children.
     fn retain_behind(&mut self, first: usize) {
         const DROPPED: usize = usize::MAX;
         let mut new_indices = std::mem::take(&mut self.new_indices);
@@ -136,7 +136,7 @@ impl Search {
         self.new_indices = new_indices;
     }
 
-    /// Computes anew what depends on the root.
+    /// Computes again what depends on the root.
     fn update_after_new_root(&mut self) {
         self.skip.forget_decisions();
         let root_end = self.committed_offset();

@@ -1,6 +1,6 @@
 //! Frames that contain frames: file transfers, loopbacks and tunnels carry what was recorded elsewhere.
 //!
-//! A few bytes before a frame and two behind it that make a longer frame with a valid CRC are no chance match. That the
+//! A few bytes before a frame and two after it that make a longer frame with a valid CRC are no chance match. That the
 //! longer frame really contains the first one is rare, but it happens. So the longer frame is worth what both are worth
 //! together, less the cost of containing any.
 

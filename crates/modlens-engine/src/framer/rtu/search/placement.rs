@@ -1,4 +1,4 @@
-//! Where in the lattice a frame hypothesis scores best: behind which path, for each kind of path that matters.
+//! Where in the lattice a frame hypothesis scores best: after which path, for each kind of path that matters.
 
 use crate::framer::rtu::answerable::Answerable;
 use crate::framer::rtu::context_score::{context_score, mirrors_request, ContextScore, FrameInPlace, Preceding};
@@ -30,12 +30,12 @@ pub(super) struct ValidSubstring<'a> {
     pub declared: Option<Direction>,
     /// Which frames it may contain.
     pub contents: Option<Contents>,
-    /// By index of a hypothesis: what frames inside this one add behind that (`nested_scores`); empty if there are none.
+    /// By index of a hypothesis: what frames inside this one add after that (`nested_scores`); empty if there are none.
     pub nested_scores: Vec<f32>,
 }
 
 impl ValidSubstring<'_> {
-    /// Score in bits of the frames inside this one, if it stands behind the hypothesis `parent` (an index of the lattice). What
+    /// Score in bits of the frames inside this one, if it follows the hypothesis `parent` (an index of the lattice). What
     /// was read counts only if it answers the outstanding request; what was copied counts anyway.
     fn nested_score(&self, parent: usize, answers_outstanding: bool) -> f32 {
         let counts = self.contents == Some(Contents::Copied) || answers_outstanding;
@@ -137,14 +137,14 @@ impl Search {
 }
 
 /// The kind of a place: what of its path decides most of what follows. A response leaves the outstanding request or clears it
-/// (`answers_outstanding`; a request never answers). A write or its equal response may stand behind a request that was heard
+/// (`answers_outstanding`; a request never answers). A write or its equal response may follow a request that was heard
 /// twice (`follows_echo`).
 fn place_kind(answers_outstanding: bool, follows_echo: bool) -> usize {
     usize::from(answers_outstanding) + 2 * usize::from(follows_echo)
 }
 
 /// What a context score depends on beside the pause before the frame and the requests that may be answered: how many unframed
-/// bytes stand before it, as a class, and whether its header stands among them.
+/// bytes are before it, as a class, and whether its header stands among them.
 type PlaceKey = (usize, bool);
 
 /// The number of the class of unframed bytes before a frame that its context score depends on: none, a few, or so many that they
@@ -156,7 +156,7 @@ fn unframed_class(bytes: u64) -> usize {
 /// The classes of unframed bytes.
 const UNFRAMED_CLASSES: usize = 3;
 
-/// Context scores of one frame in one direction, behind one hypothesis after the other.
+/// Context scores of one frame in one direction, after one hypothesis after the other.
 struct ContextScores<'a> {
     search: &'a Search,
     input: &'a Input,
@@ -165,11 +165,11 @@ struct ContextScores<'a> {
     direction: usize,
     /// What the frame is worth for being a request that was seen before.
     polled_score: f32,
-    /// Stream offset at which the frame's own unit and function last stand before it (`last_same_header`).
+    /// Stream offset at which the frame's own unit and function last are before it (`last_same_header`).
     same_header_at: Option<u64>,
-    /// The last score: on most paths the same request is outstanding, so it is the next one, too.
+    /// The last score: on most paths the same request is outstanding, so it is the next one as well.
     last: Option<((Answerable, PlaceKey), ContextScore)>,
-    /// The scores behind requests that have nothing to do with the frame (`concerns_frame`): only whether one is outstanding
+    /// The scores after requests that have nothing to do with the frame (`concerns_frame`): only whether one is outstanding
     /// counts there, and the place.
     unconcerned: [[[Option<ContextScore>; 2]; UNFRAMED_CLASSES]; 2],
 }
@@ -192,7 +192,7 @@ impl<'a> ContextScores<'a> {
         Self { search, input, context, substring, direction, polled_score, same_header_at, last: None, unconcerned }
     }
 
-    /// The most bits that the context may be worth behind requests that have nothing to do with the frame: a request may be one
+    /// The most bits that the context may be worth after requests that have nothing to do with the frame: a request may be one
     /// that was seen before, and a response may have its own, damaged, before it. Whatever turn they take costs something.
     fn most_unconcerned_bits(&self) -> f32 {
         if self.direction == REQUEST {
@@ -202,8 +202,8 @@ impl<'a> ContextScores<'a> {
         }
     }
 
-    /// The context score of the frame behind this hypothesis, which ends at or before the frame's start; `is_concerned` is what
-    /// `concerns_frame` says of its requests.
+    /// The context score of the frame after this hypothesis, which ends at or before the frame's start; `is_concerned` is what
+    /// `concerns_frame` reports about its requests.
     fn behind(&mut self, before: &Hypothesis, is_concerned: bool) -> ContextScore {
         let unframed_bytes = self.substring.start - before.end;
         let has_same_header = self.same_header_at.is_some_and(|at| at >= before.end);

@@ -6,7 +6,7 @@ const MAX_BYTES: usize = 8;
 /// How many substrings are remembered.
 const PLACES: usize = 64;
 
-/// A substring, and where it was worth nothing: behind nothing but this root, on a line without times, by a unit that is not known.
+/// A substring, and where it was worth nothing: after nothing but this root, on a line without times, by a unit that is not known.
 /// There its score depends on its bytes, the root, and the two costs alone.
 #[derive(Clone, Copy, Default)]
 struct Rejected {
@@ -30,7 +30,7 @@ impl Default for RejectedSubstrings {
 }
 
 impl RejectedSubstrings {
-    /// Whether this substring was rejected behind the same root at the same costs, or lower ones, so that it would be again.
+    /// Whether this substring was rejected after the same root at the same costs, or lower ones, so that it would be again.
     pub fn contains(&self, frame: &[u8], root_end: u64, unframed_cost: f32, floor: f32) -> bool {
         let Some(bytes) = padded(frame) else { return false };
         let known = &self.0[place(frame)];
@@ -47,7 +47,7 @@ impl RejectedSubstrings {
     }
 }
 
-/// A short substring with zeros behind it.
+/// A short substring with zeros after it.
 fn padded(frame: &[u8]) -> Option<[u8; MAX_BYTES]> {
     let mut bytes = [0; MAX_BYTES];
     bytes.get_mut(..frame.len())?.copy_from_slice(frame);

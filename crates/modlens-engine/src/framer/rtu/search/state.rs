@@ -19,7 +19,7 @@ use modlens_protocol::Ns;
 
 /// The search over one line.
 pub struct Search {
-    /// The frame hypotheses behind the last frame committed, which is the root. Parents stand before their children.
+    /// The frame hypotheses after the last frame committed, which is the root. Parents are before their children.
     pub(super) lattice: Vec<Hypothesis>,
     pub(super) scanner: CrcScanner,
     /// Starts of the valid substrings that end at the last byte scanned.
@@ -28,15 +28,15 @@ pub struct Search {
     pub(super) new_indices: Vec<usize>,
     /// What was found to be worth nothing.
     pub(super) rejected: RejectedSubstrings,
-    /// Stream offset behind the last byte scanned.
+    /// Stream offset after the last byte scanned.
     pub(super) scanned_to: u64,
-    /// The scanner stands at `scanned_to`, so the search goes on there; else it begins anew behind the root.
+    /// The scanner is at `scanned_to`, so the search goes on there; else it restarts after the root.
     pub(super) is_scanning: bool,
     /// Offsets before which nothing can be decided.
     pub(super) skip: SkipAhead,
     /// The requests that hypotheses refer to.
     pub(super) requests: RequestPool,
-    /// The last frame committed is unconfirmed, or a piece of noise was committed that goes on.
+    /// The last frame committed is unconfirmed, or a block of noise was committed that goes on.
     pub(super) last_was_doubtful: bool,
     /// The shortest pause between frames, as the framer knows it.
     pub(super) frame_gap_ns: Ns,
@@ -45,7 +45,7 @@ pub struct Search {
     /// How many valid frames the search committed last without a byte between them. Neither the fast path nor a mere repetition
     /// (`is_mere_repetition`) counts here.
     pub(super) adjacent_frames: u8,
-    /// Where the valid frame ends that the search committed last, and what tells it from others.
+    /// Where the valid frame ends that the search committed last, and what distinguishes it from others.
     pub(super) last_valid_frame: Option<(u64, Fingerprint)>,
     /// Frames that stood alone in noise.
     pub(super) lone_frames: LoneFrames,
@@ -79,7 +79,7 @@ impl Default for Search {
     }
 }
 
-/// What was committed, and what is outstanding behind it.
+/// What was committed, and what is outstanding after it.
 impl Search {
     /// The stream offset up to which results are committed.
     #[inline]
@@ -87,12 +87,12 @@ impl Search {
         self.lattice[ROOT].end
     }
 
-    /// Whether no byte behind the committed ones was scanned.
+    /// Whether no byte after the committed ones was scanned.
     pub fn is_idle(&self) -> bool {
         self.lattice.len() == 1 && (!self.is_scanning || self.scanned_to == self.committed_offset())
     }
 
-    /// Whether no byte behind this stream offset was scanned, and no request is outstanding there. The late response to a
+    /// Whether no byte after this stream offset was scanned, and no request is outstanding there. The late response to a
     /// superseded one may still come.
     pub fn is_settled_at(&self, offset: u64) -> bool {
         let has_outstanding = self.lattice[ROOT].answerable.outstanding.is_some();
@@ -140,7 +140,7 @@ impl Search {
 
 /// Frames that the fast path found.
 impl Search {
-    /// Whether no hypothesis speaks against a fast-path frame behind the root and some stray bytes: there is none, or the best
+    /// Whether no hypothesis speaks against a fast-path frame after the root and some stray bytes: there is none, or the best
     /// path begins with that very frame.
     pub fn allows_fast_path(&self, stray_bytes: usize, length: FrameLength) -> bool {
         if self.lattice.len() == 1 {
@@ -154,13 +154,13 @@ impl Search {
         (first == ROOT && stray_bytes == 0) || (frame.start, frame.end, frame.direction) == (start, end, direction)
     }
 
-    /// Whether the outstanding request is neither unconfirmed nor damaged: then an unambiguous frame behind stray bytes needs no
+    /// Whether the outstanding request is neither unconfirmed nor damaged: then an unambiguous frame after stray bytes needs no
     /// search.
     pub fn has_sound_outstanding_request(&self) -> bool {
         self.outstanding_request().is_none_or(|request| !request.is_unconfirmed && !request.is_damaged)
     }
 
-    /// Commits a frame that the fast path found behind the root and `stray_bytes` bytes: it becomes the root and teaches the
+    /// Commits a frame that the fast path found after the root and `stray_bytes` bytes: it becomes the root and teaches the
     /// model, as if the search had committed it, but for what counts the search's own frames. All hypotheses are dropped.
     ///
     /// `bytes` begin at the root's end and have at least the stray bytes and the frame. The caller
@@ -224,7 +224,7 @@ impl Search {
         self.lattice[ROOT].answerable.answer(frame);
     }
 
-    /// Makes the frame with these stream offsets (the end excluded) the root, with nothing scanned behind it and nothing doubtful
+    /// Makes the frame with these stream offsets (the end excluded) the root, with nothing scanned after it and nothing doubtful
     /// about it. `odds` are log2 of the odds of its direction.
     #[inline]
     fn move_root(&mut self, direction: usize, frame: Range<u64>, odds: f32) {

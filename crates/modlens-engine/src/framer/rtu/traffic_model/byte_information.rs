@@ -52,7 +52,7 @@ impl TrafficModel {
         rest
     }
 
-    /// Computes the information content of all byte values anew: a mixture of the usual shares and those of the noise, of which
+    /// Computes the information content of all byte values again: a mixture of the usual shares and those of the noise, of which
     /// the latter weigh more with each noise byte. No value becomes rarer than usual. Old noise counts are halved.
     ///
     /// The loop has no branches, so the compiler turns it into a few vector operations.
@@ -79,7 +79,7 @@ impl TrafficModel {
         self.separated_cost + stray_run.min(weights::ENTER_NOISE_BITS + weights::LEAVE_NOISE_BITS)
     }
 
-    /// Cost in bits of this many unframed bytes behind the last frame of a path while no frame follows yet.
+    /// Cost in bits of this many unframed bytes after the last frame of a path while no frame follows yet.
     pub fn open_unframed_cost(&self, bytes: u64) -> f32 {
         if bytes == 0 {
             0.0

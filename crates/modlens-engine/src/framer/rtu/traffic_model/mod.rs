@@ -32,9 +32,9 @@ pub struct TrafficModel {
     /// The requests seen, and those of them that come again and again.
     pub poll_cycle: PollCycle,
     frames: f32,
-    /// Frames behind bytes that belong to no frame.
+    /// Frames after bytes that belong to no frame.
     frames_after_unframed: f32,
-    /// Frames behind so few such bytes that these were no damaged frame.
+    /// Frames after so few such bytes that these were no damaged frame.
     frames_after_stray_bytes: f32,
     frames_with_inner_pause: f32,
     /// Damaged frames that lack bytes.
@@ -52,7 +52,7 @@ pub struct TrafficModel {
     requests: f32,
     /// Such requests heard twice before any response.
     repeated_requests: f32,
-    /// Cost in bits of a frame right behind another one.
+    /// Cost in bits of a frame right after another one.
     adjacent_cost: f32,
     /// Cost in bits of unframed bytes between two frames, however many.
     separated_cost: f32,
@@ -63,7 +63,7 @@ pub struct TrafficModel {
     /// Noise bytes by value.
     noise: Box<[f32; 256]>,
     noise_total: f32,
-    /// `noise_total` at which `bits` are computed anew.
+    /// `noise_total` at which `bits` are computed again.
     noise_due: f32,
     /// Frames while no request is outstanding, without and with unframed bytes before them: responses among all frames.
     unsolicited: [LearnedShare; 2],
@@ -75,7 +75,7 @@ pub struct TrafficModel {
     last_request: Option<Fingerprint>,
     /// Requests by unit: those without response among all.
     silences: Box<[LearnedShare; 256]>,
-    /// Retries that got their response: those after which the late response to the first request came, too.
+    /// Retries that got their response: those after which the late response to the first request came as well.
     late_responses: LearnedShare,
     lengths: LearnedLengths,
     /// Cached upper bounds of header scores.
@@ -190,7 +190,7 @@ impl Default for TrafficModel {
 
 /// Learning from frames.
 impl TrafficModel {
-    /// Computes anew what depends on all counts. The search calls it whenever it has learned.
+    /// Computes again what depends on all counts. The search calls it whenever it has learned.
     pub fn update_costs(&mut self) {
         let unframed = self.frames_after_unframed + PRIOR_WEIGHT_FRAMES * weights::PRIOR_UNFRAMED_SHARE;
         let share = unframed / (self.frames + PRIOR_WEIGHT_FRAMES);
@@ -243,7 +243,7 @@ impl TrafficModel {
         }
     }
 
-    /// Learns from an unambiguous request and its response, right behind another frame.
+    /// Learns from an unambiguous request and its response, right after another frame.
     #[inline]
     pub fn learn_exchange(&mut self, request: &[u8], response: &[u8], copy: RequestCopy) {
         self.learn(request, REQUEST, FramePosition { request_outstanding: false, unframed_bytes: 0 }, copy);
@@ -340,7 +340,7 @@ impl TrafficModel {
         self.unframed_since_flow_control_loss = self.unframed_since_flow_control_loss.saturating_add(more);
     }
 
-    /// Behind a truncated response the master asked for it again (`true`), or went on.
+    /// After a truncated response the master asked for it again (`true`), or went on.
     pub fn learn_truncation(&mut self, asked_again: bool) {
         *if asked_again { &mut self.truncations_by_sender } else { &mut self.truncations_by_tap } += 1.0;
     }
@@ -389,13 +389,13 @@ impl TrafficModel {
         by_tap >= weights::MIN_TAP_TRUNCATIONS_FRAMES && by_tap >= enough
     }
 
-    /// Whether pauses inside frames prove nothing on this line, because valid frames have them, too.
+    /// Whether pauses inside frames prove nothing on this line, because valid frames have them as well.
     pub fn has_inner_pauses(&self) -> bool {
         let factor = weights::FRAMES_PER_INNER_PAUSE_FACTOR;
         self.frames_with_inner_pause * factor > self.frames + factor
     }
 
-    /// How many stray bytes usually stand in one place of this line, at most.
+    /// How many stray bytes usually are in one place of this line, at most.
     pub fn max_stray_bytes(&self) -> usize {
         if self.frames_after_stray_bytes * weights::FRAMES_PER_STRAY_RUN_FACTOR > self.frames {
             weights::MAX_STRAY_NOISY_BYTES

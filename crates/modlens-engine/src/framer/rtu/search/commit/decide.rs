@@ -18,7 +18,7 @@ impl Search {
     /// Commits the first frame of the best path, or unframed bytes where that path has no frame. `None` if neither is final: then
     /// `skip.next_decision_at` is the stream offset from which on it has to be asked again.
     ///
-    /// `is_closed`: no byte behind the last one scanned can belong to a frame before it. Then something is always committed.
+    /// `is_closed`: no byte after the last one scanned can belong to a frame before it. Then something is always committed.
     pub(in crate::framer::rtu::search) fn decide(
         &mut self,
         input: &Input,
@@ -45,14 +45,14 @@ impl Search {
         }
     }
 
-    /// Whether the order of paths may change with each byte: while the cost of the bytes behind the latest hypothesis grows.
+    /// Whether the order of paths may change with each byte: while the cost of the bytes after the latest hypothesis grows.
     fn is_order_settling(&self) -> bool {
         let last = &self.lattice[self.lattice.len() - 1];
         self.lattice.len() > 1 && self.scanned_to < last.end + weights::SETTLED_BEHIND_BYTES
     }
 
     /// Whether the path without a frame, the best one now with this score, stays the best one while the hypotheses are the same.
-    /// All others have ended later, so bytes behind them cost them no less from here on than they cost this one.
+    /// All others have ended later, so bytes after them cost them no less from here on than they cost this one.
     ///
     /// Where noise has made so many hypotheses that they are pruned, they do not stay the same.
     fn root_leads_for_good(&self, score: f32) -> bool {
@@ -61,11 +61,11 @@ impl Search {
         self.lattice.len() < 2 * weights::BEAM_HYPOTHESES && others.all(falls_behind)
     }
 
-    /// The state while the best path has no frame: final if closed, or if no frame can begin any more in the first piece of
+    /// The state while the best path has no frame: final if closed, or if no frame can begin any more in the first block of
     /// unframed bytes (`UNFRAMED_PIECE_BYTES`). Prunes the lattice where noise has made many hypotheses.
     fn unframed_state(&mut self, is_closed: bool) -> CommitState {
         let piece_end = self.committed_offset() + weights::UNFRAMED_PIECE_BYTES;
-        // A frame that begins in the piece ends before this offset.
+        // A frame that begins in the block ends before this offset.
         if is_closed || self.scanned_to > piece_end + MAX_CANDIDATE_SPAN {
             return CommitState::Final;
         }
@@ -76,7 +76,7 @@ impl Search {
     }
 
     /// The state of the first frame of the best path, while the line is not closed; `path_end` is the index of the last frame
-    /// of that path, `score` its score in bits with the bytes behind it. The checks come in the order of the drawing in
+    /// of that path, `score` its score in bits with the bytes after it. The checks come in the order of the drawing in
     /// `commit`.
     ///
     /// Sets `skip.needs_more_bytes` where a look-ahead in a recording cannot tell yet.
@@ -90,7 +90,7 @@ impl Search {
         }
         if let Some(rival_end) = self.first_rival_end(context, first, score) {
             // A rival whose last frame ends no later than the best path's pays no more for any further byte, so it does not
-            // fall further behind until a new hypothesis is found.
+            // fall further back until a new hypothesis is found.
             let has_constant_distance = rival_end <= self.lattice[path_end].end;
             return CommitState::Contested { until: end + patience, has_constant_distance };
         }
@@ -103,8 +103,8 @@ impl Search {
     }
 
     /// The state of the first frame of the best path while no complete rival is within the margin of `first_rival_end`.
-    /// `path_end` is the index of the last frame of that path, `score` its score in bits with the bytes behind it. No unfinished
-    /// frame that may be a rival, because it begins before that first frame ends, reaches behind stream offset `max_rival_end`,
+    /// `path_end` is the index of the last frame of that path, `score` its score in bits with the bytes after it. No unfinished
+    /// frame that may be a rival, because it begins before that first frame ends, reaches after stream offset `max_rival_end`,
     /// which is not scanned yet.
     ///
     /// What look-aheads find out is kept in `skip`, so that the next call need not ask again: the last rival, the starts without
@@ -136,7 +136,7 @@ impl Search {
 
     /// The rivals of the frame `first` are the paths with another first frame whose score is less than the margin
     /// (`COMMIT_MARGIN_BITS`, in a recording `OFFLINE_COMMIT_MARGIN_BITS`) below `score`, that of the best path. The stream
-    /// offset behind the last frame of a rival, the least of all rivals; `None` if there are no rivals. The root counts as one:
+    /// offset after the last frame of a rival, the least of all rivals; `None` if there are no rivals. The root counts as one:
     /// the path on which all bytes are unframed.
     fn first_rival_end(&self, context: &FramerContext<'_>, first: usize, score: f32) -> Option<u64> {
         let margin = if context.may_look_ahead { weights::OFFLINE_COMMIT_MARGIN_BITS } else { weights::COMMIT_MARGIN_BITS };
@@ -144,7 +144,7 @@ impl Search {
         self.lattice.iter().filter(is_rival).map(|rival| rival.end).min()
     }
 
-    /// Whether nothing tells the direction of the frame `first` but what follows: there is no clock, or a silence that tells
+    /// Whether nothing reports the direction of the frame `first` but what follows: there is no clock, or a silence that reports
     /// nothing (log-odds of 0), the line may carry both directions, and the same bytes in the other direction lead a path within
     /// `OPPOSITE_DIRECTION_MARGIN_BITS` of the best one, whose score is given.
     fn has_unclear_direction(&self, input: &Input, context: &FramerContext<'_>, first: usize, score: f32) -> bool {
@@ -156,7 +156,7 @@ impl Search {
 
     /// What an unfinished frame has to exceed: the score of the best path (that ends with the frame `path_end`) less the margin
     /// (`COMMIT_MARGIN_BITS`, in a recording `LOOKAHEAD_MARGIN_BITS`), `now` as that path scores, and `least` once it has paid
-    /// all that bytes behind its last frame can cost.
+    /// all that bytes after its last frame can cost.
     fn rival_bar(&self, context: &FramerContext<'_>, path_end: usize, score: f32) -> RivalBar {
         let unframed = self.scanned_to - self.lattice[path_end].end;
         let further_cost =
@@ -165,9 +165,9 @@ impl Search {
         RivalBar { now, least: now - further_cost - weights::ROUNDING_BITS }
     }
 
-    /// The stream offset up to which the frame from `start` to `end` (stream offsets) may turn out to stand inside a longer one
-    /// that begins right behind the root, or behind a few stray bytes there; `None` if it does not. The offset may be scanned
-    /// already: then it decides nothing. A frame behind a pause stands in no other one.
+    /// The stream offset up to which the frame from `start` to `end` (stream offsets) may turn out to be inside a longer one
+    /// that begins right after the root, or after a few stray bytes there; `None` if it does not. The offset may be scanned
+    /// already: then it decides nothing. A frame after a pause is in no other one.
     fn nested_until(&mut self, input: &Input, context: &FramerContext<'_>, start: u64, end: u64) -> Option<u64> {
         let root_end = self.committed_offset();
         let pause = input.pause_before((start - input.offset()) as usize);
@@ -179,9 +179,9 @@ impl Search {
         outer_starts.filter_map(|outer_start| self.nested_in_until(input, context, outer_start, end)).max()
     }
 
-    /// The stream offset up to which the frame that ends at `end` may turn out to stand inside a longer one that begins at
-    /// `outer_start` (both are stream offsets); `None` if it does not. Behind stray bytes the unit of the longer frame has to be
-    /// known; right behind the root its unit, or what its function contains.
+    /// The stream offset up to which the frame that ends at `end` may turn out to be inside a longer one that begins at
+    /// `outer_start` (both are stream offsets); `None` if it does not. After stray bytes the unit of the longer frame has to be
+    /// known; right after the root its unit, or what its function contains.
     ///
     /// Live, every length that counts (`may_contain_in`) is awaited; in a recording, only where the frame completes, or where
     /// that is not known yet (`skip.needs_more_bytes` is set then).
@@ -205,7 +205,7 @@ impl Search {
     }
 
     /// Whether a longer frame from stream offset `outer_start` on, whose header announces this length, will be complete: live it
-    /// is taken for granted. With an open length it has to end behind stream offset `end`.
+    /// is taken for granted. With an open length it has to end after stream offset `end`.
     fn outer_completion(
         &mut self,
         input: &Input,
@@ -222,7 +222,7 @@ impl Search {
     }
 
     /// Whether a frame that begins with the bytes `outer`, in this direction and with this announced length, may contain others:
-    /// with an open length right behind the root (`is_due`); with an exact one if the payload of its function is copied, or
+    /// with an open length right after the root (`is_due`); with an exact one if the payload of its function is copied, or
     /// if it is the response to the outstanding request and was read. A least length does not count.
     fn may_contain_in(
         &self,
@@ -248,7 +248,7 @@ impl Search {
     }
 
     /// The stream offset up to which an unfinished frame may still outscore the frame `first` (an index of the lattice); `None`
-    /// if none can. It has begun in `rival_starts`, or right behind a frame of another path.
+    /// if none can. It has begun in `rival_starts`, or right after a frame of another path.
     ///
     /// The rival is kept in `skip.last_rival` and asked first the next time: what was possible a byte ago mostly still is.
     fn overtakable_until(&mut self, input: &Input, context: &FramerContext<'_>, first: usize, bar: RivalBar) -> Option<u64> {
@@ -268,7 +268,7 @@ impl Search {
     /// the root on, as far back as a frame is long, before the end of `first`. A frame that begins inside a certain one
     /// (`CERTAIN_FRAME_BITS`) does not outscore it: in a recording, they end at the start of a certain one.
     ///
-    /// `None` if `first` is certain and begins right behind the root. Behind stray bytes, it may itself stand inside a longer
+    /// `None` if `first` is certain and begins right after the root. After stray bytes, it may itself are inside a longer
     /// frame.
     fn rival_starts(&self, context: &FramerContext<'_>, first: usize) -> Option<Range<u64>> {
         let frame = &self.lattice[first];
@@ -281,7 +281,7 @@ impl Search {
     }
 
     /// The rival found last, with the offset up to which it may now outscore `first`; `None` if it is none any more, or begins
-    /// neither in `starts` nor right behind a frame of another path.
+    /// neither in `starts` nor right after a frame of another path.
     fn check_rival_again(
         &mut self,
         input: &Input,
@@ -302,7 +302,7 @@ impl Search {
     }
 
     /// Whether the bytes of the frame `first` are also a hypothesis of the other direction that ends a path whose score now, with
-    /// the bytes behind it, exceeds `bar` (bits).
+    /// the bytes after it, exceeds `bar` (bits).
     pub(super) fn has_opposite_rival(&self, first: usize, bar: f32) -> bool {
         self.lattice.iter().any(|other| self.is_opposite(first, other) && self.current_score(other) > bar)
     }

@@ -1,4 +1,4 @@
-//! Commits a frame or unframed bytes: the root moves behind them, and the model learns from them.
+//! Commits a frame or unframed bytes: the root moves after them, and the model learns from them.
 
 use crate::confidence::{self, Likeness, Standing};
 use crate::framer::rtu::answerable::{fingerprint, AnswerableRequests, HeldRequest};
@@ -16,7 +16,7 @@ use crate::weights;
 use modlens_protocol::direction::{self, Direction, ResponseMatch};
 use modlens_protocol::functions::{Layout, EXCEPTION_BIT};
 
-// The surroundings by which a lone frame is known again all stand before it.
+// The surroundings by which a lone frame is known again all are before it.
 const _: () = assert!(SURROUNDING_BYTES as u64 <= weights::MAY_HIDE_FRAME_BYTES);
 
 /// The first frame of the best path, with a valid CRC, about to be committed.
@@ -33,7 +33,7 @@ struct Winner<'a> {
     unframed: &'a [u8],
     /// `REQUEST` or `RESPONSE`.
     direction: usize,
-    /// It answers the request that is outstanding behind the root.
+    /// It answers the request that is outstanding after the root.
     answers_outstanding: bool,
     /// Score of its path less that of the best path without it, in bits. The root counts as such a path: all bytes are unframed
     /// there.
@@ -41,7 +41,7 @@ struct Winner<'a> {
 }
 
 impl Winner<'_> {
-    /// Whether it stands alone: before it are so many unframed bytes that a whole frame may be hidden among them, so that
+    /// Whether it is alone: before it are so many unframed bytes that a whole frame may be hidden among them, so that
     /// nothing is known of what it follows.
     fn is_lone(&self) -> bool {
         self.unframed.len() as u64 >= weights::MAY_HIDE_FRAME_BYTES
@@ -54,12 +54,12 @@ struct Evidence {
     direction_odds: f32,
     /// It stood alone in the same noise before.
     recurs: bool,
-    /// It stands alone in noise, and nothing vouches for it.
+    /// It is alone in noise, and nothing vouches for it.
     is_unconfirmed: bool,
 }
 
 impl Search {
-    /// Commits unframed bytes behind the root, which no frame on the best path claims: all bytes scanned if closed, else the
+    /// Commits unframed bytes after the root, which no frame on the best path claims: all bytes scanned if closed, else the
     /// first `UNFRAMED_PIECE_BYTES`. The model learns them as noise.
     pub(super) fn commit_unframed_piece(&mut self, input: &Input, is_closed: bool) -> Decision {
         self.last_was_doubtful |= !is_closed;
@@ -70,10 +70,10 @@ impl Search {
     }
 
     /// Commits the first frame of the best path: it becomes the root. `first` is its index in the lattice, `score` that of its path
-    /// in bits, as it stands at the last byte scanned. Its confidence comes from its lead over the best path without it.
+    /// in bits, as it is at the last byte scanned. Its confidence comes from its lead over the best path without it.
     ///
     /// With a valid CRC it teaches the model, as do the unframed bytes before it. An unconfirmed frame teaches no unit or
-    /// function, and the request that is outstanding behind it becomes unconfirmed, too. Nothing is learned from a damaged
+    /// function, and the request that is outstanding after it becomes unconfirmed as well. Nothing is learned from a damaged
     /// frame here: the framer explains it when it gives the frame out.
     pub(super) fn commit_frame(&mut self, input: &Input, context: &FramerContext<'_>, first: usize, score: f32) -> Decision {
         let Hypothesis { start, end, direction, is_crc_valid, .. } = self.lattice[first];
@@ -127,9 +127,9 @@ impl Search {
         Evidence { direction_odds, recurs, is_unconfirmed }
     }
 
-    /// Whether a frame stands right behind the same bytes, and no specification says how long it is. In bytes with a period, as the
-    /// telegrams of another protocol have, any number of periods may have a valid CRC by accident, and then each of the frames
-    /// that follow has, too: together they are one accident.
+    /// Whether a frame stands right after the same bytes, and no specification says how long it is. In bytes with a period, as the
+    /// telegrams of another protocol have, any number of periods may have a valid CRC by chance, and then each of the frames
+    /// that follow has as well: together they are one accident.
     fn is_mere_repetition(&self, context: &FramerContext<'_>, winner: &Winner<'_>) -> bool {
         let frame = winner.frame.0;
         self.last_valid_frame == Some((winner.start, fingerprint(frame)))
@@ -148,7 +148,7 @@ impl Search {
         }
     }
 
-    /// Log2 of the odds of the direction of a frame in a run of equal frames, kept for the frame behind it. What the recording
+    /// Log2 of the odds of the direction of a frame in a run of equal frames, kept for the frame after it. What the recording
     /// declares is certain.
     fn direction_odds(&mut self, input: &Input, context: &FramerContext<'_>, winner: &Winner<'_>) -> f32 {
         let declared = context.declared_direction_at(input, winner.start_index);
@@ -161,7 +161,7 @@ impl Search {
         }
     }
 
-    /// Counts a frame that stands alone (`is_lone`); returns whether the same came before, behind the same bytes. A response
+    /// Counts a frame that is alone (`is_lone`); returns whether the same came before, after the same bytes. A response
     /// that vouches for its request is counted for that one instead, and never counts as recurring itself.
     fn record_lone_frame(&mut self, input: &Input, context: &FramerContext<'_>, winner: &Winner<'_>) -> bool {
         let last = self.last_lone_frame.take();
@@ -182,21 +182,21 @@ impl Search {
         came_before
     }
 
-    /// Whether a frame answers the request that is outstanding behind the root and proves that it is one (`vouches_for`).
+    /// Whether a frame answers the request that is outstanding after the root and proves that it is one (`vouches_for`).
     fn vouches_for_outstanding(&self, context: &FramerContext<'_>, winner: &Winner<'_>) -> bool {
         let request = self.outstanding_request().filter(|_| winner.answers_outstanding);
         request.is_some_and(|request| vouches_for(context, request, winner.frame))
     }
 
-    /// Whether a frame stands alone in noise and nothing vouches for it: a CRC is valid by chance once in 65536 places.
+    /// Whether a frame is alone in noise and nothing vouches for it: a CRC is valid by chance once in 65536 places.
     /// `recurs`: it stood alone in the same noise before.
     ///
-    /// It is confirmed if it answers a sound request, or stands right behind a frame that is not in doubt; where it only repeats
-    /// that one (`is_repetition`), behind a chain of others. Else a unit of a paired transaction vouches for its frames, in the
+    /// It is confirmed if it answers a sound request, or stands right after a frame that is not in doubt; where it only repeats
+    /// that one (`is_repetition`), after a chain of others. Else a unit of a paired transaction vouches for its frames, in the
     /// middle of noise only for likely ones (`is_likely_in_noise`).
     fn is_unconfirmed(&self, context: &FramerContext<'_>, winner: &Winner<'_>, recurs: bool, is_repetition: bool) -> bool {
         let is_vouched = self.vouches_for_outstanding(context, winner);
-        // Right behind a chance match there may be another one, but neither its response nor a chain of frames.
+        // Right after a chance match there may be another one, but neither its response nor a chain of frames.
         let is_chain = self.adjacent_frames >= weights::CHAIN_FRAMES;
         let follows_doubt = self.last_was_doubtful && !is_vouched && !is_chain;
         let follows_firm_frame = winner.unframed.is_empty() && !follows_doubt && (is_chain || !is_repetition);
@@ -209,7 +209,7 @@ impl Search {
     }
 
     /// Whether a frame answers an outstanding request that makes it sound. Two of three things have to hold: the request is
-    /// confirmed, the frame proves it (`is_vouched`), and few bytes stand between them: drivers that are switched leave a
+    /// confirmed, the frame proves it (`is_vouched`), and few bytes are between them: drivers that are switched leave a
     /// stray byte or two in front of every frame.
     fn answers_sound_request(&self, winner: &Winner<'_>, is_vouched: bool) -> bool {
         let Some(request) = self.outstanding_request().filter(|_| winner.answers_outstanding) else { return false };
@@ -223,7 +223,7 @@ impl Search {
         winner.lead >= weights::FIRM_IN_NOISE_BITS && score::is_understood(&self.model, context, winner.frame.0, winner.direction)
     }
 
-    /// Teaches the model a frame that is about to become the root. Noise must not teach units; that stray bytes stand before
+    /// Teaches the model a frame that is about to become the root. Noise must not teach units; that stray bytes are before
     /// frames, it may.
     fn learn_winner(&mut self, context: &FramerContext<'_>, winner: &Winner<'_>, is_unconfirmed: bool) {
         if is_unconfirmed {
@@ -234,7 +234,7 @@ impl Search {
         }
     }
 
-    /// Learns what a frame says of the outstanding request: a request leaves it unanswered, and a response to it ends the unit's
+    /// Learns what a frame reports about the outstanding request: a request leaves it unanswered, and a response to it ends the unit's
     /// silence.
     fn learn_turn(&mut self, winner: &Winner<'_>) {
         if winner.direction == REQUEST {
@@ -269,7 +269,7 @@ impl Search {
         }
     }
 
-    /// Makes the request that is outstanding behind the root, if there is one, unconfirmed. Other paths keep the original.
+    /// Makes the request that is outstanding after the root, if there is one, unconfirmed. Other paths keep the original.
     fn doubt_outstanding_request(&mut self) {
         if let Some(outstanding) = self.lattice[ROOT].answerable.outstanding {
             self.reserve_request();
@@ -291,7 +291,7 @@ impl Search {
         }
     }
 
-    /// Learns from a response about to be committed how often the late response to a request comes behind the response to its
+    /// Learns from a response about to be committed how often the late response to a request comes after the response to its
     /// retry: one chance more if it answers a retry, one hit more if it is late itself: no request is outstanding, and
     /// it fits the superseded one in full. Nothing is learned from one that equals the superseded request: it may be a retry.
     #[inline]
@@ -369,7 +369,7 @@ fn vouches_for(context: &FramerContext<'_>, request: &HeldRequest, response: Fra
     is_known && request.pdu != response.pdu()
 }
 
-/// Whether the framer holds a decision back: in a recording, unframed bytes are judged together with the frame behind them.
+/// Whether the framer holds a decision back: in a recording, unframed bytes are judged together with the frame after them.
 pub fn is_held_back(decision: &Decision, input: &Input, context: &FramerContext<'_>) -> bool {
     let Decision::UnframedTo(to) = *decision else { return false };
     context.may_look_ahead

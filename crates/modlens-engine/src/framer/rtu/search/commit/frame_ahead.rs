@@ -12,7 +12,7 @@ pub(super) struct FrameAhead<'a> {
     pub(super) bytes: &'a [u8],
     /// How many of them are scanned: a frame that is no longer has been found already.
     pub(super) scanned_length: usize,
-    /// The input that they stand in, and the index of the first of them.
+    /// The input that they are in, and the index of the first of them.
     pub(super) input: &'a Input,
     pub(super) at: usize,
 }
@@ -24,7 +24,7 @@ impl<'a> FrameAhead<'a> {
         max_frame_length(self.input, self.at)
     }
 
-    /// Whether the frame ends behind the bytes scanned with a valid CRC, if its header announces this length, which is not open.
+    /// Whether the frame ends after the bytes scanned with a valid CRC, if its header announces this length, which is not open.
     /// A least length is not looked up. `Unknown` where bytes are missing.
     #[inline]
     pub(super) fn look_up(&self, extent: Extent) -> Completion {

@@ -1,4 +1,4 @@
-//! Look-ahead in a recording: whether a frame that has begun will be complete can be looked up in the bytes behind it.
+//! Look-ahead in a recording: whether a frame that has begun will be complete can be looked up in the bytes after it.
 //!
 //! So nothing is awaited that does not come, and no hypotheses pile up meanwhile. A frame that does come is awaited as on a
 //! live line, and scored.
@@ -24,8 +24,8 @@ use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 
 impl Search {
     /// The first unfinished frame that may outscore the frame `first` (an index of the lattice) in a recording: one that begins
-    /// in `starts` (stream offsets, the end excluded) behind any hypothesis, else one right behind a frame of another path. It
-    /// must also come to an end, with a valid CRC, or damaged right behind a hypothesis. Where bytes are missing to tell, it
+    /// in `starts` (stream offsets, the end excluded) after any hypothesis, else one right after a frame of another path. It
+    /// must also come to an end, with a valid CRC, or damaged right after a hypothesis. Where bytes are missing to tell, it
     /// counts, and `skip.needs_more_bytes` is set.
     ///
     /// Nearly no start can ever be a rival, whichever path it follows, and it is never looked at again: `skip.no_rival_before`
@@ -51,7 +51,7 @@ impl Search {
         });
         let unseen = if found.is_some() { 0..0 } else { starts.start.max(self.skip.no_rival_before)..starts.end };
         for start in unseen {
-            // Said at once for most starts, for which `rival_at` would say it, too.
+            // Said at once for most starts, for which `rival_at` would say it as well.
             let is_over = |ahead: FrameAhead<'_>| ahead.bytes.len() >= 2 && self.is_over(context, &ahead);
             if !filter.may_be_due_at(start) && is_over(self.frame_ahead(input, start)) {
                 self.skip.no_rival_before = start + 1;
@@ -71,8 +71,8 @@ impl Search {
         found.or_else(|| self.rival_behind_other_path(input, context, first, bar))
     }
 
-    /// Whether an unfinished frame at stream offset `start` is a rival, behind any hypothesis. If it never completes, only
-    /// hypotheses that end right there are tried, because only behind these a damaged frame is possible.
+    /// Whether an unfinished frame at stream offset `start` is a rival, after any hypothesis. If it never completes, only
+    /// hypotheses that end right there are tried, because only after these a damaged frame is possible.
     fn rival_at(
         &mut self,
         input: &Input,
@@ -109,8 +109,8 @@ impl Search {
         result
     }
 
-    /// A rival right behind a hypothesis of another path than that of the frame `first`: that path may be in the middle of its
-    /// next frame, which can begin behind the starts that were tried.
+    /// A rival right after a hypothesis of another path than that of the frame `first`: that path may be in the middle of its
+    /// next frame, which can begin after the starts that were tried.
     fn rival_behind_other_path(
         &mut self,
         input: &Input,
@@ -129,7 +129,7 @@ impl Search {
     }
 
     /// As `rival_until_by_header`, for recordings: `None` also for a frame that never comes to an end. `parent` is the index of
-    /// the hypothesis behind which it begins, `start` its stream offset. Sets `skip.needs_more_bytes` where bytes are missing.
+    /// the hypothesis after which it begins, `start` its stream offset. Sets `skip.needs_more_bytes` where bytes are missing.
     pub(super) fn rival_until_by_lookahead(
         &mut self,
         input: &Input,
@@ -150,7 +150,7 @@ impl Search {
         bar: f32,
         completion: Option<Completion>,
     ) -> Option<u64> {
-        // Most paths stand before bytes that begin no frame, neither a whole one nor a damaged one.
+        // Most paths are before bytes that begin no frame, neither a whole one nor a damaged one.
         let ahead = self.frame_ahead(input, start);
         if completion.is_none() && ahead.bytes.len() >= 2 && self.is_over(context, &ahead) {
             return None;
@@ -168,7 +168,7 @@ impl Search {
         (completion != Completion::Never).then_some(until)
     }
 
-    /// Whether a frame that begins at stream offset `start` ends behind the last byte scanned with a valid CRC, in a length that
+    /// Whether a frame that begins at stream offset `start` ends after the last byte scanned with a valid CRC, in a length that
     /// its header admits, and before a break or a record's start (`FrameAhead`). A length without announcement counts only
     /// where unit and function are familiar; where only a least length is announced, nothing is looked up.
     ///
@@ -196,7 +196,7 @@ impl Search {
         completion
     }
 
-    /// Whether the function code alone shows that no frame reaches behind the bytes scanned: it is an exception response, which
+    /// Whether the function code alone shows that no frame reaches beyond the bytes scanned: it is an exception response, which
     /// would have ended, or has no layout, and is not familiar. So it is with most bytes.
     #[inline]
     fn is_over(&self, context: &FramerContext<'_>, ahead: &FrameAhead<'_>) -> bool {
@@ -214,8 +214,8 @@ impl Search {
         FrameAhead { bytes: &input.bytes()[at..], scanned_length: (self.scanned_to - start) as usize, input, at }
     }
 
-    /// Whether a frame with an invalid CRC right behind this hypothesis ends behind the last byte scanned, exactly as long as it
-    /// announces, and lifts the path's score above `bar` (bits). `Never`, too, for an exception response, and if its bytes
+    /// Whether a frame with an invalid CRC right after this hypothesis ends after the last byte scanned, exactly as long as it
+    /// announces, and lifts the path's score above `bar` (bits). `Never` as well, for an exception response, and if its bytes
     /// have not all come.
     fn damaged_completion(&self, input: &Input, context: &FramerContext<'_>, behind: &Hypothesis, bar: f32) -> Completion {
         let ahead = self.frame_ahead(input, behind.end);
@@ -231,7 +231,7 @@ impl Search {
         Completion::if_found(announced_lengths(context, ahead.bytes).into_iter().flatten().find_map(exceeds_bar).is_some())
     }
 
-    /// Whether any substring that begins right behind the root, of whatever length, ends behind stream offset `end` with a valid
+    /// Whether any substring that begins right after the root, of whatever length, ends after stream offset `end` with a valid
     /// CRC, before a break or a record's start. `Unknown` is asked again; any other answer is kept for this root, whatever
     /// `end` is asked for later: bytes scanned since are in the lattice.
     pub(super) fn open_length_completion(&mut self, input: &Input, end: u64) -> Completion {
@@ -251,7 +251,7 @@ impl Search {
     }
 
     /// Whether a frame that begins in the first `stray_bytes` of the input may outscore the unambiguous frame of `length` bytes
-    /// behind them: `Frame` if there is one, `NeedsMoreBytes` if it may still be completed. Only the fast path asks, in
+    /// after them: `Frame` if there is one, `NeedsMoreBytes` if it may still be completed. Only the fast path asks, in
     /// recordings.
     ///
     /// It is a rival if its header may lift its path to less than `STRAY_RIVAL_MARGIN_BITS` below a certain frame, or if its unit
@@ -274,7 +274,7 @@ impl Search {
         FrameCheck::NoFrame
     }
 
-    /// Whether the header at index `at` of the stray bytes makes a frame there a rival of the unambiguous frame behind them.
+    /// Whether the header at index `at` of the stray bytes makes a frame there a rival of the unambiguous frame after them.
     /// `to_frame_end` are the bytes from `at` on to the end of that frame.
     fn is_rival_header(&self, context: &FramerContext<'_>, at: usize, to_frame_end: &[u8]) -> bool {
         // What a frame of open length contains may look like a frame, even where its function is new to this line.
@@ -295,7 +295,7 @@ impl Search {
 /// number of bytes in the input by two at least.
 ///
 /// A length that the header leaves open counts only for a unit that took part in a sound frame (`known_units`), and only if the
-/// frame ends at index `to` (its end excluded) or behind it; a least length is not looked up. `NeedsMoreBytes` as soon as one
+/// frame ends at index `to` (its end excluded) or after it; a least length is not looked up. `NeedsMoreBytes` as soon as one
 /// admitted length cannot be judged yet.
 fn complete_frame_at(input: &Input, context: &FramerContext<'_>, at: usize, to: usize) -> FrameCheck {
     let bytes = &input.bytes()[at..];

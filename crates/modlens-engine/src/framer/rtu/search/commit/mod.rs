@@ -8,13 +8,13 @@
 //!                                          |
 //!                                          v
 //!     +----------------------------->  UNFRAMED  --- 4096 bytes and a candidate's length --> commit the bytes
-//!     |              the best path has no frame      behind them, or closed                  as unframed --+
+//!     |              the best path has no frame      after them, or closed                  as unframed --+
 //!     |                                    |                                                               |
 //!     |                        a frame leads the best path                                                 |
 //!     |                                    v                                                               |
 //!  commit the frame:   +---------------------------------------------------------------+                   |
 //!  it becomes the      | CONTESTED          a complete rival is within the margin      |                   |
-//!  root of the lattice | NESTED             it may stand inside a frame begun before   |<-- a hypothesis   |
+//!  root of the lattice | NESTED             it may be inside a frame begun before   |<-- a hypothesis   |
 //!  and teaches the     | AWAITS_SUCCESSOR   only the next frame shows its direction,   |    was added      |
 //!  model               |                    or that it was damaged                     |                   |
 //!     |                | OVERTAKABLE        an unfinished frame may outscore it        |                   |
@@ -25,7 +25,7 @@
 //!     +-------------------------------- FINAL                                UNFRAMED  <-------------------+
 //! ```
 //!
-//! *Closed* means that no byte behind the last one scanned can belong to a frame before it (`advance` passes it):
+//! *Closed* means that no byte after the last one scanned can belong to a frame before it (`advance` passes it):
 //! - a record of a recording starts there, or a silence of `break_ns` ended (`Input::is_boundary`);
 //! - the recording is over, or silence has lasted so long that no adapter holds bytes back (`Input::is_closed`);
 //! - the line is silent (`Input::is_paused`) and a frame leads. Where none does, the adapter may still hold back the end of one.
@@ -34,7 +34,7 @@
 //! decided byte by byte: see `SkipAhead`.
 //!
 //! In a recording nobody waits. Margins are wider there, and whether an unfinished frame will be complete is looked up
-//! (`lookahead`) instead of guessed from its header. The framer also holds unframed bytes back there until the frame behind them
+//! (`lookahead`) instead of guessed from its header. The framer also holds unframed bytes back there until the frame after them
 //! is known (`is_held_back`).
 
 mod decide;

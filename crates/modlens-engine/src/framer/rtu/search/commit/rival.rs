@@ -27,7 +27,7 @@ impl UnitSet {
 
 /// What the headers of unfinished frames are compared with first, before each path is looked at.
 pub(super) struct HeaderFilter {
-    /// A header that adds no more bits than this to a path cannot exceed the bar, not even behind the best path.
+    /// A header that adds no more bits than this to a path cannot exceed the bar, not even after the best path.
     least_bits: f32,
     /// The units that are addressed by an outstanding request on any path.
     outstanding_units: UnitSet,
@@ -44,7 +44,7 @@ impl HeaderFilter {
 
 impl Search {
     /// The first unfinished frame that may outscore the frame `first` (an index of the lattice) on a live line, by its header:
-    /// one that begins in `starts` (stream offsets, the end excluded) behind any hypothesis, else one right behind a frame of
+    /// one that begins in `starts` (stream offsets, the end excluded) after any hypothesis, else one right after a frame of
     /// another path.
     ///
     /// Moves `skip.no_rival_before` past the leading starts at which no frame can become a rival while the hypotheses stay the
@@ -79,8 +79,8 @@ impl Search {
         self.header_rival_behind_other_path(input, context, first, bar)
     }
 
-    /// A rival by its header right behind a hypothesis of another path than that of the frame `first`: that path may be in the
-    /// middle of its next frame, which can begin behind the starts that were tried.
+    /// A rival by its header right after a hypothesis of another path than that of the frame `first`: that path may be in the
+    /// middle of its next frame, which can begin after the starts that were tried.
     fn header_rival_behind_other_path(
         &self,
         input: &Input,
@@ -95,7 +95,7 @@ impl Search {
         })
     }
 
-    /// Whether an unfinished frame at stream offset `start` is a rival by its header as far as it is seen, behind any
+    /// Whether an unfinished frame at stream offset `start` is a rival by its header as far as it is seen, after any
     /// hypothesis.
     fn header_rival_at(&self, input: &Input, context: &FramerContext<'_>, start: u64, bar: RivalBar) -> RivalAt {
         let mut result = RivalAt::Never;
@@ -142,7 +142,7 @@ impl Search {
 
     /// Whether a frame that begins at stream offset `start` may lift any path above the bar of the filter with some body. True
     /// where it may answer a request that is outstanding on some path, or where unit and function are not both there. `false`
-    /// costs two look-ups (and fills their cache), and nearly always spares the exact bound behind each path.
+    /// costs two look-ups (and fills their cache), and nearly always spares the exact bound after each path.
     ///
     /// `seen` are the bytes from `start` on.
     pub(super) fn may_exceed(&mut self, context: &FramerContext<'_>, seen: &[u8], start: u64, filter: &HeaderFilter) -> bool {

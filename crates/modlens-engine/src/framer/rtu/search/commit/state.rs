@@ -9,20 +9,20 @@ pub enum Decision {
     Frame {
         /// Stream offset of its first byte.
         start: u64,
-        /// Stream offset behind its last byte.
+        /// Stream offset after its last byte.
         end: u64,
         /// Who sent it.
         direction: Direction,
         /// The log2 odds that it is right.
         confidence: u8,
-        /// It stands alone in noise, and its unit has not been seen in a paired transaction.
+        /// It is alone in noise, and its unit has not been seen in a paired transaction.
         unconfirmed: bool,
     },
     /// A frame with an invalid CRC.
     Damaged {
         /// Stream offset of its first byte.
         start: u64,
-        /// Stream offset behind its last byte.
+        /// Stream offset after its last byte.
         end: u64,
         /// Who sent it.
         direction: Direction,
@@ -32,7 +32,7 @@ pub enum Decision {
 }
 
 impl Decision {
-    /// The stream offset before which no frame begins: up to there, bytes that are not given out yet are unframed.
+    /// The stream offset before which no frame begins: up to there, bytes that are not returned yet are unframed.
     pub fn unframed_to(self) -> u64 {
         match self {
             Self::UnframedTo(to) => to,
@@ -50,7 +50,7 @@ pub enum CommitState {
     Unframed { until: u64 },
     /// A complete rival is within the margin. If the distance is constant, no further byte puts that rival further behind.
     Contested { until: u64, has_constant_distance: bool },
-    /// The frame may stand inside a longer one that has begun before it.
+    /// The frame may be inside a longer one that has begun before it.
     Nested { until: u64 },
     /// Only the next frame shows which direction it has, or whether it was damaged rather than noise.
     AwaitsSuccessor { until: u64 },
@@ -98,7 +98,7 @@ pub struct SkipAhead {
     pub last_rival: Option<Rival>,
     /// A look-ahead needs bytes that are not there yet. Until they are, nothing is scanned either.
     pub needs_more_bytes: bool,
-    /// Whether a frame of open length that begins behind the root is completed: the root's end, and the answer. It is looked
+    /// Whether a frame of open length that begins after the root is completed: the root's end, and the answer. It is looked
     /// up once per root, because bytes that have been scanned since are in the lattice already.
     pub open_length_completion: Option<(u64, bool)>,
 }
@@ -114,7 +114,7 @@ impl SkipAhead {
 /// An unfinished frame that may outscore the first frame of the best path.
 #[derive(Clone, Copy)]
 pub struct Rival {
-    /// The hypothesis behind which it begins.
+    /// The hypothesis after which it begins.
     pub parent: usize,
     /// Stream offset of its first byte.
     pub start: u64,
@@ -138,11 +138,11 @@ pub struct RivalBar {
     /// The score that it must exceed now.
     pub now: f32,
     /// The lowest value that `now` can fall to while the hypotheses stay the same: the best path loses score for unframed
-    /// bytes behind it, but only up to a maximum. A start that cannot exceed it never has to be checked again.
+    /// bytes after it, but only up to a maximum. A start that cannot exceed it never has to be checked again.
     pub least: f32,
 }
 
-/// Whether an unfinished frame will be complete, as the bytes behind it show.
+/// Whether an unfinished frame will be complete, as the bytes after it show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Completion {
     /// A frame of a length that its header admits ends there.
