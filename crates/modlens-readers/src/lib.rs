@@ -7,7 +7,7 @@
 //! **Text** (`text`) is read line by line, by the rows of `analyzer/sources/dialects.toml` that the file needs: the first row
 //! that can read a line to its end has it. Where the bytes of a row may begin is found in one pass for all of its rules. A
 //! line that none of them reads is tried with all other rows, alone or with the lines before it, and a checksum has to prove
-//! what they find. So a file may mix dialects, and one may begin behind the bytes that were looked at first. What waits for a
+//! what they find. So a file may mix dialects, and one may begin after the bytes that were looked at first. What waits for a
 //! further line (a frame printed over several, the last word of a dump) is delivered by the next entry, the end, or `settle`,
 //! which `--follow` calls after half a second.
 //!

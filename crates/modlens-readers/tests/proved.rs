@@ -1,4 +1,4 @@
-//! A frame is read from any line in which a checksum or an MBAP header proves it, whatever stands around it.
+//! A frame is read from any line in which a checksum or an MBAP header proves it, whatever is around it.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use modlens_readers::text::{Dialects, Reader};
 
 type Strings = Vec<(Option<Side>, Vec<u8>)>;
 
-/// What `modlens` reads of a text: the rows that it detects, and what it falls back to. Pieces of one frame are joined.
+/// What `modlens` reads of a text: the rows that it detects, and what it falls back to. Blocks of one frame are joined.
 fn read(text: &str) -> (Strings, u64) {
     let guesses = detect(text.as_bytes(), "x.log", Dialects::embedded);
     let format = if guesses[0].1 < 0.2 || guesses[0].0 == "raw" { "proved" } else { guesses[0].0.as_str() };
@@ -111,7 +111,7 @@ const NOTATIONS: &[Notation] = &[
     ("binary", |bytes| each(bytes, " ", |b| format!("{b:08b}"))),
 ];
 
-/// Around the bytes: what stands in a line, and who sent them.
+/// Around the bytes: what is in a line, and who sent them.
 type Surroundings = (&'static str, &'static str, Option<Side>);
 
 const SURROUNDINGS: &[Surroundings] = &[

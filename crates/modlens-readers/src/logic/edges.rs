@@ -32,7 +32,7 @@ impl EdgeDetector {
     }
 
     /// Takes a block of samples; `each` is called with the channel and every edge. The first sample counts as an edge of
-    /// every channel, which tells its level.
+    /// every channel, which reports its level.
     pub fn push(&mut self, mut block: &[u8], each: &mut impl FnMut(usize, Edge)) {
         if !self.carry.is_empty() {
             let (more, rest) = block.split_at((self.sample_bytes - self.carry.len()).min(block.len()));

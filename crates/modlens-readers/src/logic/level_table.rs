@@ -77,7 +77,7 @@ impl LevelTable {
 fn parse_row(line: &[u8]) -> Option<(f64, u64, usize)> {
     let mut cells = line.trim_ascii().split(|&b| b == b',' || b == b'\t');
     let time = std::str::from_utf8(cells.next()?.trim_ascii()).ok()?;
-    // Rust would parse `inf` and `nan`, too.
+    // Rust would parse `inf` and `nan` as well.
     let seconds = time.parse::<f64>().ok().filter(|_| time.ends_with(|last: char| last.is_ascii_digit()))?;
     let (mut levels, mut count) = (0, 0);
     for cell in cells {

@@ -3,7 +3,7 @@
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::hex::decode_pairs;
 
-/// Unit and PDU of a good frame in binary, and what stands behind them: the CRC, the whole text of an ASCII frame, or
+/// Unit and PDU of a good frame in binary, and what follows them: the CRC, the whole text of an ASCII frame, or
 /// nothing.
 pub fn unwrap<'a>(mode: Mode, verdict: Verdict, wire: &'a [u8], scratch: &'a mut Vec<u8>) -> (&'a [u8], &'a [u8]) {
     match mode {

@@ -24,7 +24,7 @@ pub(super) fn numbers_of_header(header: &[u8; RECORD_HEADER_BYTES], is_big_endia
     [word(0), word(4), word(8), word(12)]
 }
 
-/// Packets of pcap that are whole in a block of input, one behind the other.
+/// Packets of pcap that are whole in a block of input, one after the other.
 #[derive(Clone, Debug)]
 pub struct ClassicPackets<'a> {
     rest: &'a [u8],
@@ -48,7 +48,7 @@ pub struct ClassicPacket<'a> {
 }
 
 impl<'a> ClassicPackets<'a> {
-    /// Those at the head of this block, behind the packet of this number; times are in steps of `resolution`.
+    /// Those at the head of this block, after the packet of this number; times are in steps of `resolution`.
     pub fn new(block: &'a [u8], is_big_endian: bool, number: u64, resolution: Ns) -> Self {
         Self { rest: block, is_big_endian, number, resolution }
     }
@@ -58,7 +58,7 @@ impl<'a> ClassicPackets<'a> {
         self.number
     }
 
-    /// What is behind it.
+    /// What is after it.
     pub fn rest(&self) -> &'a [u8] {
         self.rest
     }
@@ -67,7 +67,7 @@ impl<'a> ClassicPackets<'a> {
 impl<'a> Iterator for ClassicPackets<'a> {
     type Item = ClassicPacket<'a>;
 
-    /// The next packet. What is behind the last one is less than a record, or damage.
+    /// The next packet. What is after the last one is less than a record, or damage.
     #[inline]
     fn next(&mut self) -> Option<ClassicPacket<'a>> {
         let (header, behind) = self.rest.split_first_chunk()?;

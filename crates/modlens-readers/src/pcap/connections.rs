@@ -74,9 +74,9 @@ pub struct ConnectionTable {
     free: Vec<usize>,
     /// Servers on ports that are not listed, of which a connection has turned out to carry Modbus.
     servers: HashSet<Endpoint, RandomState>,
-    /// The connection of the last packet, which is mostly that of the next one, too.
+    /// The connection of the last packet, which is mostly that of the next one as well.
     latest: Option<(ConnectionKey, usize)>,
-    /// The connections of the last packets, which are mostly those of the next ones, too.
+    /// The connections of the last packets, which are mostly those of the next ones as well.
     known: KnownConnections,
 }
 
@@ -262,7 +262,7 @@ impl Connection {
         }
     }
 
-    /// Takes a TCP segment. A FIN is noted behind all bytes before it; a RST ends both directions at once.
+    /// Takes a TCP segment. A FIN is noted after all bytes before it; a RST ends both directions at once.
     fn segment(&mut self, arrival: &ArrivedSegment<'_>, context: &mut CaptureContext<'_, '_>) {
         let mut outcome = self.pass_on(arrival, context);
         if outcome == SegmentOutcome::OtherConnection {

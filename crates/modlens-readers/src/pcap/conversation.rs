@@ -46,7 +46,7 @@ pub(super) struct Conversation {
     /// The SYN was captured, which shows who the client is.
     pub(super) has_seen_opening: bool,
     pub(super) state: ConversationState,
-    /// What the packets of the TCP connection at hand have told; `None` before its first one and behind its end.
+    /// What the packets of the TCP connection at hand have told; `None` before its first one and after its end.
     history: Option<Box<ConnectionHistory>>,
     /// The connection at hand has been reported.
     has_begun: bool,
@@ -189,7 +189,7 @@ impl Conversation {
     /// Takes bytes in order: they are delivered, counted as other traffic, or kept until the decision.
     pub(super) fn take_bytes(&mut self, chunk: StreamChunk<'_>, context: &mut CaptureContext<'_, '_>) {
         if matches!(self.state, ConversationState::Over) {
-            // Bytes behind a RST or FIN mean that the ports are used again, or that the RST was for another connection.
+            // Bytes after a RST or FIN mean that the ports are used again, or that the RST was for another connection.
             self.state = ConversationState::Undecided(Vec::new());
             (self.has_begun, self.has_ended) = (false, false);
             self.begin(chunk.packet, chunk.time, context);
@@ -227,7 +227,7 @@ impl Conversation {
             self.state = ConversationState::Other;
             return;
         };
-        // A serial device behind TCP may connect to its master, so there only the frames show which side sends requests.
+        // A serial device after TCP may connect to its master, so there only the frames show which side sends requests.
         let is_client_doubtful = mode != Mode::Tcp || !(self.has_seen_opening || self.is_known_port);
         if let Some(side) = client_side.filter(|_| is_client_doubtful) {
             self.client = side;

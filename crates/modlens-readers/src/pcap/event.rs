@@ -37,7 +37,7 @@ pub struct EndedConnection<'a> {
 pub enum Event<'a> {
     /// The time of a packet of any kind, which moves the clock of the capture on.
     Time(Ns, &'a Interface),
-    /// Packets of connections that came in turn, one behind the other, all captured by this interface. They mean what the events
+    /// Packets of connections that came in turn, one after the other, all captured by this interface. They mean what the events
     /// of each of them mean (`PacketInTurn::events`).
     InTurn(&'a [PacketInTurn<'a>], &'a Interface),
     /// The first packet of a TCP connection on a port of Modbus, or, on any other port, of one that turned out to carry it.
@@ -80,7 +80,7 @@ pub enum Event<'a> {
         /// Time of the packet.
         time: Option<Ns>,
     },
-    /// One side of a TCP connection has ended it, behind all bytes that it has sent.
+    /// One side of a TCP connection has ended it, after all bytes that it has sent.
     Closing {
         /// Slot of the connection.
         slot: usize,

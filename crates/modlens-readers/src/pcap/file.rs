@@ -93,7 +93,7 @@ pub struct CaptureFile {
     pub packets: u64,
     /// Blocks of pcapng that could not be parsed.
     pub damaged_blocks: u64,
-    /// Offset and description of damage behind which nothing can be read.
+    /// Offset and description of damage after which nothing can be read.
     pub damage: Option<(u64, &'static str)>,
     /// Offset in the file of the next record.
     position: u64,
@@ -126,8 +126,8 @@ pub fn signature(bytes: &[u8]) -> Option<&'static str> {
 }
 
 impl CaptureFile {
-    /// Takes the record at the head of the input, behind what is left of earlier blocks; `each` is called with its packet, if it
-    /// has one. Gives what is behind it: nothing, if the record goes on in the next block, or if the file is damaged.
+    /// Takes the record at the head of the input, after what is left of earlier blocks; `each` is called with its packet, if it
+    /// has one. Gives what is after it: nothing, if the record goes on in the next block, or if the file is damaged.
     pub fn push_record<'a>(&mut self, mut block: &'a [u8], each: &mut impl FnMut(CapturedPacket<'_>)) -> &'a [u8] {
         while !self.carry.is_empty() && self.damage.is_none() {
             let record_length = match self.record_length(&self.carry) {
@@ -178,7 +178,7 @@ impl CaptureFile {
     }
 
     /// Notes that the packets up to here were taken, of those that `packets_of` gave for a block of this length. Gives what is
-    /// behind them.
+    /// after them.
     pub fn pass<'a>(&mut self, packets: &ClassicPackets<'a>, block_length: usize) -> &'a [u8] {
         self.packets = packets.number();
         self.position += (block_length - packets.rest().len()) as u64;
@@ -190,7 +190,7 @@ impl CaptureFile {
         self.carry.len()
     }
 
-    /// Notes damage at the current position, behind which nothing is read; gives that.
+    /// Notes damage at the current position, after which nothing is read; gives that.
     fn stop_at_damage(&mut self, what: &'static str) -> &'static [u8] {
         self.damage = Some((self.position, what));
         self.carry = Vec::new();

@@ -1,4 +1,4 @@
-//! The connections of the last packets, found by the addresses and ports as they stand in their headers.
+//! The connections of the last packets, found by the addresses and ports as they are in their headers.
 
 use std::net::IpAddr;
 

@@ -49,7 +49,7 @@ pub struct ConnectionHistory {
     pub is_opened: bool,
     /// When the client asked for the connection: the time of its first SYN.
     pub opened: Option<Ns>,
-    /// The server has sent something else than a RST.
+    /// The server has sent something other than a RST.
     pub is_accepted: bool,
     /// The server has answered the SYN with a RST.
     pub is_refused: bool,

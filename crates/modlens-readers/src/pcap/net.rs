@@ -146,7 +146,7 @@ fn ether_payload(kind: EtherType, data: &[u8]) -> Option<(Layer, usize)> {
             let labels = data.chunks_exact(4).position(|label| label[2] & 1 == 1)? + 1;
             match data.get(4 * labels)? >> 4 {
                 4 | 6 => Some((Layer::Ip, 4 * labels)),
-                // Ethernet behind a control word, which begins with four zero bits (RFC 4448, 4.6).
+                // Ethernet after a control word, which begins with four zero bits (RFC 4448, 4.6).
                 0 => Some((Layer::Ethernet, 4 * labels + 4)),
                 _ => Some((Layer::Ethernet, 4 * labels)),
             }

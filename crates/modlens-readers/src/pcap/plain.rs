@@ -72,7 +72,7 @@ mod tests {
     use crate::pcap::fragments::Fragments;
     use crate::pcap::net::segments;
 
-    /// A packet with these numbers in the places that decide, and so many bytes behind its headers.
+    /// A packet with these numbers in the places that decide, and so many bytes after its headers.
     fn packet(total: u16, fragment: u16, protocol: u8, offset: u8, flags: u8, behind: usize) -> Vec<u8> {
         let mut packet = vec![2; 12];
         packet.extend([8, 0, 0x45, 0]);

@@ -128,7 +128,7 @@ struct Tags<'a> {
     ports: [Option<u32>; 2],
 }
 
-/// Parses the tags of an exported PDU, each of which is a 2-byte number, a 2-byte length and a value. The PDU stands behind
+/// Parses the tags of an exported PDU, each of which is a 2-byte number, a 2-byte length and a value. The PDU follows
 /// tag 0 and is returned beside them.
 fn parse_tags(mut data: &[u8]) -> Option<(Tags<'_>, &[u8])> {
     let mut tags = Tags::default();
@@ -153,7 +153,7 @@ fn parse_tags(mut data: &[u8]) -> Option<(Tags<'_>, &[u8])> {
     }
 }
 
-/// Reads an exported PDU, for which the name of the dissector tells the framing.
+/// Reads an exported PDU, for which the name of the dissector reports the framing.
 fn exported_pdu(data: &[u8]) -> SerialPacket<'_> {
     let Some((tags, pdu)) = parse_tags(data) else { return SerialPacket::Nothing };
     let side = match tags.ports {

@@ -97,7 +97,7 @@ struct SegmentFingerprint {
 struct StreamDirection {
     /// Sequence number of the next byte; `None` until the first segment, and where the side is not captured.
     next: Option<u32>,
-    /// Sequence number behind the last byte, once a FIN has announced it.
+    /// Sequence number after the last byte, once a FIN has announced it.
     end: Option<u32>,
     /// Missing bytes that are still to be reported with the next ones delivered.
     missing: u32,
@@ -107,7 +107,7 @@ struct StreamDirection {
     recent: [SegmentFingerprint; RECENT_SEGMENTS],
     /// Index in `recent` of the next one to be replaced.
     oldest: usize,
-    /// How many of the last ones in `recent` stand right one behind the other up to `next`, so that none begins there.
+    /// How many of the last ones in `recent` stand right one after the other up to `next`, so that none begins there.
     in_turn: usize,
 }
 
@@ -241,7 +241,7 @@ impl Stream {
         }
     }
 
-    /// Delivers those bytes of a segment that are new, and moves its direction on behind it.
+    /// Delivers those bytes of a segment that are new, and moves its direction on after it.
     fn deliver(
         &mut self,
         side: usize,

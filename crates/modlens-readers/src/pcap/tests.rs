@@ -101,7 +101,7 @@ fn happen(file: &mut File, talk: &mut Talk, what: usize) {
         25 => file.say(talk, 1, &response(talk.id)),
         26 => file.control(talk, 0, ACK),
         27 => file.control(talk, 1, ACK),
-        // The same packet once more, and its bytes once more.
+        // The same packet again, and its bytes again.
         28 => file.packets.extend(file.packets.last().cloned()),
         29 => {
             let bytes = request(talk.id);

@@ -57,7 +57,7 @@ fn split_own_form(line: &[u8]) -> Option<(&[u8], &[u8], u8)> {
     (plain && hex.len() % 2 == 0).then_some((time, hex, line))
 }
 
-/// The digits of `t` as they stand in the text, because a float would lose nanoseconds.
+/// The digits of `t` as they are in the text, because a float would lose nanoseconds.
 fn time_digits(line: &[u8]) -> Option<&[u8]> {
     let at = line.windows(3).position(|key| key == b"\"t\"")? + 3;
     let rest = line[at..].trim_ascii_start().strip_prefix(b":")?.trim_ascii_start();

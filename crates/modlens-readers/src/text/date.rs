@@ -32,7 +32,7 @@ pub(super) fn two_digits(line: &[u8], at: usize) -> Option<i64> {
     (tens.is_ascii_digit() && ones.is_ascii_digit()).then(|| i64::from(tens - b'0') * 10 + i64::from(ones - b'0'))
 }
 
-/// Parses a date and the separator behind it: days since 1970-01-01, and the rest of the line. A date that has a number
+/// Parses a date and the separator after it: days since 1970-01-01, and the rest of the line. A date that has a number
 /// above 12 settles `order` for those that do not.
 pub(super) fn date<'a>(line: &'a [u8], order: &mut DateOrder) -> Option<(i64, &'a [u8])> {
     let (days, length) = parse_year_first(line).or_else(|| parse_year_last(line, order))?;
@@ -72,7 +72,7 @@ fn days(year: i64, month: i64, day: i64) -> Option<i64> {
     ((1970..=2200).contains(&year) && (1..=12).contains(&month) && (1..=31).contains(&day)).then(|| day_number(year, month, day))
 }
 
-/// Parses a date with a month name that `text` ends with, as it stands before a time of day: `05 Mar 2021 ` or
+/// Parses a date with a month name that `text` ends with, as it is before a time of day: `05 Mar 2021 ` or
 /// `Mar  5 2021 `. Returns days since 1970-01-01.
 pub(super) fn date_in_words(text: &[u8]) -> Option<i64> {
     if !text.ends_with(b" ") || text.len() < 11 {
@@ -115,7 +115,7 @@ pub(super) fn time_of_day(line: &[u8]) -> Option<(Ns, &[u8])> {
 pub(super) fn fraction<'a>(rest: &'a [u8], may_be_micros: &mut bool) -> Option<(Ns, u32, &'a [u8])> {
     let Some(separator @ (b'.' | b',' | b':')) = rest.first() else { return Some((0, 0, rest)) };
     let length = rest[1..].iter().take_while(|b| b.is_ascii_digit()).count();
-    // Three digits behind a colon are milliseconds; two would be a byte.
+    // Three digits after a colon are milliseconds; two would be a byte.
     if length == 0 || (*separator == b':' && length < 3) {
         return (length != 2 || *separator != b':').then_some((0, 0, rest));
     }

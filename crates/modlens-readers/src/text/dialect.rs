@@ -1,6 +1,6 @@
 //! Compiles the table of dialects, `analyzer/sources/dialects.toml`, to templates. Users may add rows in the same format.
 //!
-//! All knowledge about the log of a particular program stands in that table, none of it here.
+//! All knowledge about the log of a particular program is in that table, none of it here.
 
 use std::sync::{Arc, OnceLock};
 
@@ -95,7 +95,7 @@ pub struct Dialect {
     pub(super) may_have_short_fractions: bool,
     /// The last line of a record says how long after the record before it came, as in `+4ms`.
     pub(super) has_deltas: bool,
-    /// It has header lines, which announce the bytes of the lines behind them.
+    /// It has header lines, which announce the bytes of the lines after them.
     pub(super) has_headers: bool,
     /// A time, a word for the sender and pairs of hex digits are all that its lines may have.
     pub(super) is_plain_hex: bool,

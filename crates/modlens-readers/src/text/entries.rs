@@ -26,13 +26,13 @@ const MAX_REPEATED_BYTES: u64 = 1 << 22;
 /// How many skipped byte strings are kept so that they can be listed.
 const MAX_LISTED: usize = 1000;
 
-/// The most bytes of a frame in pieces that are collected to see whether the checksum at their end is valid.
+/// The most bytes of a frame in blocks that are collected to see whether the checksum at their end is valid.
 const MAX_GROUP_BYTES: usize = 1024;
 
 /// The most bytes of a frame that is printed over several lines.
 const MAX_MULTI_LINE_BYTES: usize = 1 << 16;
 
-/// A copy of a frame stands at most so many lines behind it.
+/// A copy of a frame is at most so many lines after it.
 const MAX_LINES_TO_COPY: u64 = 10;
 
 /// The checksum at the end of an RTU frame.
@@ -45,7 +45,7 @@ const ECHOED: [u8; 4] = [5, 6, 8, 22];
 /// The reason reported for skipped duplicates.
 const DUPLICATE: &str = "bytes that the program had printed before";
 
-/// The reasons reported for what stands around a frame of Solarman V5.
+/// The reasons reported for what is around a frame of Solarman V5.
 const V5_WRAPPER: &str = "Solarman V5 wrapper of a frame";
 const V5_WRAPPER_WITHOUT_SUM: &str = "Solarman V5 wrapper, with a wrong checksum, of a frame";
 
@@ -81,7 +81,7 @@ struct DumpState {
     expected_offset: Option<u64>,
     /// The bytes of the last line, which a `*` repeats.
     last_line: Vec<u8>,
-    /// Reused memory for the lines that a `*` stands for and the line behind it.
+    /// Reused memory for the lines that a `*` stands for and the line after it.
     scratch: Vec<u8>,
     /// The last line was a `*`.
     has_repeat_mark: bool,
@@ -221,7 +221,7 @@ impl EntryAssembler {
         self.printed_before(0, bytes) == bytes.len()
     }
 
-    /// How many of the bytes the log has printed last: all of them, or what stands before the new ones in a buffer that grows.
+    /// How many of the bytes the log has printed last: all of them, or what is before the new ones in a buffer that grows.
     fn printed_before(&self, key: usize, bytes: &[u8]) -> usize {
         let Some(stream) = self.streams.get(key) else { return 0 };
         let grows = stream.side == Some(Side::Received) && bytes.starts_with(&stream.group);
@@ -244,7 +244,7 @@ impl EntryAssembler {
     }
 
     /// Whether these bytes are the RTU form of the MBAP frame that was delivered last: servers take the header off, put a CRC
-    /// behind the unit and the PDU, and print that, too. A gateway that passes a frame on has received one and sent the other.
+    /// after the unit and the PDU, and print that as well. A gateway that passes a frame on has received one and sent the other.
     fn is_inner_copy(&self, entry_bytes: &EntryBytes<'_>, framing: Option<Mode>) -> bool {
         let Some(stream) = self.streams.get(entry_bytes.key).filter(|_| framing == Some(Mode::Rtu)) else { return false };
         let inner = &entry_bytes.bytes[..entry_bytes.bytes.len() - CRC_BYTES];
@@ -355,7 +355,7 @@ impl EntryAssembler {
     }
 
     /// The entry of these bytes, which are not empty, with its place in the stream of its device; `None` if they are skipped.
-    /// The arguments are those of `log_entry`, and what `check_frame` says of the bytes.
+    /// The arguments are those of `log_entry`, and what `check_frame` reports about the bytes.
     #[inline(always)]
     #[allow(clippy::inline_always)] // Where much is known of the bytes, little of it is done.
     fn place(&mut self, entry_bytes: &EntryBytes<'_>, (is_whole_frame, framing): (bool, Option<Mode>)) -> Option<LogEntry> {
@@ -432,7 +432,7 @@ impl EntryAssembler {
         }
     }
 
-    /// Makes an entry of the pending dump line. `offset` is that of the line behind it: one less than expected says that
+    /// Makes an entry of the pending dump line. `offset` is that of the line after it: one less than expected says that
     /// the last word holds only one byte.
     fn end_dump_line(&mut self, offset: Option<u64>, timestamps: &TimestampParser) {
         let Some(PendingDumpLine { record, mut bytes, end_offset }) = self.pending_dump_line.take() else { return };

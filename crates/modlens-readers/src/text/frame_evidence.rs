@@ -77,7 +77,7 @@ pub(super) fn proven_bytes(bytes: &[u8]) -> usize {
     valid_rtu_bytes(Functions::embedded(), bytes)
 }
 
-/// Whether a PDU has the layout of a known function. Two zeros and a length that fits stand in packets of other protocols,
+/// Whether a PDU has the layout of a known function. Two zeros and a length that fits are in packets of other protocols,
 /// too, such as those of Bluetooth.
 fn has_known_function(pdu: &[u8]) -> bool {
     let functions = Functions::embedded();
@@ -100,7 +100,7 @@ pub(super) fn has_frame_layout(bytes: &[u8]) -> bool {
         && possible_directions(Functions::embedded(), &bytes[1..]) != (false, false)
 }
 
-/// Whether the function code is not 0, which the specification reserves. A run of zeros has a valid CRC, too, and must not
+/// Whether the function code is not 0, which the specification keeps free. A run of zeros has a valid CRC as well, and must not
 /// count as a frame.
 fn has_function_code(bytes: &[u8]) -> bool {
     bytes[1] & !EXCEPTION_BIT != 0

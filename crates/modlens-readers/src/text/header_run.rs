@@ -1,6 +1,6 @@
 //! Frames of Modbus/TCP with functions that no table has: their headers prove them where several follow one another.
 //!
-//! Two zeros and a length that fits stand in packets of other protocols, too. Identifiers that repeat, as a response repeats
+//! Two zeros and a length that fits are in packets of other protocols as well. Identifiers that repeat, as a response repeats
 //! that of its request, or that count on, do not.
 
 use modlens_protocol::mbap::{announced_length, PREFIX_BYTES};
@@ -35,7 +35,7 @@ impl HeaderRun {
         self.bytes += bytes.len();
     }
 
-    /// The bytes of frames that the headers prove: all, if nearly all bytes stand behind headers with identifiers in order.
+    /// The bytes of frames that the headers prove: all, if nearly all bytes follow headers with identifiers in order.
     pub fn proven_bytes(self) -> usize {
         let is_proven =
             self.headers >= MIN_HEADERS && 10 * self.in_order >= 9 * (self.headers - 1) && self.others * 10 <= self.bytes;

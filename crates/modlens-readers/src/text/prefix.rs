@@ -1,10 +1,10 @@
-//! Parses what may stand in front of plain bytes: a timestamp and a word that says who sent them, in either order.
+//! Parses what may be in front of plain bytes: a timestamp and a word that says who sent them, in either order.
 
 use crate::chunk::Side;
 use crate::text::timestamps::TimestampParser;
 use modlens_protocol::Ns;
 
-/// Words that say who sent the bytes, seen from the logging program. A word stands before those that it begins with.
+/// Words that say who sent the bytes, seen from the logging program. A word is before those that it begins with.
 const DIRECTION_WORDS: &[(&str, Side)] = &[
     ("transmitted", Side::Sent),
     ("received", Side::Received),
@@ -39,7 +39,7 @@ pub(super) fn parse_prefix<'a>(line: &'a [u8], timestamps: &mut TimestampParser)
     let (time, rest) = timestamps.take_leading(line);
     let rest = if rest.len() == line.len() && rest.starts_with(b":") { rest } else { skip_separators(rest) };
     let (side, rest) = direction_word(rest);
-    // The timestamp may also stand behind the word.
+    // The timestamp may also follow the word.
     let (time, rest) = if time.is_none() && side.is_some() {
         match timestamps.take_leading(skip_separators(rest)) {
             (Some(late), behind) => (Some(late), behind),
@@ -57,7 +57,7 @@ pub(super) fn parse_prefix<'a>(line: &'a [u8], timestamps: &mut TimestampParser)
 fn skip_separators(line: &[u8]) -> &[u8] {
     let separator = |b: &u8| matches!(b, b' ' | b'\t' | b':' | b',' | b';' | b'-' | b'|' | b']' | b'*' | b'`' | b'=');
     let length = line.iter().take_while(|b| separator(b)).count();
-    // A colon behind a space and in front of a digit begins a frame of Modbus ASCII: `Tx :0503`.
+    // A colon after a space and in front of a digit begins a frame of Modbus ASCII: `Tx :0503`.
     let colon = line[..length].ends_with(b" :") && line.get(length).is_some_and(u8::is_ascii_hexdigit);
     let length = length - usize::from(colon);
     // The dashes of an arrow are no separators.

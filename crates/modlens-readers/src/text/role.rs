@@ -7,7 +7,7 @@ use crate::chunk::Side;
 pub(super) enum LineRole {
     /// It holds bytes; `None` where the log does not say who sent them.
     Bytes(Option<Side>),
-    /// A header line, which announces the bytes in the lines behind it.
+    /// A header line, which announces the bytes in the lines after it.
     Header(Option<Side>),
     /// A header line for bytes that the log has printed before.
     DuplicateHeader,

@@ -75,7 +75,7 @@ pub(super) struct Template {
     /// Searches for the fixed text that a match begins with; `None` if a match begins at the start of the text.
     anchor: Option<Finder<'static>>,
     elements: Vec<Element>,
-    /// Nothing but punctuation may stand behind the match.
+    /// Nothing but punctuation may follow the match.
     pub must_reach_line_end: bool,
     /// A match has to begin at the start of the line (`^`).
     is_at_line_start: bool,
@@ -166,14 +166,14 @@ impl Template {
         matches!(self.elements[..], [Element::Proved])
     }
 
-    /// Whether it is an optional time and sender, and hex behind them.
+    /// Whether it is an optional time and sender, and hex after them.
     pub fn is_plain_hex(&self) -> bool {
         let has_edges = self.is_at_line_start || self.is_at_line_end;
         let elements = &self.elements[..];
         !has_edges && matches!(elements, [Element::Prefix, Element::Bytes(one, None)] if one[..] == [Notation::Hex])
     }
 
-    /// Whether a match may begin at `start`: its fixed text stands there, and not inside a word.
+    /// Whether a match may begin at `start`: its fixed text is there, and not inside a word.
     pub fn may_begin(&self, line: &[u8], start: usize) -> bool {
         let stands_here = |anchor: &Finder<'static>| line[start..].starts_with(anchor.needle());
         self.anchor.as_ref().is_some_and(stands_here) && !inside_word(line, start)
@@ -266,7 +266,7 @@ fn parse_fixed_text<'a>(text: &'a str, elements: &mut Vec<Element>) -> &'a str {
 }
 
 /// Completes each element with what its successor demands: spaces in front of bytes or at the end may be missing, and an
-/// escaped string or a device's name ends where the fixed text behind it begins.
+/// escaped string or a device's name ends where the fixed text after it begins.
 fn link_elements(elements: &mut [Element]) {
     for i in 0..elements.len() {
         let bytes_behind = matches!(elements.get(i + 1), Some(Element::Bytes(..)) | None);

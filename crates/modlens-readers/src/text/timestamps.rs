@@ -14,7 +14,7 @@ const DAY_NS: Ns = 86_400 * SECOND_NS;
 /// the chunk log defines it.
 const LEAST_EPOCH_NS: Ns = 100_000_000 * SECOND_NS;
 
-/// The most digits of a number of seconds, and behind its point.
+/// The most digits of a number of seconds, and after its point.
 const MAX_WHOLE_DIGITS: usize = 10;
 const MAX_DECIMALS: usize = 9;
 
@@ -107,7 +107,7 @@ impl TimestampParser {
         }
     }
 
-    /// What the timestamps so far refer to, as users are told.
+    /// What the timestamps so far refer to, as messages say.
     pub fn kind(&self) -> ClockKind {
         self.state.kind
     }
@@ -196,7 +196,7 @@ impl TimestampParser {
         }
     }
 
-    /// Finds a timestamp anywhere in the text that stands in front of the bytes. Of several the finest counts, such as that of
+    /// Finds a timestamp anywhere in the text that is in front of the bytes. Of several the finest counts, such as that of
     /// a program after that of the journal.
     pub fn find(&mut self, front: &[u8]) -> Option<Ns> {
         if front.len() < 4 {
@@ -267,7 +267,7 @@ impl TimestampParser {
         Some((self.seconds(text)?, rest))
     }
 
-    /// Parses a time of day with an optional date in front and an optional zone behind it. `before` is the text before
+    /// Parses a time of day with an optional date in front and an optional zone after it. `before` is the text before
     /// `line`, where a date with a month name may stand. Returns the time in ns and the rest of the line.
     fn date_time<'a>(&mut self, line: &'a [u8], before: &[u8]) -> Option<(Ns, &'a [u8])> {
         let (days, ns_of_day, rest) = match self.cached_second.lookup(line) {
@@ -277,7 +277,7 @@ impl TimestampParser {
         let (fraction_ns, decimals, rest) = fraction(rest, &mut self.state.short_fractions)?;
         let ns_of_day = ns_of_day + fraction_ns;
         let (zone, rest) = zone(rest);
-        // A colon with a digit behind it continues a list of bytes, as in `11:03:00:6b`.
+        // A colon with a digit after it continues a list of bytes, as in `11:03:00:6b`.
         let is_end = match rest {
             [b':', next, ..] => matches!(next, b' ' | b'\t' | b':'),
             [first, ..] => matches!(first, b' ' | b'\t' | b']' | b')' | b';' | b',' | b'|'),

@@ -67,7 +67,7 @@ fn read_regular_pairs(text: &[u8], out: &mut Vec<u8>) -> usize {
         out.push(value as u8);
         count += 1;
     }
-    // The last pair of a line has no separator behind it.
+    // The last pair of a line has no separator after it.
     if let (2, Some(value)) = (text.len() - 3 * count, byte_at(text, 3 * count)) {
         out.push(value);
         return text.len();
@@ -108,7 +108,7 @@ pub(in crate::text) fn spaced_pairs(text: &[u8], out: &mut [u8]) -> Option<usize
 /// So many pairs are decoded at once.
 const PAIRS_PER_STEP: usize = 4;
 
-/// So many bytes are left behind those of a line, because CRCs are computed in steps of several bytes.
+/// So many bytes are left after those of a line, because CRCs are computed in steps of several bytes.
 const ROOM_BEHIND: usize = 16;
 
 /// Reads one byte that is followed by spaces or by the end of the text. Returns the length of the byte, without and with
@@ -163,7 +163,7 @@ pub(super) fn hex(text: &[u8], allow_single_digits: bool, out: &mut Vec<u8>, fla
     }
     let (mut at, mut end) = (0, 0);
     loop {
-        // Most text consists of pairs with one separator behind each.
+        // Most text consists of pairs with one separator after each.
         if !flags.no_checksum {
             let length = read_regular_pairs(&text[at..], out);
             if length > 0 {
@@ -181,7 +181,7 @@ pub(super) fn hex(text: &[u8], allow_single_digits: bool, out: &mut Vec<u8>, fla
             dashes += usize::from(text[at] == b'-');
             at += 1;
         }
-        // Dots mean that the program printed only a part: the numbers behind them are no bytes, as in
+        // Dots mean that the program printed only a part: the numbers after them are no bytes, as in
         // `05 03 ... 72 more bytes`.
         if text[end..at].windows(3).any(|three| three == b"...") {
             return end;
@@ -220,7 +220,7 @@ pub(super) fn hex(text: &[u8], allow_single_digits: bool, out: &mut Vec<u8>, fla
     }
 }
 
-/// Whether the word stands in place of a checksum.
+/// Whether the word is in place of a checksum.
 fn is_checksum_placeholder(token: &[u8]) -> bool {
     CHECKSUM_PLACEHOLDERS.iter().any(|known| token.eq_ignore_ascii_case(known))
 }
@@ -243,7 +243,7 @@ pub(super) fn hex_token(token: &[u8], allow_single_digits: bool, out: &mut Vec<u
     }
 }
 
-/// Reads the pairs of one line of a hex dump. They end at a gap of more than two spaces, behind which the line is repeated
+/// Reads the pairs of one line of a hex dump. They end at a gap of more than two spaces, after which the line is repeated
 /// as characters. Returns the length of the text.
 pub(super) fn pairs(text: &[u8], out: &mut Vec<u8>) -> usize {
     let (mut at, mut end, first) = (0, 0, out.len());

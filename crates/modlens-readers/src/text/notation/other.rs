@@ -185,7 +185,7 @@ pub(super) fn ascii(text: &[u8], out: &mut Vec<u8>) -> usize {
     }
     let start = out.len();
     hex_token(&rest[..length], false, out);
-    // Some manuals print an RTU frame behind a colon, as in `:010300000002C40B`: its bytes are delivered, not its digits.
+    // Some manuals print an RTU frame after a colon, as in `:010300000002C40B`: its bytes are delivered, not its digits.
     if lrc(&out[start..]) == 0 || !crc_valid(&out[start..]) {
         out.truncate(start);
         out.extend_from_slice(&text[..=length]);

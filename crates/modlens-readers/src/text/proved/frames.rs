@@ -84,7 +84,7 @@ pub(super) fn is_frame(bytes: &[u8]) -> bool {
     is_rtu || (announced_length(bytes) == Some(bytes.len()) && is_tcp_frame(bytes)) || is_ascii_frame(bytes)
 }
 
-/// Whether the PDU behind an MBAP header of the right length has the layout of its function.
+/// Whether the PDU after an MBAP header of the right length has the layout of its function.
 fn is_tcp_frame(bytes: &[u8]) -> bool {
     bytes.len() > PREFIX_BYTES + 2 && fits_known_function(&bytes[PREFIX_BYTES + 1..])
 }

@@ -8,7 +8,7 @@ use modlens_protocol::functions::EXCEPTION_BIT;
 /// How many shapes are collected at the same time, such as sent and received bytes.
 const MAX_GROUPS: usize = 4;
 
-/// How many other lines may stand between two pieces.
+/// How many other lines may be between two blocks.
 const MAX_LINES_BETWEEN: u64 = 8;
 
 /// The most bytes of a group: an RTU frame has up to 256 (serial line specification, 2.5.1).
@@ -17,7 +17,7 @@ const MAX_GROUP_BYTES: usize = 256;
 /// The register of the CRC before the first byte.
 const CRC_START: u16 = 0xFFFF;
 
-/// A frame of so many bytes counts even where bytes that nothing proves stand in front of it.
+/// A frame of so many bytes counts even where bytes that nothing proves are in front of it.
 const MIN_BEHIND_OTHERS: usize = 8;
 
 /// The bytes of one line, which may be a part of a frame.
@@ -30,24 +30,24 @@ pub(super) struct Piece {
     pub bytes: Vec<u8>,
 }
 
-/// The pieces of one shape.
+/// The blocks of one shape.
 #[derive(Clone, Debug)]
 struct Group {
     shape: Shape,
     pieces: Vec<Piece>,
-    /// For each piece the register of the CRC over its bytes and all later ones. It is 0 if they end with their CRC.
+    /// For each block the register of the CRC over its bytes and all later ones. It is 0 if they end with their CRC.
     registers: Vec<u16>,
     byte_count: usize,
 }
 
-/// The pieces of frames that were read last.
+/// The blocks of frames that were read last.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Pieces {
     groups: Vec<Group>,
 }
 
 impl Pieces {
-    /// Adds a line. Returns the pieces of the frame that is complete with it, if there is one.
+    /// Adds a line. Returns the blocks of the frame that is complete with it, if there is one.
     pub fn add(&mut self, shape: Shape, piece: Piece) -> Option<Vec<Piece>> {
         let number = piece.number;
         let is_open = |group: &Group| group.pieces.last().is_some_and(|last| last.number + MAX_LINES_BETWEEN >= number);
@@ -86,7 +86,7 @@ impl Group {
         self.pieces.push(piece);
     }
 
-    /// The piece with which a frame begins that ends with the last piece; `None` if there is none.
+    /// The block with which a frame begins that ends with the last block; `None` if there is none.
     fn frame_start(&self) -> Option<usize> {
         (0..self.pieces.len()).find(|&start| self.registers[start] == 0 && self.is_frame(start))
     }

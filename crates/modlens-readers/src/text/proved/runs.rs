@@ -1,8 +1,8 @@
-//! Finds runs of bytes in a line, whatever stands around them, in the notations that people and programs print.
+//! Finds runs of bytes in a line, whatever is around them, in the notations that people and programs print.
 //!
 //! A run ends at a word that is no byte in its notation, and at dots that stand for what was not printed. What separates
 //! the bytes does not matter. A change of the separators inside a run is remembered as an edge, because numbers of other
-//! meaning may stand in front of the bytes: `[44] 01 03`.
+//! meaning may be in front of the bytes: `[44] 01 03`.
 
 use std::ops::Range;
 
@@ -14,7 +14,7 @@ const MAX_SEPARATOR_CHARS: usize = 6;
 /// The most blanks that may separate two bytes of a run.
 const MAX_BLANKS: usize = 12;
 
-/// A word of so many bytes may be a frame of its own, so edges stand around it.
+/// A word of so many bytes may be a frame of its own, so edges are around it.
 const MIN_WORD_BYTES: usize = 4;
 
 /// How the bytes of a run are printed.
@@ -38,7 +38,7 @@ pub(super) enum Style {
     Ascii,
 }
 
-/// Bytes that stand together in a line.
+/// Bytes that are together in a line.
 #[derive(Clone, Debug)]
 pub(super) struct Run {
     pub style: Style,
@@ -48,7 +48,7 @@ pub(super) struct Run {
     /// Positions in `bytes` where the separators change, or a long word begins or ends; ascending, the ends of the run among
     /// them.
     pub edges: Vec<usize>,
-    /// Where a number in front of the bytes ends, in bytes and in the line: it counts them, or a bracket closes behind it.
+    /// Where a number in front of the bytes ends, in bytes and in the line: it counts them, or a bracket closes after it.
     after_number: Option<(usize, usize)>,
 }
 
@@ -189,7 +189,7 @@ fn next_word(line: &[u8], at: usize) -> Option<Range<usize>> {
 }
 
 /// Whether the text between two words may separate bytes of one run. Dots stand for bytes that were not printed; a colon with
-/// a blank, an arrow and an equals sign end what stands in front of bytes.
+/// a blank, an arrow and an equals sign end what is in front of bytes.
 fn may_separate(text: &[u8]) -> bool {
     let are_dots = text.windows(3).any(|three| three == b"..." || three == "\u{2026}".as_bytes());
     let is_sign = |sign: &[u8]| text.windows(sign.len()).any(|part| part == sign);
@@ -243,7 +243,7 @@ fn read_loose(text: &[u8], out: &mut Vec<u8>) -> bool {
     }
 }
 
-/// Reads a decimal number from -128 to 255; a minus behind a digit is a separator.
+/// Reads a decimal number from -128 to 255; a minus after a digit is a separator.
 fn read_decimal(line: &[u8], word: &Range<usize>, out: &mut Vec<u8>) -> bool {
     let text = &line[word.clone()];
     if text.len() > 3 || !text.iter().all(u8::is_ascii_digit) {

@@ -1,4 +1,4 @@
-//! What stands in front of the bytes of a line, without the numbers in it: lines of one statement of a program have it in
+//! What is in front of the bytes of a line, without the numbers in it: lines of one statement of a program have it in
 //! common.
 
 use crate::text::proved::runs::Style;
@@ -9,11 +9,11 @@ const MAX_SHAPES: usize = 64;
 /// How many characters in front of the bytes make up the shape.
 const MAX_CHARS: usize = 200;
 
-/// The hash of what stands in front of bytes, and of their notation.
+/// The hash of what is in front of bytes, and of their notation.
 pub(super) type Shape = u64;
 
 /// The shapes whose bytes were proved to be frames. In further lines of such a shape damaged frames and parts of frames
-/// are read, too.
+/// are read as well.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shapes {
     known: Vec<Shape>,
@@ -70,7 +70,7 @@ pub(super) fn label(front: &[u8]) -> Vec<u64> {
     names.map(hash).collect()
 }
 
-/// The words of a text in front of bytes, and what stands between them.
+/// The words of a text in front of bytes, and what is between them.
 fn words(front: &[u8]) -> impl Iterator<Item = &[u8]> {
     front[front.len().saturating_sub(MAX_CHARS)..]
         .chunk_by(|one, other| one.is_ascii_alphanumeric() == other.is_ascii_alphanumeric())

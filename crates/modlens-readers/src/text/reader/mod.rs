@@ -27,11 +27,11 @@ use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 pub use unread_lines::UnreadLines;
 
-/// A longer line is read in pieces of at most so many bytes, so that a dump without any line end takes no more memory than
+/// A longer line is read in blocks of at most so many bytes, so that a dump without any line end takes no more memory than
 /// one with line ends.
 const MAX_LINE_BYTES: usize = 1 << 20;
 
-/// A piece of a long line ends at a space or comma if there is one in its last bytes.
+/// A block of a long line ends at a space or comma if there is one in its last bytes.
 const PIECE_END_BYTES: usize = 4096;
 
 /// The most matches that are taken from one line.
@@ -101,7 +101,7 @@ pub struct Reader {
     is_general: bool,
     /// The bytes of a regular line, and some of lines before.
     frame: Box<[u8; FRAME_ROOM]>,
-    /// How many bytes the last regular line has, if its entry is the last one that was given out; else 0.
+    /// How many bytes the last regular line has, if its entry is the last one that was returned; else 0.
     frame_length: usize,
 }
 
@@ -197,7 +197,7 @@ impl Reader {
         }
     }
 
-    /// Reads the next line of the buffer, or a piece of a long one; returns false if there is no whole line.
+    /// Reads the next line of the buffer, or a block of a long one; returns false if there is no whole line.
     fn read_next_line(&mut self, is_last: bool) -> bool {
         let rest = &self.buffer[self.at..];
         let (length, skip) = match memchr(b'\n', &rest[..rest.len().min(MAX_LINE_BYTES)]) {
@@ -241,7 +241,7 @@ impl Reader {
         let has_deltas = dialects.iter().any(|dialect| dialect.has_deltas);
         self.dialects = dialects;
         if let Some(row) = row {
-            // Plain bytes right behind an unread line may be what that line announced in a dialect not in use yet.
+            // Plain bytes right after an unread line may be what that line announced in a dialect not in use yet.
             let may_be_announced = row.generic && self.unread.back().is_some_and(|(number, _)| number + 2 >= self.number);
             let is_read_with_others = may_be_announced && self.read_with_unread_lines(line);
             if !(is_read_with_others || row.generic && self.prefer_proved(line, &row)) {
@@ -283,7 +283,7 @@ impl Reader {
         for (role, found, end) in &matches {
             let bytes = &self.found[from..*end];
             from = *end;
-            // What two dialects print of one frame is one frame: ESPHome's modbus says what it writes, and its uart does, too.
+            // What two dialects print of one frame is one frame: ESPHome's modbus says what it writes, and its uart does as well.
             if let (LineRole::Bytes(side), true) = (role, self.last_voice.is_some_and(|last| Some(last) != voice)) {
                 if self.assembler.is_copy(bytes, found.side.or(*side)) {
                     self.assembler.skip_copy(bytes);
@@ -484,7 +484,7 @@ impl Reader {
         self.timestamps.clock()
     }
 
-    /// What the timestamps so far refer to, as users are told.
+    /// What the timestamps so far refer to, as messages say.
     pub fn clock_kind(&self) -> ClockKind {
         self.timestamps.kind()
     }
@@ -506,7 +506,7 @@ fn piece_of_line(beginning: &[u8]) -> usize {
     beginning.len() - digits % 2
 }
 
-/// Whether `tail` may stand behind the last bytes of a line: nothing, text in a column of its own, or text that begins with
+/// Whether `tail` may follow the last bytes of a line: nothing, text in a column of its own, or text that begins with
 /// punctuation, such as the bytes as characters, their count, or a comment.
 fn may_follow(tail: &[u8]) -> bool {
     let text = tail.trim_ascii();

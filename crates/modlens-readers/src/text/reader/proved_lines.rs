@@ -12,10 +12,10 @@ use crate::text::role::LineRole;
 use crate::text::template::LineMatch;
 use modlens_protocol::Ns;
 
-/// The reason reported for bytes that stand beside a frame in a line.
+/// The reason reported for bytes that are beside a frame in a line.
 const BESIDE: &str = "hex beside a frame that no checksum proves";
 
-/// A line has at least so many letters and digits behind its bytes, if these hold a further frame.
+/// A line has at least so many letters and digits after its bytes, if these hold a further frame.
 const MIN_TAIL_CHARS: usize = 10;
 
 /// A number of other meaning is read as at most so many bytes.
@@ -34,7 +34,7 @@ impl Reader {
         true
     }
 
-    /// Reads the frames that stand in a line behind what a dialect has read of it, which is the text up to `tail`.
+    /// Reads the frames that are in a line after what a dialect has read of it, which is the text up to `tail`.
     pub(super) fn read_proved_tail(&mut self, line: &[u8], tail: usize) {
         let text = line.get(tail..).unwrap_or(&[]).trim_ascii();
         if text.len() < MIN_TAIL_CHARS || text.iter().filter(|b| b.is_ascii_hexdigit()).count() < MIN_TAIL_CHARS {
@@ -63,7 +63,7 @@ impl Reader {
         is_any
     }
 
-    /// Reads the frames that stand in a line in front of what a dialect has read of it. Most lines of a log have about the same
+    /// Reads the frames that are in a line in front of what a dialect has read of it. Most lines of a log have about the same
     /// number of characters there, so that a longer front alone is worth a look.
     pub(super) fn read_proved_front(&mut self, line: &[u8]) {
         let end = self.matches.first().map_or(0, |(_, found, _)| found.start);
@@ -144,7 +144,7 @@ impl Reader {
             for (number, text) in &one.earlier {
                 self.unread_lines.remove(*number, text);
             }
-            // A list of frames behind one word: all of them were sent or received.
+            // A list of frames after one word: all of them were sent or received.
             let has_words = text[one.front.clone()].iter().any(u8::is_ascii_alphabetic);
             side = one.side.or(side.filter(|_| !has_words));
             self.deliver_one(&one, side, time);

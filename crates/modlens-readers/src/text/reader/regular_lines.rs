@@ -20,7 +20,7 @@ const MAX_LINE_CHARS: usize = 1024;
 
 impl Reader {
     /// Whether the next line may be a regular one, now that `row` has read one in the general way: the row has no other rule,
-    /// and it would read the next line, too, because nothing that was found before concerns that line.
+    /// and it would read the next line as well, because nothing that was found before concerns that line.
     pub(super) fn may_expect_regular_lines(&self, row: &Arc<Dialect>) -> bool {
         row.is_plain_hex
             && self.dialects.first().is_some_and(|first| Arc::ptr_eq(first, row))
@@ -107,7 +107,7 @@ mod tests {
         }
     }
 
-    /// What stands in front of the bytes of line `at`.
+    /// What is in front of the bytes of line `at`.
     fn front(kind: usize, at: usize) -> String {
         match kind {
             0..3 => format!("{}.{:06} ", 1_697_041_234 + at / 4, at * 1234 % 1_000_000),
@@ -123,7 +123,7 @@ mod tests {
         }
     }
 
-    /// All that the reader gives for a text that comes in pieces of this size.
+    /// All that the reader gives for a text that comes in blocks of this size.
     fn read(text: &str, is_general: bool, piece: usize) -> Vec<String> {
         let table = Arc::new(Dialects::embedded().clone());
         let mut reader = Reader::new(table.named("hex").unwrap(), Some(table), Arc::default());

@@ -46,7 +46,7 @@ impl UnreadLines {
         }
     }
 
-    /// Takes back a line that was read after all, with lines behind it.
+    /// Takes back a line that was read after all, with lines after it.
     pub(super) fn remove(&mut self, number: u64, line: &[u8]) {
         self.count = self.count.saturating_sub(1);
         if self.is_only_counted {
