@@ -41,7 +41,7 @@ TROUBLED: Mapping[str, Expected] = {
 
 @dataclass(frozen=True, slots=True)
 class Capture:
-    """A capture: its name, its file below `captures/`, and the words behind the command."""
+    """A capture: its name, its file below `captures/`, and the words after the command."""
 
     name: str
     file: str

@@ -31,10 +31,10 @@ class Expected:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Recordings by name, `main` the one to examine with these words behind the command.
+    """Recordings by name, `main` the one to examine with these words after the command.
 
     `expected` is None for a healthy line. `forbidden` are the codes that would be a confusion;
-    `beside` those that are true here, too. `views` makes other recordings of the same traffic,
+    `beside` those that are true here as well. `views` makes other recordings of the same traffic,
     which need no words.
     """
 

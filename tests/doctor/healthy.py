@@ -49,7 +49,7 @@ def plain(rng: Random) -> Case:
 
 
 def slow_and_fast(rng: Random) -> Case:
-    """One unit takes a third of the time-out, another a millisecond; the master has time."""
+    """One unit takes a third of the timeout, another a millisecond; the master has time."""
     scene = Scene(rng, random_plant(rng, units=3))
     scene.habits.timeout_s = rng.choice([1.0, 2.0, 3.0])
     slow, fast, _ = scene.plant.units
@@ -69,7 +69,7 @@ def bursts(rng: Random) -> Case:
 
 
 def rare_exceptions(rng: Random) -> Case:
-    """A tool looks for an optional block every hundred cycles, and is told that there is none."""
+    """A tool looks for an optional block every hundred cycles, but there is none."""
     plant = random_plant(rng, units=rng.randint(2, 4))
     unit = plant.units[0]
     function = next(iter(unit.tables))
@@ -94,7 +94,7 @@ def changing_tools(rng: Random) -> Case:
 
 
 def one_unit(rng: Random) -> Case:
-    """One device, one block, once a second: the commonest line of all."""
+    """One device, one block, once a second: the most common line of all."""
     scene = Scene(rng, random_plant(rng, units=1))
     scene.plant.polls = scene.plant.polls[:1]
     scene.habits.period_s = 1.0

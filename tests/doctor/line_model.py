@@ -3,7 +3,7 @@
 A `Trouble` decides for each exchange what the line carries of the request, and what answers, when.
 What it does may depend on all that an `Exchange` knows: that is how conditional faults are made.
 The master behaves like real ones: it takes the first whole and right answer, waits until its
-time-out otherwise, and asks again if it is told to.
+timeout otherwise, and asks again if it is asked to.
 
     pair = Pair(Line(19200))
     master = Master(pair, random_plant(rng), Habits(rng), rng)
@@ -88,7 +88,7 @@ class Trouble:
 class Habits:
     """How the master works: all in seconds but `retries`.
 
-    `pauses_s` are the pauses behind an answer, of which chance takes one; `period_s` is the least
+    `pauses_s` are the pauses after an answer, of which chance takes one; `period_s` is the least
     time of a cycle.
     """
 

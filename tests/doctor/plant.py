@@ -1,4 +1,4 @@
-"""Units with their registers, and what a master asks them: the plant behind a line.
+"""Units with their registers, and what a master asks them: the plant on a line.
 
 `plant.units[0].answer(plant.polls[0].pdu(12.0), 12.0)` is the PDU that answers a poll, 12 s after
 the beginning.

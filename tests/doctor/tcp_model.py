@@ -62,7 +62,7 @@ class Server:
         return self.plant.by_address[request.poll.unit].delay(self.rng)
 
     def after(self, request: Request, done_s: float) -> None:
-        """What happens on the connection behind the answer."""
+        """What happens on the connection after the answer."""
 
 
 class Client:

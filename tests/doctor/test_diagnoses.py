@@ -1,6 +1,6 @@
 """A seed of each kind and near confusion, and healthy lines: the doctor says what is wrong.
 
-`python -m tests.doctor.score` does the same with many seeds, and tells how often it is right.
+`python -m tests.doctor.score` does the same with many seeds, and shows how often it is right.
 """
 
 from __future__ import annotations

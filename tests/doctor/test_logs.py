@@ -21,7 +21,7 @@ SERVER = "server, seconds.log"
 
 
 def judged(kind: str, view: str, folder: Path) -> tuple[Any, dict[str, Any]]:
-    """What was expected of a case, and what the doctor says of one side's log of it."""
+    """What was expected of a case, and what the doctor reports about one side's log of it."""
     case = make(kind, SEED)
     written(replace(case, files={**case.files, **case.views()}), folder)
     return case.expected, decode(folder / view).doctor()

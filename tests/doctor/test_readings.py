@@ -73,7 +73,7 @@ def test_seven_bits_are_wrong_settings_and_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("parity", "word"), [("E", "even"), ("O", "odd")])
 def test_dropped_characters_tell_the_parity(parity: str, word: str, tmp_path: Path) -> None:
-    """By a receiver without parity, which waits for the idle level behind an error."""
+    """By a receiver without parity, which waits for the idle level after an error."""
     wire = Wire(Line(9600, 8, parity, 1))
     for at, frame in sent():
         wire.send(frame, at)

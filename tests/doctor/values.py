@@ -1,7 +1,7 @@
 """Register values that live: smooth series, counters, states, floats over two registers.
 
-A signal tells the value of a register at a time in seconds. The same signal at the same time gives
-the same value, so that two masters who ask for the same register are told the same.
+A signal is the value of a register at a time in seconds. The same signal at the same time gives
+the same value, so that two masters who ask for the same register get the same.
 """
 
 from __future__ import annotations

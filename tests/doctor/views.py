@@ -1,7 +1,7 @@
 """The same traffic as others would have recorded it: a capture of Modbus/TCP, logs of both sides.
 
-A gateway stands between a client of Modbus/TCP and the serial line, so that each exchange of a
-model's master is one of a client, too: `capture` is what a mirror port sees of it, `client_log`
+A gateway is between a client of Modbus/TCP and the serial line, so that each exchange of a
+model's master is one of a client as well: `capture` is what a mirror port sees of it, `client_log`
 what the client's program writes, `server_log` what the gateway's does.
 """
 
@@ -48,7 +48,7 @@ def _frames(exchanges: Sequence[Exchange]) -> list[tuple[float, int, bool, bytes
 
 
 def client_log(exchanges: Sequence[Exchange], dialect: str) -> bytes:
-    """Requests sent, answers received; one that comes while another is awaited is told, too."""
+    """Requests sent, answers received; one that comes while another is awaited is also reported."""
     return write(dialect, list(_entries(exchanges, sends=True))).encode()
 
 

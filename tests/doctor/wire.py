@@ -42,7 +42,7 @@ class Transmission:
 
     @property
     def end_s(self) -> float:
-        """Behind the last stop bit."""
+        """After the last stop bit."""
         return self.start_s + len(self.data) * self.character_s + sum(self.pauses.values())
 
     def characters(self) -> Iterator[tuple[float, int]]:

@@ -1,4 +1,4 @@
-//! A bus and a day as one flat row: the verdict, the first diagnoses, rates, and what is in reserve.
+//! A bus and a day as one flat row: the verdict, the first diagnoses, rates and margins.
 //!
 //! What somebody with hundreds of taps looks at: `modlens doctor ARCHIVE --to csv` writes these rows, and a tap publishes
 //! that of its day.
@@ -78,13 +78,13 @@ fn answered(unit: &Json) -> Option<f64> {
     quotient(unit["answered"].as_u64()?, unit["requests"].as_u64()?)
 }
 
-/// The share of the time-out that is left; below 0 where answers come later.
+/// The share of the timeout that is left; below 0 where answers come later.
 fn reserve(unit: &Json) -> Option<f64> {
     let (p99, timeout) = (unit["response_time_p99_us"].as_f64()?, unit["timeout_us"].as_f64()?);
     (timeout != 0.0).then(|| rounded(1.0 - p99 / timeout, 5))
 }
 
-/// An order of units by their reserve of time; by their slowness where no time-out is known.
+/// An order of units by their margin of time; by their slowness where no timeout is known.
 fn time_left(unit: &Json) -> Option<f64> {
     reserve(unit).or_else(|| unit["response_time_p99_us"].as_f64().map(|p99| 1e9 - p99))
 }

@@ -115,7 +115,7 @@ impl Contrast {
     }
 
     /// Leaves out what is beyond the bounds. What is kept depends on names only: what is among the least hashes of the whole is
-    /// so in each part, too, and is never left out.
+    /// so in each part as well, and is never left out.
     fn prune(&mut self, most: Bounds) {
         // By the bus first, so that those that are kept are kept whole, but for one.
         let of = |name: &str, what: u64| mix_bytes(name.as_bytes()) >> 32 << 32 | mix(what) >> 32;
@@ -176,7 +176,7 @@ impl Contrast {
         bus
     }
 
-    /// Adds what was counted in the part of the recording behind this one.
+    /// Adds what was counted in the part of the recording after this one.
     pub fn merge(&mut self, later: &Self) {
         for (name, bus) in &later.buses {
             match self.buses.get_mut(name) {

@@ -80,7 +80,7 @@ impl Days {
         bus.days.entry(bus.last[table]).or_default()
     }
 
-    /// What the doctor says of each bus and day, as JSON, by bus and day: `date` (null without one) and `bus`, the seconds
+    /// What the doctor reports about each bus and day, as JSON, by bus and day: `date` (null without one) and `bus`, the seconds
     /// from the first to the last frame, and what a report has.
     pub fn rows(&self) -> Vec<Json> {
         let days = self.buses.iter().flat_map(|(name, bus)| bus.days.iter().map(move |(day, contrast)| (name, day, contrast)));

@@ -46,7 +46,7 @@ pub enum Outcome {
     BadRequest,
     /// An answer without a request, or too late for it.
     Unasked,
-    /// The recording does not show the answer, and no clock tells that the master has waited for it.
+    /// The recording does not show the answer, and no clock shows that the master has waited for it.
     NotSeen,
     /// Nothing can be said: a broadcast.
     Unknown,
@@ -59,7 +59,7 @@ impl Outcome {
         matches!(self, Self::Silent | Self::Garbled | Self::BadRequest)
     }
 
-    /// Whether it tells how the line works: neither an answer alone nor something unknown.
+    /// Whether it shows how the line works: neither an answer alone nor something unknown.
     #[inline]
     pub fn counts(self) -> bool {
         !matches!(self, Self::Unasked | Self::NotSeen | Self::Unknown)
@@ -88,7 +88,7 @@ pub struct Data {
 /// How the values of an answer go on with what was read before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shift {
-    /// They continue the series of the request before; by accident once in 2 to the power of this.
+    /// They continue the series of the request before; by chance once in 2 to the power of this.
     ToRequestBefore(u32),
     /// They continue neither that one nor their own.
     Elsewhere,

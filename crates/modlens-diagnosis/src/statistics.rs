@@ -1,4 +1,4 @@
-//! Tests for small counts: how likely is this contrast, if nothing were behind it?
+//! Tests for small counts: how likely is this contrast, if nothing were the cause?
 
 use std::f64::consts::PI;
 use std::sync::LazyLock;
@@ -64,7 +64,7 @@ impl Share {
 ///
 /// ```
 /// use modlens_diagnosis::statistics::{fisher, Share};
-/// // Fisher's tea: 4 of 4 cups right by accident has 1 chance in 70.
+/// // Fisher's tea: 4 of 4 cups right by chance has 1 chance in 70.
 /// let chance = fisher(Share { failed: 4, total: 4 }, Share { failed: 0, total: 4 });
 /// assert!((chance - 1.0 / 70.0).abs() < 1e-12);
 /// ```
@@ -116,7 +116,7 @@ pub fn at_most(share: Share, probability: f64) -> f64 {
 /// The chance of two independent observations, by Fisher's method for two.
 ///
 /// ```
-/// // Two that come about once in ten times each: by accident once in eighteen.
+/// // Two that come about once in ten times each: by chance once in eighteen.
 /// assert!((modlens_diagnosis::statistics::both(0.1, 0.1) - 0.0561).abs() < 1e-4);
 /// ```
 pub fn both(one: f64, other: f64) -> f64 {
@@ -124,7 +124,7 @@ pub fn both(one: f64, other: f64) -> f64 {
     (product * (1.0 - product.ln())).min(1.0)
 }
 
-/// The chance that failures spread by accident stand in no more runs than these (Wald and Wolfowitz).
+/// The chance that failures spread by chance are in no more runs than these (Wald and Wolfowitz).
 ///
 /// ```
 /// use modlens_diagnosis::statistics::{in_runs_at_most, Share};

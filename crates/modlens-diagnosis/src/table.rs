@@ -18,7 +18,7 @@ pub const UNNAMED: f64 = 0.005;
 pub struct Confusion {
     /// Its code.
     pub code: String,
-    /// What tells the two apart.
+    /// What distinguishes the two.
     pub difference: String,
 }
 

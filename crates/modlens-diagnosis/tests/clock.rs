@@ -16,7 +16,7 @@ fn framed(body: &[u8]) -> Vec<u8> {
     [body, &crc16(body).to_le_bytes()].concat()
 }
 
-/// What the doctor says of 300 reads, 10 in a second, of three units in turn; `clock` changes the time of each frame, or leaves
+/// What the doctor reports about 300 reads, 10 in a second, of three units in turn; `clock` changes the time of each frame, or leaves
 /// the frame out.
 fn judged(clock: impl Fn(i64) -> Option<i64>) -> Json {
     let mut session = Session::default();

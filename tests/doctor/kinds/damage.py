@@ -94,7 +94,7 @@ def with_writes(rng: Random, plant: Plant) -> Plant:
 
 @counter_case("noise near one unit")
 def noise_near_one_unit(rng: Random, _seed: int) -> Case:
-    """Bits anywhere in one unit's answers, others a little, too."""
+    """Bits anywhere in one unit's answers, others a little as well."""
     scene = Scene(rng, random_plant(rng, units=rng.randint(3, 4)))
     near = rng.choice(scene.plant.units).address
     scene.run(900, Noise(rng, rng.uniform(0.3, 0.6), near))
@@ -110,7 +110,7 @@ class Strays(Trouble):
         self.stray = rng.sample(STRAYS, 2)
 
     def answers(self, exchange: Exchange, answers: list[Answer]) -> list[Answer]:
-        """The answer with strays in front of it or behind it."""
+        """The answer with strays in front of it or after it."""
         concerned = self.unit in (None, exchange.unit)
         if not answers or not concerned or self.rng.random() >= self.rate:
             return answers
@@ -267,7 +267,7 @@ class Choppy(Trouble):
         return {}
 
     def answers(self, exchange: Exchange, answers: list[Answer]) -> list[Answer]:
-        """None after a request in pieces; or answers in pieces, which the master drops."""
+        """None after a request in blocks; or answers in blocks, which the master drops."""
         if exchange.struck:
             return [] if self.rng.random() < self.fatal else answers
         concerned = answers and exchange.unit == self.unit and self.rng.random() < self.rate

@@ -20,7 +20,7 @@ def share_of(plant: Plant, unit: int) -> float:
 
 
 def make_slow(scene: Scene, rate: float) -> int:
-    """Make one unit answer later than the time-out at that rate; its address."""
+    """Make one unit answer later than the timeout at that rate; its address."""
     rng = scene.rng
     unit = rng.choice(scene.plant.units)
     unit.spread = rng.uniform(0.2, 0.5)
@@ -31,7 +31,7 @@ def make_slow(scene: Scene, rate: float) -> int:
 
 @kind("slow_answers")
 def slow_answers(rng: Random, _seed: int) -> Case:
-    """One unit's response times reach beyond the master's time-out; the answers exist."""
+    """One unit's response times reach beyond the master's timeout; the answers exist."""
     scene = Scene(rng)
     scene.habits.timeout_s = rng.choice([0.1, 0.2, 0.3, 0.5, 1.0])
     # An answer that comes before the next request looks like one in time; without pauses between
@@ -80,7 +80,7 @@ def polled_too_fast(rng: Random, seed: int) -> Case:
 
 
 class Dead(Trouble):
-    """A unit never answers; whoever is asked after it may be silent, too."""
+    """A unit never answers; whoever is asked after it may be silent as well."""
 
     def __init__(self, rng: Random, unit: int, poison: float) -> None:
         self.rng, self.unit, self.poison = rng, unit, poison
@@ -107,7 +107,7 @@ def dead_unit_cost(rng: Random, seed: int) -> Case:
 
 
 class Away(Trouble):
-    """A unit is off between moments, and begins anew when it comes back."""
+    """A unit is off between moments, and restarts when it comes back."""
 
     def __init__(self, unit: int, runs: list[tuple[int, int]]) -> None:
         self.unit, self.runs = unit, runs
@@ -154,7 +154,7 @@ def bus_saturated(rng: Random, _seed: int) -> Case:
 
 @counter_case("a long block after a short time-out, dead unit beside")
 def slow_beside_dead(rng: Random, _seed: int) -> Case:
-    """A slow unit is told from a dead one: both are there, each by its name."""
+    """A slow unit is distinguished from a dead one: both are there, each by its name."""
     scene = Scene(rng, random_plant(rng, units=4))
     scene.habits.retries = 0
     slow = make_slow(scene, 0.3)

@@ -98,7 +98,7 @@ class Bystander(Trouble):
         self.rate, self.instead = rate, instead
 
     def answers(self, exchange: Exchange, answers: list[Answer]) -> list[Answer]:
-        """With an exception under the bystander's own address before or behind the right one."""
+        """With an exception under the bystander's own address before or after the right one."""
         if exchange.unit != self.victim or self.rng.random() >= self.rate:
             return answers
         exchange.struck = True
@@ -145,10 +145,10 @@ def bystander(rng: Random, seed: int) -> Case:
 
 
 def _neighbours(scene: Scene) -> tuple[int, int]:
-    """A unit that is asked behind another one somewhere in the cycle, and elsewhere not."""
+    """A unit that is asked after another one somewhere in the cycle, and elsewhere not."""
     polls = scene.plant.polls
     other, unit = polls[0].unit, next(poll.unit for poll in polls if poll.unit != polls[0].unit)
-    # What is asked in each cycle comes behind the other unit, else there is hardly anything to see.
+    # What is asked in each cycle comes after the other unit, else there is hardly anything to see.
     own = sorted((poll for poll in polls if poll.unit == unit), key=lambda poll: poll.every)
     others = [poll for poll in polls if poll.unit not in (unit, other)]
     theirs = [poll for poll in polls if poll.unit == other]
@@ -158,7 +158,7 @@ def _neighbours(scene: Scene) -> tuple[int, int]:
 
 
 class Echo(Trouble):
-    """The adapter hears itself: a tap behind it sees each request twice."""
+    """The adapter hears itself: a tap after it sees each request twice."""
 
     def __init__(self, line: Line) -> None:
         self.line = line
@@ -234,7 +234,7 @@ def _free(scene: Scene, at_s: float) -> float:
 
 @counter_case("a master that repeats at once")
 def repeats_at_once(rng: Random, _seed: int) -> Case:
-    """Two requests without an answer between them are no echo: a time-out lies between."""
+    """Two requests without an answer between them are no echo: a timeout lies between."""
     scene = Scene(rng)
     scene.habits.retries, scene.habits.timeout_s = 1, 0.1
     unit = scene.plant.units[0].address

@@ -1,4 +1,4 @@
-//! Exchanges that went well, one behind the other: what is noted of each.
+//! Exchanges that went well, one after the other: what is noted of each.
 
 use modlens_engine::records::{ExchangeRun, Transaction};
 
@@ -71,7 +71,7 @@ impl BusContrast {
         Some(before.number())
     }
 
-    /// Leaves behind exchanges that went well, the last of which asked this.
+    /// Remains after exchanges that went well, the last of which asked this.
     #[inline]
     fn pass_clean(&mut self, count: usize, last: u64) {
         if count > 0 {
@@ -82,7 +82,7 @@ impl BusContrast {
         }
     }
 
-    /// Notes an exchange that went well, behind another one, whose requests have these numbers; false, and nothing is done, where
+    /// Notes an exchange that went well, after another one, whose requests have these numbers; false, and nothing is done, where
     /// more is to be noted of it.
     #[inline(always)]
     // What an exchange shows is large; by value, and inlined, no more of it is made than is asked for.
@@ -172,7 +172,7 @@ impl BusContrast {
         }
     }
 
-    /// Notes that an exchange came right behind another request than it mostly does.
+    /// Notes that an exchange came right after another request than it mostly does.
     #[inline(never)]
     fn count_other_pair(&mut self, index: usize, request: u64, before: u64) {
         let known = self.known.at(index);
@@ -182,7 +182,7 @@ impl BusContrast {
         }
     }
 
-    /// Notes an exchange with a request that has no counters, behind another one.
+    /// Notes an exchange with a request that has no counters, after another one.
     fn count_one(&mut self, key: RequestKey, before: u64) {
         let unit = self.clean_units.of(key.unit);
         unit.by_function.add(key.function, 1);

@@ -29,7 +29,7 @@ pub(super) struct CleanCounts {
     pub by_previous: Few,
     /// By function.
     pub by_function: Few,
-    /// All of them: none of these was behind a failure.
+    /// All of them: none of these was after a failure.
     pub after_success: u64,
 }
 

@@ -1,5 +1,5 @@
-//! Whether a unit's answers are one step behind from a silence on. A silence ends an epoch; what the first answers behind it
-//! show (`Observation::shift`) tells about the whole epoch.
+//! Whether a unit's answers are one step late from a silence on. A silence ends an epoch; what the first answers after it
+//! show (`Observation::shift`) reports about the whole epoch.
 
 use super::tally::{Examples, Place, Tally};
 use crate::observation::{Outcome, Shift};
@@ -74,7 +74,7 @@ impl Epochs {
         self.ended.merge(&later.ended);
     }
 
-    /// Answers one step behind among all answers, and the bits of evidence for them.
+    /// Answers one step after among all answers, and the bits of evidence for them.
     pub fn behind(&self) -> (Tally, u64) {
         let mut all = self.first.tally();
         all.merge(&self.ended);

@@ -4,7 +4,7 @@
 use super::recent::RECENT;
 use crate::observation::RequestKey;
 
-/// Requests that are known at a time. Where there are more, all are forgotten, and found anew.
+/// Requests that are known at a time. Where there are more, all are forgotten, and found again.
 const MAX_KNOWN: usize = 2048;
 
 /// Places by the hash of a request, of which half are taken at most: a power of two.
@@ -16,7 +16,7 @@ const FREE: u16 = u16::MAX;
 /// What is known of the requests of a bus.
 #[derive(Clone, Debug, Default)]
 pub(super) struct KnownRequests {
-    /// By hash, or behind it where that place is taken: the index of a request.
+    /// By hash, or after it where that place is taken: the index of a request.
     places: Vec<u16>,
     all: Vec<KnownRequest>,
     /// How many transactions there were when requests, or answers to them, were forgotten.
@@ -58,9 +58,9 @@ pub(super) struct PendingExchanges {
     pub writes: bool,
     /// The request that mostly comes right before this one, as a number.
     pub after: u64,
-    /// How many came right behind that one.
+    /// How many came right after that one.
     pub pairs: u32,
-    /// How many came behind another one, which are counted already.
+    /// How many came after another one, which are counted already.
     pub other_pairs: u32,
 }
 
@@ -79,7 +79,7 @@ impl PendingExchanges {
         std::mem::replace(self, Self { after: self.after, ..Self::default() })
     }
 
-    /// Whether one came right behind the request that mostly does, which counts it; `before` is its number.
+    /// Whether one came right after the request that mostly does, which counts it; `before` is its number.
     #[inline]
     pub fn is_behind(&mut self, before: u64) -> bool {
         let is_expected = self.after == before;
@@ -87,7 +87,7 @@ impl PendingExchanges {
         is_expected
     }
 
-    /// One came right behind another request; gives which pairs are to be counted for that. If the request that mostly comes
+    /// One came right after another request; gives which pairs are to be counted for that. If the request that mostly comes
     /// before has become the rarer one, that is another one from here on.
     pub fn come_behind(&mut self, another: u64) -> Option<(RequestKey, u32)> {
         if self.other_pairs < self.pairs {

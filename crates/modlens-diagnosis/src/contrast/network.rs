@@ -104,7 +104,7 @@ impl ClientCounts {
         if seen.requests == 0 {
             return;
         }
-        // A client that speaks one framing drops what comes in another, though it is told here as the answer that it is.
+        // A client that speaks one framing drops what comes in another, though it is reported here as the answer that it is.
         let differ = seen.client_framing.zip(seen.server_framing).is_some_and(|(client, server)| client != server);
         // A server of MBAP drops requests in another framing without a word.
         let is_ignored = seen.client_framing.is_some_and(|framing| framing != "tcp") && seen.answered == 0;

@@ -11,7 +11,7 @@ use crate::observation::FrameObservation;
 /// Different runs that are counted one by one.
 const MAX_RUNS: usize = 256;
 
-/// Different runs with the same beginning that are told apart.
+/// Different runs with the same beginning that are distinguished.
 const MAX_WHOLES: usize = 4;
 
 /// The beginning of a run of noise.
@@ -61,7 +61,7 @@ const MAX_BURST_BYTES: usize = 256;
 pub struct Bursts {
     /// Their bytes.
     pub kept: Vec<Vec<u8>>,
-    /// Whether each came right behind a request.
+    /// Whether each came right after a request.
     pub answers: Vec<bool>,
     begun: usize,
     /// The first row goes on with what was in front of it.
@@ -112,7 +112,7 @@ impl Bursts {
 }
 
 impl NoiseRuns {
-    /// Counts a run; one right behind a request is its damaged answer and not compared with others.
+    /// Counts a run; one right after a request is its damaged answer and not compared with others.
     pub(super) fn count(&mut self, seen: &FrameObservation, is_answer: bool) {
         if seen.length >= 3 {
             // The last byte is known only where the run is not longer than what is kept of it.

@@ -17,7 +17,7 @@ pub(super) const MAX_REQUESTS: usize = 1024;
 /// Different requests before it that are counted.
 const MAX_BEFORE: usize = 16;
 
-/// Two different requests, one right behind the other.
+/// Two different requests, one right after the other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pair {
     /// How often.

@@ -36,7 +36,7 @@ impl<K: Ord + Clone, V: Default, const LIMIT: usize> Sample<K, V, LIMIT> {
     }
 
     /// The place of a key's entry, which is added if it is new; `None` if there is no room for it. A place stays that of its
-    /// key until the key has to make room for another one: `at` tells.
+    /// key until the key has to make room for another one: `at` says so.
     pub fn slot(&mut self, hash: u64, key: K) -> Option<usize> {
         if self.refuses(hash, &key) {
             self.overflowed = true;

@@ -8,7 +8,7 @@ use crate::contrast::UnitCounts;
 use crate::statistics::{at_least, fisher, in_runs_at_most, Share};
 use crate::MAX_CHANCE;
 
-/// Answers that come after the master has given up, or that press against its time-out.
+/// Answers that come after the master has given up, or that press against its timeout.
 pub(super) fn slow_answers(view: &View<'_>) -> Vec<Claim> {
     let slow = |unit: u8, counts: &UnitCounts| {
         late(view, unit, counts).or_else(|| overtaken(view, unit, counts)).or_else(|| pressing(view, unit, counts))
@@ -43,7 +43,7 @@ fn overtaken(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     Some(claim)
 }
 
-/// Whether the client went on sooner than the answers in time take. A time-out is longer than these; a client that does not wait
+/// Whether the client went on sooner than the answers in time take. A timeout is longer than these; a client that does not wait
 /// as long sends several requests together, some of them in one packet, and has not given up any.
 fn asks_together(counts: &UnitCounts) -> bool {
     // Of a client that gives up, the answers that were overtaken are the slowest ones: the others are those in time.
@@ -68,7 +68,7 @@ fn late(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     Some(claim)
 }
 
-/// Many good answers come shortly before the time-out, and few late ones or none are seen: those that failed were later still.
+/// Many good answers come shortly before the timeout, and few late ones or none are seen: those that failed were later still.
 /// A late answer is damaged if it meets the next request; so where some are seen, all failures are taken together.
 fn pressing(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let failed = if counts.late.failed > 0 { &counts.failures } else { &counts.silent };
@@ -85,7 +85,7 @@ fn pressing(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     })
 }
 
-/// With the time-out to set, which is the same in what to check and in its proof.
+/// With the timeout to set, which is the same in what to check and in its proof.
 fn suggested(claim: Claim, timeout: Ns) -> Claim {
     let timeout = duration(timeout);
     claim.fact("suggestion", format!(": {timeout} or more")).fact("raised", format!(" to {timeout}"))

@@ -69,7 +69,7 @@ fn upset(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
 }
 
 /// In a fixed cycle, a request always follows the same one. So the chance that some request to the unit fails as often as it
-/// does by accident, whatever came before it.
+/// does by chance, whatever came before it.
 fn best_by_request(view: &View<'_>, unit: u8) -> f64 {
     let requests = view.bus.requests.sorted();
     let own = || requests.iter().filter(|(key, _)| key.unit == unit).map(|(_, counts)| counts.failures());

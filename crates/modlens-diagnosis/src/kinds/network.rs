@@ -10,7 +10,7 @@ use modlens_protocol::finding::Severity;
 pub(super) fn lockstep(view: &View<'_>) -> Vec<Claim> {
     let on_lines = view.units().filter_map(|(unit, counts)| {
         let (behind, bits) = counts.epochs.behind();
-        // The evidence may begin behind any of the requests.
+        // The evidence may begin after any of the requests.
         let chance = view.significant(behind.total as f64 * (-(bits as f64)).exp2()).filter(|_| behind.failed > 0)?;
         Some(Claim::new("lockstep", &behind, chance).of_unit(unit).fact("subject", format!("the master of unit {unit}")))
     });

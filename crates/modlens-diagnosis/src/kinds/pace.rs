@@ -1,4 +1,4 @@
-//! Trouble with pace: too soon, in pieces, too much.
+//! Trouble with pace: too soon, in blocks, too much.
 
 use crate::claim::{duration, Claim, View};
 use crate::contrast::tally::Tally;
@@ -42,7 +42,7 @@ struct Split {
 }
 
 impl Split {
-    /// The limit that tells failures from successes best; its chance is corrected for the number of limits.
+    /// The limit that distinguishes failures from successes best; its chance is corrected for the number of limits.
     fn likeliest(splits: Vec<(i64, Share, Share)>) -> Option<Self> {
         let count = splits.len() as f64;
         let all =
@@ -51,7 +51,7 @@ impl Split {
     }
 }
 
-/// Whether the unit asked before tells failures from successes better than the silence does.
+/// Whether the unit asked before distinguishes failures from successes better than the silence does.
 fn explained_by_previous(unit: u8, counts: &UnitCounts, split: &Split, with_own: bool) -> bool {
     let previous = || counts.by_previous.iter().filter(|((other, _), _)| with_own || *other != unit).map(|(_, share)| *share);
     let all = previous().fold(Share::default(), Share::with);
@@ -78,7 +78,7 @@ pub(super) fn gaps_in_frames(view: &View<'_>) -> Vec<Claim> {
     failing
 }
 
-/// A sender whose frames come in pieces while those of others do not, though nobody fails for it. What the adapter of the tap
+/// A sender whose frames come in blocks while those of others do not, though nobody fails for it. What the adapter of the tap
 /// holds back, it holds back of all frames alike, so the others tell what is its part.
 fn in_pieces(view: &View<'_>) -> Vec<Claim> {
     let side = |side: usize| view.bus.units.iter().map(move |(unit, counts)| (*unit, &counts.pauses[side]));
@@ -99,7 +99,7 @@ fn in_pieces(view: &View<'_>) -> Vec<Claim> {
 /// Silences inside frames are at most t1.5 (serial line, 2.5.1.1): 0.75 ms from 19200 baud on; shorter ones are the clock's.
 const LEAST_OCTAVE: u32 = 20;
 
-/// The pauses of one sender against those of all others, at the length that tells them apart best.
+/// The pauses of one sender against those of all others, at the length that distinguishes them best.
 fn pieces(view: &View<'_>, senders: &[&Pauses], others: &[&Pauses], sender: &str) -> Option<Claim> {
     let octaves: std::collections::BTreeSet<u32> = senders.iter().flat_map(|pauses| pauses.octaves()).collect();
     let octaves: Vec<u32> = octaves.into_iter().filter(|octave| *octave >= LEAST_OCTAVE).collect();

@@ -41,7 +41,7 @@ fn spike(view: &View<'_>, key: RequestKey, series: &Lonely, value: &'static str)
     if share.failed == 0 || share.rate() > MOST || share.total < FEWEST {
         return None;
     }
-    // Long runs of odd ones are a device without data; jumps are spread as by accident.
+    // Long runs of odd ones are a device without data; jumps are spread as by chance.
     if view.significant(in_runs_at_most(share, series.runs())).is_some() {
         return None;
     }

@@ -1,4 +1,4 @@
-//! Which part of a damaged frame is damaged: the checksum tells, if the rest is right.
+//! Which part of a damaged frame is damaged: the checksum shows it, if the rest is right.
 
 use modlens_engine::records::{Batch, Frame, Transaction};
 use modlens_protocol::checksum::{correctable_bit, crc16, crc_valid};
@@ -15,7 +15,7 @@ pub enum DamagedPart {
     End,
     /// One bit.
     Bit,
-    /// Somewhere behind an intact beginning.
+    /// Somewhere after an intact beginning.
     Inside,
     /// From the first byte on, and not only there.
     Whole,
@@ -69,7 +69,7 @@ pub(super) fn damaged_request(row: &Frame, wire: &[u8]) -> Option<DamagedPart> {
     (is_damaged && is_request).then(|| request_part(wire))
 }
 
-/// A last byte that is wrong may be a single wrong bit, too; of random bits, one in eight is in it.
+/// A last byte that is wrong may be a single wrong bit as well; of random bits, one in eight is in it.
 fn request_part(wire: &[u8]) -> DamagedPart {
     if is_cut_at_end(wire, Some(8)) {
         DamagedPart::End

@@ -1,14 +1,14 @@
-//! How much each unit has left before it fails: answers, response time against the master's time-out, damage.
+//! How much each unit has left before it fails: answers, response time against the master's timeout, damage.
 
 use serde_json::{json, Value as Json};
 
 use crate::contrast::BusContrast;
 use modlens_protocol::source::Clock;
 
-/// The headroom of each unit of a bus.
+/// The margin of each unit of a bus.
 pub(super) fn of_bus(name: &str, bus: &BusContrast) -> Vec<Json> {
     let us = |ns: i64| ns as f64 / 1000.0;
-    // A master mostly has one time-out for all: where a unit has never failed, that of the others is shown.
+    // A master mostly has one timeout for all: where a unit has never failed, that of the others is shown.
     let timeout = bus.units.values().filter_map(|counts| counts.waited.percentile(0.5)).min();
     let asked = bus.units.iter().filter(|(_, counts)| counts.failures.total > 0);
     asked
