@@ -85,7 +85,7 @@ class LiveRun:
     """Listens to ports until the caller stops; the ports are opened at once. Use it in `closing`.
 
     `notify` gets messages about the ports. Settings that are not given are found by listening; with
-    `detect` those that are given, too. A lost port is waited for, unless `reconnect` is False.
+    `detect` those that are given as well. A lost port is waited for, unless `reconnect` is False.
     `batches` is where decoded rows leave the loop: `analyzer.pump` hands them to all sinks.
 
     `PortError` if a port cannot be opened, `UsageError` for invalid names.
@@ -214,7 +214,7 @@ def _bus(tap: Tap, settings: Settings) -> _LiveBus:
 
 @contextmanager
 def _port_errors() -> Iterator[None]:
-    """Raise what the core says of a port as `PortError`."""
+    """Raise what the core reports about a port as `PortError`."""
     try:
         yield
     except OSError as error:

@@ -1,6 +1,6 @@
 """The serial adapters of this machine and their properties.
 
-pyserial lists them and the kernel tells their latency timers; what each chip does with bytes is in
+pyserial lists them, the kernel reports their latency timers; what each chip does with bytes is in
 the table below.
 
 >>> chip_of(0x0403).name

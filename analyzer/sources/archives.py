@@ -28,13 +28,13 @@ MAX_MEMBERS = 20_000
 _ZIP = b"PK\x03\x04"
 _EMPTY_ZIP = b"PK\x05\x06"
 _ZIP_NAME_OFFSET = 30
-"""Where the name of the first file stands in a zip."""
+"""Where the name of the first file is in a zip."""
 _SIGROK_MEMBERS = (b"version", b"metadata")
 """With these a session of sigrok begins, which is one recording, even a damaged one."""
 _ENCRYPTED = 0x1
 """Bit 0 of a zip member's flags (APPNOTE 4.4.4)."""
 _TAR_MAGIC = slice(257, 262)
-"""Where `ustar` stands in the first header of a tar (POSIX pax, "ustar Interchange Format")."""
+"""Where `ustar` is in the first header of a tar (POSIX pax, "ustar Interchange Format")."""
 _SAMPLE_BYTES = 4096
 _MAIL_KEYS = {b"from", b"to", b"subject", b"date", b"mime-version", b"received"}
 _ODD_NUMBERS: tuple[type[Exception], ...] = (ValueError, OverflowError)
@@ -86,7 +86,7 @@ def contents(file: IO[bytes], name: str, opened: ExitStack) -> list[Member] | No
     if name.lower().endswith(".eml") or _is_mail(head):
         from analyzer.sources.mail import contents as mail  # noqa: PLC0415 - most files are none
 
-        # A name of an attachment may hold the mark that stands between an archive and a member.
+        # A name of an attachment may hold the mark that is between an archive and a member.
         return [Member(one.replace(MEMBER_SEPARATOR, "_"), open_it) for one, open_it in mail(file)]
     return None
 
@@ -105,7 +105,7 @@ def _zip(file: IO[bytes], name: str, opened: ExitStack) -> list[Member] | None:
         archive = opened.enter_context(zipfile.ZipFile(file))
     except (zipfile.BadZipFile, NotImplementedError, ValueError, OSError) as error:
         raise CaptureError(f"a damaged zip archive ({error})", path=name) from error
-    # A capture of sigrok is a zip, too, and one recording.
+    # A capture of sigrok is a zip as well, and one recording.
     if {"metadata", "version"} <= set(archive.namelist()):
         return None
     entries = [entry for entry in archive.infolist() if not entry.is_dir()]
@@ -141,7 +141,7 @@ def _tar(file: IO[bytes], name: str, opened: ExitStack) -> list[Member]:
     except damage_kinds() + _ODD_NUMBERS as error:
         if not members:
             raise CaptureError(f"a damaged tar archive ({error})", path=name) from error
-        # What stands before the damage can be read.
+        # What is before the damage can be read.
         members.append(_damaged(name, f"{name}: damaged behind {members[-1].name} ({error})"))
     return members
 

@@ -244,7 +244,7 @@ class Recording:
             # them.
             read = getattr(self._file, "read1", self._file.read)
             block = read(size)
-            # None: a FIFO has nothing yet. Its end is told by reading only, not by `select`, where
+            # None: a FIFO has nothing yet. Only reading reports its end, not `select`, where
             # the writer had left before the FIFO was opened here.
             return b"" if block is None else bytes(block) or None
         except OSError as error:

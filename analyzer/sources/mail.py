@@ -58,7 +58,7 @@ def _open(part: EmailMessage, *, is_text: bool) -> IO[bytes]:
 
 
 def _from_base64(text: str) -> bytes:
-    """The bytes of base64; a character that ends nothing is left out, and padding ends a piece."""
+    """The bytes of base64; a character that ends nothing is left out, and padding ends a block."""
     pieces = re.split("=+", re.sub(r"[^A-Za-z0-9+/=]", "", text))
     whole = (piece[: len(piece) - (len(piece) % 4 == 1)] for piece in pieces)
     return b"".join(binascii.a2b_base64(piece + "==") for piece in whole)

@@ -20,7 +20,7 @@ __all__ = ["Levels"]
 class Levels:
     """An export in blocks of text, with the interface of `analyzer.sources.sigrok.Samples`.
 
-    `unit` 0 tells the core that these are level changes and not samples; `rate` is the resolution
+    `unit` 0 says that these are level changes and not samples; `rate` is the resolution
     in which it counts their times, a nanosecond.
     """
 

@@ -4,7 +4,7 @@ The recording was made with some settings, right or wrong. Frames with valid che
 rate and the number of bits. The parity follows from the receiver's marks of line errors: to a
 receiver at 8E1 all characters of 8O1 have errors, and of 8N2, whose first stop bit is read as the
 parity bit, those with an even number of ones. Without valid frames, the length of the low pulse at
-the start of each character tells the rate of the line; the recording has to be made again, because
+the start of a character shows the rate of the line; the recording has to be made again, because
 bytes received at a wrong rate are lost.
 
 >>> parity_mismatches(bytes(range(8)), range(8), "E")

@@ -96,12 +96,12 @@ def _members(archives: Archives, name: str, depth: int) -> Iterator[str]:
 class Archives:
     """Archives that stay open while one member after the other is read.
 
-    To list an archive of thousands of members anew for each of them would take quadratic time, and
+    To list an archive of thousands of members again for each of them would take quadratic time, and
     so would starting again at the front of a compressed tar. Use it in `with`.
     """
 
     def __init__(self) -> None:
-        # The archive that was opened last, behind it the archive inside it, and so on.
+        # The archive that was opened last, after it the archive inside it, and so on.
         self._chain: list[tuple[str, ExitStack, dict[str, Member] | None]] = []
 
     def __enter__(self) -> Self:

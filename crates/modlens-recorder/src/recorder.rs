@@ -199,7 +199,7 @@ impl Feed {
         let lost = state.ports_with_loss.iter().position(|&one| one == port);
         let hole = read.hole || lost.is_some();
         if hole && !read.bytes.is_empty() {
-            // An empty read closes what came before: the engine is told the loss first (`modlens-py/src/inbox.rs`).
+            // An empty read closes what came before: the engine learns of the loss first (`modlens-py/src/inbox.rs`).
             recording::read(port, &PortRead { time: read.time, hole, ..PortRead::default() }, &mut bytes);
         }
         recording::read(port, &PortRead { hole, ..*read }, &mut bytes);

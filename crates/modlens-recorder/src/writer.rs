@@ -197,7 +197,7 @@ impl Segment {
         self.length > self.header_length
     }
 
-    /// Appends blocks that end at these places. After an error, the file ends behind the last whole block.
+    /// Appends blocks that end at these places. After an error, the file ends after the last whole block.
     fn append(&mut self, bytes: &[u8], ends: &[usize]) -> Done {
         let (before, mut written) = (self.length, 0);
         let mut error = None;

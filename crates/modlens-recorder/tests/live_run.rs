@@ -143,7 +143,7 @@ fn a_port_is_lost_and_returns_twenty_times_and_the_other_goes_on() {
         assert!(bench.run.statuses()[0].lost.is_none());
     }
     assert_eq!(transactions, 40);
-    // The same reason is told once for each time that the port was away.
+    // The same reason is reported once for each time that the port was away.
     assert!(bench.said.iter().filter(|text| text.contains("still waiting")).count() <= 20);
 }
 

@@ -64,7 +64,7 @@ pub struct Options {
     pub count: Option<usize>,
 }
 
-/// Reads the words behind the program's name.
+/// Reads the words after the program's name.
 pub fn parse(words: &[String]) -> Result<Wanted, String> {
     let mut found = Options {
         bus: String::new(),

@@ -1,4 +1,4 @@
-//! Outputs behind threads, so that the tap never waits for whoever reads them.
+//! Outputs after threads, so that the tap never waits for whoever reads them.
 //!
 //! A pipe may have a reader that has stopped, a FIFO may have none, a disk may hang: what is written waits in memory
 //! instead, and what does not fit there is dropped and counted.
@@ -122,7 +122,7 @@ fn write_all(shared: &Shared, out: io::Result<File>) {
 /// Standard error.
 static MESSAGES: OnceLock<Option<Outlet>> = OnceLock::new();
 
-/// Tells the user something, on standard error. Where that is not possible there is nobody to tell.
+/// Reports the user something, on standard error. Where that is not possible there is nobody to tell.
 pub fn say(text: &str) {
     let open = || Ok(File::from(rustix::io::dup(rustix::stdio::stderr())?));
     if let Some(outlet) = MESSAGES.get_or_init(|| Outlet::start(open).ok()) {

@@ -1,5 +1,5 @@
 //! Where decoded rows go: transactions as JSON lines, to standard output or a file that grows, and to the broker; there the
-//! row of the day, too. [`Rows::put`] gets every batch: a further consumer is called there.
+//! row of the day as well. [`Rows::put`] gets every batch: a further consumer is called there.
 
 use std::fs::{File, OpenOptions};
 use std::io;
@@ -18,7 +18,7 @@ use crate::outlet::{say, Outlet};
 
 /// The row of the day is published at most so often.
 const DAY_INTERVAL: Duration = Duration::from_secs(60);
-/// Days that are counted: yesterday's row is sent once more.
+/// Days that are counted: yesterday's row is sent again.
 const KEPT_DAYS: usize = 2;
 
 /// A publisher, and the rows of the days.

@@ -85,7 +85,7 @@ fn constant_upper_half(values: &[u64], reason: &mut String) -> f64 {
         1..0x8000 if rising => {
             reason.push_str("one register only rises and the other is constant, like the halves of a counter; ");
             // Counters have values of all magnitudes, so small upper halves are more frequent than large ones
-            // (Benford's law). Unrelated constants are small, too, but less often.
+            // (Benford's law). Unrelated constants are small as well, but less often.
             CONSTANT_UPPER_BITS + (65_536.0 / (11.0 * top as f64)).log2().clamp(-CONSTANT_UPPER_BITS, 2.0)
         }
         _ => 0.0,
@@ -98,7 +98,7 @@ fn four_registers(values: &[u64], movement: &Movement, signed: bool, reason: &mu
     let upper: Vec<u64> = values.iter().map(|value| value >> 32).collect();
     let changes = upper.windows(2).filter(|pair| pair[0] != pair[1]).count();
     if changes * 20 <= upper.len() {
-        // Either a counter whose upper half hardly moves, or a shorter number behind constants. The two are told apart
+        // Either a counter whose upper half hardly moves, or a shorter number after constants. The two are distinguished
         // by the carries.
         let lower: Vec<u64> = values.iter().map(|value| value & 0xFFFF_FFFF).collect();
         let bits = coupling_bits(&Movement::of(&lower, 2, false), reason);

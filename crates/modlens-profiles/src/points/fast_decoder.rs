@@ -179,7 +179,7 @@ impl FastDecoder {
             }
             _ => {}
         }
-        // A label belongs to the raw number, and the number of a labelled value is the raw one, too. The decoders below
+        // A label belongs to the raw number, and the number of a labelled value is the raw one as well. The decoders below
         // would return the scaled number.
         if !(has_no_scale || point.labels.is_empty() && point.bit_labels.is_empty()) {
             return general;
@@ -211,7 +211,7 @@ impl FastDecoder {
         }
     }
 
-    /// The number whose first register stands at byte offset `at`. `Err` if the caller has to take the general path, or
+    /// The number whose first register is at byte offset `at`. `Err` if the caller has to take the general path, or
     /// the registers are not there.
     ///
     /// Neighbouring points are seldom encoded alike, but the sequence repeats with every poll and the branch predictor
@@ -252,7 +252,7 @@ impl FastDecoder {
     }
 }
 
-/// Loads two registers. If the value takes only one and the block ends behind it, zeros replace the second.
+/// Loads two registers. If the value takes only one and the block ends after it, zeros replace the second.
 #[inline]
 fn load_two_registers(bytes: &[u8], at: usize, width: u16) -> Result<u32, ()> {
     match bytes.get(at..).ok_or(())? {
@@ -278,7 +278,7 @@ impl IntegerDecoder {
 
     /// Extracts all bits of one or two registers, in this order.
     fn of(registers: u16, order: Order) -> Self {
-        // After the bytes of the loaded 32 bits are swapped, a single register stands in the lower half and must be
+        // After the bytes of the loaded 32 bits are swapped, a single register is in the lower half and must be
         // moved to the front.
         let behind = match registers {
             1 => order.swaps_bytes(),
@@ -300,7 +300,7 @@ impl IntegerDecoder {
 
     /// The order of the registers that it loads.
     fn word_order(&self) -> WordOrder {
-        // Swapping the bytes of 32 bits swaps the registers, too, and the rotation swaps them back.
+        // Swapping the bytes of 32 bits swaps the registers as well, and the rotation swaps them back.
         let is_second_higher = self.has_swapped_bytes != (self.rotate_left != 0);
         WordOrder { is_second_higher, has_swapped_bytes: self.has_swapped_bytes }
     }

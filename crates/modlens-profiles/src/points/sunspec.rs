@@ -1,7 +1,7 @@
-//! Finds the `SunSpec` models of a device from the traffic: the marker `SunS` and the chain of models behind it, as a
+//! Finds the `SunSpec` models of a device from the traffic: the marker `SunS` and the chain of models after it, as a
 //! master reads them.
 //!
-//! The marker stands at address 40000, 50000 or 0 of the holding registers. Behind it the models follow each other,
+//! The marker is at address 40000, 50000 or 0 of the holding registers. After it the models follow each other,
 //! each with its number and its length; model number 65535 ends the chain (`SunSpec` Device Information Model
 //! Specification, 2021, section 6).
 

@@ -93,7 +93,7 @@ impl LiveBus {
         }
     }
 
-    /// Tells the search, if it goes on, what time it is.
+    /// Reports the search, if it goes on, what time it is.
     pub(super) fn advance(&mut self, ports: &mut Ports, session: &mut Session, now: Ns) {
         if let Some(search) = &mut self.search {
             search.advance(now);

@@ -21,7 +21,7 @@ use bus::LiveBus;
 pub use options::{LiveOptions, LiveStatus, Origin, TappedBus, IDLE_NS};
 use ports::Ports;
 
-/// The engine is told a time so far in the past: reads may not have reached the queue yet.
+/// The engine is given a time so far in the past: reads may not have reached the queue yet.
 const READ_LAG_NS: Ns = 30_000_000;
 /// How often settings that were found by listening are checked.
 const CHECK_NS: Ns = 1_000_000_000;
@@ -129,7 +129,7 @@ impl LiveRun {
         self.buses[bus].take(&mut self.ports, session, read);
     }
 
-    /// Tells engine and searches what time it is.
+    /// Reports engine and searches what time it is.
     fn advance(&mut self, session: &mut Session) {
         let now = self.ports.now_ns() - READ_LAG_NS;
         for bus in &mut self.buses {

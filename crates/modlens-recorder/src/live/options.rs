@@ -1,4 +1,4 @@
-//! What a live run is told, and what it reports of its buses.
+//! What a live run is given, and what it reports about its buses.
 
 use std::time::Duration;
 
