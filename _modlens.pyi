@@ -175,6 +175,32 @@ class RegisterMap:
         """
 
 @final
+class Finder:
+    """The values of all registers of a recording, and the search for the register that holds a value.
+
+    Around the times in `kept` (from, to; nanoseconds) every sample is kept; others are thinned out
+    where they would take too much memory.
+    """
+
+    def __new__(cls, kept: Sequence[tuple[int, int]]) -> Finder: ...
+    def add(self, batch: Batch) -> None:
+        """Add what a batch read and wrote; it needs its transactions."""
+    @property
+    def span(self) -> tuple[int, int] | None:
+        """The first and the last time of a sample."""
+    @property
+    def dropped(self) -> int:
+        """The number of samples that were dropped to save memory."""
+    def find(self, query: str) -> str:
+        """The candidates as JSON, best first; the samples are used up. `ValueError` for another form.
+
+        `query`: {shown: [[value, decimals, at, within]], moves: [[word, from, to]], history: null or
+        {times, values, has_zone}}. Result: {readings, registers, candidates: [{unit, register_type,
+        space, address, count, bit, type, order, scale, offset, odds_bits, chance, r2, lag_ns}], look:
+        null or {time_ns, values}}.
+        """
+
+@final
 class Survey:
     """What traffic shows of the registers of each unit."""
 

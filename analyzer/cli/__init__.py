@@ -51,6 +51,7 @@ COMMANDS = {
     "map": "show each register's last value, range and number of changes",
     "learn": "generate a draft device profile from recorded traffic",
     "match": "find the known profile that best matches a unit",
+    "find": "find the register that holds a value, by history or changes",
     "extcap": "add serial lines to Wireshark's list of interfaces",
     "dashboards": "write a dashboard for Grafana or Home Assistant, ready to import",
     "mcp": "serve recordings to an assistant as read-only tools (MCP)",

@@ -22,6 +22,7 @@ __all__ = ["PAGED", "paged", "wants_pager"]
 
 PAGED = (
     "decode", "show", "doctor", "stats", "explain", "formats", "profiles", "map", "learn", "match",
+    "find",
 )  # fmt: skip
 """The commands whose output is read by people, from its beginning."""
 

@@ -4,11 +4,13 @@
 //! - `profile` parses and checks profiles: which point (named value) stands at which address, with type, order and scale.
 //! - `points` compiles a profile to a plan. The plan splits a block of registers into points and converts them; this is
 //!   the only place where registers become values. It also follows `SunSpec` models and checks the order of registers.
+//! - `find` holds every reading of every register against what is known of a value, such as what a display showed.
 //! - `learn` ranks the types and orders that some registers may have, by how their values move over time.
 //!
 //! Scale factors and `SunSpec` models may come later than the first read, so a transaction keeps the plan of its unit as
 //! it was then. What it reads is a slice of the plan's layout; a value is converted when somebody asks for it.
 
+pub mod find;
 pub mod learn;
 pub mod points;
 pub mod profile;

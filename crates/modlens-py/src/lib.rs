@@ -9,6 +9,7 @@ mod days;
 mod dialects;
 #[cfg(feature = "files")]
 mod files;
+mod finder;
 mod functions;
 mod inbox;
 mod line_encoder;
@@ -130,6 +131,7 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(profile::judge, module)?)?;
     module.add_function(wrap_pyfunction!(profile::sunspec_models, module)?)?;
     module.add_class::<profile::Profile>()?;
+    module.add_class::<finder::Finder>()?;
     module.add_class::<profile::RegisterMap>()?;
     module.add_class::<profile::Survey>()?;
     module.add_class::<table::Predicate>()?;

@@ -4,7 +4,8 @@
 //! - `columns` has one line per column. Writers, filters and the Python border see rows only through it.
 //! - `cell_text` is the text of a value, as in CSV; filters compare this text.
 //! - `predicate` evaluates filter expressions.
-//! - `latest_values` keeps the last value of every register and point, `register_survey` collects what a master reads and
+//! - `latest_values` keeps the last value of every register and point, `register_series` all values for searches,
+//!   `register_survey` collects what a master reads and
 //!   writes, for a first profile of a device, `overview` what happened over time, for reports.
 
 pub mod cell_text;
@@ -12,4 +13,5 @@ pub mod columns;
 pub mod latest_values;
 pub mod overview;
 pub mod predicate;
+pub mod register_series;
 pub mod register_survey;

@@ -7,8 +7,9 @@ use serde_json::{json, Value as Json};
 
 use crate::columns::{read_data, read_range, row_of, write_data, write_range, Items};
 use modlens_engine::records::{Batch, Transaction};
+use modlens_profiles::find::LayoutHint;
 use modlens_profiles::learn::{rank_types, text, MIN_MARGIN_BITS};
-use modlens_profiles::profile::Order;
+use modlens_profiles::profile::{Order, Type};
 use modlens_protocol::register_type::Space;
 use modlens_protocol::status::Status;
 
@@ -54,6 +55,22 @@ impl RegisterSurvey {
         }
     }
 
+    /// The layout of the points that are certain, without integers of four registers, which are wrong too often.
+    pub fn layout_hints(&self) -> Vec<LayoutHint> {
+        let mut found = Vec::new();
+        for ((unit, space), blocks) in self.units.iter().filter(|((_, space), _)| !space.is_bits()) {
+            for point in learned_points(blocks, &registers(blocks)).into_iter().filter(|point| point.is_certain) {
+                if matches!(point.kind, "u64" | "s64") {
+                    continue;
+                }
+                let Some(kind) = Type::from_word(point.kind) else { continue };
+                let LearnedPoint { address, count, order, .. } = point;
+                found.push(LayoutHint { unit: *unit, space: *space, address, count, kind, order });
+            }
+        }
+        found
+    }
+
     /// The result for each table of each unit, as JSON.
     pub fn json(&self) -> Json {
         self.units.iter().map(|((unit, space), blocks)| table(*unit, *space, blocks)).collect()
@@ -81,14 +98,7 @@ fn table(unit: u8, space: Space, blocks: &Blocks) -> Json {
         })
         .collect();
     let mut points = Vec::new();
-    let mut registers: BTreeMap<u16, Register> = BTreeMap::new();
-    for ((first, _), block) in blocks {
-        for row in &block.rows {
-            for (i, &value) in row.iter().enumerate() {
-                registers.entry(first.wrapping_add(i as u16)).or_default().put(value, block);
-            }
-        }
-    }
+    let registers = registers(blocks);
     if !space.is_bits() {
         points = learned_points(blocks, &registers);
     }
@@ -97,6 +107,19 @@ fn table(unit: u8, space: Space, blocks: &Blocks) -> Json {
         "unit": unit, "register_type": space.long_name(), "space": space.short_name(), "blocks": listed, "registers": singles,
         "points": points.iter().map(LearnedPoint::json).collect::<Vec<_>>(), "together": correlated_pairs(blocks),
     })
+}
+
+/// The values of each register, by address.
+fn registers(blocks: &Blocks) -> BTreeMap<u16, Register> {
+    let mut registers: BTreeMap<u16, Register> = BTreeMap::new();
+    for ((first, _), block) in blocks {
+        for row in &block.rows {
+            for (i, &value) in row.iter().enumerate() {
+                registers.entry(first.wrapping_add(i as u16)).or_default().put(value, block);
+            }
+        }
+    }
+    registers
 }
 
 /// The values of one register over time.
