@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 	$(shell find $(filter-out crates/modlens-bench crates/modlens-tap,$(wildcard crates/*)) dissectors analyzer -name '*.rs' -o -name '*.toml')
 
-.PHONY: demo check test lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak settings bench bench-memory bench-captures bench-text bench-readings bench-exports bench-threads speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
+.PHONY: demo check test lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak openings settings bench bench-memory bench-captures bench-text bench-readings bench-exports bench-threads speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
 
 demo: export PAGER := cat
 demo: $(VENV)/.installed
@@ -141,6 +141,11 @@ spark: $(VENV)/.tested
 # Everything against a tap at once: stalled output, a full disk, no broker, a port unplugged, a clock that is set.
 soak: $(VENV)/.tested
 	$(BIN)/python -m tests.faults.soak --seconds 600
+
+# What the other side of a line sees of 1,000 openings, and of 100 with a slow driver; six minutes.
+openings: $(VENV)/.tested
+	$(BIN)/python -m tests.faults.opening --times 1000
+	$(BIN)/python -m tests.faults.opening --times 100 --slow-us 1000
 
 # Settings found by listening: every standard rate, every shape of a character; two minutes.
 settings: $(VENV)/.tested

@@ -53,6 +53,8 @@ mod driver;
 mod inbox;
 mod live;
 mod port;
+#[cfg(target_os = "linux")]
+mod priority;
 mod queue;
 #[cfg(unix)]
 mod reader;

@@ -27,6 +27,8 @@ pub fn start(
     let file = fd.try_clone_to_owned()?;
     let decoder = marked.then(ParmrkDecoder::default);
     let run = move || {
+        #[cfg(target_os = "linux")]
+        crate::priority::raise();
         if let Some(error) = listen(&shared, port, &file, &stop, decoder) {
             shared.push(port, monotonic_ns(), Arrived::End(error));
         }

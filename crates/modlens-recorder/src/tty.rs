@@ -26,6 +26,7 @@ use rustix::termios::{
 use crate::driver;
 use crate::inbox::Inbox;
 use crate::port::{reason, Counts, Port};
+use crate::priority;
 
 /// Settings to open a port with whose own are not known yet.
 const PLACEHOLDER: LineSettings = LineSettings { baud: 9600, data_bits: 8, parity: Parity::None, half_stop_bits: 2 };
@@ -45,7 +46,12 @@ pub struct Tty {
 impl Tty {
     /// Opens a port for this program alone. Without settings they are not known yet.
     pub fn open(name: &str, line: Option<LineSettings>) -> Result<Self, String> {
-        Self::open_quietly(name, line).map_err(|error| reason(&error, line))
+        // In a thread of its own, which is not interrupted between the calls, where the user may have that.
+        let opening = || {
+            priority::raise();
+            Self::open_quietly(name, line).map_err(|error| reason(&error, line))
+        };
+        std::thread::scope(|scope| scope.spawn(opening).join().unwrap_or_else(|_| Err("the port cannot be opened".into())))
     }
 
     fn open_quietly(name: &str, line: Option<LineSettings>) -> io::Result<Self> {
