@@ -35,7 +35,7 @@ class Chip:
 _CHIPS: Mapping[int, Chip] = MappingProxyType(
     {
         0x0403: Chip("FTDI", "packets of 62 bytes; a line error marks the whole packet"),
-        0x1A86: Chip("CH340", "packets of 32 bytes: long responses arrive in pieces"),
+        0x1A86: Chip("CH340", "packets of 32 bytes: long responses arrive in blocks"),
         0x10C4: Chip("CP210x", "packets of 64 bytes"),
         0x067B: Chip("PL2303", "packets of 64 bytes"),
         0x04D8: Chip("Microchip", "packets of 64 bytes"),

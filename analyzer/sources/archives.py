@@ -142,7 +142,7 @@ def _tar(file: IO[bytes], name: str, opened: ExitStack) -> list[Member]:
         if not members:
             raise CaptureError(f"a damaged tar archive ({error})", path=name) from error
         # What is before the damage can be read.
-        members.append(_damaged(name, f"{name}: damaged behind {members[-1].name} ({error})"))
+        members.append(_damaged(name, f"{name}: damaged after {members[-1].name} ({error})"))
     return members
 
 

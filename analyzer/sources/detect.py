@@ -84,7 +84,7 @@ def _refusal(sample: bytes, best: str, reason: str) -> str:
 def is_text(sample: bytes) -> bool:
     """Whether these bytes can be text: hardly any control characters, and UTF-8 or mostly ASCII.
 
-    A bell, an end-of-file mark or the zeros behind a log that lost power do not make it binary.
+    A bell, an end-of-file mark or the zeros after a log that lost power do not make it binary.
 
     >>> is_text(b"12:00 Rx: 01 03"), is_text(bytes.fromhex("0103006b00037417"))
     (True, False)

@@ -33,7 +33,7 @@ _BYTES_FOR_RATES = 4096
 
 _ONLY_BYTES = (
     "so the receiver's settings were right, but bytes alone do not tell which they were: rate and"
-    " parity are told by a recording of tap --record"
+    " parity are shown by a recording of tap --record"
 )
 
 _SETTINGS = re.compile(rb"recording bus=[^\0]* settings=(\d+-\d\w[\d.]+) ")

@@ -12,7 +12,7 @@ pub const COLUMNS: [(&str, &str); 18] = [
     ("verdict", "healthy, trouble, broken, or unknown"),
     ("diagnosis_1", "the most harmful cause, with the unit where it is one: modlens explain CODE"),
     ("diagnosis_2", "the next one"),
-    ("diagnosis_3", "the one behind it"),
+    ("diagnosis_3", "the one after it"),
     ("requests", "requests that tell how the line works"),
     ("requests_per_s", "these, from the first to the last frame"),
     ("failed_share", "share without a valid answer, exceptions left out"),
@@ -20,10 +20,10 @@ pub const COLUMNS: [(&str, &str); 18] = [
     ("late_share", "share answered after the request had been given up"),
     ("weakest_unit", "the unit that answers the least share of its requests"),
     ("answered_share", "that share"),
-    ("slowest_unit", "the unit that leaves the least of the time-out; without one, the slowest"),
+    ("slowest_unit", "the unit that leaves the least of the timeout; without one, the slowest"),
     ("response_time_p99_us", "the time that 99 of 100 of its answers keep within"),
-    ("timeout_us", "the master's time-out, where it was seen"),
-    ("time_reserve", "the share of the time-out that is left behind those 99 of 100"),
+    ("timeout_us", "the master's timeout, where it was seen"),
+    ("time_reserve", "the share of the timeout that is left after those 99 of 100"),
     ("sentence", "the verdict in words"),
 ];
 

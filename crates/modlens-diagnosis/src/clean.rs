@@ -136,7 +136,7 @@ impl<'a> Exchanges<'a> {
         let shape = self.shapes[usize::from(exchange.function) % FUNCTIONS]?;
         let Exchange { start, lengths, unit, function, address, quantity, .. } = *exchange;
         let [request, response] = lengths.map(u32::from);
-        // Both are frames of an RTU line, with a unit in front and a checksum behind; the block is the end of its frame.
+        // Both are frames of an RTU line, with a unit in front and a checksum at the end; the block is the end of its frame.
         let pdu = Span { start: start + 1, length: request - 1 - CRC_BYTES as u32 };
         let (from, end) = (start + request + 1 + shape.block, start + request + response - CRC_BYTES as u32);
         let data = shape.data(self.batch.arena.get(from as usize..end as usize));

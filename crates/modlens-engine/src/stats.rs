@@ -87,8 +87,8 @@ pub(crate) struct ExchangeCounts<'a> {
 }
 
 impl ExchangeCounts<'_> {
-    /// Counts an exchange with the request at this place, as `Stats::record_exchange` does, but for what only the last one leaves
-    /// behind: see `note_last`.
+    /// Counts an exchange with the request at this place, as `Stats::record_exchange` does, but for what only the last one leaves:
+    /// see `note_last`.
     #[inline]
     pub(crate) fn count(&mut self, at: RequestPlace) {
         self.bus.requests.count_at(usize::from(at.request), None, None);

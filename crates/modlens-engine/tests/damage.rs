@@ -28,7 +28,7 @@ fn decode(bytes: &[u8]) -> Batch {
     session.take()
 }
 
-/// Offset behind `before`, verdict and findings of all frames that are neither valid nor noise.
+/// Offset after `before`, verdict and findings of all frames that are neither valid nor noise.
 fn damaged_frames(before: &[u8], batch: &Batch) -> Vec<(usize, Verdict, Vec<Finding>)> {
     let rows = batch.frames.iter().filter(|row| !matches!(row.verdict, Verdict::Ok | Verdict::Noise));
     rows.map(|row| (row.offset as usize - before.len(), row.verdict, row.findings.of(&batch.codes).to_vec())).collect()

@@ -80,7 +80,7 @@ mod tests {
     #[test]
     fn a_saturated_line_is_read_less_often() {
         let found = rests((100..200).map(|ms| (ms, if ms % 2 == 0 { 10 } else { 11 })));
-        assert_eq!(found.iter().position(|&rest| rest), Some(49), "512 bytes behind the first read");
+        assert_eq!(found.iter().position(|&rest| rest), Some(49), "512 bytes after the first read");
         assert!(found[49..].iter().all(|&rest| rest));
     }
 

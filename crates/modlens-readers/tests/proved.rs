@@ -83,7 +83,7 @@ const NOTATIONS: &[Notation] = &[
     ("percent", |bytes| each(bytes, "", |b| format!("%{b:02X}"))),
     ("dollar", |bytes| each(bytes, " ", |b| format!("${b:02X}"))),
     ("hash", |bytes| each(bytes, " ", |b| format!("#{b:02X}"))),
-    ("h behind", |bytes| each(bytes, " ", |b| format!("{b:02X}h"))),
+    ("h after", |bytes| each(bytes, " ", |b| format!("{b:02X}h"))),
     ("H and commas", |bytes| each(bytes, ", ", |b| format!("{b:02X}H"))),
     ("assembler", |bytes| each(bytes, ",", |b| format!("0{b:02X}h"))),
     ("squares", |bytes| each(bytes, "", |b| format!("[{b:02X}]"))),

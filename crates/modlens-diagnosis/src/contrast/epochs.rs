@@ -27,7 +27,7 @@ struct Epoch {
 /// The epochs of a unit.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Epochs {
-    /// Answers one step behind, among all of the epochs that have ended.
+    /// Answers one step late, among all of the epochs that have ended.
     ended: Tally,
     /// Bits of the evidence of those that were.
     bits: u64,

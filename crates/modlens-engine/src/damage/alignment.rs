@@ -178,7 +178,7 @@ impl<'a> Comparison<'a> {
         }
     }
 
-    /// Gives out the ways in which the bytes can be explained, with their scores, in this order: flipped bits alone; then one
+    /// Emits the ways in which the bytes can be explained, with their scores, in this order: flipped bits alone; then one
     /// break right after the bytes that agree: one, two or three bytes missing, the last one doubled, a collision.
     ///
     /// A break is tried only if no bytes are missing in front, some known bytes agree, and some do not; and only if it may be

@@ -84,7 +84,7 @@ impl UnframedRegion<'_, '_> {
     /// How many bytes a candidate has, how many it should have, and its damage if that is known by now.
     ///
     /// It should have those up to `Candidate::end`, else those that its header announces, else all up to `limit`. It has as
-    /// many, but none at or behind `limit`, no more than `MAX_RTU_FRAME_BYTES`, and one more if one was received twice
+    /// many, but none at or after `limit`, no more than `MAX_RTU_FRAME_BYTES`, and one more if one was received twice
     /// (`doubled_byte`). If a pause inside counts as its end (`gap_inside`), it ends there; where nothing says how many bytes
     /// it should have, it then is as long as it should be.
     fn extent_of(&self, candidate: &Candidate, limit: usize) -> Ending {
@@ -254,7 +254,7 @@ fn score_behind(candidate: &Candidate, before: &Candidate) -> f32 {
         + if is_response_to_it { candidate.header_cost + weights::UNSOLICITED_BITS } else { 0.0 }
 }
 
-/// Whether a frame of the right length, whose CRC no single flipped bit explains, is a shorter one with stray bytes behind
+/// Whether a frame of the right length, whose CRC no single flipped bit explains, is a shorter one with stray bytes after
 /// it; for frames whose content is unknown.
 fn strays_behind_unknown_bytes(bytes: &[u8], ends_well: bool) -> Option<DamageKind> {
     let length = bytes.len();

@@ -38,7 +38,7 @@ impl Pairing {
             return before.map_or(SameRequest::New, |before| self.echo_or_retry(frame, before.end, before.txn));
         }
         let is_same = |open: &PendingTransaction| open.unit == frame.unit() && open.request.pdu() == frame.pdu();
-        // An echo comes at once, with stray bytes before it at most: a request that has a damaged response or an exchange behind
+        // An echo comes at once, with stray bytes before it at most: a request that has a damaged response or an exchange after
         // it is asked again.
         let comes_at_once = |open: &PendingTransaction| !open.response.is_present() && frame.number <= open.request.number + 2;
         let open = self.open.back().filter(|open| is_same(open) && !open.echo_seen && comes_at_once(open));

@@ -84,11 +84,11 @@ impl Session {
     /// reader's table, which the next connection may take once it is closed. Events of a slot without bus are ignored.
     ///
     /// Further bytes of the same connection may be decided together with those before them (`feed_later`). Any other event
-    /// would change how these are decided, so they are decided first; so would bytes behind a gap, or where the server's side
+    /// would change how these are decided, so they are decided first; so would bytes after a gap, or where the server's side
     /// begins or ceases to be recorded. A time says nothing about them and only teaches the clock.
     ///
     /// The end of a connection flushes its bus, which a later connection takes once no row names it any more. That one side
-    /// ends it comes before: behind all bytes of that side, and while requests are still open.
+    /// ends it comes before: after all bytes of that side, and while requests are still open.
     pub(super) fn handle_event(&mut self, state: &mut CaptureState, event: Event<'_>) {
         match event {
             Event::Time(time, interface) => {
@@ -112,7 +112,7 @@ impl Session {
     #[cold]
     pub(super) fn feed_packet(&mut self, bus: usize, from_client: bool, chunk: &StreamChunk<'_>, is_whole_message: bool) {
         self.feed_stream(bus, from_client, chunk, is_whole_message);
-        // So that the packets behind it can be matched as they come.
+        // So that the packets after it can be matched as they come.
         if !is_whole_message && !from_client && self.may_match_packets(bus) {
             self.decide_waiting();
         }
@@ -170,7 +170,7 @@ impl Session {
         }
     }
 
-    /// Learns the clock of a capture from the time of a packet, in ns. The first packet that tells it decides its kind: as
+    /// Learns the clock of a capture from the time of a packet, in ns. The first packet that shows it decides its kind: as
     /// the metadata of the port say if modlens wrote the capture, else by whether the time is a date. Its step is the
     /// coarsest of all interfaces so far. The recording begins with the first packet, unless modlens wrote the capture: then
     /// the metadata say when it began.

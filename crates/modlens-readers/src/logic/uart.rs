@@ -88,7 +88,7 @@ impl UartReceiver {
         Some(Character { start, end, byte, has_framing_error, has_parity_error })
     }
 
-    /// The sample at which the next start bit begins: the first change from high to low at or behind `from`.
+    /// The sample at which the next start bit begins: the first change from high to low at or after `from`.
     fn start_bit(&self) -> Option<f64> {
         let mut level = self.level;
         for edge in &self.edges {

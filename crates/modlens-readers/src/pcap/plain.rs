@@ -12,7 +12,7 @@ const TCP_BYTES: usize = 20;
 /// The link type of Ethernet.
 const ETHERNET: u16 = 1;
 
-/// The bytes of the headers from 12 to 19 and from 20 to 27 that all plain segments have in common, with a mask for each: IPv4 behind
+/// The bytes of the headers from 12 to 19 and from 20 to 27 that all plain segments have in common, with a mask for each: IPv4 after
 /// Ethernet, version 4 without options; not a fragment, whether or not it may be fragmented, and TCP.
 const TYPE_AND_VERSION: (u64, u64) = (0x0800_4500_0000_0000, 0xFFFF_FF00_0000_0000);
 const WHOLE_AND_TCP: (u64, u64) = (0x0000_0006_0000_0000, 0xBFFF_00FF_0000_0000);

@@ -216,7 +216,7 @@ fn is_enough(score: RowScore, text: &[u8]) -> bool {
     score.proven_bytes > 0 && score.proven_bytes * MAX_HEX_PER_PROVED >= hex
 }
 
-/// The ending of a noun behind this number.
+/// The ending of a noun after this number.
 fn plural(number: u64) -> &'static str {
     if number == 1 {
         ""

@@ -179,7 +179,7 @@ impl Template {
         self.anchor.as_ref().is_some_and(stands_here) && !inside_word(line, start)
     }
 
-    /// The first match that begins at or behind `from`; its bytes go to `scratch.out`.
+    /// The first match that begins at or after `from`; its bytes go to `scratch.out`.
     pub fn find(&self, line: &[u8], from: usize, scratch: &mut MatchContext<'_>) -> Option<LineMatch> {
         if self.is_at_line_start && from > 0 {
             return None;

@@ -127,7 +127,7 @@ struct StartTable {
     ring: Box<[(u16, u32); RING_STARTS]>,
 }
 
-/// How many positions before stream offset `end` an entry stands; a large number if it is no entry or behind `end`.
+/// How many positions before stream offset `end` an entry stands; a large number if it is no entry or after `end`.
 #[inline(always)]
 #[allow(clippy::inline_always)] // As above.
 fn positions_behind(end: u64, entry: u32) -> u64 {
@@ -225,7 +225,7 @@ impl CrcScanner {
     /// may be a frame if `may_be_frame` admits it, by the stream offset of its start and its length.
     ///
     /// `found` is cleared and gets the stream offsets at which these substrings start, the latest first. They have from 4 to
-    /// `MAX_CANDIDATE_BYTES` bytes, and begin where the stretch began or behind. `found` stays empty if all bytes were scanned
+    /// `MAX_CANDIDATE_BYTES` bytes, and begin where the stretch began or after. `found` stays empty if all bytes were scanned
     /// and no such substring ends with any of them.
     #[inline(never)] // So that its loop has the registers to itself.
     pub fn scan(

@@ -51,7 +51,7 @@ pub struct RequestPrefilter {
     equal: Table,
     /// The requests that have it one to `MAX_LOST_BYTES` places after this one: so many bytes in front may be missing.
     behind: Table,
-    /// The requests that have it there, one place before (a byte may be there twice), or one to `MAX_LOST_BYTES` places behind
+    /// The requests that have it there, one place before (a byte may be there twice), or one to `MAX_LOST_BYTES` places after
     /// (bytes inside may be missing).
     around: Table,
     /// The requests whose byte there has all one bits of this value, and perhaps more: another sender may have pulled the others to

@@ -93,7 +93,7 @@ impl RtuFramer {
         self.decision = Some(Decision::Frame { start, end, direction, confidence, unconfirmed: false });
     }
 
-    /// Log2 of the odds of the direction of a frame that the fast path found behind `stray_bytes` bytes. Only that of a response
+    /// Log2 of the odds of the direction of a frame that the fast path found after `stray_bytes` bytes. Only that of a response
     /// which equals its request is in any doubt.
     #[inline]
     fn fast_path_odds(&self, input: &Input, context: &FramerContext<'_>, stray_bytes: usize, length: FrameLength) -> f32 {

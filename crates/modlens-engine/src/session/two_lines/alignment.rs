@@ -5,7 +5,7 @@
 //! address of its request, so a pair of them scores; a request without response and a response without request cost.
 //! Dynamic programming finds the order with the greatest sum of scores in bits.
 //!
-//! Only a window of each line is aligned at a time, and only the first half of the result is used, since frames behind
+//! Only a window of each line is aligned at a time, and only the first half of the result is used, since frames after
 //! the window could change the rest. Where few frames pair up, because bytes of one line are missing, the window is made
 //! far wider: it must be longer than the hole.
 //!

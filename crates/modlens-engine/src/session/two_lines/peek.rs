@@ -45,7 +45,7 @@ pub(super) fn response_fit(functions: &Functions, bytes: &[u8], request: Request
     }
 }
 
-/// Unit and PDU of the frame that a line's bytes begin with, at most three stray bytes in front of it, and the bytes behind
+/// Unit and PDU of the frame that a line's bytes begin with, at most three stray bytes in front of it, and the bytes after
 /// it. `None` if it is not whole, or damaged.
 pub(super) fn first_frame<'a>(functions: &Functions, bytes: &'a [u8], direction: Direction) -> Option<(&'a [u8], &'a [u8])> {
     let (at, frame) = (0..MAX_FRAME_START).find_map(|at| Some((at, frame_here(functions, bytes.get(at..)?, direction)?)))?;

@@ -21,7 +21,7 @@ const MAX_FIELDS: usize = 260;
 /// The most characters of a line with a field.
 const MAX_LINE_CHARS: usize = 1000;
 
-/// The fields since the last line that was none, and what that line says of them.
+/// The fields since the last line that was none, and what that line reports about them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Listing {
     fields: Vec<Piece>,
@@ -69,7 +69,7 @@ fn is_listed_frame(fields: &[Piece]) -> bool {
         *end += field.bytes.len();
         Some(*end)
     });
-    // Registers in a row never end with a unit, which is one byte; the header may stand in one line without it.
+    // Registers in a row never end with a unit, which is one byte; the header may be in one line without it.
     let has_header = fields.first().is_some_and(|field| field.bytes.len() == PREFIX_BYTES);
     (has_header || ends.any(|end| end == PREFIX_BYTES + 1)) && is_frame(&bytes)
 }

@@ -1,5 +1,5 @@
 //! Reads the frames in lines that no dialect knows: any run of bytes that a checksum or an MBAP header proves, whatever words,
-//! quotes, arrows, brackets or counters stand around it.
+//! quotes, arrows, brackets or counters are around it.
 //!
 //! `runs` finds bytes in all notations, `frames` says which of them are frames, `sender` takes the direction from the words in
 //! front of them. A line whose text in front of the bytes (`shapes`) was seen in front of frames is read even if its bytes
@@ -39,7 +39,7 @@ const MAX_PART_CHARS: usize = 1 << 15;
 /// A run of so many bytes beside a frame is listed, although nothing proves it.
 const MIN_LISTED_BYTES: usize = 3;
 
-/// So many bytes in front of a frame or behind it, which nothing but the notation ties to it, were on the line, too.
+/// So many bytes in front of a frame or after it, which nothing but the notation ties to it, were on the line as well.
 const MIN_NEIGHBOUR_BYTES: usize = 4;
 
 /// The most escaped strings that are read in one line.
@@ -59,7 +59,7 @@ pub(super) enum Worth {
 /// Bytes found in a line.
 #[derive(Clone, Debug)]
 pub(super) struct Found {
-    /// The lines on which they stand before the current one: numbers and texts.
+    /// The lines on which they are before the current one: numbers and texts.
     pub earlier: Vec<(u64, Vec<u8>)>,
     /// Where the text in front of them begins and ends: from the bytes before to these.
     pub front: Range<usize>,
@@ -171,7 +171,7 @@ impl ProvedHex {
         Some(found)
     }
 
-    /// Adds the longest run of the line to those of the lines before it. Returns the pieces of a frame that it completes.
+    /// Adds the longest run of the line to those of the lines before it. Returns the blocks of a frame that it completes.
     fn complete_pieces(&mut self, line: &[u8], start: usize, hex: &[Run], number: u64) -> Vec<Found> {
         let Some(run) = hex.iter().max_by_key(|run| (run.bytes.len(), run.style != Style::Pairs, run.text.start)) else {
             return Vec::new();
@@ -193,7 +193,7 @@ impl ProvedHex {
     }
 }
 
-/// A frame that was listed in these fields, the last of which stands in line `number`.
+/// A frame that was listed in these fields, the last of which is in line `number`.
 fn listed(fields: Vec<Piece>, side: Option<Side>, number: u64) -> Found {
     Found {
         front: 0..fields.first().map_or(0, |field| field.start),
@@ -206,7 +206,7 @@ fn listed(fields: Vec<Piece>, side: Option<Side>, number: u64) -> Found {
     }
 }
 
-/// Finds the frames that stand in a line from `start` on.
+/// Finds the frames that are in a line from `start` on.
 pub(super) fn read_frames(line: &[u8], start: usize) -> Vec<Found> {
     let end = part_end(line, start);
     with_fronts(line, start, &proved_runs(&line[..end], start))
@@ -298,14 +298,14 @@ fn escaped_runs(line: &[u8]) -> Vec<Run> {
         let mut bytes = Vec::new();
         let stop = quote.map(|quote| line[quote]);
         let length = Notation::Escaped.read(&line[start..], stop, &mut bytes, &mut NotationFlags::default()).unwrap_or(0);
-        // Behind the last quote of a line there may be further text, which is no byte.
+        // After the last quote of a line there may be further text, which is no byte.
         runs.push(Run::whole(Style::Escaped, start..start + length, bytes));
         from = (start + length).max(escape + 1);
     }
     runs
 }
 
-/// Whether nothing that continues a word or a number stands behind the run.
+/// Whether nothing that continues a word or a number follows the run.
 fn ends_clearly(line: &[u8], run: &Run) -> bool {
     let behind = &line[run.text.end..];
     let text = behind.trim_ascii_start();
@@ -369,7 +369,7 @@ fn parts(run: &Run, frames: &[Range<usize>]) -> Vec<(Range<usize>, Worth)> {
 }
 
 /// What bytes beside a frame are worth. They were on the line if the separators are the same, unless they are so few that they
-/// may be a number of other meaning. Zeros and FF are what a line driver leaves behind.
+/// may be a number of other meaning. Zeros and FF are what a line driver leaves.
 fn gap_worth(bytes: &[u8], same_separators: bool, is_between: bool) -> Worth {
     let is_glitch = bytes.iter().all(|b| matches!(b, 0 | 0xFF));
     let were_on_line = same_separators && (is_between || is_glitch || bytes.len() >= MIN_NEIGHBOUR_BYTES);

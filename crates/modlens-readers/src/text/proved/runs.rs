@@ -24,7 +24,7 @@ pub(super) enum Style {
     Pairs,
     /// Hex numbers with `0x` in front.
     Prefixed,
-    /// Hex numbers with `h` behind.
+    /// Hex numbers followed by `h`.
     Suffixed,
     /// Hex numbers of one or two digits.
     Loose,
@@ -211,7 +211,7 @@ fn read_hex_word(line: &[u8], word: Range<usize>, out: &mut Vec<u8>) -> Option<S
     }
 }
 
-/// Reads the digits behind `0x`, and further bytes with `0x` that follow without a separator.
+/// Reads the digits after `0x`, and further bytes with `0x` that follow without a separator.
 fn read_prefixed(text: &[u8], digits: &[u8], out: &mut Vec<u8>) -> bool {
     match digits.len() {
         1 => read_loose(digits, out),

@@ -56,7 +56,7 @@ const NOUNS: &[(&str, Side)] = &[
     ("answer", Side::Received),
 ];
 
-/// Words that tell who sent the bytes only if they stand next to them.
+/// Words that tell who sent the bytes only if they are next to them.
 const NEXT_TO_BYTES: &[(&str, Side)] = &[
     ("write", Side::Sent),
     ("read", Side::Received),
@@ -68,10 +68,10 @@ const NEXT_TO_BYTES: &[(&str, Side)] = &[
     ("device", Side::Received),
 ];
 
-/// Words for the bytes themselves, which may stand between them and the word that tells who sent them.
+/// Words for the bytes themselves, which may be between them and the word that shows who sent them.
 const CONTAINERS: &[&str] = &["buffer", "bytes", "data", "hex", "array", "raw", "frame", "packet", "payload", "message", "adu"];
 
-/// Arrows, which stand next to the bytes, longer ones first.
+/// Arrows, which are next to the bytes, longer ones first.
 const ARROWS: &[(&str, Side)] = &[
     ("\u{2192}", Side::Sent),
     ("\u{2190}", Side::Received),
@@ -85,13 +85,13 @@ const ARROWS: &[(&str, Side)] = &[
     ("<", Side::Received),
 ];
 
-/// Who sent the bytes that stand behind this text; `None` if it does not say.
+/// Who sent the bytes that follow this text; `None` if it does not say.
 pub(in crate::text) fn sender(front: &[u8]) -> Option<Side> {
     let front = &front[front.len().saturating_sub(MAX_CHARS)..];
     let words = words(front);
     let nearest = |list: &[(&str, Side)]| words.iter().rev().find_map(|word| look_up(list, word));
     nearest(VERBS).or_else(|| arrow(front)).or_else(|| nearest(NOUNS)).or_else(|| {
-        // A number behind the word counts bytes or names a port.
+        // A number after the word counts bytes or names a port.
         let names_bytes = |word: &&Vec<u8>| CONTAINERS.iter().any(|known| known.as_bytes() == word.as_slice());
         words.iter().rev().find(|word| !names_bytes(word)).and_then(|word| look_up(NEXT_TO_BYTES, word))
     })
@@ -120,14 +120,14 @@ fn look_up(list: &[(&str, Side)], word: &[u8]) -> Option<Side> {
     list.iter().find(|(known, _)| known.as_bytes() == word).map(|(_, side)| *side)
 }
 
-/// The arrow at the end of the text, with blanks and quotes behind it.
+/// The arrow at the end of the text, with blanks and quotes after it.
 fn arrow(front: &[u8]) -> Option<Side> {
     let end = front.iter().rposition(|b| {
         !matches!(b, b' ' | b'\t' | b':' | b'"' | b'\'' | b'`' | b'[' | b'(' | b'{' | b'*' | b'\\' | b'%' | b'$' | b'#')
     })?;
     let end = end + 1;
     let text = &front[..end];
-    // A bracket around the bytes stands next to the arrow, as in `-> < 01 03 >`.
+    // A bracket around the bytes is next to the arrow, as in `-> < 01 03 >`.
     let before = text.strip_suffix(b"<").map(<[u8]>::trim_ascii_end).filter(|before| before.len() + 1 < text.len());
     let text = before.filter(|before| ARROWS.iter().any(|(sign, _)| before.ends_with(sign.as_bytes()))).unwrap_or(text);
     // A bracket that closes something, as in `<Buffer>`, is no arrow.

@@ -277,7 +277,7 @@ struct Fit {
     lacks_checksum: bool,
 }
 
-/// The unit and the PDU of a proven frame, and how many bytes stand in front of the unit.
+/// The unit and the PDU of a proven frame, and how many bytes are in front of the unit.
 fn parts(frame: &[u8]) -> (u8, &[u8], usize) {
     match proven_framing(frame) {
         Some(Mode::Tcp) => (frame[PREFIX_BYTES], &frame[PREFIX_BYTES + 1..], PREFIX_BYTES),
@@ -334,7 +334,7 @@ fn is_request(bytes: &[u8]) -> bool {
 }
 
 /// What two runs of bytes, read as a request and its response without checksums, prove: a read, whose quantity and length have
-/// to agree, is enough alone; an exception is nearly enough, and an echo is what other protocols have, too.
+/// to agree, is enough alone; an exception is nearly enough, and an echo is what other protocols have as well.
 fn exchange_worth(request: &[u8], response: &[u8]) -> u32 {
     let functions = Functions::embedded();
     let Some((unit, pdu)) = response.split_first().filter(|(_, pdu)| pdu.len() >= 2) else { return 0 };

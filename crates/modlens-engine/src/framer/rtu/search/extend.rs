@@ -23,7 +23,7 @@ use modlens_protocol::Ns;
 impl Search {
     /// Adds the hypotheses of a substring with a valid CRC from stream offset `start` (included) to `scanned_to` (excluded): as a
     /// request and as a response, in each direction one for each kind of place (`best_placements`). It begins at the root's end
-    /// or behind, and may be a frame. `floor` is the path score in bits at or below which nothing is added.
+    /// or after, and may be a frame. `floor` is the path score in bits at or below which nothing is added.
     pub(super) fn add_valid_hypotheses(&mut self, input: &Input, context: &FramerContext<'_>, start: u64, floor: f32) {
         let (start_index, end_index) = ((start - input.offset()) as usize, (self.scanned_to - input.offset()) as usize);
         let frame = &input.bytes()[start_index..end_index];
@@ -81,7 +81,7 @@ impl Search {
         }
     }
 
-    /// Adds this substring as a frame of this direction in this place. `next_damaged_end_at` is where a damaged one may end behind
+    /// Adds this substring as a frame of this direction in this place. `next_damaged_end_at` is where a damaged one may end after
     /// it.
     fn add_valid_hypothesis(
         &mut self,

@@ -48,7 +48,7 @@ impl Decision {
 pub enum CommitState {
     /// The best path has no frame. More bytes may begin one.
     Unframed { until: u64 },
-    /// A complete rival is within the margin. If the distance is constant, no further byte puts that rival further behind.
+    /// A complete rival is within the margin. If the distance is constant, no further byte puts that rival further back.
     Contested { until: u64, has_constant_distance: bool },
     /// The frame may be inside a longer one that has begun before it.
     Nested { until: u64 },
