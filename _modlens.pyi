@@ -176,7 +176,7 @@ class RegisterMap:
 
 @final
 class Finder:
-    """The values of all registers of a recording, and the search for the register that holds a value.
+    """Values of all registers of a recording, and the search for the one that holds a value.
 
     Around the times in `kept` (from, to; nanoseconds) every sample is kept; others are thinned out
     where they would take too much memory.
@@ -192,12 +192,12 @@ class Finder:
     def dropped(self) -> int:
         """The number of samples that were dropped to save memory."""
     def find(self, query: str) -> str:
-        """The candidates as JSON, best first; the samples are used up. `ValueError` for another form.
+        """Returns the candidates as JSON, best first; `ValueError` if the query is malformed.
 
-        `query`: {shown: [[value, decimals, at, within]], moves: [[word, from, to]], history: null or
-        {times, values, has_zone}}. Result: {readings, registers, candidates: [{unit, register_type,
-        space, address, count, bit, type, order, scale, offset, odds_bits, chance, r2, lag_ns}], look:
-        null or {time_ns, values}}.
+        `query`: {shown: [[value, decimals, at, within]], moves: [[word, from, to]],
+        history: null or {times, values, has_zone}}. Result: {readings, registers, candidates:
+        [{unit, register_type, space, address, count, bit, type, order, scale, offset, odds_bits,
+        chance, r2, lag_ns}], look: null or {time_ns, values}}.
         """
 
 @final

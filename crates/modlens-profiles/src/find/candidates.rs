@@ -11,7 +11,7 @@ use crate::find::{best_time_to_look, moves, Look};
 use crate::profile::{Order, Type};
 use modlens_protocol::register_type::Space;
 
-/// What `learn` says of the layout of some registers.
+/// What `learn` reports about the layout of some registers.
 #[derive(Clone, Copy, Debug)]
 pub struct LayoutHint {
     /// The unit.
@@ -222,7 +222,7 @@ impl Layout {
     }
 }
 
-/// What the whole series says of a reading: constants are seldom what is asked for, and a sign must be one.
+/// What the whole series reports about a reading: constants are seldom what is asked for, and a sign must be one.
 fn behaviour_bits(column: &Column<'_>, variants: &[Variant], reading: Reading) -> f64 {
     let numbers = column.spread(96);
     let kind = variants[usize::from(reading.variant)].kind;
