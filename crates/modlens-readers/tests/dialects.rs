@@ -16,7 +16,7 @@ fn read(rows: Vec<Arc<Dialect>>, text: &str, piece: usize) -> (Strings, u64) {
         while let Some((record, bytes)) = reader.next(last) {
             let side = record.side;
             match strings.last_mut() {
-                Some((_, string)) if !record.starts_record => string.extend_from_slice(bytes),
+                Some((last, string)) if !record.starts_record && *last == side => string.extend_from_slice(bytes),
                 _ => strings.push((side, bytes.to_vec())),
             }
         }
