@@ -83,6 +83,19 @@ SCHEMES = {
             "rfc2217://192.168.1.50:4001",
             "a serial device server that accepts line settings",
         ),
+        Scheme(
+            "esphome",
+            "esphome://192.168.1.50/NAME",
+            "a serial_proxy of ESPHome",
+            module="analyzer.sources.esphome",
+        ),
+        Scheme(
+            "udp",
+            "udp://0.0.0.0:4001",
+            "datagrams that a serial device server sends here",
+            takes_line_settings=False,
+            module="analyzer.sources.udp",
+        ),
     )
 }
 """The part of a port's name before `://` -> its type."""
