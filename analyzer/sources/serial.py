@@ -150,7 +150,13 @@ def _open(name: str, line: Line, *, local: bool) -> Any:
     """Open a port; pyserial is imported here because most uses of the package have no port."""
     import serial  # noqa: PLC0415
 
-    port = serial.serial_for_url(name, do_not_open=True)
+    if scheme_of(name).name == "rfc2217":
+        from analyzer.sources.rfc2217 import BoundedSerial  # noqa: PLC0415
+
+        port: Any = BoundedSerial(None)
+        port.port = name
+    else:
+        port = serial.serial_for_url(name, do_not_open=True)
     port.timeout = 0
     port.dtr = False
     port.rts = False
