@@ -119,7 +119,7 @@ class Manifest:
         return (
             entry is not None
             and (entry.settings, entry.bus) == (self._settings, recording.bus)
-            and all(os.path.isfile(os.path.join(self._folder, part)) for part in entry.parts)
+            and all(_is_whole(os.path.join(self._folder, part)) for part in entry.parts)
         )
 
     def _read(self) -> None:
@@ -139,6 +139,25 @@ def _parsed(data: bytes) -> Iterator[Entry]:
             found["stamps"] = tuple(tuple(stamp) for stamp in found["stamps"])
             found["parts"] = tuple(found["parts"])
             yield Entry(**found)
+
+
+def _is_whole(path: str) -> bool:
+    """Whether a file of Parquet is there to its end: its footer and the length of that fit."""
+    try:
+        with open(path, "rb") as file:
+            start = file.read(len(_MAGIC))
+            size = file.seek(0, os.SEEK_END)
+            file.seek(max(0, size - _TAIL_BYTES))
+            tail = file.read()
+    except OSError:
+        return False
+    footer = int.from_bytes(tail[:4], "little")
+    return start == _MAGIC == tail[4:] and footer + _TAIL_BYTES + len(_MAGIC) <= size
+
+
+_MAGIC = b"PAR1"
+_TAIL_BYTES = 8
+"""The length of the footer and the magic number end the file (Parquet format, File format)."""
 
 
 def stamps_of(recording: ArchivedRecording) -> tuple[tuple[int, int], ...]:

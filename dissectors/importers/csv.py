@@ -146,6 +146,20 @@ def write(profile: Profile) -> tuple[str, list[str]]:
 
 
 def _cell(value: Any, what: str, notes: list[str]) -> str:
+    """A value as one cell, which is no formula to a spreadsheet and controls no terminal."""
+    text = _text(value, what, notes)
+    plain = _CONTROL.sub("?", text)
+    if plain != text:
+        notes.append(f"{what}: written without its control characters")
+    # Readers take one apostrophe away again.
+    return f"'{plain}" if isinstance(value, str | Mapping) and _FORMULA.match(plain) else plain
+
+
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
+_FORMULA = re.compile(r"'*[=+\-@]")
+
+
+def _text(value: Any, what: str, notes: list[str]) -> str:
     """A value as one cell; lists are joined by semicolons, which their items cannot have."""
     if not isinstance(value, Mapping | list):
         text = str(value)

@@ -85,3 +85,21 @@ fn a_dialect_may_begin_anywhere() {
         assert!(reader.unread_lines().count <= 2001, "{name}: {}", reader.unread_lines().count);
     }
 }
+
+#[test]
+fn the_marks_for_repeated_lines_of_a_dump_are_bounded_together() {
+    let line = |at: u32| {
+        let offset = at << 20;
+        format!("{offset:08x}  01 03 00 00 00 0a c5 cd  01 03 00 00 00 0a c5 cd  |................|\n*\n")
+    };
+    let text = (0..40).map(line).collect::<Vec<_>>().concat();
+    let mut reader = Reader::new(Dialects::embedded().named("hexdump").unwrap(), None, Arc::default());
+    reader.push(text.as_bytes());
+    let (mut bytes, mut losses) = (0, 0);
+    while let Some((entry, data)) = reader.next(true) {
+        bytes += data.len();
+        losses += usize::from(entry.follows_loss);
+    }
+    assert!(bytes < 5 << 20, "{bytes} bytes of {} characters", text.len());
+    assert_eq!(losses, 39 - 4);
+}

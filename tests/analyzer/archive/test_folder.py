@@ -125,6 +125,16 @@ def test_what_has_not_changed_is_left_alone_and_what_has_is_replaced(place: Path
     assert same(rows_of_folder(place / "out"), one_after_the_other(place))
 
 
+def test_a_truncated_file_is_exported_again(place: Path) -> None:
+    """As a disk that was full, or a copy that was interrupted, leaves it."""
+    export(place)
+    before = rows_of_folder(place / "out")
+    part = next(place.glob("out/date=*/*/*.parquet"))
+    os.truncate(part, part.stat().st_size - 100)
+    assert "1 new with" in export(place).stderr
+    assert rows_of_folder(place / "out") == before
+
+
 def test_a_file_that_was_moved_or_copied_is_not_exported_again(place: Path) -> None:
     export(place)
     (place / "archive/bus-02/shift-000.bin").rename(place / "archive/bus-02/renamed.bin")

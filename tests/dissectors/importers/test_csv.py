@@ -22,6 +22,7 @@ from dissectors.errors import ProfileError, UsageError
 from dissectors.importers import Options
 from dissectors.importers.profile_builder import ORDERS
 from dissectors.importers.table_headers import HEADER_WORDS, TYPE_NAMES
+from dissectors.profile import from_model
 from tests.support.importing import Feature, imported, notes, points
 
 
@@ -664,3 +665,15 @@ def test_the_own_csv_says_everything_itself() -> None:
         "--base is ignored: a profile in CSV states it itself",
         "--unit is ignored: a profile in CSV states it itself",
     ]
+
+
+def test_no_cell_is_a_formula_or_controls_a_terminal() -> None:
+    """A profile may come from anybody, and its table is opened in a spreadsheet."""
+    point = {"at": "hr:7", "name": "x", "note": "=1+1", "group": "'@x", "unit": "\x1b[31mkW"}
+    profile = from_model({"profile": 1, "registers": [point]}, "map")
+    written = importers.write("csv", profile)
+    cells = written.text.replace("\n", ",").split(",")
+    assert "'=1+1" in cells
+    assert not [cell for cell in cells if cell.startswith(("=", "@")) or "\x1b" in cell]
+    read = importers.read("csv", written.text, "map").model["registers"][0]
+    assert (read["note"], read["group"], read["unit"]) == ("=1+1", "'@x", "?[31mkW")

@@ -71,6 +71,9 @@ fn parse_point(header: &[String], cells: &[String], line: u32, decimal_comma: bo
 /// Converts a cell to the kind of value that its key takes. Text that cannot be converted stays text, which the checks
 /// refuse with its line.
 fn parse_cell(value_kind: ValueKind, text: &str, line: u32, decimal_comma: bool) -> SourceNode {
+    // An apostrophe keeps a spreadsheet from taking the text for a formula.
+    let unmarked = text.strip_prefix('\'').filter(|rest| rest.trim_start_matches('\'').starts_with(['=', '+', '-', '@']));
+    let text = unmarked.unwrap_or(text);
     let one = |text: &str| SourceNode {
         line,
         value: parse_number(text, decimal_comma).unwrap_or_else(|| SourceValue::Text(text.to_owned())),
