@@ -36,7 +36,7 @@
 
 pub mod confidence;
 pub mod damage;
-pub mod fast_path;
+mod fast_path;
 pub mod findings;
 pub mod framer;
 pub mod input;

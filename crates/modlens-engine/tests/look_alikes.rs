@@ -358,3 +358,18 @@ fn the_same_response_to_the_same_request_is_not_a_duplicate() {
     assert_eq!(good(&batch)[..4], [pair(&request, &response), pair(&request, &response)].concat());
     assert!(batch.findings.iter().all(|row| row.finding != Finding::Duplicate));
 }
+
+/// The checksum of the last request ends in 00: without that byte, it is as long as the response that its address announces.
+#[test]
+fn a_read_with_write_that_may_be_a_response_and_a_zero_is_weighed_on_both_paths() {
+    let ask = |number: u8| frame(2, &[23, 11, 0xFF, 0, 8, 0, number, 0, 2, 4, number, 0, 0xFF, 8]);
+    let answer = |number: u8| frame(2, &[&[23, 16][..], &(0..16).map(|at| at ^ number).collect::<Vec<u8>>()].concat());
+    assert_eq!(ask(28).last(), Some(&0));
+    let bytes = [ask(0), ask(0), ask(0), answer(0), ask(28), answer(28), frame(0, &[6, 0, 1, 0, 28])].concat();
+    let confidences = |piece: usize| -> Vec<u8> {
+        let (mut session, _) = session(false, Clock::None);
+        in_pieces(&mut session, &bytes, piece).frames.iter().map(|row| row.confidence).collect()
+    };
+    assert_eq!(confidences(bytes.len()), confidences(1));
+    assert_eq!(confidences(bytes.len()), confidences(40));
+}

@@ -1,7 +1,7 @@
 //! A plain read or write request, or both in one, and what its response has to look like.
 //!
 //! Example: the request `11 03 00 6B 00 03` (read three registers) determines a response of nine bytes that begins with
-//! `11 03 06`, and the request `11 05 00 AC FF 00` (write one coil) is its own response. If the bytes behind a request are
+//! `11 03 06`, and the request `11 05 00 AC FF 00` (write one coil) is its own response. If the bytes after a request are
 //! not that response, the fast path leaves both to the framer and to pairing.
 
 use std::ops::RangeInclusive;
@@ -15,16 +15,16 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, StandardLayout, EXCEPTION_BIT};
 
 /// Unit addresses on a serial line that cause no finding (serial line specification, 2.2).
-pub(super) const RTU_UNITS: RangeInclusive<u8> = 1..=247;
+pub(crate) const RTU_UNITS: RangeInclusive<u8> = 1..=247;
 
 /// Bytes of unit, function, address, and quantity or value (application protocol, 6.1 to 6.6).
-pub(super) const SHORT_REQUEST_BYTES: usize = 6;
+pub(crate) const SHORT_REQUEST_BYTES: usize = 6;
 
 /// Bytes of unit, function and byte count in front of the data of a read response.
 const READ_HEADER_BYTES: usize = 3;
 
 /// Bytes in front of the data of a request that writes several values: as above, and a byte count (6.11, 6.12).
-pub(super) const WRITE_HEADER_BYTES: usize = SHORT_REQUEST_BYTES + 1;
+pub(crate) const WRITE_HEADER_BYTES: usize = SHORT_REQUEST_BYTES + 1;
 
 /// Bytes in front of the data of a request that reads registers and writes others: as a short one, then address, quantity and
 /// byte count of what is written (6.17).
@@ -62,7 +62,7 @@ pub struct ExpectedExchange {
     /// The response has the same bytes as the request.
     pub echoes_request: bool,
     /// The request has the length and the first bytes that the response to another request of its kind would have, so that
-    /// it may be the previous response once more. Example: reading coils from 0x0300 on begins like three bytes of coils. Of
+    /// it may be the previous response again. Example: reading coils from 0x0300 on begins like three bytes of coils. Of
     /// registers there is no such response, since they have two bytes each; only on an ASCII line is that not asked.
     pub resembles_response: bool,
     response: Response,
@@ -87,7 +87,7 @@ impl ExpectedExchange {
     /// and the caller decides.
     #[inline(always)]
     #[allow(clippy::inline_always)] // As above.
-    pub(super) fn announced_by(functions: &Functions, mode: Mode, bytes: &[u8]) -> Option<Self> {
+    pub(crate) fn announced_by(functions: &Functions, mode: Mode, bytes: &[u8]) -> Option<Self> {
         let request: &[u8; SHORT_REQUEST_BYTES] = bytes.first_chunk()?;
         let [unit, code, ..] = *request;
         let standard = functions.standard_request(code).filter(|_| mode == Mode::Tcp || RTU_UNITS.contains(&unit))?;
@@ -115,12 +115,12 @@ impl ExpectedExchange {
         }
     }
 
-    /// The same as a read of `count` bytes of data, of which the last one has these padding bits; `None` if a byte count cannot
-    /// say that many, or if the request could be its own response.
+    /// Returns the same as a read of `count` bytes of data, of which the last one has these padding bits; `None` if a byte count
+    /// cannot say that many, or if the request could be its own response.
     #[inline(always)]
     #[allow(clippy::inline_always)] // As above.
     fn as_read(self, mode: Mode, count: usize, padding: u8) -> Option<Self> {
-        // The high byte of the address stands where a response has its byte count, which is 3 in a response of this length.
+        // The high byte of the address is where a response has its byte count, which is 3 in a response of this length.
         let [in_place_of_count, _] = self.address.to_be_bytes();
         let may_be_odd = self.kind == StandardLayout::ReadBits || mode == Mode::Ascii;
         let has_length_of_response = may_be_odd && usize::from(in_place_of_count) + READ_HEADER_BYTES == SHORT_REQUEST_BYTES;
@@ -131,8 +131,8 @@ impl ExpectedExchange {
         Some(Self { response_bytes, echoes_request: false, resembles_response, response, ..self })
     }
 
-    /// The same as a write of `count` bytes of data; `None` unless the byte count of the request, which begins with these bytes,
-    /// is there and says as many.
+    /// Returns the same as a write of `count` bytes of data; `None` unless the byte count of the request, which begins with these
+    /// bytes, is there and says as many.
     #[inline(always)]
     #[allow(clippy::inline_always)] // As above.
     fn as_write_of(self, count: usize, request: &[u8]) -> Option<Self> {
@@ -140,16 +140,16 @@ impl ExpectedExchange {
         (announced == Some(count)).then_some(Self { request_bytes: WRITE_HEADER_BYTES + count, ..self })
     }
 
-    /// The same as a read of registers with a write of others, which begins with these bytes. `None` unless quantity and byte
-    /// count of what is written are there and agree. On a serial line it may be a response, if it has as many bytes as it says
-    /// where a response has its byte count, or one byte less, which the search would weigh: `None`, too.
+    /// Returns the same as a read of registers with a write of others, which begins with these bytes. `None` unless quantity and
+    /// byte count of what is written are there and agree. On a serial line it may be a response, if it has as many bytes as it
+    /// says where a response has its byte count, or one more or less (checksums may end in 00): the search weighs it, so `None`.
     #[inline(never)]
     fn as_read_write(self, mode: Mode, request: &[u8]) -> Option<Self> {
         let header: &[u8; READ_WRITE_HEADER_BYTES] = request.first_chunk()?;
         let [.., high, low, count] = *header;
         let request_bytes = READ_WRITE_HEADER_BYTES + usize::from(count);
         let as_response = READ_HEADER_BYTES + usize::from(header[2]);
-        let resembles_response = mode != Mode::Tcp && (request_bytes..=request_bytes + 1).contains(&as_response);
+        let resembles_response = mode != Mode::Tcp && as_response.abs_diff(request_bytes) <= 1;
         let is_consistent = usize::from(count) == 2 * usize::from(u16::from_be_bytes([high, low]));
         let count = u8::try_from(2 * u32::from(self.quantity)).ok().filter(|_| is_consistent && !resembles_response)?;
         let (response_bytes, response) = (READ_HEADER_BYTES + usize::from(count), Response::Block { count, padding: 0 });
@@ -164,21 +164,21 @@ impl ExpectedExchange {
         !reads_registers || !may_begin_in(self.address, usize::from(self.quantity))
     }
 
-    /// The same as the unit refuses it: with an exception in place of the response.
+    /// Returns the same as the unit refuses it: with an exception in place of the response.
     #[must_use]
     pub fn refused(self) -> Self {
         Self { response_bytes: REFUSAL_BYTES, ..self }
     }
 
-    /// The exception code with which this response refuses the request; `None` if it does not, or if there is no place for that
-    /// exception in a compact exchange.
+    /// Returns the exception code with which this response refuses the request; `None` if it does not, or if there is no place for
+    /// that exception in a compact exchange.
     pub fn refused_by(&self, response: &[u8]) -> Option<u8> {
         let [unit, code, exception]: [u8; REFUSAL_BYTES] = *response.first_chunk()?;
         let is_refusal = [unit, code] == [self.unit, self.code | EXCEPTION_BIT] && Exchange::has_place_for(exception);
         is_refusal.then_some(exception)
     }
 
-    /// Whether this response is the expected one. Both slices must have at least the expected lengths.
+    /// Returns whether this response is the expected one. Both slices must have at least the expected lengths.
     #[inline(always)]
     #[allow(clippy::inline_always)] // Asked of every exchange.
     pub fn is_answered_by(&self, request: &[u8], response: &[u8]) -> bool {
@@ -191,9 +191,9 @@ impl ExpectedExchange {
         }
     }
 
-    /// Whether its response repeats the beginning of the request, and has no data of its own.
+    /// Returns whether its response repeats the beginning of the request, and has no data of its own.
     #[cfg(test)]
-    pub(super) fn is_write(&self) -> bool {
+    pub(crate) fn is_write(&self) -> bool {
         matches!(self.response, Response::Echo)
     }
 
@@ -205,14 +205,14 @@ impl ExpectedExchange {
 
     /// What the statistics know its request by.
     #[inline]
-    pub(super) fn key(&self) -> RequestKey {
+    pub(crate) fn key(&self) -> RequestKey {
         RequestKey::plain(self.unit, self.code, self.address, self.quantity)
     }
 
-    /// The compact exchange, whose bytes, of these lengths, begin at `start` in the arena; with the exception code if it was
-    /// refused, else 0.
+    /// Returns the compact exchange, whose bytes, of these lengths, begin at `start` in the arena; with the exception code if it
+    /// was refused, else 0.
     #[inline]
-    pub(super) fn compact(&self, start: u32, lengths: [usize; 2], confidence: u8, exception: u8) -> Exchange {
+    pub(crate) fn compact(&self, start: u32, lengths: [usize; 2], confidence: u8, exception: u8) -> Exchange {
         Exchange {
             start,
             lengths: lengths.map(|length| length as u16),
@@ -225,19 +225,19 @@ impl ExpectedExchange {
         }
     }
 
-    /// The data of a read response: what follows the byte count.
+    /// Returns the data of a read response: what follows the byte count.
     pub fn read_data<'a>(&self, response: &'a [u8]) -> Option<&'a [u8]> {
         matches!(self.response, Response::Block { .. }).then(|| &response[READ_HEADER_BYTES..])
     }
 }
 
-/// The big-endian number at this index of a request.
+/// Returns the big-endian number at this index of a request.
 #[inline]
 fn u16_at(request: [u8; SHORT_REQUEST_BYTES], index: usize) -> u16 {
     u16::from_be_bytes([request[index], request[index + 1]])
 }
 
-/// The bits of the last byte of a response that lie beyond the quantity asked for, as a mask.
+/// Returns the bits of the last byte of a response that lie beyond the quantity asked for, as a mask.
 fn padding_bits(quantity: u16) -> u8 {
     match quantity % 8 {
         0 => 0,

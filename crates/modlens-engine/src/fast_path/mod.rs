@@ -3,29 +3,35 @@
 //! Nearly all traffic is polling: a request, its response at once, the next request. The speed of the engine is the speed
 //! of this module; everything here is an optimisation, and no row depends on it.
 //!
+//! What request and response have to look like is decided here, from their bytes and what the framer has learned; what a session
+//! makes of it is in `session::exchanges`.
+//!
 //! # What qualifies
 //!
 //! There are two steps, for one frame and for a request with its response.
 //!
-//! - **A frame** (RTU, `rtu_frame`, called by the framer before it searches): its CRC is valid, it has the length that its
+//! - **A frame** (RTU, `single_frame` of the framer, which asks it before it searches): its CRC is valid, it has the length its
 //!   header announces, no long silence or record boundary lies inside, and it is either the response that the outstanding
 //!   request determines, or a request whose unit and function are familiar on this line. A request-like frame that may as
 //!   well be a response (a late one, a repeated one, an echoed write) does not qualify.
-//! - **An exchange** (RTU, ASCII and TCP, [`Session::emit_exchanges`]): a plain read or write, or both in one
-//!   (`expected_exchange`), that keeps the limits of the specification, and right behind it the one response that it determines:
-//!   equal header and byte count, padding bits 0, or the echo. Both are in one read without times, in a read each within the
-//!   request time-out, or in a TCP packet each. And nothing is open: no request outstanding (on a connection, none that the
-//!   exchange touches), no finding due on an earlier frame, the framer's lattice empty, no mark of the receiver, no profile that
-//!   has to look at the data.
+//! - **An exchange** (RTU, ASCII and TCP, `Session::emit_exchanges`): a plain read or write, or both in one
+//!   (`expected_exchange`), on which the slow path's own checks report nothing (`findings::frame::is_plain_request`), and right
+//!   after it the one response that it determines: equal header and byte count, padding bits 0, or the echo. Both are in one
+//!   read without times, in a read each within the request timeout, or in a TCP packet each. And nothing is open: no request
+//!   outstanding (on a connection, none that the exchange touches), no finding due on an earlier frame, the framer's lattice
+//!   empty, no mark of the receiver, no profile that has to look at the data.
 //!
-//! On an RTU line without times of which nobody wants the frames, exchanges are emitted compact (`rtu_compact`): a run of them in
+//! What follows from the bytes of a read is remembered (`request_memo`), the verdict of those checks included. Writes hardly ever
+//! repeat, so that they are asked each time (`plain_write`).
+//!
+//! On an RTU line without times of which frames are not wanted, exchanges are emitted compact (`rtu_compact`): a run of them in
 //! one loop (`compact_run`), without rows, and refusals among them. On a connection the exchanges of a recording are emitted
-//! compact where nobody wants frames, and packets that come in turn are matched before they reach a line (`packet_pairs`; reads
+//! compact where frames are not wanted, and packets that come in turn are matched before they reach a line (`packet_pairs`; reads
 //! that came before in `known_pairs`), and so are the lines of a log with times (`line_pairs`).
 //!
-//! Example: `11 03 00 6B 00 03 76 87` and right behind it `11 03 06 02 2B 00 00 00 64 C8 BA` become two frame rows and a
-//! transaction row in one step. With exception `11 83 02 C1 34` behind it, that is a compact exchange, or both frames are taken
-//! by `rtu_frame` one after the other and paired by `pairing`; with one bit of the response flipped, the search and `damage`
+//! Example: `11 03 00 6B 00 03 76 87` and right after it `11 03 06 02 2B 00 00 00 64 C8 BA` become two frame rows and a
+//! transaction row in one step. With exception `11 83 02 C1 34` after it, that is a compact exchange, or both frames are taken
+//! by `single_frame` one after the other and paired by `pairing`; with one bit of the response flipped, the search and `damage`
 //! decide.
 //!
 //! # Why the rows are those of the slow path
@@ -33,9 +39,10 @@
 //! The slow path is the oracle. For what qualifies, its decision is known without executing it: the search would have a
 //! single hypothesis without a rival, pairing would have one open request and its full match, and no check would find
 //! anything. What remains is what the slow path *learns* from each frame, and every file here records exactly that:
-//! `rtu_exchange` in the framer's traffic model (`record_exchange`, or `learn_in_run` and `learn_run`; and `sync_after_batch`
-//! once at the end of a run), `pairing` in the pairing's statistics and history, `emit` in the statistics and what is known of
-//! units and sides. Whoever lets the slow path learn something new has to add it here, or the tests below fail.
+//! `rtu_exchange` in the framer's traffic model (`learn_in_run` and `learn_run`; and `sync_after_batch` once at the end of a
+//! run), `pairing` in the pairing's statistics and history, `emit` in the statistics and what is known of units and sides.
+//! Whoever lets the slow path learn something new has to add it here, or the tests below fail. A finding on a response needs a
+//! condition in `ExpectedExchange::is_answered_by`; findings on requests need nothing.
 //!
 //! # The tests that compare the two
 //!
@@ -48,57 +55,14 @@
 //! - `tests/work.rs`: `pieces_change_nothing` (stray bytes and damage);
 //! - `tests/captures.rs` of modlens-writers: `blocks_of_any_size_give_the_same_rows` (TCP), and
 //!   `segments_in_any_order_and_twice_give_the_same_transactions`, where a split packet takes the slow path;
+//! - `tests/conformance/test_ordinary_traffic.py`: an example of each finding between plain exchanges, in four kinds of
+//!   recordings, all tables and counters;
 //! - `tests/captures/test_decode.py`: `test_blocks_of_any_size_give_equal_frames`, over every recording in `captures/`.
 
-mod ascii_batch;
-mod compact_run;
-mod emit;
-pub mod expected_exchange;
-mod known_pairs;
-pub(crate) mod known_reads;
-mod line_pairs;
-pub(crate) mod line_run;
-mod packet_pairs;
-pub(crate) mod packet_run;
+pub(crate) mod expected_exchange;
 mod pairing;
-mod plain_write;
-mod rows;
-mod rtu_batch;
-mod rtu_compact;
-pub mod rtu_exchange;
-mod run;
-mod tcp_batch;
+pub(crate) mod plain_write;
+pub(crate) mod request_memo;
+pub(crate) mod rtu_exchange;
 
-use crate::framer::Framer;
-use crate::session::bus::FROM_SERVER;
-use crate::session::Session;
-use modlens_protocol::framing::Mode;
-
-impl Session {
-    /// Emits the exchanges at the heads of the lines of the bus with this index, as long as each of them qualifies for the
-    /// fast path. The caller goes on frame by frame behind them.
-    ///
-    /// Does nothing if the bus's clock went back, if one side of a connection has no bytes, if a request is outstanding (but for
-    /// a connection, where each exchange has to leave it alone) or anything else of an earlier frame is undecided, or if the bus
-    /// is neither a single RTU or ASCII line nor a TCP connection with a line for each side.
-    pub(crate) fn emit_exchanges(&mut self, bus: usize) {
-        let state = &self.buses[bus];
-        let is_connection = state.options.bus.network.is_some() && state.lines.len() == 2;
-        let is_idle = if is_connection { state.pairing.is_idle_but_for_open() } else { state.pairing.is_idle() };
-        if is_connection && state.lines.iter().any(|(_, line)| line.input.bytes().is_empty()) {
-            return;
-        }
-        if state.clock_jumped || !is_idle || !state.lines.iter().all(|(_, line)| line.is_settled()) {
-            return;
-        }
-        match &state.lines[..] {
-            [(_, line)] if line.framer.mode() == Mode::Rtu => self.emit_rtu_exchanges(bus),
-            [(_, line)] if line.framer.mode() == Mode::Ascii => self.emit_ascii_exchanges(bus),
-            [(first, line), _] if state.options.bus.network.is_some() && line.framer.mode() == Mode::Tcp => {
-                let server_first = *first == FROM_SERVER;
-                self.emit_tcp_exchanges(bus, [usize::from(server_first), usize::from(!server_first)]);
-            }
-            _ => {}
-        }
-    }
-}
+pub(crate) use pairing::OpenRequests;

@@ -10,7 +10,7 @@ use modlens_protocol::Ns;
 const MAX_OPEN_BESIDE: usize = 32;
 
 /// The outstanding requests of a connection, in short.
-pub(super) struct OpenRequests {
+pub(crate) struct OpenRequests {
     /// Their identifiers, from the first on as many as there are.
     ids: [u16; MAX_OPEN_BESIDE],
     count: usize,
@@ -25,8 +25,8 @@ pub(super) struct OpenRequests {
 }
 
 impl OpenRequests {
-    /// Whether an exchange of this identifier leaves these requests as they are: none of them has the identifier, none times
-    /// out until the response, and the last one is known to have been followed by another request at another time, so that
+    /// Returns whether an exchange of this identifier leaves these requests as they are: none of them has the identifier, none
+    /// times out until the response, and the last one is known to have been followed by another request at another time, so that
     /// this one neither ends its wait nor repeats it.
     #[inline]
     pub fn are_left_by(&self, id: u16, [requested_at, answered_at]: [Ns; 2]) -> bool {
@@ -35,26 +35,26 @@ impl OpenRequests {
         !is_open && answered_at < self.times_out && requested_at != self.passed
     }
 
-    /// The same for requests that were let pass (`Pairing::let_pass`), and those behind them.
+    /// Returns the same for requests that were let pass (`Pairing::let_pass`), and those after them.
     pub fn passed(self) -> Self {
         Self { passed: Ns::MIN, ..self }
     }
 }
 
 impl Pairing {
-    /// Whether no request is outstanding, and the next frame can change nothing about earlier ones.
+    /// Returns whether no request is outstanding, and the next frame can change nothing about earlier ones.
     pub fn is_idle(&self) -> bool {
         self.open.is_empty() && self.is_idle_but_for_open()
     }
 
-    /// The same, whether or not requests are outstanding. On a connection an unanswered one waits for many seconds, in which
-    /// the client goes on: `open_requests` tells what then qualifies.
+    /// Returns the same, whether or not requests are outstanding. On a connection an unanswered one waits for many seconds, in
+    /// which the client goes on: `open_requests` tells what then qualifies.
     pub fn is_idle_but_for_open(&self) -> bool {
         !self.history.has_retry_candidates() && self.is_idle_but_for_requests()
     }
 
-    /// The same, whether or not the next request may be the retry of an earlier one: `let_pass` tells.
-    pub(super) fn is_idle_but_for_requests(&self) -> bool {
+    /// Returns the same, whether or not the next request may be the retry of an earlier one: `let_pass` tells.
+    pub(crate) fn is_idle_but_for_requests(&self) -> bool {
         let waits = self.unit_mismatch.is_some() || self.truncated_request.is_some() || self.early_response.is_some();
         let is_idle = self.history.last_broadcast.is_none() && self.masters.is_idle();
         !waits && self.delayed_findings.is_empty() && is_idle
@@ -63,7 +63,7 @@ impl Pairing {
     /// Lets a request of a connection, which comes at this time, pass those without a response, as `add_request` does: the last
     /// outstanding one has been waited for until now, and what it might have repeated is forgotten. `adu`: its unit and PDU, if it
     /// is plain and whole. `false`, with nothing changed, if that is not known, or if it may be a retry.
-    pub(super) fn let_pass(&mut self, adu: Option<&[u8]>, time: Ns) -> bool {
+    pub(crate) fn let_pass(&mut self, adu: Option<&[u8]>, time: Ns) -> bool {
         let ends_wait = |last: &PendingTransaction| {
             let until = last.request.end.zip(last.waited).map(|(end, waited)| end + waited);
             until.is_none_or(|until| until == time)
@@ -89,7 +89,7 @@ impl Pairing {
     /// What an exchange on a connection has to leave alone; `None` if no exchange can: where an outstanding request has no
     /// identifier or time, the last one is not known to have been followed by another request, or they are too many. It holds
     /// until another request is outstanding, or one of them no more.
-    pub(super) fn open_requests(&self) -> Option<OpenRequests> {
+    pub(crate) fn open_requests(&self) -> Option<OpenRequests> {
         let request_timeout = self.request_timeout(true);
         let (ids, count, remainders) = ([0; MAX_OPEN_BESIDE], self.open.len(), 0);
         let mut found = OpenRequests { ids, count, remainders, times_out: Ns::MAX, passed: Ns::MIN, request_timeout };

@@ -15,7 +15,7 @@ const SHORT_BYTES: usize = SHORT_REQUEST_BYTES + CRC_BYTES;
 
 /// A write as its request announces it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct PlainWrite {
+pub(crate) struct PlainWrite {
     /// Bytes of the request and of the response, with their checksums.
     pub lengths: [usize; 2],
     /// The response has the same bytes as the request.
@@ -29,7 +29,7 @@ impl PlainWrite {
     /// Returns the write that a request at the head of these bytes announces; `None` where `ExpectedExchange::announced_by` gives
     /// none, or no write.
     #[inline]
-    pub(super) fn at(functions: &Functions, bytes: &[u8]) -> Option<Self> {
+    pub(crate) fn at(functions: &Functions, bytes: &[u8]) -> Option<Self> {
         let &[unit, code, address_high, address_low, high, low, count, _] = bytes.first_chunk()?;
         let standard = functions.standard_request(code)?;
         let number = u16::from_be_bytes([high, low]);
@@ -52,7 +52,7 @@ impl PlainWrite {
     /// Returns whether its response follows at once, both have valid checksums, the response is no retry that a third copy may
     /// follow, and the slow path would find nothing on the request.
     #[inline]
-    pub(super) fn is_answered(&self, functions: &Functions, bytes: &[u8]) -> bool {
+    pub(crate) fn is_answered(&self, functions: &Functions, bytes: &[u8]) -> bool {
         let [request, response] = self.lengths;
         if bytes.len() < request + response {
             return false;

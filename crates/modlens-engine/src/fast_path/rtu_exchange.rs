@@ -1,21 +1,22 @@
 //! The fast path of the RTU framer for whole exchanges: a request and its response are taken in one step.
 //!
-//! Each exchange has to leave the framer in exactly the state in which `RtuFramer::next` would leave it behind the two frames.
+//! Each exchange has to leave the framer in exactly the state in which `RtuFramer::next` would leave it after the two frames.
 
+use crate::confidence::{self, Likeness};
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::framer::rtu::frame_check::is_followed_by_copy;
 use crate::framer::rtu::side::REQUEST;
 use crate::framer::rtu::traffic_model::{LearningRun, RequestCopy};
 use crate::framer::rtu::RtuFramer;
 use crate::framer::PauseEvidence;
-use crate::weights::{CERTAIN_DIRECTION_BITS, RESPONSE_LOG_ODDS_BITS};
+use crate::weights::{ANSWER_IN_TURN_BITS, CERTAIN_DIRECTION_BITS, RESPONSE_LOG_ODDS_BITS};
 use modlens_protocol::checksum::crc_valid_at;
 use modlens_protocol::direction::TimeoutLogOdds;
 
 /// What a request may be in truth: the response to another one, where it looks like it.
 #[derive(Clone, Copy, Default)]
 pub struct Answered {
-    /// Unit and function of the request that was answered last: its response may come once more.
+    /// Unit and function of the request that was answered last: its response may come again.
     header: Option<(u8, u8)>,
     /// The late response to a superseded request may still come.
     awaits_late_response: bool,
@@ -27,43 +28,43 @@ impl Answered {
         Self { header: Some((unit, code)), awaits_late_response: false }
     }
 
-    /// Whether the request of this exchange may be such a response.
+    /// Returns whether the request of this exchange may be such a response.
     #[inline]
-    pub(super) fn may_be_again(self, expected: &ExpectedExchange) -> bool {
+    pub(crate) fn may_be_again(self, expected: &ExpectedExchange) -> bool {
         (expected.resembles_response || expected.echoes_request) && self.may_have_header(expected.unit, expected.code)
     }
 
-    /// Whether a frame of this unit and function may be such a response.
+    /// Returns whether a frame of this unit and function may be such a response.
     #[inline]
-    pub(super) fn may_have_header(self, unit: u8, code: u8) -> bool {
+    pub(crate) fn may_have_header(self, unit: u8, code: u8) -> bool {
         self.header == Some((unit, code)) || self.awaits_late_response
     }
 }
 
 /// The last exchange of a run.
 #[derive(Clone, Copy)]
-pub(super) struct LastExchange {
+pub(crate) struct LastExchange {
     pub expected: ExpectedExchange,
     /// Log2 of the odds of its response's direction.
     pub odds: f32,
 }
 
 impl LastExchange {
-    /// What a request behind it may be the response to.
+    /// What a request after it may be the response to.
     pub fn answered(self) -> Answered {
         Answered::by_exchange(self.expected.unit, self.expected.code)
     }
 }
 
 impl RtuFramer {
-    /// Whether there is no doubt about the exchange that the request at the head of these bytes announces, as far as the bytes
-    /// say: its unit and function are familiar, the response is the expected one, and the CRCs are valid; those of request and
-    /// response are checked if `checks` says so. `answered`: what came before. `is_response`, asked with the bytes from the second frame
-    /// on, says whether the second of two equal frames is the response to the first. `false` if the bytes end before the
-    /// response.
+    /// Returns whether there is no doubt about the exchange that the request at the head of these bytes announces, as far as the
+    /// bytes say: its unit and function are familiar, the response is the expected one, and the CRCs are valid; those of request
+    /// and response are checked if `checks` says so. `answered`: what came before. `is_response`, asked with the bytes from the
+    /// second frame on, says whether the second of two equal frames is the response to the first. `false` if the bytes end before
+    /// the response.
     #[inline(always)]
     #[allow(clippy::inline_always)] // Asked of every exchange.
-    pub(super) fn is_certain(
+    pub(crate) fn is_certain(
         &self,
         expected: &ExpectedExchange,
         bytes: &[u8],
@@ -84,10 +85,10 @@ impl RtuFramer {
             && (!expected.echoes_request || is_response(rest))
     }
 
-    /// The exception code, if there is no doubt that the request at the head of these bytes, which announces this exchange, is
-    /// refused right behind it: its unit and function are familiar, and both CRCs are valid. `answered`: as above.
+    /// Returns the exception code, if there is no doubt that the request at the head of these bytes, which announces this exchange,
+    /// is refused right after it: its unit and function are familiar, and both CRCs are valid. `answered`: as above.
     #[cold]
-    pub(super) fn refusal_of(&self, expected: &ExpectedExchange, bytes: &[u8], answered: Answered) -> Option<u8> {
+    pub(crate) fn refusal_of(&self, expected: &ExpectedExchange, bytes: &[u8], answered: Answered) -> Option<u8> {
         let [request_bytes, response_bytes] = expected.refused().rtu_lengths();
         let response = bytes.get(request_bytes..)?;
         let exception = expected.refused_by(response)?;
@@ -98,7 +99,7 @@ impl RtuFramer {
         is_certain.then_some(exception)
     }
 
-    /// What a request may be the response to, behind what was framed so far.
+    /// What a request may be the response to, after what was framed so far.
     pub fn answered(&self) -> Answered {
         let requests = self.search.answerable();
         let header = requests.last_answered.and_then(|(request, _)| Some((request.unit, *request.pdu.first()?)));
@@ -126,7 +127,7 @@ impl RtuFramer {
         self.search.model.learn_run(run);
     }
 
-    /// Log2 of the odds of the direction of the response, which has the same bytes as the request if `expected` says so.
+    /// Returns log2 of the odds of the direction of the response, which has the same bytes as the request if `expected` says so.
     /// `evidence` is what the silence before it says.
     #[inline]
     pub fn response_odds(&mut self, expected: &ExpectedExchange, has_times: bool, evidence: impl Fn() -> PauseEvidence) -> f32 {
@@ -138,13 +139,14 @@ impl RtuFramer {
         }
     }
 
-    /// The same without times, of a response with the bytes of its request and a unit that does not answer this share of requests.
-    pub(super) fn mirrored_response_odds(&mut self, silence_share: f32, evidence: PauseEvidence) -> f32 {
+    /// Returns the same without times, of a response with the bytes of its request and a unit that does not answer this share of
+    /// requests.
+    pub(crate) fn mirrored_response_odds(&mut self, silence_share: f32, evidence: PauseEvidence) -> f32 {
         self.search.begin_run();
         self.search.odds_of_mirrored_response(silence_share, evidence, true)
     }
 
-    /// Brings the search up to date behind a run of such exchanges. `request` and `response` are the last one, which ends at the
+    /// Brings the search up to date after a run of such exchanges. `request` and `response` are the last one, which ends at the
     /// stream offset `end`; `odds` are those of its response.
     pub fn sync_after_batch(&mut self, request: &[u8], response: &[u8], end: u64, odds: f32) {
         self.last_was_damaged = false;
@@ -152,8 +154,18 @@ impl RtuFramer {
     }
 }
 
-/// Whether the second of two equal frames is the response to the first and not a retry of it, by the pause between them or,
+/// Returns whether the second of two equal frames is the response to the first and not a retry of it, by the pause between them or,
 /// without times, because no third copy follows. `from_second` are the bytes from the second frame on.
-pub(super) fn is_response(pause: TimeoutLogOdds, is_timed: bool, from_second: &[u8], length: usize) -> bool {
+pub(crate) fn is_response(pause: TimeoutLogOdds, is_timed: bool, from_second: &[u8], length: usize) -> bool {
     pause <= RESPONSE_LOG_ODDS_BITS || (!is_timed && is_followed_by_copy(from_second, length) == Some(false))
+}
+
+/// Returns the confidence of the request of an exchange on an RTU line. `echoes_request`: its response has the same bytes.
+pub(crate) fn rtu_request_confidence(echoes_request: bool) -> u8 {
+    confidence::of_unambiguous(Likeness::of_exchange(echoes_request))
+}
+
+/// Returns the confidence of the transaction of such an exchange, whose response's direction has `response_bits`.
+pub(crate) fn rtu_transaction_confidence(echoes_request: bool, response_bits: u8) -> u8 {
+    ANSWER_IN_TURN_BITS.min(rtu_request_confidence(echoes_request)).min(response_bits)
 }

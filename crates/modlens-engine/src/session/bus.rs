@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::fast_path::known_reads::KnownReads;
+use crate::fast_path::request_memo::RequestMemo;
 use crate::findings::contradictions::ContradictionCounts;
 use crate::framer::auto::AutoFramer;
 use crate::framer::line_framer::LineFramer;
@@ -84,7 +84,7 @@ pub(crate) struct BusState {
     pub(crate) habits: UnitHabits,
     pub(crate) profiles: Profiles,
     /// Reads that came before.
-    pub(crate) known_reads: KnownReads,
+    pub(crate) memo: RequestMemo,
     /// What is counted of a connection.
     pub(crate) connection: ConnectionTally,
     /// The reader of a recording in text.
@@ -133,7 +133,7 @@ impl BusState {
             stamps_resolution: None,
             merged_order: VecDeque::new(),
             profiles,
-            known_reads: KnownReads::default(),
+            memo: RequestMemo::default(),
             connection: ConnectionTally::default(),
             options,
         }

@@ -8,14 +8,14 @@ use modlens_protocol::Ns;
 
 /// Compact exchanges, in the order of their numbers.
 #[derive(Default)]
-pub(crate) struct HeldExchanges {
+pub(crate) struct PendingExchanges {
     exchanges: Vec<Exchange>,
     pairs: Vec<PacketPair>,
     /// Those whose numbers, frames and bytes follow each other; their places are those in `exchanges` and `pairs`.
     runs: VecDeque<ExchangeRun>,
 }
 
-impl HeldExchanges {
+impl PendingExchanges {
     pub(super) fn len(&self) -> usize {
         self.exchanges.len()
     }

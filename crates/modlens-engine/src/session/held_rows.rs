@@ -3,22 +3,22 @@
 use std::collections::VecDeque;
 
 use crate::records::{Batch, Transaction};
-use crate::session::held_exchanges::HeldExchanges;
+use crate::session::held_exchanges::PendingExchanges;
 
 /// Rows of transactions. In a recording they wait here for older transactions that are still open.
 #[derive(Default)]
-pub(crate) struct HeldRows {
+pub(crate) struct PendingRows {
     /// Those that came in the order of their numbers; in a live session all of them.
     rows: VecDeque<Transaction>,
     /// Those that are older than others that came before. A request without a response is known as such when the next ones are.
     late: Vec<Transaction>,
     /// Those that are compact exchanges with times.
-    pub(crate) exchanges: HeldExchanges,
+    pub(crate) exchanges: PendingExchanges,
     /// Rows are given out as they come.
     live: bool,
 }
 
-impl HeldRows {
+impl PendingRows {
     pub(super) fn new(live: bool) -> Self {
         Self { live, ..Self::default() }
     }
@@ -93,7 +93,7 @@ mod tests {
         )
     }
 
-    fn push(held: &mut HeldRows, number: u64, is_compact: bool) {
+    fn push(held: &mut PendingRows, number: u64, is_compact: bool) {
         if is_compact {
             let start = ExchangeStart {
                 bus: number as u32 % 3 / 2,
@@ -133,7 +133,7 @@ mod tests {
             let mut order: Vec<(usize, u64)> = delays.iter().zip(0..).map(|((delay, _), number)| (number as usize + delay, number)).collect();
             order.sort_unstable();
             let takes: Vec<(usize, u64)> = takes.iter().map(|(at, less)| (at.index(order.len()), *less)).collect();
-            let (mut held, mut given, mut least) = (HeldRows::new(false), Vec::new(), 0);
+            let (mut held, mut given, mut least) = (PendingRows::new(false), Vec::new(), 0);
             for (at, &(_, number)) in order.iter().enumerate() {
                 let (delay, is_compact) = delays[number as usize];
                 push(&mut held, number, is_compact && delay == 0);
@@ -156,7 +156,7 @@ mod tests {
 
         #[test]
         fn a_live_session_gives_rows_out_as_they_come(numbers in prop::collection::vec(0u64..50, 0..60)) {
-            let mut held = HeldRows::new(true);
+            let mut held = PendingRows::new(true);
             for &number in &numbers {
                 push(&mut held, number, false);
             }

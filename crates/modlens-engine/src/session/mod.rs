@@ -13,6 +13,7 @@
 //! | which rows wait for older transactions | `held`, `held_rows`, `held_exchanges` |
 //! | what is counted of a connection, and how it becomes a row | `connection_tally`, `in_flight`, `connections` |
 //! | what is given back when a source has ended | `closing` |
+//! | how exchanges are taken on the fast path | `exchanges` |
 //! | how rows of our own captures are read back | `reimport` |
 
 // A transaction is large and changes hands three times; moving its box is cheaper than moving it.
@@ -23,6 +24,7 @@ mod capture;
 mod closing;
 pub(crate) mod connection_tally;
 mod connections;
+mod exchanges;
 mod feed;
 pub(crate) mod frame_timing;
 mod frames;
@@ -49,12 +51,12 @@ mod unit_habits;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use crate::fast_path::line_run::{LineRun, LineTries};
-use crate::fast_path::packet_run::PacketRun;
 use crate::findings::Found;
 use crate::framer::Framer;
 use crate::pairing::{Pairing, PendingTransaction};
 use crate::records::{Batch, Buses, MemoryPool};
+use crate::session::exchanges::line_run::{LineRun, LineTries};
+use crate::session::exchanges::packet_run::PacketRun;
 use crate::stats::Stats;
 use modlens_profiles::points::Plan;
 use modlens_protocol::finding::Finding;
@@ -69,7 +71,7 @@ pub use sources::CaptureOptions;
 
 use bus::BusState;
 use connections::Connections;
-use held_rows::HeldRows;
+use held_rows::PendingRows;
 use profiles::{Assignment, Profiles};
 use sources::{CaptureState, LogicState};
 
@@ -106,7 +108,7 @@ pub struct Session {
     pub(crate) batch: Batch,
     /// Memory of batches that were dropped.
     pool: MemoryPool,
-    pub(crate) held: HeldRows,
+    pub(crate) held: PendingRows,
     /// How many of them the last `take` has kept.
     kept: usize,
     pub(crate) wanted: WantedTables,
@@ -170,7 +172,7 @@ impl Session {
             bus_rows: Arc::default(),
             batch: pool.batch(),
             pool,
-            held: HeldRows::new(live),
+            held: PendingRows::new(live),
             kept: 0,
             wanted,
             live,

@@ -36,7 +36,7 @@ pub(crate) struct Profiles {
 
 /// What came of an exchange on the fast path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Lesson {
+pub(crate) enum LearnOutcome {
     /// It was learned from.
     Learned,
     /// It taught nothing, and neither will another exchange with the same request in this generation (`Profiles::generation`).
@@ -122,7 +122,7 @@ impl Profiles {
     /// `request` begins with the unit, `block` are the registers read, if any were.
     #[inline]
     pub(crate) fn learn_on_fast_path(&mut self, functions: &Functions, request: &[u8], block: Option<&[u8]>) -> bool {
-        self.are_none() || self.learn_block(functions, request, block) != Lesson::Refused
+        self.are_none() || self.learn_block(functions, request, block) != LearnOutcome::Refused
     }
 
     /// The part of `learn_on_fast_path` for buses with profiles.
@@ -131,31 +131,33 @@ impl Profiles {
     /// not list the function or the table has no address space for it, if a scale factor would change, or if the check of the
     /// order of bytes has not begun or could be decided with this block. Else the block is added to the check of that order.
     #[inline(never)]
-    pub(crate) fn learn_block(&mut self, functions: &Functions, request: &[u8], block: Option<&[u8]>) -> Lesson {
-        let [unit, code, high, low, ..] = *request else { return Lesson::Refused };
+    pub(crate) fn learn_block(&mut self, functions: &Functions, request: &[u8], block: Option<&[u8]>) -> LearnOutcome {
+        let [unit, code, high, low, ..] = *request else { return LearnOutcome::Refused };
         if self.sunspec_chains.contains_key(&unit) {
-            return Lesson::Refused;
+            return LearnOutcome::Refused;
         }
-        let Some(instance) = self.plans.of_unit(unit) else { return Lesson::Settled };
+        let Some(instance) = self.plans.of_unit(unit) else { return LearnOutcome::Settled };
         let (plan, first, order_check) =
             (&instance.plan, u16::from_be_bytes([high, low]), &mut self.order_checks[usize::from(unit)]);
         if !plan.profile.device.lists_function(code) {
-            return Lesson::Refused;
+            return LearnOutcome::Refused;
         }
-        let Some(block) = block.filter(|_| instance.has_factors() || !order_check.done(plan)) else { return Lesson::Settled };
-        let Some(space) = functions.row(code, &request[2..]).and_then(|row| row.space) else { return Lesson::Refused };
+        let Some(block) = block.filter(|_| instance.has_factors() || !order_check.done(plan)) else {
+            return LearnOutcome::Settled;
+        };
+        let Some(space) = functions.row(code, &request[2..]).and_then(|row| row.space) else { return LearnOutcome::Refused };
         if space.is_bits() {
-            return Lesson::Settled;
+            return LearnOutcome::Settled;
         }
         let changes_nothing =
             instance.with_factors_from(space, first, block).is_none() && order_check.add_unless_ready(plan, space, first, block);
         if !changes_nothing {
-            return Lesson::Refused;
+            return LearnOutcome::Refused;
         }
         if instance.has_factor_in(space, first, block.len()) || order_check.is_open(plan, space, first, block) {
-            Lesson::Learned
+            LearnOutcome::Learned
         } else {
-            Lesson::Settled
+            LearnOutcome::Settled
         }
     }
 

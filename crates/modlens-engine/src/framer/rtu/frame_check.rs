@@ -26,22 +26,22 @@ impl FrameLength {
     const EXACT: u32 = 1;
     const REQUEST: u32 = 2;
 
-    /// A length in bytes that the header announces.
+    /// Returns a length in bytes that the header announces.
     pub fn exactly(bytes: usize) -> Self {
         Self((bytes as u32) << 2 | Self::EXACT)
     }
 
-    /// The least length in bytes that the header admits; the frame may be longer.
+    /// Returns the least length in bytes that the header admits; the frame may be longer.
     pub fn at_least(bytes: usize) -> Self {
         Self((bytes as u32) << 2)
     }
 
-    /// The same length, of a frame that is a request.
+    /// Returns the same length, of a frame that is a request.
     pub fn as_request(self) -> Self {
         Self(self.0 | Self::REQUEST)
     }
 
-    /// The length of a frame whose body has this extent, if the extent bounds it.
+    /// Returns the length of a frame whose body has this extent, if the extent bounds it.
     pub fn of(extent: Extent) -> Option<Self> {
         match extent {
             Extent::Exactly(length) => Some(Self::exactly(length + ENVELOPE_BYTES)),
@@ -50,23 +50,23 @@ impl FrameLength {
         }
     }
 
-    /// The length in bytes.
+    /// Returns the length in bytes.
     pub fn bytes(self) -> usize {
         (self.0 >> 2) as usize
     }
 
-    /// Whether the frame is a request.
+    /// Returns whether the frame is a request.
     pub fn is_request(self) -> bool {
         self.0 & Self::REQUEST != 0
     }
 
-    /// Whether the header announces exactly this length.
+    /// Returns whether the header announces exactly this length.
     pub fn is_exact(self) -> bool {
         self.0 & Self::EXACT != 0
     }
 }
 
-/// The byte count that the response to this request begins with, and the length of the whole response frame in bytes, if
+/// Returns the byte count that the response to this request begins with, and the length of the whole response frame in bytes, if
 /// the request determines them and the request cannot be taken for its own response.
 #[inline]
 pub fn expected_response(row: &FunctionRow, pdu: &[u8]) -> Option<(u8, usize)> {
@@ -80,8 +80,8 @@ pub fn expected_response(row: &FunctionRow, pdu: &[u8]) -> Option<(u8, usize)> {
     }
 }
 
-/// Whether the frame of this length at the head of these bytes is followed by the same frame once more; `None` if more bytes
-/// are needed to tell.
+/// Returns whether the frame of this length at the head of these bytes is followed by the same frame once more; `None` if more
+/// bytes are needed to tell.
 pub(crate) fn is_followed_by_copy(bytes: &[u8], length: usize) -> Option<bool> {
     let second = bytes.get(length..).unwrap_or(&[]);
     let compared = second.len().min(length);

@@ -46,8 +46,8 @@ pub fn check_frame_behind_strays(search: &Search, input: &Input, context: &Frame
     (0, FrameCheck::NoFrame)
 }
 
-/// The frame of this length behind `strays` stray bytes, unless it is a request that `is_permitted_request` does not admit, or a
-/// frame may begin with one of the stray bytes and outscore it; `NeedsMoreBytes` if that cannot be told yet.
+/// Returns the frame of this length behind `strays` stray bytes, unless it is a request that `is_permitted_request` does not admit,
+/// or a frame may begin with one of the stray bytes and outscore it; `NeedsMoreBytes` if that cannot be told yet.
 fn check_against_strays(
     search: &Search,
     input: &Input,
@@ -66,7 +66,7 @@ fn check_against_strays(
     }
 }
 
-/// Whether a frame with the length of a request keeps the limits of the specification and does not end in 00.
+/// Returns whether a frame with the length of a request keeps the limits of the specification and does not end in 00.
 ///
 /// Otherwise it may be a response whose request is missing, followed by zero bytes: appending zeros to a frame with a
 /// valid CRC keeps the CRC valid.
@@ -98,7 +98,7 @@ fn check_frame_at(search: &Search, input: &Input, context: &FramerContext<'_>, a
     }
 }
 
-/// The length of the frame that begins at index `at` of the input, if its unit and function leave no doubt what it is. The
+/// Returns the length of the frame that begins at index `at` of the input, if its unit and function leave no doubt what it is. The
 /// CRC is left to the caller. `None` in all cases but these:
 ///
 /// - It has the unit and the function of the outstanding request, perhaps with the exception bit: `response_length`.
@@ -121,8 +121,8 @@ fn expected_length(search: &Search, input: &Input, context: &FramerContext<'_>, 
     }
 }
 
-/// The length of these bytes as the next request of the poll cycle, with which the master goes on where the outstanding request
-/// was not answered; `None` if it has more than `MAX_POLL_REQUEST_BYTES`. Once all of it is there, it has to be a permitted
+/// Returns the length of these bytes as the next request of the poll cycle, with which the master goes on where the outstanding
+/// request was not answered; `None` if it has more than `MAX_POLL_REQUEST_BYTES`. Once all of it is there, it has to be a permitted
 /// request of the cycle; before that, it counts as one, so that the caller waits for it.
 #[inline]
 fn next_poll_length(search: &Search, bytes: &[u8], context: &FramerContext<'_>) -> Option<FrameLength> {
@@ -131,8 +131,8 @@ fn next_poll_length(search: &Search, bytes: &[u8], context: &FramerContext<'_>) 
     Some(length).filter(|length| bytes.get(..length.bytes()).is_none_or(is_known_poll))
 }
 
-/// The length of the frame at index `at` of the input as the response to the outstanding request, whose unit and function it
-/// has; `None` if it is no certain response. There are at least two bytes from `at` on.
+/// Returns the length of the frame at index `at` of the input as the response to the outstanding request, whose unit and function
+/// it has; `None` if it is no certain response. There are at least two bytes from `at` on.
 ///
 /// - An exception response: five bytes, once its exception code is there and not 0.
 /// - Otherwise the layout has to announce a length, exact or at least, that is no longer than any frame, and the body has to
@@ -160,14 +160,14 @@ fn response_length(request: &HeldRequest, input: &Input, context: &FramerContext
     is_certain.then_some(length)
 }
 
-/// The length in bytes of the frame around a PDU: unit and CRC are added.
+/// Returns the length in bytes of the frame around a PDU: unit and CRC are added.
 fn rtu_frame_bytes(pdu: &[u8]) -> usize {
     1 + pdu.len() + CRC_BYTES
 }
 
-/// Whether the body of a response agrees with its request, as far as its first bytes are there: its byte count is the one
-/// that the request determines; or, where the request determines none, the response repeats fields of the request and so its
-/// first four bytes. `row` is the request's.
+/// Returns whether the body of a response agrees with its request, as far as its first bytes are there: its byte count is the one
+/// that the request determines; or, where the request determines none, the response repeats fields of the request and so its first
+/// four bytes. `row` is the request's.
 fn agrees_with_request(row: &FunctionRow, request: &HeldRequest, body: &[u8]) -> bool {
     match expected_data_bytes(row, &request.pdu) {
         Some(block) => body.first().is_some_and(|&count| usize::from(count) == block),
@@ -206,8 +206,9 @@ fn mirrored_frame(request: &HeldRequest, input: &Input, context: &FramerContext<
     }
 }
 
-/// The length of these bytes as a request; `None` if they may as well be a response to an earlier request, or are longer than the
-/// specification permits. They begin with a unit and a function code without exception bit, and may go on behind the request.
+/// Returns the length of these bytes as a request; `None` if they may as well be a response to an earlier request, or are longer
+/// than the specification permits. They begin with a unit and a function code without exception bit, and may go on behind the
+/// request.
 #[inline]
 fn request_length(search: &Search, bytes: &[u8], context: &FramerContext<'_>) -> Option<FrameLength> {
     let (unit, code, body) = (bytes[0], bytes[1], &bytes[2..]);
@@ -226,15 +227,16 @@ fn request_length(search: &Search, bytes: &[u8], context: &FramerContext<'_>) ->
     (!may_be_response).then(|| length.as_request())
 }
 
-/// Whether the body of a response with a block of registers gives that an odd number of bytes, which no response has: registers
-/// have two bytes each. So a request for registers from an address 0x03xx on is no response, though it has the length of one.
+/// Returns whether the body of a response with a block of registers gives that an odd number of bytes, which no response has:
+/// registers have two bytes each. So a request for registers from an address 0x03xx on is no response, though it has the length of
+/// one.
 fn has_odd_registers(row: &FunctionRow, body: &[u8]) -> bool {
     let is_odd = |at: usize| at.checked_sub(1).and_then(|at| body.get(at)).is_some_and(|count| count % 2 == 1);
     matches!(row.offsets.response_block, Some((at, false)) if is_odd(at))
 }
 
-/// Whether a frame of this unit and function may answer the request that was answered last, once more, or the superseded one,
-/// late.
+/// Returns whether a frame of this unit and function may answer the request that was answered last, once more, or the superseded
+/// one, late.
 fn may_answer_earlier_request(search: &Search, unit: u8, code: u8) -> bool {
     let requests = search.answerable();
     requests.last_answered.is_some_and(|(request, _)| request.matches(unit, code))

@@ -1,12 +1,11 @@
-//! A run of compact exchanges on an RTU line without a clock, one behind the other: how each is decided, and what is learned of
+//! A run of compact exchanges on an RTU line without a clock, one after the other: how each is decided, and what is learned of
 //! it at once.
 
 use crate::confidence;
 use crate::fast_path::expected_exchange::ExpectedExchange;
-use crate::fast_path::known_reads::KnownReads;
 use crate::fast_path::plain_write::PlainWrite;
-use crate::fast_path::rows::rtu_transaction_confidence;
-use crate::fast_path::rtu_exchange::{is_response, Answered};
+use crate::fast_path::request_memo::RequestMemo;
+use crate::fast_path::rtu_exchange::{is_response, rtu_transaction_confidence, Answered};
 use crate::framer::rtu::search::SURE_SILENCE_SHARE;
 use crate::framer::rtu::side::REQUEST;
 use crate::framer::rtu::traffic_model::{LearningRun, RequestIdentity};
@@ -14,7 +13,7 @@ use crate::framer::rtu::RtuFramer;
 use crate::framer::PauseEvidence;
 use crate::pairing::Pairing;
 use crate::records::Exchange;
-use crate::session::profiles::{Lesson, Profiles};
+use crate::session::profiles::{LearnOutcome, Profiles};
 use crate::stats::{RequestKey, Stats};
 use crate::weights::CERTAIN_DIRECTION_BITS;
 use modlens_protocol::checksum::crc_valid_at;
@@ -22,11 +21,11 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 
 /// What is known of a bus, and learns from each exchange.
-pub(super) struct Known<'a> {
+pub(super) struct RunContext<'a> {
     pub functions: &'a Functions,
     pub framer: &'a mut RtuFramer,
     pub pairing: &'a mut Pairing,
-    pub reads: &'a mut KnownReads,
+    pub reads: &'a mut RequestMemo,
     pub profiles: &'a mut Profiles,
     /// Units that took part in a good frame, and those in a paired transaction.
     pub units: [&'a mut [bool; 256]; 2],
@@ -46,7 +45,7 @@ pub(super) struct RunBytes<'a> {
 }
 
 impl<'a> RunBytes<'a> {
-    pub(super) fn new(known: &Known<'_>, bytes: &'a [u8], arena_start: usize) -> Self {
+    pub(super) fn new(known: &RunContext<'_>, bytes: &'a [u8], arena_start: usize) -> Self {
         let timing = &known.pairing.timing;
         let pause = PauseEvidence {
             timeout: timing.timeout_log_odds(None),
@@ -56,7 +55,7 @@ impl<'a> RunBytes<'a> {
         Self { bytes, arena_start, answered_before: known.framer.answered(), pause }
     }
 
-    /// What a request may be the response to, behind an exchange at this index.
+    /// What a request may be the response to, after an exchange at this index.
     #[inline]
     fn answered_behind(&self, last: Option<usize>) -> Answered {
         last.map_or(self.answered_before, |at| Answered::by_exchange(self.bytes[at], self.bytes[at + 1]))
@@ -88,10 +87,10 @@ struct Decided {
 impl CompactRun {
     /// Takes exchanges at the head of these bytes until one does not qualify, and appends them to `exchanges`. Gives log2 of the
     /// odds of the direction of the last response.
-    pub(super) fn take(&mut self, mut known: Known<'_>, of: &RunBytes<'_>, exchanges: &mut Vec<Exchange>) -> f32 {
+    pub(super) fn take(&mut self, mut known: RunContext<'_>, of: &RunBytes<'_>, exchanges: &mut Vec<Exchange>) -> f32 {
         known.framer.search.model.begin_run(&mut self.learned);
         loop {
-            self.take_known_reads(&mut known, of, exchanges);
+            self.take_remembered_reads(&mut known, of, exchanges);
             if known.profiles.are_none() {
                 if let Some(write) = self.take_write(&mut known, of) {
                     exchanges.push(write);
@@ -101,11 +100,11 @@ impl CompactRun {
             let (rest, answered) = (&of.bytes[self.length..], of.answered_behind(self.last));
             let Some(decided) = next_exchange(&known, rest, answered, of.pause) else { break };
             let lesson = known.learn_points(&decided, rest);
-            if lesson == Lesson::Refused {
+            if lesson == LearnOutcome::Refused {
                 break;
             }
             exchanges.push(self.take_decided(&mut known, &decided, of));
-            if lesson == Lesson::Settled && !known.profiles.are_none() {
+            if lesson == LearnOutcome::Settled && !known.profiles.are_none() {
                 known.reads.settle(rest, known.profiles.generation());
             }
         }
@@ -115,7 +114,7 @@ impl CompactRun {
 
     /// Takes the reads that come next and are known by all of their bytes, and whose response follows without doubt, as
     /// `next_exchange` and `take_decided` would one by one; not those of which a profile may have something to learn.
-    fn take_known_reads(&mut self, known: &mut Known<'_>, of: &RunBytes<'_>, exchanges: &mut Vec<Exchange>) {
+    fn take_remembered_reads(&mut self, known: &mut RunContext<'_>, of: &RunBytes<'_>, exchanges: &mut Vec<Exchange>) {
         let (model, profiles) = (&mut known.framer.search.model, known.profiles.generation());
         let mut counts = known.stats.exchange_counts(known.counts);
         let (mut rest, mut last, most) = (&of.bytes[self.length..], self.last, self.learned.left());
@@ -151,7 +150,7 @@ impl CompactRun {
 
     /// Takes the plain write that comes next, if its response follows without doubt, as `next_exchange` and `take_decided` would.
     #[inline]
-    fn take_write(&mut self, known: &mut Known<'_>, of: &RunBytes<'_>) -> Option<Exchange> {
+    fn take_write(&mut self, known: &mut RunContext<'_>, of: &RunBytes<'_>) -> Option<Exchange> {
         let bytes = &of.bytes[self.length..];
         let write = PlainWrite::at(known.functions, bytes).filter(|_| self.learned.left() > 0)?;
         let PlainWrite { lengths, is_mirrored, address, quantity } = write;
@@ -181,9 +180,9 @@ impl CompactRun {
         Some(exchange)
     }
 
-    /// The most that the confidence of an exchange may be, of which the response has the bytes of its request.
+    /// Returns the most that the confidence of an exchange may be, of which the response has the bytes of its request.
     #[inline]
-    fn mirrored_bits(&mut self, known: &mut Known<'_>, of: &RunBytes<'_>, unit: u8) -> u8 {
+    fn mirrored_bits(&mut self, known: &mut RunContext<'_>, of: &RunBytes<'_>, unit: u8) -> u8 {
         known.framer.learn_answers(&mut self.learned);
         let share = known.framer.search.silence_share(unit);
         self.silence_share = Some(share);
@@ -194,7 +193,12 @@ impl CompactRun {
     }
 
     /// Takes an exchange that comes next and is no read known by all of its bytes.
-    fn take_decided(&mut self, known: &mut Known<'_>, Decided { expected, exception }: &Decided, of: &RunBytes<'_>) -> Exchange {
+    fn take_decided(
+        &mut self,
+        known: &mut RunContext<'_>,
+        Decided { expected, exception }: &Decided,
+        of: &RunBytes<'_>,
+    ) -> Exchange {
         let lengths = expected.rtu_lengths();
         let (request, response) = of.bytes[self.length..].split_at(lengths[0]);
         self.silence_share = None;
@@ -216,14 +220,18 @@ impl CompactRun {
     }
 }
 
-impl Known<'_> {
+impl RunContext<'_> {
     /// Learns what the profile of its unit learns from an exchange at the head of these bytes.
-    fn learn_points(&mut self, Decided { expected, exception }: &Decided, bytes: &[u8]) -> Lesson {
+    fn learn_points(&mut self, Decided { expected, exception }: &Decided, bytes: &[u8]) -> LearnOutcome {
         if self.profiles.are_none() {
-            return Lesson::Settled;
+            return LearnOutcome::Settled;
         }
         if *exception != 0 {
-            return if self.profiles.pass_over_refusal(expected.unit, expected.code) { Lesson::Learned } else { Lesson::Refused };
+            return if self.profiles.pass_over_refusal(expected.unit, expected.code) {
+                LearnOutcome::Learned
+            } else {
+                LearnOutcome::Refused
+            };
         }
         let (request, block) = of_points(expected, bytes);
         self.profiles.learn_block(self.functions, request, block)
@@ -241,7 +249,7 @@ impl Known<'_> {
         let mut counts = self.stats.exchange_counts(self.counts);
         let counters = counts.count_request(expected.key());
         counts.note_last(expected.key());
-        if counters.is_some() && KnownReads::takes(request, &expected) {
+        if counters.is_some() && RequestMemo::takes(request, &expected) {
             self.reads.add(request, expected, counters);
         }
     }
@@ -260,10 +268,11 @@ fn of_points<'a>(expected: &ExpectedExchange, bytes: &'a [u8]) -> (&'a [u8], Opt
     (request, expected.read_data(&response[..expected.response_bytes]))
 }
 
-/// Returns the exchange at the head of these bytes, if it is unambiguous, whether answered or refused. `answered`: what came before; `pause`: what an unknown silence says.
+/// Returns the exchange at the head of these bytes, if it is unambiguous, whether answered or refused. `answered`: what came
+/// before; `pause`: what an unknown silence says.
 #[inline(always)]
 #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
-fn next_exchange(known: &Known<'_>, bytes: &[u8], answered: Answered, pause: PauseEvidence) -> Option<Decided> {
+fn next_exchange(known: &RunContext<'_>, bytes: &[u8], answered: Answered, pause: PauseEvidence) -> Option<Decided> {
     let expected = ExpectedExchange::from_request(known.functions, Mode::Rtu, bytes)?;
     let request_bytes = expected.rtu_lengths()[0];
     let is_followed_by_response = |second: &[u8]| is_response(pause.timeout, false, second, request_bytes);

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::confidence::{self, Likeness};
 use crate::fast_path::expected_exchange::ExpectedExchange;
+use crate::fast_path::rtu_exchange::rtu_request_confidence;
 use crate::records::{Frame, FrameRef, Span, Transaction};
 use crate::session::frame_timing::FrameTiming;
 use crate::session::rows::elapsed;
@@ -35,19 +35,19 @@ pub(super) struct MatchedExchange {
     pub counters: Option<RequestPlace>,
 }
 
-/// The log2 odds of an exchange on a connection, as `MatchedExchange::transaction_confidence` has them.
+/// Returns the log2 odds of an exchange on a connection, as `MatchedExchange::transaction_confidence` has them.
 pub(super) fn confidence_by_id() -> u8 {
     ANSWER_BY_ID_BITS.min(MBAP_CONFIDENCE_BITS)
 }
 
 impl MatchedExchange {
-    /// The log2 odds that request and response belong together: as pairing has them, but not above those of the frames.
+    /// Returns the log2 odds that request and response belong together: as pairing has them, but not above those of the frames.
     pub(super) fn transaction_confidence(&self) -> u8 {
         let pairing = if self.mbap_id.is_some() { ANSWER_BY_ID_BITS } else { ANSWER_IN_TURN_BITS };
         pairing.min(self.request_confidence()).min(self.response_bits)
     }
 
-    /// The confidence of the request, which is that of the mode's framer.
+    /// Returns the confidence of the request, which is that of the mode's framer.
     fn request_confidence(&self) -> u8 {
         match self.mode {
             Mode::Rtu => rtu_request_confidence(self.expected.echoes_request),
@@ -84,8 +84,8 @@ pub(super) struct ExchangeRows<'a> {
 }
 
 impl ExchangeRows<'_> {
-    /// The row of the transaction, which starts with its request and has status ok: what is neither plain nor complete takes
-    /// the slow path, so there is no exception, retry or late response. `points`: the profile of its unit, if there is one.
+    /// Returns the row of the transaction, which starts with its request and has status ok: what is neither plain nor complete
+    /// takes the slow path, so there is no exception, retry or late response. `points`: the profile of its unit, if there is one.
     /// `pdus`: places of the PDUs of request and response in the arena. `findings`: an empty place in the batch. Times are
     /// nanoseconds, and `None` without a clock.
     #[inline(always)]
@@ -119,8 +119,8 @@ impl ExchangeRows<'_> {
         }
     }
 
-    /// The row of the request's frame, or of the response's for any other `direction`. `findings`: an empty place in the batch.
-    /// Verdict, confidence and what delimits the frame are those that the framer of the mode would give.
+    /// Returns the row of the request's frame, or of the response's for any other `direction`. `findings`: an empty place in the
+    /// batch. Verdict, confidence and what delimits the frame are those that the framer of the mode would give.
     #[inline(always)]
     #[allow(clippy::inline_always)] // A row is large, and `Session::emit_exchange` moves it into its table at once.
     pub(super) fn frame(&self, direction: Direction, findings: Span) -> Frame {
@@ -158,14 +158,4 @@ impl ExchangeRows<'_> {
             last_origin: timing.last_origin,
         }
     }
-}
-
-/// The confidence of the request of an exchange on an RTU line. `echoes_request`: its response has the same bytes.
-fn rtu_request_confidence(echoes_request: bool) -> u8 {
-    confidence::of_unambiguous(Likeness::of_exchange(echoes_request))
-}
-
-/// That of the transaction of such an exchange, whose response's direction has `response_bits`.
-pub(super) fn rtu_transaction_confidence(echoes_request: bool, response_bits: u8) -> u8 {
-    ANSWER_IN_TURN_BITS.min(rtu_request_confidence(echoes_request)).min(response_bits)
 }

@@ -2,12 +2,12 @@
 
 use memchr::memchr;
 
-use crate::fast_path::emit::{adjacent_spans, ExchangePlaces};
 use crate::fast_path::expected_exchange::ExpectedExchange;
-use crate::fast_path::rows::MatchedExchange;
-use crate::fast_path::run::Run;
 use crate::framer::ascii::MAX_MESSAGE_CHARACTERS;
 use crate::session::bus::{declared_direction, BusState};
+use crate::session::exchanges::emit::{adjacent_spans, ExchangePlaces};
+use crate::session::exchanges::rows::MatchedExchange;
+use crate::session::exchanges::run::Run;
 use crate::session::Session;
 use modlens_protocol::checksum::lrc;
 use modlens_protocol::direction::Direction;
@@ -36,8 +36,8 @@ fn decode_clean(text: &[u8], length: usize, adu: &mut Vec<u8>) -> bool {
     is_valid
 }
 
-/// The exchange at the head of the only line of a bus, if there is no doubt and no finding about it. `adus` gets unit and PDU
-/// of the request and of its response; if there is none, their content means nothing. `request_timeout` in nanoseconds.
+/// Returns the exchange at the head of the only line of a bus, if there is no doubt and no finding about it. `adus` gets unit and
+/// PDU of the request and of its response; if there is none, their content means nothing. `request_timeout` in nanoseconds.
 ///
 /// `None` unless both messages are there and valid, the request is a plain read or write that cannot be a response, a
 /// self-describing register map cannot begin in it, the response is the expected one, and marks, records and times agree
@@ -65,8 +65,8 @@ fn match_exchange(
     is_settled.then_some(MatchedExchange { expected, mode, mbap_id: None, lines: [0, 0], lengths, response_bits, counters: None })
 }
 
-/// A plain read or write that cannot be a response, and the response that it determines, at the head of these characters, with
-/// the lengths of both in characters; `adus` gets unit and PDU of both. `None` if the messages are not all there, valid and
+/// Returns a plain read or write that cannot be a response, and the response that it determines, at the head of these characters,
+/// with the lengths of both in characters; `adus` gets unit and PDU of both. `None` if the messages are not all there, valid and
 /// clean, or if a self-describing register map may begin in them.
 fn decode_exchange(functions: &Functions, text: &[u8], adus: &mut [Vec<u8>; 2]) -> Option<(ExpectedExchange, [usize; 2])> {
     let [request, response] = adus;
@@ -79,8 +79,8 @@ fn decode_exchange(functions: &Functions, text: &[u8], adus: &mut [Vec<u8>; 2]) 
     (is_whole && expected.is_answered_by(request, response)).then_some((expected, [request_length, response_length]))
 }
 
-/// Whether a response that equals its request, which has this many characters, may be a retry of it: the recording declares one
-/// of the two otherwise, or the silence between them fits a timeout better than a response time.
+/// Returns whether a response that equals its request, which has this many characters, may be a retry of it: the recording declares
+/// one of the two otherwise, or the silence between them fits a timeout better than a response time.
 fn may_be_retry(state: &BusState, request_length: usize) -> bool {
     let input = &state.lines[0].1.input;
     let declared = |index| input.read(index).and_then(|read| read.side).map(|side| declared_direction(state.side_votes, side));

@@ -3,17 +3,17 @@
 //!
 //! A request is kept in hand until the next line. If that is its response, the exchange is emitted as `rtu_batch` emits one at
 //! the head of the bus's only line, which is left as if both had come and been consumed. In any other case both take the general
-//! way, in their order. That a line is decided earlier than there changes nothing: a block of the log may end behind any line.
+//! way, in their order. That a line is decided earlier than there changes nothing: a block of the log may end after any line.
 
-use crate::fast_path::emit::{adjacent_spans, ExchangePlaces};
-use crate::fast_path::line_run::LineRun;
-use crate::fast_path::rtu_batch::{match_exchange, KnownOfLine};
 use crate::fast_path::rtu_exchange::{Answered, LastExchange};
-use crate::fast_path::run::Run;
 use crate::framer::rtu::traffic_model::LearningRun;
 use crate::framer::Framer;
 use crate::input::Read;
 use crate::session::bus::BusState;
+use crate::session::exchanges::emit::{adjacent_spans, ExchangePlaces};
+use crate::session::exchanges::line_run::LineRun;
+use crate::session::exchanges::rtu_batch::{match_exchange, LineContext};
+use crate::session::exchanges::run::Run;
 use crate::session::frame_timing::{FrameTiming, TimingConfig};
 use crate::session::line::LineState;
 use crate::session::Session;
@@ -22,7 +22,7 @@ use modlens_protocol::source::Place;
 use modlens_protocol::Ns;
 use modlens_readers::text::LogEntry;
 
-/// Whether a line may be a frame of such an exchange: it is one whose checksum the reader has found valid.
+/// Returns whether a line may be a frame of such an exchange: it is one whose checksum the reader has found valid.
 fn is_plain(entry: &LogEntry) -> bool {
     entry.proven_framing == Some(Mode::Rtu) && entry.line == 0 && !entry.follows_loss && !entry.lacks_checksum
 }
@@ -50,7 +50,7 @@ fn pass(line: &mut LineState, entry: &LogEntry, time: Ns, length: usize, run: &R
     frame
 }
 
-/// Whether nothing on this bus is undecided and its next lines may be matched in pairs.
+/// Returns whether nothing on this bus is undecided and its next lines may be matched in pairs.
 fn takes_lines(state: &BusState) -> bool {
     let is_ready = |line: &LineState| line.input.takes_packets() && line.is_settled() && line.framer.mode() == Mode::Rtu;
     let is_only_line = matches!(&state.lines[..], [(0, line)] if is_ready(line));
@@ -59,7 +59,7 @@ fn takes_lines(state: &BusState) -> bool {
 
 impl Session {
     /// Takes a line of a log if it is a request to be kept in hand, or the response to the one in hand. `false`, with nothing
-    /// changed, if it is neither: then it has to be fed, behind the request in hand (`end_line_run`).
+    /// changed, if it is neither: then it has to be fed, after the request in hand (`end_line_run`).
     #[inline]
     pub(crate) fn take_line(&mut self, bus: usize, entry: &LogEntry, bytes: &[u8]) -> bool {
         let Some(time) = entry.time.filter(|_| is_plain(entry)) else { return false };
@@ -123,10 +123,10 @@ impl Session {
         let Some(framer) = framer.rtu_mut() else { return false };
         let start = self.batch.arena.len() - asked;
         self.batch.arena.extend_from_slice(bytes);
-        let known = KnownOfLine {
+        let known = LineContext {
             framer,
             learning,
-            reads: &state.known_reads,
+            reads: &state.memo,
             profiles: &mut state.profiles,
             timing: &state.pairing.timing,
             answered: last.map_or(*answered_before, LastExchange::answered),
@@ -148,7 +148,7 @@ impl Session {
         if matched.counters.is_none() {
             let state = &mut self.buses[*bus];
             let request = &self.batch.arena[start..start + asked];
-            state.known_reads.keep(&mut self.stats, state.counts, request, &matched.expected);
+            state.memo.keep(&mut self.stats, state.counts, request, &matched.expected);
         }
         (*last, *in_hand) = (Some(LastExchange { expected: matched.expected, odds }), None);
         true

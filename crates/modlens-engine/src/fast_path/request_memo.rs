@@ -1,30 +1,30 @@
 //! Requests that came before, with all that follows from their bytes alone.
 
 use crate::fast_path::expected_exchange::ExpectedExchange;
-use crate::fast_path::rows::rtu_transaction_confidence;
+use crate::fast_path::rtu_exchange::rtu_transaction_confidence;
 use crate::framer::rtu::traffic_model::RequestIdentity;
 use crate::records::Exchange;
 use crate::stats::{RequestPlace, Stats};
 
 /// The bytes that tell a plain read from others: all of it on an RTU line; on TCP the length that the header says, and what
 /// follows.
-pub(super) const READ_BYTES: usize = 8;
+pub(crate) const READ_BYTES: usize = 8;
 
 /// Places for requests at first, and at most: powers of two. A capture may have thousands of connections with a few requests
 /// each.
 const FIRST_PLACES: usize = 16;
 const MAX_PLACES: usize = 2048;
 
-/// A request is in one of so many places behind each other, unless all of them were taken. With a single one, a tenth of a list
+/// A request is in one of so many places after each other, unless all of them were taken. With a single one, a tenth of a list
 /// of 120 polls took the places of others again and again.
 const PROBES: usize = 4;
 
 /// Reads that were found valid, with what follows from their bytes.
 #[derive(Default)]
-pub(crate) struct KnownReads {
+pub(crate) struct RequestMemo {
     /// For each place, the number of the read in `reads` plus one; 0 where there is none.
     places: Vec<u16>,
-    reads: Vec<KnownRead>,
+    reads: Vec<MemoEntry>,
     /// Numbers of the read that came last, and of the one that followed it the last time (`next`).
     last: usize,
     likely: usize,
@@ -32,7 +32,7 @@ pub(crate) struct KnownReads {
 
 /// One of them.
 #[derive(Clone, Copy)]
-pub(super) struct KnownRead {
+pub(crate) struct MemoEntry {
     pub bytes: [u8; READ_BYTES],
     pub expected: ExpectedExchange,
     /// Where the statistics count it; `None` if they have no room for it.
@@ -47,9 +47,9 @@ pub(super) struct KnownRead {
     follower: u16,
 }
 
-impl KnownReads {
-    /// The places for a request, none if there are none at all. The first one is some of the highest bits of its product with an
-    /// odd number without pattern.
+impl RequestMemo {
+    /// Returns the places for a request, none if there are none at all. The first one is some of the highest bits of its product
+    /// with an odd number without pattern.
     #[inline]
     fn places_for(&self, bytes: [u8; READ_BYTES]) -> impl Iterator<Item = usize> + use<> {
         let mixed = u64::from_le_bytes(bytes).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> (u64::BITS - MAX_PLACES.ilog2());
@@ -57,7 +57,7 @@ impl KnownReads {
         (0..PROBES.min(self.places.len())).map(move |probe| (mixed as usize + probe) & mask)
     }
 
-    /// The number of a request in `reads`.
+    /// Returns the number of a request in `reads`.
     #[inline]
     fn number_of(&self, bytes: [u8; READ_BYTES]) -> Option<usize> {
         let mut taken = self.places_for(bytes).map_while(|place| usize::from(self.places[place]).checked_sub(1));
@@ -65,14 +65,14 @@ impl KnownReads {
     }
 
     #[inline]
-    pub(super) fn get(&self, bytes: &[u8]) -> Option<&KnownRead> {
+    pub(crate) fn get(&self, bytes: &[u8]) -> Option<&MemoEntry> {
         Some(&self.reads[self.number_of(*bytes.first_chunk()?)?])
     }
 
-    /// The same for the request behind the one that this was asked for the last time: a master polls in a cycle, so it is mostly
-    /// the one that came behind that before, and need not be looked for.
+    /// Returns the same for the request after the one that this was asked for the last time: a master polls in a cycle, so it is
+    /// mostly the one that came after that before, and need not be looked for.
     #[inline]
-    pub(super) fn next(&mut self, bytes: [u8; READ_BYTES]) -> Option<&KnownRead> {
+    pub(crate) fn next(&mut self, bytes: [u8; READ_BYTES]) -> Option<&MemoEntry> {
         if self.reads.get(self.likely).is_none_or(|likely| likely.bytes != bytes) {
             self.likely = self.number_of(bytes)?;
             if let Some(last) = self.reads.get_mut(self.last) {
@@ -84,24 +84,24 @@ impl KnownReads {
         Some(read)
     }
 
-    /// Whether a request is a read, and so may be kept.
+    /// Returns whether a request is a read, and so may be kept.
     #[inline]
-    pub(super) fn takes(request: &[u8], expected: &ExpectedExchange) -> bool {
+    pub(crate) fn takes(request: &[u8], expected: &ExpectedExchange) -> bool {
         request.len() == READ_BYTES && !expected.echoes_request
     }
 
     /// Keeps a request that has just been counted under `counts`, if it is a plain read.
     #[inline]
-    pub(super) fn keep(&mut self, stats: &mut Stats, counts: usize, request: &[u8], expected: &ExpectedExchange) {
+    pub(crate) fn keep(&mut self, stats: &mut Stats, counts: usize, request: &[u8], expected: &ExpectedExchange) {
         if Self::takes(request, expected) {
             self.add(request, *expected, stats.place_of(counts, expected.key()));
         }
     }
 
-    /// Keeps a request that it takes, which is valid. If all places that it may have are taken, there come to be more, or at last it
-    /// takes that of another one.
+    /// Keeps a request that it takes, which is valid. If all places that it may have are taken, there come to be more, or at last
+    /// it takes that of another one.
     #[cold]
-    pub(super) fn add(&mut self, request: &[u8], expected: ExpectedExchange, counters: Option<RequestPlace>) {
+    pub(crate) fn add(&mut self, request: &[u8], expected: ExpectedExchange, counters: Option<RequestPlace>) {
         let Ok(bytes) = <[u8; READ_BYTES]>::try_from(request) else { return };
         while self.place_of(bytes).is_none() && self.places.len() < MAX_PLACES {
             let places = (2 * self.places.len()).max(FIRST_PLACES);
@@ -113,7 +113,7 @@ impl KnownReads {
         }
         let confidence = rtu_transaction_confidence(false, u8::MAX);
         let exchange = expected.compact(0, expected.rtu_lengths(), confidence, 0);
-        self.put(KnownRead {
+        self.put(MemoEntry {
             bytes,
             expected,
             counters,
@@ -124,7 +124,7 @@ impl KnownReads {
         });
     }
 
-    /// The place that a read has, or else the first free one that it may have.
+    /// Returns the place that a read has, or else the first free one that it may have.
     fn place_of(&self, bytes: [u8; READ_BYTES]) -> Option<usize> {
         let is_own = |number: usize| self.reads[number].bytes == bytes;
         self.places_for(bytes).find(|&place| usize::from(self.places[place]).checked_sub(1).is_none_or(is_own))
@@ -133,7 +133,7 @@ impl KnownReads {
     /// Notes that the profiles of this generation have nothing more to learn from the read at the head of these bytes, if it is
     /// kept.
     #[inline]
-    pub(super) fn settle(&mut self, bytes: &[u8], generation: u32) {
+    pub(crate) fn settle(&mut self, bytes: &[u8], generation: u32) {
         let place = bytes.first_chunk().and_then(|head| self.place_of(*head));
         if let Some(number) = place.and_then(|place| usize::from(self.places[place]).checked_sub(1)) {
             self.reads[number].settled = generation;
@@ -141,7 +141,7 @@ impl KnownReads {
     }
 
     /// Puts a read into its place, or else into that of another read.
-    fn put(&mut self, known: KnownRead) {
+    fn put(&mut self, known: MemoEntry) {
         let place = self.place_of(known.bytes).or_else(|| self.places_for(known.bytes).next()).expect("there are some");
         if let Some(number) = usize::from(self.places[place]).checked_sub(1) {
             self.reads[number] = known;
@@ -165,20 +165,20 @@ mod tests {
         #[test]
         fn what_is_found_was_kept_of_the_same_bytes(reads in proptest::collection::vec((1u8..248, 3u8..5, any::<u16>(), 1u8..126), 1..3000)) {
             let functions = Functions::default();
-            let (mut known, mut kept) = (KnownReads::default(), HashMap::new());
+            let (mut known, mut kept) = (RequestMemo::default(), HashMap::new());
             for &(unit, function, address, quantity) in &reads {
                 let [high, low] = address.to_be_bytes();
                 let head = [unit, function, high, low, 0, quantity];
                 let request = modlens_protocol::checksum::crc16(&head).to_le_bytes();
                 let request = [&head[..], &request].concat();
                 let Some(expected) = ExpectedExchange::from_request(&functions, Mode::Rtu, &request) else { continue };
-                if KnownReads::takes(&request, &expected) {
+                if RequestMemo::takes(&request, &expected) {
                     known.add(&request, expected, None);
                     kept.insert(request.clone(), (unit, function, address, u16::from(quantity)));
                     prop_assert!(known.get(&request).is_some(), "the last one kept is found");
                 }
             }
-            // A read is found behind another one as it is found alone, whichever came behind that before.
+            // A read is found after another one as it is found alone, whichever came after that before.
             let mut polled: Vec<[u8; READ_BYTES]> = kept.keys().map(|request| request[..].try_into().unwrap()).collect();
             polled.sort_unstable();
             for turn in 0..3 {

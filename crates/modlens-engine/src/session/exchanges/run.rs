@@ -1,4 +1,4 @@
-//! Exchanges that the fast path emits one behind the other: what is the same for all of them, and what is counted once.
+//! Exchanges that the fast path emits one after the other: what is the same for all of them, and what is counted once.
 
 use crate::session::bus::BusState;
 use crate::session::frame_timing::TimingConfig;
@@ -24,14 +24,14 @@ pub(super) struct Run {
 }
 
 impl Run {
-    /// A run over this bus. `line` is the index of the line whose clock counts.
+    /// Returns a run over this bus. `line` is the index of the line whose clock counts.
     pub(super) fn new(state: &mut BusState, line: usize) -> Self {
         let config = state.timing_config(line);
         let min_measurable_ns = 2 * state.coarsest_resolution();
         Self { config, min_measurable_ns, is_compact: false, totals: BatchTotals::default() }
     }
 
-    /// Whether frames of the bus have times.
+    /// Returns whether frames of the bus have times.
     pub(super) fn has_clock(&self) -> bool {
         self.config.has_clock
     }
@@ -42,7 +42,7 @@ impl Run {
         (gap >= 2 * self.config.resolution && gap > 0).then_some(gap)
     }
 
-    /// The time in ns within which a response on a serial line has to come; endless without a clock.
+    /// Returns the time in ns within which a response on a serial line has to come; endless without a clock.
     pub(super) fn request_timeout(&self, state: &BusState) -> Ns {
         if self.config.has_clock {
             state.pairing.request_timeout(false)

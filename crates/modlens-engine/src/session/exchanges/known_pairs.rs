@@ -1,15 +1,15 @@
-//! Reads that came before, matched in their packets one behind the other (`packet_pairs`): most exchanges of a master that polls.
+//! Reads that came before, matched in their packets one after the other (`packet_pairs`): most exchanges of a master that polls.
 //!
 //! All that follows from such a request is known by its bytes, so that little is left to do for each; the rest is done once for all
 //! of them.
 
 use std::mem::size_of;
 
-use crate::fast_path::known_reads::{KnownRead, KnownReads};
-use crate::fast_path::packet_run::PacketRun;
-use crate::fast_path::rows::confidence_by_id;
+use crate::fast_path::request_memo::{MemoEntry, RequestMemo};
 use crate::records::{PacketPair, Span};
 use crate::session::bus::BusState;
+use crate::session::exchanges::packet_run::PacketRun;
+use crate::session::exchanges::rows::confidence_by_id;
 use crate::session::Session;
 use crate::stats::RequestPlace;
 use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
@@ -22,9 +22,9 @@ const COMMON_BYTES: usize = 4;
 /// Bytes of a read, with its MBAP header.
 const READ_BYTES: usize = COMMON_BYTES + size_of::<u64>();
 
-/// Exchanges of known reads, one behind the other, and what is noted of them as a whole.
+/// Exchanges of known reads, one after the other, and what is noted of them as a whole.
 #[derive(Default)]
-struct KnownPairs {
+struct PairTotals {
     exchanges: u64,
     /// Bytes of requests and of responses, and those of the longest of each.
     bytes: [usize; 2],
@@ -34,25 +34,25 @@ struct KnownPairs {
     /// The last one: when its packets came, where its response is in the arena, and what it is.
     times: [Ns; 2],
     response: Span,
-    last: Option<KnownRead>,
+    last: Option<MemoEntry>,
 }
 
 impl Session {
     /// Emits the pairs at the head of these packets of which the request is a read that came before, and which are exchanges
-    /// without a doubt; gives the packets behind them. The run at hand has begun with another exchange.
+    /// unambiguously; gives the packets after them. The run at hand has begun with another exchange.
     pub(super) fn match_known_reads<'a, 'b>(
         &mut self,
         current: &mut PacketRun,
         mut packets: &'b [PacketInTurn<'a>],
         belongs: impl Fn(&PacketInTurn<'_>) -> bool,
     ) -> &'b [PacketInTurn<'a>] {
-        let BusState { known_reads, pairing, connection, counts, .. } = &mut self.buses[current.bus];
+        let BusState { memo, pairing, connection, counts, .. } = &mut self.buses[current.bus];
         let Some(latest) = current.latest.filter(|_| self.wanted.transactions && connection.in_flight.is_idle()) else {
             return packets;
         };
         let mut counters = self.stats.exchange_counts(*counts);
         let client_before = current.sides[0].last.unwrap_or(latest);
-        let mut pairs = KnownPairs { times: [client_before, latest], ..KnownPairs::default() };
+        let mut pairs = PairTotals { times: [client_before, latest], ..PairTotals::default() };
         loop {
             let mut behind = packets.iter();
             let Some(request) = next_with_bytes(&mut behind, &belongs) else { break };
@@ -62,7 +62,7 @@ impl Session {
             if !(is_pair(request, response, is_recorded) && times[0] > pairs.times[1] && current.takes_response_at(times)) {
                 break;
             }
-            let Some((known, place, id)) = match_known(known_reads, request.bytes, response.bytes) else { break };
+            let Some((known, place, id)) = match_known(memo, request.bytes, response.bytes) else { break };
             if !current.open.are_left_by(id, times) {
                 break;
             }
@@ -81,7 +81,7 @@ impl Session {
             pairs.last = Some(*known);
             packets = behind.as_slice();
         }
-        if let Some(KnownRead { expected, .. }) = pairs.last {
+        if let Some(MemoEntry { expected, .. }) = pairs.last {
             counters.note_last(expected.key());
             connection.note_lone_exchanges(pairs.exchanges, pairs.longest_wait);
             self.next_txn += pairs.exchanges;
@@ -94,7 +94,7 @@ impl Session {
     }
 }
 
-impl KnownPairs {
+impl PairTotals {
     #[inline]
     fn add(&mut self, lengths: [usize; 2], times: [Ns; 2]) {
         self.exchanges += 1;
@@ -107,8 +107,8 @@ impl KnownPairs {
     }
 }
 
-/// The next packet that has brought bytes. Those in front of it acknowledge others, which tells nothing; `None` at the first one
-/// that does not belong to the connection.
+/// Returns the next packet that has brought bytes. Those in front of it acknowledge others, which tells nothing; `None` at the
+/// first one that does not belong to the connection.
 #[inline]
 pub(super) fn next_with_bytes<'a, 'b>(
     packets: &mut std::slice::Iter<'b, PacketInTurn<'a>>,
@@ -117,18 +117,18 @@ pub(super) fn next_with_bytes<'a, 'b>(
     packets.take_while(|packet| belongs(packet)).find(|packet| !packet.bytes.is_empty())
 }
 
-/// Whether two packets are one of the client and one of the server, of a connection whose server is recorded or not.
+/// Returns whether two packets are one of the client and one of the server, of a connection whose server is recorded or not.
 #[inline]
 fn is_pair(request: &PacketInTurn<'_>, response: &PacketInTurn<'_>, is_recorded: bool) -> bool {
     let are_recorded = request.server_side_recorded == is_recorded && response.server_side_recorded == is_recorded;
     request.from_client && !response.from_client && are_recorded
 }
 
-/// The read that came before of which these are the request and its response, the place of its counters, and the identifier of
-/// both; `None` if they are not.
+/// Returns the read that came before of which these are the request and its response, the place of its counters, and the identifier
+/// of both; `None` if they are not.
 #[inline(always)]
 #[allow(clippy::inline_always)] // Called once.
-fn match_known<'a>(reads: &'a KnownReads, asked: &[u8], answered: &[u8]) -> Option<(&'a KnownRead, RequestPlace, u16)> {
+fn match_known<'a>(reads: &'a RequestMemo, asked: &[u8], answered: &[u8]) -> Option<(&'a MemoEntry, RequestPlace, u16)> {
     let asked: &[u8; READ_BYTES] = asked.try_into().ok()?;
     let (common, read) = asked.split_first_chunk::<COMMON_BYTES>()?;
     let known = reads.get(read)?;

@@ -1,11 +1,11 @@
-//! Exchanges of one connection that are matched in their packets (`packet_pairs`), one behind the other, and what of them is
+//! Exchanges of one connection that are matched in their packets (`packet_pairs`), one after the other, and what of them is
 //! learned once a run.
 
-use crate::fast_path::pairing::OpenRequests;
-use crate::fast_path::run::Run;
+use crate::fast_path::OpenRequests;
 use crate::framer::Framer;
 use crate::records::{InnerPauses, Span};
 use crate::session::bus::{BusState, FROM_SERVER};
+use crate::session::exchanges::run::Run;
 use crate::session::frame_timing::FrameTiming;
 use crate::session::line::LineState;
 use modlens_protocol::framing::Mode;
@@ -39,7 +39,7 @@ pub(crate) struct PacketRun {
 pub(super) struct PacketSide {
     /// Index of its line.
     pub line: usize,
-    /// Stream offset behind its last packet.
+    /// Stream offset after its last packet.
     offset: u64,
     /// Time of its last packet.
     pub(super) last: Option<Ns>,
@@ -50,9 +50,9 @@ pub(super) struct PacketSide {
 }
 
 impl PacketRun {
-    /// A run on this bus, of compact exchanges or of rows, that may begin with a request of this time; `asked` is its unit and PDU, if
-    /// it is plain and whole. `None` if it may be a retry, if anything on the bus is undecided, or if that is no connection with a
-    /// clock.
+    /// Returns a run on this bus, of compact exchanges or of rows, that may begin with a request of this time; `asked` is its unit
+    /// and PDU, if it is plain and whole. `None` if it may be a retry, if anything on the bus is undecided, or if that is no
+    /// connection with a clock.
     pub(super) fn begin(bus: usize, state: &mut BusState, is_compact: bool, (asked, time): (Option<&[u8]>, Ns)) -> Option<Self> {
         // The times of a run (`PacketSide`) are those of packets, which take none themselves.
         let is_ready = |(_, line): &(u8, LineState)| {
@@ -81,7 +81,7 @@ impl PacketRun {
         })
     }
 
-    /// Whether it has to end before a request of the client with this time: its request in hand has no response, or an
+    /// Returns whether it has to end before a request of the client with this time: its request in hand has no response, or an
     /// outstanding one times out. It goes on where the clock goes back: that is for the general way.
     #[inline]
     pub(super) fn ends_before_request_at(&self, time: Ns) -> bool {
@@ -89,22 +89,22 @@ impl PacketRun {
         is_last && (!self.request.is_none() || time >= self.open.times_out)
     }
 
-    /// Whether a packet of the client with this time is behind all bytes of the connection. All of them are framed, so that a
-    /// silence before it ends nothing.
+    /// Returns whether a packet of the client with this time is after all bytes of the connection. All of them are framed, so that
+    /// a silence before it ends nothing.
     #[inline]
     pub(super) fn takes_request_at(&self, time: Ns) -> bool {
         Some(time) > self.latest
     }
 
-    /// Whether the response to a request may have come at the second of these times, if the request came at the first: behind it,
-    /// within its time-out, and not behind a silence that would have ended the request.
+    /// Returns whether the response to a request may have come at the second of these times, if the request came at the first:
+    /// after it, within its time-out, and not after a silence that would have ended the request.
     #[inline]
     pub(super) fn takes_response_at(&self, [requested_at, time]: [Ns; 2]) -> bool {
         let waited = time - requested_at;
         waited > 0 && waited < self.open.request_timeout && waited < self.sides[0].break_ns
     }
 
-    /// Whether the request in hand may be given up by now.
+    /// Returns whether the request in hand may be given up by now.
     pub(crate) fn is_due(&self, now: Ns) -> bool {
         !self.request.is_none() && now - self.request.time >= self.open.request_timeout
     }
@@ -143,7 +143,7 @@ impl PacketSide {
         Self { line, offset, last, break_ns, longest: 0 }
     }
 
-    /// The silence before the side's next packet, which has this time, if the clock can measure it.
+    /// Returns the silence before the side's next packet, which has this time, if the clock can measure it.
     #[inline]
     pub(super) fn gap(&self, time: Ns, run: &Run) -> Option<Ns> {
         run.measurable_gap(time - self.last?)

@@ -1,4 +1,4 @@
-//! The fast path on a TCP connection whose requests and responses come one behind the other, in a packet each: they are matched
+//! The fast path on a TCP connection whose requests and responses come one after the other, in a packet each: they are matched
 //! as they come, without the inputs and reads of their lines.
 //!
 //! Where frames are not wanted, packets come many at once, and those that are pairs of a request and its response are matched where
@@ -6,18 +6,18 @@
 //! the exchange is emitted as `tcp_batch` emits one at the heads of the lines; where exchanges are compact, a refusal is a
 //! response, too. Once at the end of the run, both lines are left as if the packets had come and been consumed, and what is
 //! counted is counted. In any other case both packets take the general way, in their order, as does all of a connection on which
-//! something is undecided. That a packet is decided earlier than there changes nothing: a block of the capture may end behind
+//! something is undecided. That a packet is decided earlier than there changes nothing: a block of the capture may end after
 //! any packet.
 
-use crate::fast_path::emit::ExchangePlaces;
-use crate::fast_path::known_pairs::next_with_bytes;
-use crate::fast_path::known_reads::KnownReads;
-use crate::fast_path::packet_run::{PacketRun, RequestInHand};
-use crate::fast_path::rows::{confidence_by_id, MatchedExchange};
-use crate::fast_path::tcp_batch::{match_packets, match_refusal, plain_request, KnownOfBus, LENGTH_AT};
+use crate::fast_path::request_memo::RequestMemo;
 use crate::findings::{words, REFUSED};
 use crate::records::PacketPair;
 use crate::session::bus::{learn_sides, BusState};
+use crate::session::exchanges::emit::ExchangePlaces;
+use crate::session::exchanges::known_pairs::next_with_bytes;
+use crate::session::exchanges::packet_run::{PacketRun, RequestInHand};
+use crate::session::exchanges::rows::{confidence_by_id, MatchedExchange};
+use crate::session::exchanges::tcp_batch::{match_packets, match_refusal, plain_request, ConnectionContext, LENGTH_AT};
 use crate::session::held_exchanges::ExchangeStart;
 use crate::session::rows::FindingPlace;
 use crate::session::Session;
@@ -30,7 +30,7 @@ use modlens_readers::pcap::{PacketInTurn, StreamChunk};
 
 impl Session {
     /// Takes a packet of a connection if it is a request to be kept in hand, or the response to the one in hand. `false` if it is
-    /// neither: then it has to be fed, behind the request in hand (`end_packet_run`). What a request finds without a response is
+    /// neither: then it has to be fed, after the request in hand (`end_packet_run`). What a request finds without a response is
     /// decided before it.
     #[inline]
     pub(crate) fn take_packet(&mut self, bus: usize, from_client: bool, packet: &StreamChunk<'_>) -> bool {
@@ -56,8 +56,8 @@ impl Session {
         }
     }
 
-    /// Whether packets of this bus may be matched as they come, as soon as nothing on it is undecided: it is a connection in a
-    /// recording, whose client speaks Modbus/TCP.
+    /// Returns whether packets of this bus may be matched as they come, as soon as nothing on it is undecided: it is a connection
+    /// in a recording, whose client speaks Modbus/TCP.
     #[inline]
     pub(crate) fn may_match_packets(&self, bus: usize) -> bool {
         let options = &self.buses[bus].options;
@@ -74,7 +74,8 @@ impl Session {
         }
     }
 
-    /// Begins a run on this bus with a request of these bytes and this time, if nothing on it is undecided; that of another bus ends.
+    /// Begins a run on this bus with a request of these bytes and this time, if nothing on it is undecided; that of another bus
+    /// ends.
     #[cold]
     fn begin_packet_run(&mut self, bus: usize, asked: &[u8], time: Ns) -> bool {
         if !self.may_match_packets(bus) || self.waiting == Some(bus) {
@@ -87,13 +88,14 @@ impl Session {
         self.packet_run.is_some()
     }
 
-    /// The bus whose packets may be matched in pairs (`match_pairs`): exchanges on it are compact, and no request is in hand.
+    /// Returns the bus whose packets may be matched in pairs (`match_pairs`): exchanges on it are compact, and no request is in
+    /// hand.
     #[inline]
     pub(crate) fn bus_of_pairs(&self) -> Option<usize> {
         self.packet_run.as_ref().filter(|run| run.run.is_compact && run.request.is_none()).map(|run| run.bus)
     }
 
-    /// Emits the exchange of the request in hand and this packet of the server as a compact one, if they are one without a doubt.
+    /// Emits the exchange of the request in hand and this packet of the server as a compact one, if they are unambiguous.
     #[inline(never)]
     fn take_compact(&mut self, answer: &StreamChunk<'_>, answered_at: Ns) -> bool {
         let Some(current) = self.packet_run.as_deref_mut() else { return false };
@@ -121,7 +123,7 @@ impl Session {
     }
 
     /// Emits pairs of a request and its response at the head of these packets as compact exchanges of `bus_of_pairs`, as long as
-    /// they are exchanges without a doubt and packets `belong` to the connection; gives the packets behind them. What is the same
+    /// they are exchanges unambiguously and packets `belong` to the connection; gives the packets after them. What is the same
     /// for all of a run is left to its end.
     pub(crate) fn match_pairs<'a, 'b>(
         &mut self,
@@ -145,7 +147,7 @@ impl Session {
         packets
     }
 
-    /// Emits the exchange of these two packets, if they are one without a doubt.
+    /// Emits the exchange of these two packets, if they are unambiguous.
     fn match_pair(&mut self, current: &mut PacketRun, request: &PacketInTurn<'_>, response: &PacketInTurn<'_>) -> bool {
         let times = [request.time, response.time];
         let state = &mut self.buses[current.bus];
@@ -171,8 +173,8 @@ impl Session {
             let taken = times[1] - times[0];
             self.stats.count_exchange(state.counts, (key, place), (Some(times[0]), Some(taken)), response_time);
             let request = &packets[0][LENGTH_AT..];
-            if counters.is_none() && KnownReads::takes(request, expected) {
-                state.known_reads.add(request, *expected, place);
+            if counters.is_none() && RequestMemo::takes(request, expected) {
+                state.memo.add(request, *expected, place);
             }
         } else {
             self.stats.record_refusal(state.counts, (key, exception), Some(times), response_time);
@@ -215,7 +217,7 @@ impl Session {
         }
     }
 
-    /// Emits the exchange of the request in hand and this packet of the server as rows, if they are one without a doubt.
+    /// Emits the exchange of the request in hand and this packet of the server as rows, if they are unambiguous.
     fn take_rows(&mut self, answered: &[u8], answered_at: Ns, packet: u64) -> bool {
         let Some(mut current) = self.packet_run.take() else { return false };
         let matched = self.match_rows(&mut current, answered, answered_at, packet);
@@ -240,7 +242,7 @@ impl Session {
         self.emit_timed(current.bus, &matched, &ExchangePlaces { wires, pdus: None }, timings, &mut current.run);
         if matched.counters.is_none() {
             let state = &mut self.buses[current.bus];
-            state.known_reads.keep(&mut self.stats, state.counts, &asked[LENGTH_AT..], &matched.expected);
+            state.memo.keep(&mut self.stats, state.counts, &asked[LENGTH_AT..], &matched.expected);
         }
         current.pass((matched.lengths, matched.lengths), times, wires[1]);
         current.request.bytes.clear();
@@ -280,8 +282,8 @@ impl Session {
     }
 }
 
-/// The exchange of these two packets, if it is one without a doubt, or if the request is refused; then with the exception code,
-/// else 0.
+/// Returns the exchange of these two packets, if it is one unambiguously, or if the request is refused; then with the exception
+/// code, else 0.
 #[inline]
 fn match_compact(
     functions: &Functions,
@@ -296,7 +298,7 @@ fn match_compact(
 
 /// What is known of the connection of a run.
 #[inline]
-fn known_of<'a>(state: &'a mut BusState, current: &'a PacketRun) -> KnownOfBus<'a> {
-    let BusState { known_reads, profiles, .. } = state;
-    KnownOfBus { reads: known_reads, profiles, open: &current.open }
+fn known_of<'a>(state: &'a mut BusState, current: &'a PacketRun) -> ConnectionContext<'a> {
+    let BusState { memo, profiles, .. } = state;
+    ConnectionContext { reads: memo, profiles, open: &current.open }
 }

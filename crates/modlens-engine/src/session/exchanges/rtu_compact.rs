@@ -4,12 +4,12 @@
 //! bytes of a request alone is found once: the requests of a poll cycle come again and again, byte by byte the same. Of these
 //! only what differs from one to the next is learned at once, the rest at the end of a run of them.
 
-use crate::fast_path::compact_run::{CompactRun, Known, RunBytes};
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rtu_exchange::LastExchange;
-use crate::fast_path::run::BatchTotals;
 use crate::findings::{words, REFUSED};
 use crate::records::{ExchangeRun, Span};
+use crate::session::exchanges::compact_run::{CompactRun, RunBytes, RunContext};
+use crate::session::exchanges::run::BatchTotals;
 use crate::session::rows::FindingPlace;
 use crate::session::Session;
 use modlens_protocol::framing::Mode;
@@ -25,11 +25,11 @@ impl Session {
         let plain = line.input.plain_untimed_bytes(Mode::Rtu);
         let Some(framer) = line.framer.rtu_mut().filter(|_| plain > 0) else { return };
         let bytes = &line.input.bytes()[..plain];
-        let known = Known {
+        let known = RunContext {
             functions: &self.functions,
             framer,
             pairing: &mut state.pairing,
-            reads: &mut state.known_reads,
+            reads: &mut state.memo,
             profiles: &mut state.profiles,
             units: [&mut state.known_units, &mut state.paired_units],
             stats: &mut self.stats,

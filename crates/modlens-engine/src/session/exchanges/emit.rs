@@ -1,9 +1,9 @@
 //! The end of the fast path that all framings share: the rows of a matched exchange, and what the session learns from it.
 
-use crate::fast_path::rows::{ExchangeRows, MatchedExchange};
-use crate::fast_path::run::Run;
 use crate::records::{PacketPair, Span};
 use crate::session::bus::{learn_side, BusState};
+use crate::session::exchanges::rows::{ExchangeRows, MatchedExchange};
+use crate::session::exchanges::run::Run;
 use crate::session::frame_timing::{FrameTiming, TimingConfig};
 use crate::session::held_exchanges::ExchangeStart;
 use crate::session::line::LineState;
@@ -150,14 +150,14 @@ fn learn_exchange(state: &mut BusState, matched: &MatchedExchange, request: &Fra
     response_time
 }
 
-/// The place of the PDU in the bytes of a binary frame, behind its unit and, on TCP, its MBAP header. `length` is that of unit
-/// and PDU, in bytes.
+/// Returns the place of the PDU in the bytes of a binary frame, after its unit and, on TCP, its MBAP header. `length` is that of
+/// unit and PDU, in bytes.
 fn pdu_span(mode: Mode, wire: Span, length: usize) -> Span {
     let before = if mode == Mode::Tcp { MBAP_PREFIX_BYTES + 1 } else { 1 };
     Span { start: wire.start + before as u32, length: length as u32 - 1 }
 }
 
-/// The places of a request that starts at this index of the arena, and of the response right behind it. Lengths in bytes.
+/// Returns the places of a request that starts at this index of the arena, and of the response right after it. Lengths in bytes.
 pub(super) fn adjacent_spans(start: usize, [request_length, response_length]: [usize; 2]) -> [Span; 2] {
     let span = |start: usize, length: usize| Span { start: start as u32, length: length as u32 };
     [span(start, request_length), span(start + request_length, response_length)]

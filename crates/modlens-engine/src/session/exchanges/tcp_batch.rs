@@ -1,12 +1,12 @@
 //! The fast path on a TCP connection: each side has its own line, and each message has its own packet.
 
-use crate::fast_path::emit::ExchangePlaces;
 use crate::fast_path::expected_exchange::ExpectedExchange;
-use crate::fast_path::known_reads::KnownReads;
-use crate::fast_path::pairing::OpenRequests;
-use crate::fast_path::rows::MatchedExchange;
-use crate::fast_path::run::Run;
+use crate::fast_path::request_memo::RequestMemo;
+use crate::fast_path::OpenRequests;
 use crate::session::bus::BusState;
+use crate::session::exchanges::emit::ExchangePlaces;
+use crate::session::exchanges::rows::MatchedExchange;
+use crate::session::exchanges::run::Run;
 use crate::session::profiles::Profiles;
 use crate::session::Session;
 use modlens_protocol::framing::Mode;
@@ -15,11 +15,11 @@ use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
-/// Where in a message the length is that its header announces (messaging on TCP/IP, 3.1.3); behind it come unit and PDU.
+/// Where in a message the length is that its header announces (messaging on TCP/IP, 3.1.3); after it come unit and PDU.
 pub(super) const LENGTH_AT: usize = 4;
 
-/// The exchange at the heads of the two lines of a connection, with the times of its two packets, if both are plain, the client's
-/// next packet comes behind the response, and `match_packets` takes it. `lines`: indices of the client's line and of the
+/// Returns the exchange at the heads of the two lines of a connection, with the times of its two packets, if both are plain, the
+/// client's next packet comes after the response, and `match_packets` takes it. `lines`: indices of the client's line and of the
 /// server's. Nothing is consumed.
 #[inline(always)]
 #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
@@ -35,22 +35,22 @@ fn match_exchange(
     if client.second_read_time().is_some_and(|time| time <= answered_at) {
         return None;
     }
-    let known = KnownOfBus { reads: &state.known_reads, profiles: &mut state.profiles, open };
+    let known = ConnectionContext { reads: &state.memo, profiles: &mut state.profiles, open };
     Some((match_packets(functions, known, bytes, times, lines)?, times))
 }
 
 /// What is known of a connection, by which a request and its response are matched.
-pub(super) struct KnownOfBus<'a> {
-    pub reads: &'a KnownReads,
+pub(super) struct ConnectionContext<'a> {
+    pub reads: &'a RequestMemo,
     pub profiles: &'a mut Profiles,
     pub open: &'a OpenRequests,
 }
 
-/// The exchange of which these are the packets of the client and of the server, and these their times, if there is no doubt and
-/// no finding about it.
+/// Returns the exchange of which these are the packets of the client and of the server, and these their times, if there is no doubt
+/// and no finding about it.
 ///
 /// `None` unless the request is a plain read or write in which no self-describing register map can begin, requests that are
-/// still outstanding stay as they are (`OpenRequests::are_left_by`), the response comes behind the request, within the request
+/// still outstanding stay as they are (`OpenRequests::are_left_by`), the response comes after the request, within the request
 /// time-out, both headers have the same transaction identifier and the right length, and the response is the
 /// expected one. Last, the profile of the unit learns the data read; if that would change the profile or give a finding,
 /// it learns nothing, and the result is `None`: the slow path does it. Nothing else is changed.
@@ -58,7 +58,7 @@ pub(super) struct KnownOfBus<'a> {
 #[allow(clippy::inline_always)] // As above.
 pub(super) fn match_packets(
     functions: &Functions,
-    of_bus: KnownOfBus<'_>,
+    of_bus: ConnectionContext<'_>,
     [asked, answered]: [&[u8]; 2],
     [requested_at, answered_at]: [Ns; 2],
     lines: [usize; 2],
@@ -82,12 +82,12 @@ pub(super) fn match_packets(
     is_settled.then_some(MatchedExchange { expected, mode, mbap_id, lines, lengths, response_bits, counters })
 }
 
-/// The exchange of which these are the packets of the client and of the server, if that refuses the request without a doubt, on a
-/// bus without profiles; with the exception code. What is asked of it is what `match_packets` asks.
+/// Returns the exchange of which these are the packets of the client and of the server, if that refuses the request without a
+/// doubt, on a bus without profiles; with the exception code. What is asked of it is what `match_packets` asks.
 #[cold]
 pub(super) fn match_refusal(
     functions: &Functions,
-    of_bus: KnownOfBus<'_>,
+    of_bus: ConnectionContext<'_>,
     [asked, answered]: [&[u8]; 2],
     times: [Ns; 2],
 ) -> Option<(MatchedExchange, u8)> {
@@ -102,8 +102,8 @@ pub(super) fn match_refusal(
 }
 
 impl OpenRequests {
-    /// The transaction identifier of an exchange whose two packets have these headers and, behind them, unit and PDU; `None` if
-    /// their lengths or headers are not the expected ones, the response is out of its time, or a request that is still
+    /// Returns the transaction identifier of an exchange whose two packets have these headers and, after them, unit and PDU;
+    /// `None` if their lengths or headers are not the expected ones, the response is out of its time, or a request that is still
     /// outstanding would not stay as it is.
     #[inline(always)]
     #[allow(clippy::inline_always)] // As above.
@@ -133,8 +133,8 @@ pub(super) fn plain_request<'a>(functions: &Functions, packet: &'a [u8]) -> Opti
     is_whole.then_some(request)
 }
 
-/// The MBAP header in front of the unit (messaging on TCP/IP, 3.1.3): identifier, protocol 0, and the number of bytes of unit and
-/// PDU, which is less than 256 for every plain read or write.
+/// Returns the MBAP header in front of the unit (messaging on TCP/IP, 3.1.3): identifier, protocol 0, and the number of bytes of
+/// unit and PDU, which is less than 256 for every plain read or write.
 #[inline]
 fn framed(id: u16, length: usize) -> [u8; MBAP_PREFIX_BYTES] {
     let [high, low] = id.to_be_bytes();
@@ -172,7 +172,7 @@ impl Session {
             if matched.counters.is_none() {
                 let state = &mut self.buses[bus];
                 let asked = state.lines[client].1.input.consumed_bytes(matched.lengths[0]);
-                state.known_reads.keep(&mut self.stats, state.counts, &asked[LENGTH_AT..], &matched.expected);
+                state.memo.keep(&mut self.stats, state.counts, &asked[LENGTH_AT..], &matched.expected);
             }
             last_response_bytes = Some(matched.expected.response_bytes);
         }

@@ -1,8 +1,8 @@
-//! Exchanges of a log with times that are matched in their lines (`line_pairs`), one behind the other.
+//! Exchanges of a log with times that are matched in their lines (`line_pairs`), one after the other.
 
 use crate::fast_path::rtu_exchange::{Answered, LastExchange};
-use crate::fast_path::run::Run;
 use crate::framer::rtu::traffic_model::LearningRun;
+use crate::session::exchanges::run::Run;
 use modlens_readers::text::LogEntry;
 
 /// A run of exchanges that are matched in their lines.
@@ -31,7 +31,7 @@ pub(crate) struct LineTries {
 
 impl LineTries {
     /// Counts a line in front of which others are undecided; whether a run should be tried with it. After two failures it is
-    /// tried behind an odd number of lines, which is a request next time if it was a response.
+    /// tried after an odd number of lines, which is a request next time if it was a response.
     pub(super) fn is_due(&mut self) -> bool {
         self.lines += 1;
         let least = if self.failures < 2 { 1 } else { (1 << (self.failures - 2).min(6)) + 1 };

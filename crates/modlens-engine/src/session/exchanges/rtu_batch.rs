@@ -1,17 +1,17 @@
 //! The fast path on an RTU line: request and response follow each other on the only line of a bus.
 
 use crate::confidence;
-use crate::fast_path::emit::{adjacent_spans, ExchangePlaces};
 use crate::fast_path::expected_exchange::ExpectedExchange;
-use crate::fast_path::known_reads::KnownReads;
-use crate::fast_path::rows::MatchedExchange;
+use crate::fast_path::request_memo::RequestMemo;
 use crate::fast_path::rtu_exchange::{is_response, Answered, LastExchange};
-use crate::fast_path::run::{BatchTotals, Run};
 use crate::framer::rtu::traffic_model::LearningRun;
 use crate::framer::rtu::RtuFramer;
 use crate::framer::PauseEvidence;
 use crate::pairing::TimingModel;
 use crate::session::bus::BusState;
+use crate::session::exchanges::emit::{adjacent_spans, ExchangePlaces};
+use crate::session::exchanges::rows::MatchedExchange;
+use crate::session::exchanges::run::{BatchTotals, Run};
 use crate::session::line::LineState;
 use crate::session::profiles::Profiles;
 use crate::session::Session;
@@ -63,7 +63,7 @@ impl Session {
                 let state = &mut self.buses[bus];
                 let wire = state.lines[0].1.input.consumed_bytes(matched.lengths.iter().sum());
                 let request = &wire[..matched.lengths[0]];
-                state.known_reads.keep(&mut self.stats, state.counts, request, &matched.expected);
+                state.memo.keep(&mut self.stats, state.counts, request, &matched.expected);
             }
             last = Some(LastExchange { expected: matched.expected, odds });
         }
@@ -91,7 +91,7 @@ impl Session {
     }
 }
 
-/// The exchange at the head of the only line of a bus, if it is in reads in which nothing else decides
+/// Returns the exchange at the head of the only line of a bus, if it is in reads in which nothing else decides
 /// (`Input::holds_exchange`), and `match_exchange` takes it.
 #[inline(always)]
 #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
@@ -103,10 +103,10 @@ fn next_exchange(
     answered: Answered,
 ) -> Option<(MatchedExchange, f32)> {
     let LineState { input, framer, .. } = &mut state.lines[0].1;
-    let known = KnownOfLine {
+    let known = LineContext {
         framer: framer.rtu_mut()?,
         learning,
-        reads: &state.known_reads,
+        reads: &state.memo,
         profiles: &mut state.profiles,
         timing: &state.pairing.timing,
         answered,
@@ -118,11 +118,11 @@ fn next_exchange(
 }
 
 /// What is known of an RTU line, by which a request and its response are matched.
-pub(super) struct KnownOfLine<'a> {
+pub(super) struct LineContext<'a> {
     pub framer: &'a mut RtuFramer,
     /// What the framer has still to learn of the run so far.
     pub learning: &'a mut LearningRun,
-    pub reads: &'a KnownReads,
+    pub reads: &'a RequestMemo,
     pub profiles: &'a mut Profiles,
     pub timing: &'a TimingModel,
     /// What came before.
@@ -133,9 +133,9 @@ pub(super) struct KnownOfLine<'a> {
     pub has_proven_lines: bool,
 }
 
-/// The exchange at the head of these bytes, if there is no doubt and no finding about it, with log2 of the odds of its response's
-/// direction. The framer's model, which learns in a run, and the profile of its unit have learned from it then; its bytes are not
-/// consumed.
+/// Returns the exchange at the head of these bytes, if there is no doubt and no finding about it, with log2 of the odds of its
+/// response's direction. The framer's model, which learns in a run, and the profile of its unit have learned from it then; its
+/// bytes are not consumed.
 ///
 /// `has_place` says whether a request and a response of these lengths are in reads in which nothing else decides, `silence` what
 /// silence was before the byte at an index.
@@ -146,12 +146,12 @@ pub(super) struct KnownOfLine<'a> {
 #[allow(clippy::inline_always)] // As above.
 pub(super) fn match_exchange(
     functions: &Functions,
-    line: KnownOfLine<'_>,
+    line: LineContext<'_>,
     bytes: &[u8],
     has_place: impl Fn([usize; 2]) -> bool,
     silence: impl Fn(usize) -> Option<Ns>,
 ) -> Option<(MatchedExchange, f32)> {
-    let KnownOfLine { framer, timing, has_times, .. } = line;
+    let LineContext { framer, timing, has_times, .. } = line;
     let known = line.reads.get(bytes);
     let expected = match known {
         Some(known) => known.expected,
