@@ -15,6 +15,7 @@
 pub mod accuracy;
 pub mod adapter;
 pub mod baselines;
+pub mod beyond;
 pub mod checksum;
 pub mod differences;
 pub mod model;

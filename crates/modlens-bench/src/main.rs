@@ -15,7 +15,7 @@ use modlens_bench::sim::case::{Case, Traffic};
 use modlens_bench::sim::output::{write_chunk_log, write_truth};
 use modlens_bench::sim::scenario::Scenario;
 use modlens_bench::speed::{self, Load, MeasuredLayer};
-use modlens_bench::{baselines, tables};
+use modlens_bench::{baselines, beyond, tables};
 
 /// Bulk traffic is written in blocks of this size.
 const BLOCK_BYTES: usize = 1 << 20;
@@ -42,6 +42,7 @@ fn run(arguments: &[String]) -> Result<(), String> {
         "accuracy" => accuracy(&options),
         "noise" => noise(&options),
         "calibration" => print(&tables::calibration(&options.plan.run(MAKERS))),
+        "beyond" => beyond(&options)?,
         "differences" => show_differences(&options, differences),
         "odds" => odds(&options),
         "damaged" => show_differences(&options, damaged_differences),
@@ -108,6 +109,13 @@ fn noise(options: &Options) {
     let names: Vec<&str> = options.plan.chosen_algorithms(MAKERS).iter().map(|algorithm| algorithm.name()).collect();
     let rows = options.noise.run(&options.plan, MAKERS);
     print(&tables::noise(&names, &rows));
+}
+
+/// Prints the figures of lines beyond the scenarios.
+fn beyond(options: &Options) -> Result<(), String> {
+    let cases = beyond::cases(&options.plan, options.folder.as_deref(), options.only.as_deref())?;
+    print(&beyond::table(&options.plan, MAKERS, &cases));
+    Ok(())
 }
 
 /// Prints how often transactions are wrong, by the odds that they state.

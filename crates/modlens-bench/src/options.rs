@@ -11,6 +11,7 @@ pub const HELP: &str = "\
 modlens-bench accuracy [options]   scenarios x tap modes, for the rivals and for modlens
 modlens-bench noise [options]      false frames per MB of noise only
 modlens-bench calibration [options]  stated odds of frames against counted errors
+modlens-bench beyond [options]     lines beyond the scenarios: accuracy, and stated odds against counted errors
 modlens-bench differences [options]  the bytes around every missed, false or mislabelled frame
 modlens-bench odds [options]       how often transactions are wrong, by the odds that they state
 modlens-bench damaged [options]    the bytes around every damaged frame missed or invented
@@ -32,7 +33,8 @@ modlens-bench scenarios            names of the scenarios
   --threads N                  default 1
   --out PATH                   write: PATH.jsonl and PATH.truth.jsonl; bulk: the file
   --bytes N                    bulk: default 64000000; speed: of each load
-  --only TEXT                  speed: loads whose names have this in them
+  --only TEXT                  speed, beyond: loads or lines whose names have this in them
+  --folder PATH                beyond: recordings NAME.jsonl with their frames in NAME.expected.jsonl
   --layer NAME                 speed: framing, transactions or everything; default: all
   --dirty                      bulk: with flipped bits and stray bytes
 ";
@@ -46,6 +48,8 @@ pub struct Options {
     pub noise: NoisePlan,
     /// The path or the stem of the files to write.
     pub out: Option<String>,
+    /// The folder of recordings that are scored in place of the lines beyond the scenarios.
+    pub folder: Option<String>,
     /// The number of bytes of bulk traffic, or of each load of a speed measurement.
     pub bytes: usize,
     /// Only loads with this text in their name are measured; `None` for all.
@@ -79,6 +83,7 @@ impl Options {
                 "--noise-mode" => this.noise.mode = list(value, "tap mode", TapMode::named)?[0],
                 "--patterns" => this.noise.patterns = list(value, "pattern", Pattern::named)?,
                 "--threads" => this.plan.threads = number(key, value)?,
+                "--folder" => this.folder = Some(value.clone()),
                 "--out" => this.out = Some(value.clone()),
                 "--only" => this.only = Some(value.clone()),
                 "--layer" => this.layer = Some(MeasuredLayer::named(value).ok_or_else(|| format!("{value} is no layer"))?),
@@ -107,6 +112,7 @@ impl Default for Options {
             },
             noise: NoisePlan { patterns: Pattern::ALL.to_vec(), bytes: 1_000_000, seeds: vec![1, 2, 3], mode: TapMode::None },
             out: None,
+            folder: None,
             bytes: 64_000_000,
             only: None,
             layer: None,

@@ -119,12 +119,16 @@ pub fn noise(names: &[&str], rows: &[NoiseRow]) -> String {
     text
 }
 
-/// Stated odds against counted errors of all algorithms that state any: one row per value of the confidence, then one per decade
-/// of the odds.
+/// Stated odds against counted errors of all algorithms that state any.
 pub fn calibration(outcome: &RunOutcome) -> String {
     let mut counted = Calibration::default();
     let states_odds = (0..outcome.names.len()).filter(|&at| outcome.gives_labels[at]);
     states_odds.for_each(|at| counted.add(&outcome.total(at, None).calibration));
+    odds(&counted)
+}
+
+/// Stated odds against counted errors: one row per value of the confidence, then one per decade of the odds.
+pub fn odds(counted: &Calibration) -> String {
     let mut text = String::from("\nconfidence         rows  unconfirmed   wrong  counted log2 odds\n");
     let mut decades: Vec<(u64, u64, f64)> = Vec::new();
     for (bits, (&(firm, firm_wrong), &(open, open_wrong))) in counted.rows.iter().zip(&counted.unconfirmed).enumerate() {

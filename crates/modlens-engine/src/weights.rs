@@ -168,6 +168,8 @@ weights! {
     "Score of a frame by itself" {
         /// A rule of the specification that a frame breaks: this happens, but seldom.
         BROKEN_RULE_BITS: f32 = 7.0;
+        /// A response that repeats another address than the request has: rather the next frame of a side that is heard alone.
+        OTHER_ADDRESS_BITS: f32 = 16.0;
         /// Each byte of a CRC that continues a pattern: where the bytes before it repeat themselves, it was to be expected.
         PATTERN_BYTE_BITS: f32 = 0.3;
         /// A frame that lacks the last byte of its layout. If that byte is 00, its CRC is valid with and without it.
@@ -334,6 +336,14 @@ weights! {
         OPEN_LENGTH_ODDS_BITS: [(f32, f32); 5] = [(0.0, 3.0), (5.0, 6.5), (10.0, 7.5), (20.0, 8.0), (60.0, 10.0)];
         /// The most by the odds of its direction, in a row of equal frames: points (log2 odds of the search, counted odds).
         DIRECTION_ODDS_BITS: [(f32, f32); 6] = [(2.0, 2.0), (2.5, 5.0), (4.5, 5.4), (5.0, 7.4), (10.0, 8.0), (12.0, 15.0)];
+        /// Log2 odds of a response to a write that answers no outstanding request, and may as well be a request.
+        UNASKED_MIRROR_ODDS_BITS: f32 = 2.5;
+        /// Where all frames may be requests or responses, so small a share of answered requests leaves open which side is heard.
+        ONE_SIDE_ANSWERED_SHARE: f32 = 0.5;
+        /// Log2 odds of directions on such a line: both sides are heard, as on nearly all lines, ...
+        TWO_SIDES_ODDS_BITS: f32 = 4.8;
+        /// ... or by the frames after its first request nothing is known.
+        ONE_SIDE_ODDS_BITS: f32 = 1.0;
         /// What a frame loses in the middle of noise.
         NOISE_ODDS_BITS: f32 = 2.0;
         /// The most for an unconfirmed frame.
@@ -359,6 +369,8 @@ weights! {
         ANSWER_IN_TURN_BITS: u8 = 13;
         /// As above, on two lines whose reads come late: their order is not certain.
         ANSWER_IN_LATE_READS_BITS: u8 = 9;
+        /// A response that would also be the response to the request before, to the same unit, which had none.
+        ANSWER_AFTER_SILENCE_BITS: u8 = 7;
         /// As above, to a retry: it may be the late response to the first request.
         ANSWER_AFTER_RETRY_BITS: u8 = 10;
         /// A response that agrees in unit and function, but not in what was requested.
@@ -423,6 +435,8 @@ weights! {
     }
 
     "Noise or a damaged frame" {
+        /// Wrong bits of a damaged exception response: five bytes come as close to one by chance once in ten million cases.
+        MAX_EXCEPTION_FLIPS: u32 = 3;
         /// Score that a damaged frame needs to be reported. Noise looks like one with a probability of about 2 to the minus this.
         MIN_DAMAGED_FRAME_BITS: f32 = 10.0;
         /// Cost of a further damaged frame in the same region: damage is rare, so two damaged frames need more evidence than one.

@@ -4,7 +4,7 @@
 
 mod wire;
 
-use modlens_engine::records::Batch;
+use modlens_engine::records::{Batch, Frame};
 use modlens_engine::session::Session;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
@@ -383,5 +383,71 @@ fn a_dead_unit_that_is_polled_in_turn_with_another_is_not_retried() {
         let batch = tap.finish();
         assert_eq!((count(&batch, Finding::Retry), count(&batch, Finding::LateResponse)), (0, 0));
         assert_eq!(statuses(&batch).iter().filter(|status| **status == Status::Ok).count(), 20);
+    }
+}
+
+#[test]
+fn a_gateway_that_answers_as_255_answers_the_units_asked() {
+    for mut tap in Tap::all() {
+        for i in 0..12u16 {
+            tap.send(30, &read_request(1 + (i % 3) as u8, 10, 2));
+            tap.send(12, &read_response(255, &[300 + i, 7]));
+        }
+        let batch = tap.finish();
+        assert_eq!(statuses(&batch), [Status::Ok; 12]);
+        assert_eq!(count(&batch, Finding::WrongUnit), 12);
+        let units: Vec<u8> = batch.transactions.iter().map(|row| row.unit).collect();
+        assert_eq!(units[..3], [1, 2, 3]);
+    }
+}
+
+#[test]
+fn where_only_answers_to_writes_are_heard_no_side_is_claimed() {
+    for mut tap in Tap::all() {
+        let register = |number: u64| (number - 1) % 7;
+        for i in 0..40u16 {
+            tap.send(60, &frame(1, &[6, 0, (i % 7) as u8, 0, (i % 5) as u8]));
+        }
+        let batch = tap.finish();
+        for row in batch.transactions.iter().filter(|row| row.status == Status::Ok) {
+            assert_eq!(register(row.request.frame), register(row.response.frame), "register 0 does not answer register 1");
+            assert!(row.confidence <= 5, "{}", row.confidence);
+        }
+        let is_open = |row: &&Frame| row.unconfirmed || row.direction == Direction::Response;
+        let open = batch.frames.iter().filter(is_open).count();
+        assert!(open >= 20, "each may be a request or a response, {open} of 40 say so");
+        assert!(batch.frames.iter().all(|row| row.confidence < 10));
+    }
+}
+
+#[test]
+fn a_response_that_two_requests_may_have_is_less_certain() {
+    let mut tap = Tap::new(false, true);
+    tap.exchanges(6);
+    tap.send(30, &read_request(1, 50, 2));
+    tap.send(300, &read_request(1, 60, 2));
+    tap.send(12, &read_response(1, &[300, 7]));
+    tap.exchanges(2);
+    let batch = tap.finish();
+    let bits: Vec<u8> = batch.transactions[6..9].iter().map(|row| row.confidence).collect();
+    assert!(bits[1] < bits[2] && bits[1] <= 7, "{bits:?}");
+}
+
+#[test]
+fn a_frame_with_a_long_pause_inside_is_a_valid_frame_that_says_so() {
+    for pause_ms in [2, 20, 80, 100, 400] {
+        let mut tap = Tap::new(false, true);
+        tap.exchanges(3);
+        let request = read_request(1, 10, 2);
+        tap.send(30, &request[..3]);
+        tap.send(pause_ms, &request[3..]);
+        tap.send(12, &read_response(1, &[300, 7]));
+        tap.exchanges(3);
+        let batch = tap.finish();
+        assert_eq!(statuses(&batch), [Status::Ok; 7], "{pause_ms}");
+        let found: Vec<&str> = batch.findings.iter().map(|row| row.detail.as_str()).collect();
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert!(found[0].starts_with(&format!("{}000 us of silence inside", pause_ms)), "{found:?}");
+        assert!(found[0].ends_with("the master paused"), "{found:?}");
     }
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use modlens_engine::records::{Batch, Frame, FrameRef, Span, Transaction};
 use modlens_engine::session::{BusOptions, Session, WantedTables};
 use modlens_protocol::checksum::{crc16, lrc};
-use modlens_protocol::framing::Mode;
+use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::source::Clock;
 use modlens_readers::chunk::{Chunk, Times};
 use modlens_readers::text::{Dialects, Reader};
@@ -112,6 +112,11 @@ fn assert_tiles(batch: &Batch, data: &[u8]) {
         assert!(frame.wire.length as usize <= 4096);
     }
     assert_eq!(joined, data);
+    // The CRC over a frame and its own right CRC is 0: a bad checksum is never the one expected.
+    let is_bad = |frame: &&Frame| frame.mode == Mode::Rtu && frame.verdict == Verdict::BadChecksum;
+    for frame in batch.frames.iter().filter(is_bad) {
+        assert_ne!(crc16(frame.wire.of(&batch.arena)), 0, "a valid checksum is called bad");
+    }
 }
 
 /// Bytes of a bus: good frames, noise, damage, in any order.

@@ -230,9 +230,13 @@ fn a_late_read_inside_a_frame_costs_at_most_that_frame() {
     for live in [false, true] {
         // Adapters and schedulers hold bytes back for up to 80 ms.
         assert_eq!(all_good(&stalled(live, 80)).len(), 24, "live {live}");
-        // No frame crosses a longer silence: it costs this frame, and no other one.
+        // Live, nobody waits any longer: it costs this frame, and no other one. In a recording its end is there to see.
         let batch = stalled(live, 120);
         let found = good(&batch);
+        if !live {
+            assert_eq!(found.len(), 24);
+            continue;
+        }
         assert_eq!(found.len(), 23, "live {live}");
         assert_eq!(found[21..], pair(read_request(1, 10, 20), counting_response(1, 20, 99)), "live {live}");
         let bad: Vec<Verdict> = batch.frames.iter().map(|frame| frame.verdict).filter(|verdict| !verdict.is_good()).collect();

@@ -88,6 +88,14 @@ pub fn echo_differences<'a>(
     })
 }
 
+/// Whether the response should repeat the address of its request and has another one.
+pub fn repeats_other_address(row: &FunctionRow, request: &[u8], response: &[u8]) -> bool {
+    row.echoes.first().is_some_and(|echo| {
+        let is_other = |(name, _, _): (&str, u32, u32)| name == echo.name;
+        echo.name == "address" && echo_differences(row, request, response).next().is_some_and(is_other)
+    })
+}
+
 fn echoes(row: &FunctionRow, request: &[u8], response: &[u8]) -> bool {
     row.echo.is_empty() || (echo_differences(row, request, response).next().is_none() && same_echo_tail(row, request, response))
 }

@@ -262,8 +262,8 @@ findings! {
         "serial line 2.5.1.1";
     GapInFrame "gap_in_frame" Info
         "more than t1.5 of silence inside the frame"
-        "Receivers that separate frames by silence discard such a frame."
-        "Senders that pause between two bytes; the --line setting."
+        "The frame is valid, but receivers that separate frames by silence discard it."
+        "The sender: software UARTs and slow main loops pause for 1 to 20 ms between bytes, gateways and USB adapters for 2 to 80 ms between packets, busy PLCs and operating systems for longer; the --line setting."
         "serial line 2.5.1.1";
     BareLineFeed "bare_line_feed" Info
         "an ASCII frame that ends without CR"

@@ -50,6 +50,12 @@ impl Calibration {
         *wrong += u64::from(is_wrong);
     }
 
+    /// Rows of at least this confidence, and wrong ones among them.
+    pub fn at_least(&self, bits: usize) -> (u64, u64) {
+        let rows = self.rows[bits..].iter().chain(&self.unconfirmed[bits..]);
+        rows.fold((0, 0), |(all, wrong), (more, more_wrong)| (all + more, wrong + more_wrong))
+    }
+
     /// Adds the counts of another case.
     pub fn add(&mut self, other: &Self) {
         let mine = self.rows.iter_mut().chain(&mut self.unconfirmed);

@@ -5,8 +5,15 @@ use crate::damage::expected_frame::expected_frames;
 use crate::damage::glitch::is_glitch;
 use crate::damage::kind::DamageKind;
 use crate::damage::region::{DamagedFrame, UnframedRegion};
+use crate::framer::rtu::announced_length::EXCEPTION_RESPONSE_BYTES;
 use crate::framer::rtu::prefix_index::PrefixFilter;
-use crate::weights::{self, MAX_GLITCH_BYTES, MIN_DAMAGED_FRAME_BITS, SEARCHED_BYTES};
+use crate::weights::{self, MAX_EXCEPTION_FLIPS, MAX_GLITCH_BYTES, MIN_DAMAGED_FRAME_BITS, SEARCHED_BYTES};
+use modlens_protocol::checksum::crc16;
+use modlens_protocol::direction::Direction;
+use modlens_protocol::functions::EXCEPTION_BIT;
+
+/// The exception codes of the specification (application protocol, 7), and 7, which older devices send.
+const EXCEPTION_CODES: [u8; 10] = [1, 2, 3, 4, 5, 6, 7, 8, 10, 11];
 
 impl UnframedRegion<'_, '_> {
     /// The damaged frames of this region, in order, with indices that count from its first byte; all other bytes are noise.
@@ -33,7 +40,37 @@ impl UnframedRegion<'_, '_> {
         if !self.has_few_strays() {
             self.add_leading_fragment(&mut frames);
         }
+        self.find_damaged_exceptions(&mut frames);
         frames
+    }
+
+    /// Of frames that seem to lack bytes, restores those that are whole exception responses to the outstanding request in which a
+    /// few bits are wrong, perhaps with the byte before them: nearly no other five bytes are as close to one.
+    fn find_damaged_exceptions(&self, frames: &mut [DamagedFrame]) {
+        let Some(request) = self.context.outstanding_request else { return };
+        let mut free_from = 0;
+        for at in 0..frames.len() {
+            let free_to = frames.get(at + 1).map_or(self.length, |next| next.start);
+            let frame = &mut frames[at];
+            let starts = [frame.start, frame.start.saturating_sub(1)].into_iter();
+            let found = starts.filter(|&start| start >= free_from && start + EXCEPTION_RESPONSE_BYTES <= free_to);
+            let head = [request.unit, request.pdu[0] | EXCEPTION_BIT];
+            let mut found = found.filter(|&start| is_nearly_exception(head, &self.bytes()[start..][..EXCEPTION_RESPONSE_BYTES]));
+            if let Some(start) = found.next().filter(|_| frame.is_short && frame.direction != Direction::Request) {
+                let end = start + EXCEPTION_RESPONSE_BYTES;
+                *frame = DamagedFrame {
+                    start,
+                    end,
+                    direction: Direction::Response,
+                    head: head.to_vec(),
+                    is_short: false,
+                    damage: None,
+                    is_unidentified: false,
+                    wrong_head_bytes: head.len(),
+                };
+            }
+            free_from = frame.end;
+        }
     }
 
     /// Whether the region is what a line driver has left on a line where stray bytes are usual. Nothing else is found in so few
@@ -121,4 +158,14 @@ impl UnframedRegion<'_, '_> {
         }
         candidates
     }
+}
+
+/// Whether these five bytes are an exception response with this unit and function code but for a few bits.
+fn is_nearly_exception([unit, code]: [u8; 2], bytes: &[u8]) -> bool {
+    EXCEPTION_CODES.into_iter().any(|exception| {
+        let content = [unit, code, exception];
+        let sent = content.into_iter().chain(crc16(&content).to_le_bytes());
+        let flips: u32 = sent.zip(bytes).map(|(sent, &byte)| (sent ^ byte).count_ones()).sum();
+        flips <= MAX_EXCEPTION_FLIPS
+    })
 }

@@ -141,6 +141,11 @@ fn emit(frame: &DamagedFrame, wire: &[u8], delimited_by: DelimitedBy, adu: &mut 
         adu.extend_from_slice(&frame.head);
         adu.extend_from_slice(if is_short { wire } else { &wire[frame.wrong_head_bytes..wire.len() - 2] });
     }
+    if !is_short && crc_valid(wire) {
+        adu.clear();
+        adu.extend_from_slice(&wire[..wire.len() - 2]);
+        return FrameResult { unconfirmed: true, ..unlikely_frame(wire.len(), delimited_by, frame.direction) };
+    }
     let verdict = if is_short { Verdict::Incomplete } else { Verdict::BadChecksum };
     FrameResult { verdict, direction: frame.direction, damage: frame.damage, ..FrameResult::noise(wire.len(), delimited_by) }
 }
@@ -192,16 +197,11 @@ fn burst_frame(input: &Input, context: &FramerContext<'_>, burst_bytes: usize, d
     let unit = bytes[0];
     let is_familiar = context.known_units[usize::from(unit)] || context.outstanding_request.is_some_and(|it| it.unit == unit);
     match announced_frames(context, bytes) {
-        Announced { exact: Some(direction), .. } => {
-            let frame = bad_checksum(burst_bytes, DelimitedBy::Length, direction);
-            // Its numbers are so unlikely that the search left it to noise, but its checksum is right.
-            let verdict = if crc_valid(bytes) { Verdict::Ok } else { frame.verdict };
-            Some(FrameResult { verdict, ..frame })
-        }
+        Announced { exact: Some(direction), .. } => Some(frame_of_burst(bytes, DelimitedBy::Length, direction)),
         Announced { shorter: Some((length, direction)), .. } if is_familiar && !is_bounded => {
-            Some(bad_checksum(length, DelimitedBy::Length, direction))
+            Some(frame_of_burst(&bytes[..length], DelimitedBy::Length, direction))
         }
-        Announced { longer, .. } => whole_burst(burst_bytes, delimited_by, longer, is_bounded, is_familiar),
+        Announced { longer, .. } => whole_burst(bytes, delimited_by, longer, is_bounded, is_familiar),
     }
 }
 
@@ -211,20 +211,35 @@ fn burst_frame(input: &Input, context: &FramerContext<'_>, burst_bytes: usize, d
 /// If its header announces a longer frame (`longer` is the direction of that), it is `Incomplete`, also where the recording
 /// ends without boundary and familiar unit; else it has a bad checksum and an unknown direction.
 fn whole_burst(
-    length: usize,
+    bytes: &[u8],
     delimited_by: DelimitedBy,
     longer: Option<Direction>,
     is_bounded: bool,
     is_familiar: bool,
 ) -> Option<FrameResult> {
     let is_trusted = is_bounded || is_familiar;
+    let length = bytes.len();
     match longer {
         _ if length > MAX_CANDIDATE_BYTES => None,
         Some(direction) if is_trusted || delimited_by == DelimitedBy::End => {
             Some(FrameResult { verdict: Verdict::Incomplete, direction, ..FrameResult::noise(length, delimited_by) })
         }
-        _ => is_trusted.then(|| bad_checksum(length, delimited_by, Direction::Unknown)),
+        _ => is_trusted.then(|| frame_of_burst(bytes, delimited_by, Direction::Unknown)),
     }
+}
+
+/// The row of bytes that are one frame: with a bad checksum, unless it is right.
+fn frame_of_burst(bytes: &[u8], delimited_by: DelimitedBy, direction: Direction) -> FrameResult {
+    if crc_valid(bytes) {
+        unlikely_frame(bytes.len(), delimited_by, direction)
+    } else {
+        bad_checksum(bytes.len(), delimited_by, direction)
+    }
+}
+
+/// The row of a frame that the search left to noise, because its numbers are so unlikely; but its checksum is right.
+fn unlikely_frame(length: usize, delimited_by: DelimitedBy, direction: Direction) -> FrameResult {
+    FrameResult { direction, ..FrameResult::new(Verdict::Ok, length, delimited_by) }
 }
 
 /// The row of a frame with a bad checksum.

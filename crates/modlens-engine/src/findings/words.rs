@@ -7,6 +7,7 @@ use crate::findings::contradictions::Contradiction;
 use crate::pairing::result::{DelayedFinding, PairingResult};
 use crate::pairing::transaction::ConnectionEnd;
 use crate::pairing::transaction::ObservedFrame;
+use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::EXCEPTION_BIT;
 use modlens_protocol::hex::hex;
@@ -112,13 +113,19 @@ pub(crate) fn short_silence(silence: Ns, t35: Ns) -> String {
     format!("{} of silence, t3.5 is {}", microseconds(silence.max(0)), microseconds(t35))
 }
 
-pub(crate) fn gap_in_frame(silence: Ns, t15: Ns) -> String {
-    format!("{} of silence inside, t1.5 is {}", microseconds(silence), microseconds(t15))
+/// A silence inside a frame, and who paused.
+pub(crate) fn gap_in_frame(silence: Ns, t15: Ns, frame: &ObservedFrame<'_>) -> String {
+    let sender = match (frame.direction, frame.adu.first()) {
+        (Direction::Request, _) => String::from("the master paused"),
+        (Direction::Response, Some(unit)) => format!("unit {unit} paused"),
+        _ => String::from("its sender paused"),
+    };
+    format!("{} of silence inside, t1.5 is {}: {sender}", microseconds(silence), microseconds(t15))
 }
 
 /// As `gap_in_frame`, where the adapter may have hidden more of it.
-pub(crate) fn gap_inside_at_least(silence: Ns, t15: Ns) -> String {
-    format!("at least {}", gap_in_frame(silence, t15))
+pub(crate) fn gap_inside_at_least(silence: Ns, t15: Ns, frame: &ObservedFrame<'_>) -> String {
+    format!("at least {}", gap_in_frame(silence, t15, frame))
 }
 
 pub(crate) fn clock_jumped() -> String {

@@ -100,6 +100,17 @@ impl Input {
         longest
     }
 
+    /// The longest silence in ns between two reads of the first `length` bytes that neither adapter nor host can have made: one that
+    /// comes late brings the bytes along that were sent meanwhile, except at the end of a frame. So the silence before the last
+    /// read does not count, and where the duration of a character is not known, none before a read of several bytes.
+    pub fn longest_sent_pause(&self, length: usize) -> Option<Ns> {
+        let last = self.read_index(length - 1)?;
+        let is_single = |i: usize| self.reads[i].end - self.read_start(i) == 1;
+        let counts = |i: &usize| is_single(*i) || (self.char_ns.is_some() && *i < last);
+        let pauses = (1..=last).filter(counts).map(|i| self.pause_before((self.read_start(i) - self.offset) as usize));
+        pauses.flatten().max()
+    }
+
     /// How many of the first `length` bytes came after their first read, and within which time; `None` if all are in one read,
     /// or if a time is missing.
     pub fn span_of_reads(&self, length: usize) -> Option<(usize, Ns)> {

@@ -50,6 +50,7 @@ impl Pairing {
             _ if self.order_is_inferred => weights::ANSWER_IN_INFERRED_ORDER_BITS,
             _ if !self.is_wire_order => weights::ANSWER_IN_LATE_READS_BITS,
             _ if open.retry_of.is_some() => weights::ANSWER_AFTER_RETRY_BITS,
+            _ if self.history.may_answer_unanswered(functions, frame, open.txn) => weights::ANSWER_AFTER_SILENCE_BITS,
             _ => weights::ANSWER_IN_TURN_BITS,
         }
     }

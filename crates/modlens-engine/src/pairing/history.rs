@@ -175,6 +175,11 @@ impl History {
         last.pdu.extend_from_slice(pdu);
     }
 
+    /// Whether this response to transaction `txn` would also be that to the one before, which had none.
+    pub(super) fn may_answer_unanswered(&self, functions: &Functions, frame: &ObservedFrame<'_>, txn: u64) -> bool {
+        self.unanswered.back().is_some_and(|old| old.txn + 1 == txn && old.is_answered_by(functions, frame))
+    }
+
     /// The unit of the last response.
     pub(super) fn unit_of_last_response(&self) -> Option<u8> {
         self.last_response.as_ref().map(|last| last.unit)

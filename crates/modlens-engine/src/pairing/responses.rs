@@ -10,11 +10,17 @@ use crate::pairing::{FrameLocation, ObservedFrame, Pairing, PairingResult, Pendi
 use crate::weights::{
     BELATED_MIRROR_BITS, DUPLICATE_RESPONSE_BITS, LATE_RESPONSE_BITS, UNEXPECTED_IN_ANY_ORDER_BITS, UNEXPECTED_RESPONSE_BITS,
 };
-use modlens_protocol::direction::{match_response, Direction, RequestRef, ResponseMatch};
+use modlens_protocol::direction::{match_response, repeats_other_address, Direction, RequestRef, ResponseMatch};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
+
+/// Unit numbers above this are reserved on serial lines (serial line specification, 2.2).
+const LAST_UNIT: u8 = 247;
+
+/// Responses of one unit in the place of others from which on that is its habit.
+const MIN_ANSWERED_BY_OTHER: u64 = 2;
 
 impl Pairing {
     /// Learns how much later than its response this request is seen, if it is the request of the early response. Whether it is
@@ -50,6 +56,9 @@ impl Pairing {
         self.early_response = None;
         self.is_pipelined |= frame.mode == Mode::Tcp && at + 1 < self.open.len();
         let mut transaction = self.open.remove(at).expect("found above");
+        if frame.mode != Mode::Tcp && transaction.unit != frame.unit() && transaction.status != Status::Broadcast {
+            *self.answered_by_other.entry((transaction.unit, frame.unit())).or_default() += 1;
+        }
         transaction.certainty = self.answer_bits(functions, &transaction, frame);
         self.history.add_answered(&transaction, frame);
         answer(functions, &mut transaction, frame);
@@ -112,9 +121,22 @@ impl Pairing {
         let fits = |transaction: &PendingTransaction| {
             let matched = match_response(functions, transaction.request_to(frame.unit()), frame.unit(), frame.pdu());
             let enough = if transaction.status == Status::Broadcast { ResponseMatch::Fully } else { ResponseMatch::Partly };
-            !transaction.is_timed_out && matched >= enough
+            let is_other = matched == ResponseMatch::Partly && may_be_next_write(functions, transaction, frame);
+            !transaction.is_timed_out && matched >= enough && !is_other
         };
-        self.open.iter().position(|transaction| fits(transaction))
+        self.open.iter().position(|transaction| fits(transaction)).or_else(|| self.find_request_by_habit(functions, frame))
+    }
+
+    /// Index of the last open request, if this response fits it but for its unit and comes from a gateway that puts its own
+    /// number into responses: a reserved one, or one that has answered for others before and never
+    /// for itself. The unit asked has never answered by itself.
+    fn find_request_by_habit(&self, functions: &Functions, frame: &ObservedFrame<'_>) -> Option<usize> {
+        let unit = frame.unit();
+        let answered = || self.answered_by_other.iter().filter(|((_, by), _)| *by == unit).map(|(_, n)| n).sum::<u64>();
+        let is_gateway = !self.answering_units[usize::from(unit)] && (unit > LAST_UNIT || answered() >= MIN_ANSWERED_BY_OTHER);
+        let answers_itself = |asked: u8| self.answering_units[usize::from(asked)];
+        self.find_request_to_other_unit(functions, frame).filter(|&(_, asked)| is_gateway && !answers_itself(asked))?;
+        self.open.len().checked_sub(1)
     }
 
     /// Counts the overlap of this answered transaction with another, once both are answered, as evidence of two masters. It
@@ -387,6 +409,14 @@ fn answer(functions: &Functions, transaction: &mut PendingTransaction, frame: &O
         };
     }
     note_exception(transaction);
+}
+
+/// Whether a response with another address than this write is rather the next of several writes of which one side is heard:
+/// where the response should repeat its request byte by byte.
+fn may_be_next_write(functions: &Functions, open: &PendingTransaction, frame: &ObservedFrame<'_>) -> bool {
+    let request = open.request.pdu();
+    let row = functions.row(open.function, request.get(1..).unwrap_or(&[])).filter(|row| row.has_equal_layouts);
+    row.is_some_and(|row| repeats_other_address(row, request, frame.pdu()))
 }
 
 /// The overlap of this transaction, which `frame` answers, with a later one.

@@ -13,7 +13,7 @@ impl Pairing {
     /// Index of the open request that a response on a connection answers.
     ///
     /// It is the oldest with the same identifier whose content fits: fully if any does, else in part, else but for the unit, since
-    /// gateways answer as 255. A request that was given up is none of these; one that has no identifier, from a log, counts as if
+    /// gateways answer as 255, else in unit and function. A request that was given up is none of these; one that has no identifier, from a log, counts as if
     /// it had this one, but only with its own unit.
     ///
     /// If none fits fully, the response may belong to the last request in spite of another identifier, provided that it fits that
@@ -34,6 +34,7 @@ impl Pairing {
         let but_for_unit =
             |open: &PendingTransaction| open.mbap_id.is_some() && has_id(open) && fit(open, frame.unit()) == ResponseMatch::Fully;
         let by_id = with_id(ResponseMatch::Partly).or_else(|| self.open.iter().position(|open| but_for_unit(open)));
+        let by_id = by_id.or_else(|| self.open.iter().position(|open| has_id(open) && has_header_of(open, frame)));
         match self.compare_identifiers(functions, frame) {
             Identifiers::Agree => by_id,
             Identifiers::DifferByHabit => Some(self.open.len() - 1),
@@ -70,6 +71,11 @@ impl Pairing {
             Identifiers::DifferWithoutHabit
         }
     }
+}
+
+/// Whether a response has identifier, unit and function of this request, so that it answers it whatever its content is.
+fn has_header_of(open: &PendingTransaction, frame: &ObservedFrame<'_>) -> bool {
+    open.mbap_id.is_some() && (open.unit, open.function) == (frame.unit(), frame.function())
 }
 
 /// The identifiers of a response and of the last open request.

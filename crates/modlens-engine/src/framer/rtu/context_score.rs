@@ -9,7 +9,7 @@ use crate::framer::rtu::side::{REQUEST, RESPONSE};
 use crate::framer::rtu::traffic_model::{FramePosition, TrafficModel};
 use crate::framer::{FramerContext, PauseEvidence};
 use crate::weights;
-use modlens_protocol::direction::{counts_registers, expected_data_bytes, match_response, ResponseMatch};
+use modlens_protocol::direction::{counts_registers, expected_data_bytes, match_response, repeats_other_address, ResponseMatch};
 use modlens_protocol::functions::{FunctionRow, Layout};
 
 /// Bytes of a response's PDU that repeat its request: function code, address, and value or quantity.
@@ -258,6 +258,8 @@ fn answering_body_score(place: &FrameInPlace<'_>, request: &HeldRequest, matched
     } else if counts_registers(row, &request.pdu, place.frame.pdu()) {
         // Its layout has paid for the wrong count, which the request predicts.
         place.model.bits(place.frame.body()[0])
+    } else if matched == ResponseMatch::Partly && repeats_other_address(row, &request.pdu, place.frame.pdu()) {
+        -weights::OTHER_ADDRESS_BITS
     } else if matched == ResponseMatch::Partly {
         -weights::BROKEN_RULE_BITS
     } else if equals_last {

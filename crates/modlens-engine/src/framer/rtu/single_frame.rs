@@ -15,6 +15,7 @@ use modlens_protocol::checksum::{crc_valid_at, CRC_BYTES};
 use modlens_protocol::direction::expected_data_bytes;
 use modlens_protocol::framing::MAX_RTU_FRAME_BYTES;
 use modlens_protocol::functions::{FunctionRow, EXCEPTION_BIT};
+use modlens_protocol::Ns;
 
 /// Unit, function code and the first byte of the body.
 const HEADER_BYTES: usize = 3;
@@ -90,7 +91,9 @@ fn check_frame_at(search: &Search, input: &Input, context: &FramerContext<'_>, a
     if bytes.len() < frame_bytes {
         return if input.is_closed { FrameCheck::NoFrame } else { FrameCheck::NeedsMoreBytes };
     }
-    let is_whole = crc_valid_at(bytes, frame_bytes) && input.boundary_after(0, at + frame_bytes - 1, input.break_ns).is_none();
+    // In a recording, a sender that pauses inside a frame is waited for.
+    let break_ns = if context.may_look_ahead { Ns::MAX } else { input.break_ns };
+    let is_whole = crc_valid_at(bytes, frame_bytes) && input.boundary_after(0, at + frame_bytes - 1, break_ns).is_none();
     if is_whole {
         FrameCheck::Frame(length)
     } else {

@@ -25,6 +25,8 @@ enum PlaceInRun {
     SecondCopy,
     /// The outstanding request, which was heard twice already.
     LaterCopy,
+    /// The response to no outstanding request: one that is late, or of which the request is missing.
+    Unasked,
 }
 
 impl Search {
@@ -40,7 +42,18 @@ impl Search {
         let place = if context.is_multi_line { None } else { self.place_in_run(context, frame, direction, answers_outstanding) };
         let odds = place.map_or(MAX_ODDS, |place| self.odds_at(place, self.silence_costs(frame[0]), pause));
         self.run_odds = odds.clamp(MIN_ODDS, MAX_ODDS);
-        self.run_odds
+        self.run_odds.min(self.odds_of_two_sides(context, frame))
+    }
+
+    /// Log2 of the odds that both sides of the line are heard, as far as the direction of this frame hangs on that: where it may
+    /// be a request or a response, and so may all requests before it.
+    fn odds_of_two_sides(&self, context: &FramerContext<'_>, frame: &[u8]) -> f32 {
+        let may_be_either = !context.is_multi_line && mirrors_request(context, &frame[1..frame.len() - CRC_BYTES]);
+        if may_be_either && !self.model.has_plain_requests(context.functions) {
+            self.model.odds_of_two_sides()
+        } else {
+            MAX_ODDS
+        }
     }
 
     /// Begins anew: the frame committed last is no doubtful one.
@@ -78,6 +91,10 @@ impl Search {
         answers_outstanding: bool,
     ) -> Option<PlaceInRun> {
         let requests = self.answerable();
+        let is_unasked = direction == RESPONSE && !answers_outstanding && !self.model.hears_responses_only();
+        if is_unasked && mirrors_request(context, &frame[1..frame.len() - CRC_BYTES]) {
+            return Some(PlaceInRun::Unasked);
+        }
         let equals = |request: &HeldRequest| request.unit == frame[0] && request.pdu == frame[1..frame.len() - CRC_BYTES];
         let Some(outstanding) = requests.outstanding else {
             let (answered, last) = requests.last_answered.filter(|_| direction != RESPONSE)?;
@@ -106,6 +123,9 @@ impl Search {
             PlaceInRun::Response if self.run_odds >= MAX_ODDS => retry_cost - answered - pause.timeout,
             PlaceInRun::Response => both(retry_cost - answered - pause.timeout, self.run_odds + response_bits()),
             PlaceInRun::Again => both(weights::COPIED_RESPONSE_BITS - response_bits(), self.run_odds - response_bits()),
+            // Without a clock nothing speaks against a request.
+            PlaceInRun::Unasked if pause.timeout == 0.0 => MIN_ODDS,
+            PlaceInRun::Unasked => weights::UNASKED_MIRROR_ODDS_BITS,
             PlaceInRun::LaterCopy => pause.timeout - retry_cost + answered,
             PlaceInRun::SecondCopy => {
                 let EchoCosts { twice, once } = self.model.echo_costs();

@@ -1,5 +1,7 @@
 //! Scans the bytes that have come: finds the ends of frames, adds hypotheses, and asks whether something is final.
 
+use crate::framer::rtu::announced_length::announced_lengths;
+use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
 use crate::framer::rtu::score;
 use crate::framer::rtu::search::commit::Decision;
 use crate::framer::rtu::search::extend::first_damaged_end;
@@ -8,6 +10,8 @@ use crate::framer::rtu::search::lattice::root_floor;
 use crate::framer::rtu::search::state::Search;
 use crate::framer::FramerContext;
 use crate::input::Input;
+use modlens_protocol::checksum::crc_valid;
+use modlens_protocol::functions::Extent;
 use modlens_protocol::Ns;
 
 impl Search {
@@ -53,8 +57,9 @@ impl Search {
         while self.scanned_to < end {
             let index = (self.scanned_to - base) as usize;
             if self.scanned_to == read_end {
-                if let Some(decision) = self.decide_at_boundary(input, context, index) {
-                    return Some(decision);
+                let decision = self.decide_at_boundary(input, context, index);
+                if decision.is_some() || self.skip.needs_more_bytes {
+                    return decision;
                 }
                 read_end = input.read(index).map_or(end, |read| read.end);
             }
@@ -83,11 +88,46 @@ impl Search {
         if self.scanned_to <= self.committed_offset() || !input.is_boundary(index) {
             return None;
         }
+        match self.frame_across(input, context, index) {
+            FrameAcross::Valid => return None,
+            FrameAcross::NeedsMoreBytes => {
+                self.skip.needs_more_bytes = true;
+                return None;
+            }
+            FrameAcross::None => {}
+        }
         let decision = self.decide(input, context, true);
         if decision.is_none() {
             self.scanner.restart(self.scanned_to);
         }
         decision
+    }
+
+    /// Whether a frame with a valid CRC, of a length that its header announces, begins at the root and goes on after the silence
+    /// before this byte: its sender paused. Live, nobody waits for it.
+    fn frame_across(&self, input: &Input, context: &FramerContext<'_>, index: usize) -> FrameAcross {
+        let start = (self.committed_offset() - input.offset()) as usize;
+        let bytes = &input.bytes()[start..];
+        let is_silence = input.read(index).is_some_and(|read| !read.starts_record);
+        if !context.may_look_ahead || !is_silence || bytes.len() < 2 {
+            return FrameAcross::None;
+        }
+        let mut found = FrameAcross::None;
+        for (_, extent) in announced_lengths(context, bytes).into_iter().flatten() {
+            let (Extent::Exactly(length) | Extent::AtLeast(length)) = extent else { continue };
+            if start + length <= index || length > MAX_CANDIDATE_BYTES {
+                continue;
+            }
+            match bytes.get(..length) {
+                Some(frame) if extent == Extent::Exactly(length) && crc_valid(frame) => {
+                    let starts_record = input.boundary_after(start, start + length - 1, Ns::MAX).is_some();
+                    return if starts_record { FrameAcross::None } else { FrameAcross::Valid };
+                }
+                None if !input.is_closed => found = FrameAcross::NeedsMoreBytes,
+                _ => {}
+            }
+        }
+        found
     }
 
     /// Begins to scan behind the root.
@@ -136,4 +176,15 @@ impl Search {
             self.skip.next_decision_at = 0;
         }
     }
+}
+
+/// A frame that a silence of `break_ns` cuts.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum FrameAcross {
+    /// There is none.
+    None,
+    /// Its CRC is valid.
+    Valid,
+    /// Its last bytes have not come.
+    NeedsMoreBytes,
 }

@@ -148,6 +148,26 @@ impl TrafficModel {
         self.unanswered[position.index()].relative_rest(weights::PRIOR_UNANSWERED_SHARE)
     }
 
+    /// Whether the line has shown a request that cannot be a response by its layout.
+    pub fn has_plain_requests(&self, functions: &Functions) -> bool {
+        let is_plain = |code: u8| functions.row(code, &[]).is_some_and(|row| !row.has_equal_layouts);
+        (1..EXCEPTION_BIT).any(|code| self.functions[REQUEST][usize::from(code)] > 0.5 && is_plain(code))
+    }
+
+    /// Log2 of the odds that both sides of the line are heard, by the share of requests that have a response, where each frame
+    /// may be a request or a response by its layout.
+    pub fn odds_of_two_sides(&self) -> f32 {
+        let unanswered = self.unanswered[0];
+        let answered = unanswered.all - unanswered.hits;
+        if unanswered.all < PRIOR_WEIGHT_FRAMES {
+            weights::TWO_SIDES_ODDS_BITS
+        } else if answered < weights::ONE_SIDE_ANSWERED_SHARE * unanswered.all {
+            weights::ONE_SIDE_ODDS_BITS
+        } else {
+            weights::CERTAIN_DIRECTION_BITS
+        }
+    }
+
     /// Whether nearly all that is heard are responses, so that two equal frames are two of these.
     pub fn hears_responses_only(&self) -> bool {
         self.unsolicited[0].relative_rest(weights::PRIOR_UNSOLICITED_SHARE) < weights::ONE_SIDE_SHARE
