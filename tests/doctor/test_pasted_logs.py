@@ -194,3 +194,26 @@ def test_a_log_that_falls_one_step_behind_is_in_lockstep(tmp_path: Path) -> None
 
 def test_a_client_that_asks_ahead_from_the_beginning_is_not(tmp_path: Path) -> None:
     assert "lockstep" not in codes(doctor(polled(0, 40), tmp_path))
+
+
+def test_a_single_refusal_beside_its_answered_neighbour_is_off_by_one(tmp_path: Path) -> None:
+    refused = rtu(7, bytes([0x83, 2]))
+    shifted = rtu(7, read_request(3, 25, 4))
+    lines = [f"TX: {REQUEST.hex(' ')}", f"RX: {refused.hex(' ')}"]
+    lines += [f"TX: {shifted.hex(' ')}", f"RX: {ANSWER.hex(' ')}"]
+    assert first_sight(lines, tmp_path) == ("address_off_by_one", "suspected")
+
+
+def inverted(frame: bytes) -> bytes:
+    """What a receiver with swapped wires makes of a frame: mostly ones, ended by a 00."""
+    return bytes(255 - byte for byte in frame) + b"\x00"
+
+
+def test_a_log_of_mostly_ones_is_swapped_wires(tmp_path: Path) -> None:
+    answers = [rtu(7, bytes([3, 8, 0, number, 1, 44, 0, 20, 83, 240])) for number in range(30)]
+    lines = [
+        line
+        for answer in answers
+        for line in (f"TX: {REQUEST.hex(' ')}", f"RX: {inverted(answer).hex(' ')}")
+    ]
+    assert codes(doctor(lines, tmp_path))[:1] == ["swapped_wires"]

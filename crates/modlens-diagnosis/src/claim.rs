@@ -10,6 +10,9 @@ use modlens_protocol::finding::Severity;
 /// Failures that happen on a healthy line: one request in five hundred.
 pub const ACCIDENT: f64 = 0.002;
 
+/// Fewer requests than these make no line healthy, and no share certain.
+pub const FEW: u64 = 10;
+
 /// A bus as the kinds see it.
 pub struct View<'a> {
     /// Its counters.
@@ -25,6 +28,11 @@ impl<'a> View<'a> {
     /// The view of a bus.
     pub fn new(bus: &'a BusContrast) -> Self {
         Self { bus, hypotheses: (bus.units.len().max(1) * CONTRASTS_PER_UNIT) as f64 }
+    }
+
+    /// Whether there are too few requests for shares.
+    pub fn is_small(&self) -> bool {
+        self.bus.requests_seen.total < FEW
     }
 
     /// The chance after correction (Bonferroni's), at most 1.

@@ -14,6 +14,7 @@ mod values;
 mod wires;
 
 use crate::claim::{Claim, View};
+use crate::joint;
 
 /// A kind: its code and what recognizes it.
 pub type Kind = (&'static str, fn(&View<'_>) -> Vec<Claim>);
@@ -76,7 +77,19 @@ const EXPLAINS: &[(&str, &[&str])] = &[
     ("slow_answers", &["polled_too_fast"]),
     ("gateway_unit_id", &["dead_unit_cost", "device_busy"]),
     ("polled_too_fast", &["bystander"]),
-    ("own_echo", &["duplicate_address", "dead_unit_cost", "line_noise", "driver_enable", "wrong_line_settings"]),
+    (
+        "own_echo",
+        &[
+            "polled_too_fast",
+            "slow_answers",
+            "two_masters",
+            "duplicate_address",
+            "dead_unit_cost",
+            "line_noise",
+            "driver_enable",
+            "wrong_line_settings",
+        ],
+    ),
     ("framing_mismatch", &["dead_unit_cost", "polled_too_fast", "device_absent", "gateway_unit_id", "connection_churn"]),
     ("gateway_mixup", &["slow_answers", "bystander", "device_absent", "polled_too_fast", "dead_unit_cost"]),
     ("connection_limit", &["connection_churn"]),
@@ -88,9 +101,11 @@ const EXPLAINS: &[(&str, &[&str])] = &[
 /// What all kinds claim of a bus, without what another claim explains.
 pub fn claims(view: &View<'_>) -> Vec<Claim> {
     let all: Vec<Claim> = KINDS.iter().flat_map(|(_, recognize)| recognize(view)).collect();
+    let all = joint::smallest(view, all);
     let is_explained = |claim: &Claim| {
         EXPLAINS.iter().any(|(by, what)| {
             what.contains(&claim.code)
+                && !(joint::RIVALS.contains(by) && joint::RIVALS.contains(&claim.code))
                 && all
                     .iter()
                     .any(|other| other.code == *by && (other.unit.is_none() || claim.unit.is_none() || other.unit == claim.unit))

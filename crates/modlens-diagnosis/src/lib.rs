@@ -32,6 +32,7 @@ pub mod claim;
 mod clean;
 pub mod contrast;
 pub mod days;
+mod joint;
 pub mod kinds;
 pub mod observation;
 pub mod report;

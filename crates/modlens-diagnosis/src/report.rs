@@ -10,7 +10,7 @@ use modlens_protocol::finding::Severity;
 use modlens_protocol::timestamp::time_text;
 use serde_json::{json, Value as Json};
 
-use crate::claim::{Certainty, Claim, View};
+use crate::claim::{Certainty, Claim, View, FEW};
 use crate::contrast::{BusContrast, Contrast};
 use crate::kinds;
 use crate::statistics::Share;
@@ -92,7 +92,7 @@ impl Report {
 
 /// How certain a contrast is: a few requests suggest a cause, however clear they are.
 fn certainty(bus: &BusContrast, claim: &Claim) -> Certainty {
-    let is_small = (1..verdict::FEW).contains(&bus.requests_seen.total);
+    let is_small = (1..FEW).contains(&bus.requests_seen.total);
     match claim.share.failed {
         _ if !is_small => Certainty::Diagnosed,
         0..crate::sight::LIKELY_EXAMPLES => Certainty::Suspected,

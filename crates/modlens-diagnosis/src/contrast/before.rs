@@ -21,6 +21,8 @@ pub(super) struct Before {
     pub request: Option<(u64, bool)>,
     /// The request before.
     pub asked: Option<RequestKey>,
+    /// From the start of the request before, to which no answer was seen, to that of this one.
+    pub hasty: Option<Ns>,
     /// Its transaction identifier.
     pub id: Option<u16>,
 }

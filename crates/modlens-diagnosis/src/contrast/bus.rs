@@ -20,6 +20,7 @@ use super::request::{RequestCounts, MAX_REQUESTS};
 use super::sample::Sample;
 use super::symptoms::Symptoms;
 use super::tally::Tally;
+use super::times::Durations;
 use super::unit::{Runs, UnitCounts};
 use crate::observation::{FrameObservation, Observation, Outcome, RequestKey, DAMAGED_PARTS};
 
@@ -95,6 +96,8 @@ pub struct BusContrast {
     pub requests_seen: Tally,
     /// What odd transactions and bytes look like.
     pub symptoms: Symptoms,
+    /// From requests without any answer to the next request.
+    pub hasty: Durations,
     /// Answers that came after the next request.
     pub steps_behind: Tally,
     /// Runs of those.
@@ -277,6 +280,7 @@ impl BusContrast {
         self.connections.merge(&later.connections);
         self.requests_seen.merge(&later.requests_seen);
         self.symptoms.merge(&later.symptoms);
+        self.hasty.merge(&later.hasty);
         self.steps_behind.merge(&later.steps_behind);
         self.step_runs.merge(&later.step_runs);
         for (unit, more) in &later.units {
@@ -335,6 +339,9 @@ impl BusContrast {
 
     fn count_transaction(&mut self, seen: &Observation, before: Before) {
         self.symptoms.transaction(seen, before);
+        if let Some(after) = before.hasty.filter(|after| *after > 0) {
+            self.hasty.add(after);
+        }
         if seen.outcome == Outcome::Good {
             if seen.is_step_behind {
                 self.steps_behind.count(true, seen.place);

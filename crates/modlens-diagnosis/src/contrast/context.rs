@@ -73,6 +73,8 @@ pub(super) struct Context {
     previous: Option<(u8, bool)>,
     /// Whether it failed.
     previous_failed: bool,
+    /// Start of the request before, if the recording shows no answer to it.
+    open_since: Option<Ns>,
     /// The good answer before, on a network.
     pub previous_answer: Option<PreviousAnswer>,
     /// The last request that could be read, and whether it failed, or one since.
@@ -133,7 +135,17 @@ impl Context {
         let request = request.map(|before| (before.key.hash(), before.failed));
         let (written, overtaken) = (self.is_behind_write(), self.overtaken(start));
         let asked = self.previous_request.map(|before| before.key);
-        Before { previous: self.previous, failed: self.previous_failed, written, request, overtaken, asked, id: self.last_id }
+        let hasty = self.open_since.zip(start).map(|(open, start)| start - open);
+        Before {
+            previous: self.previous,
+            failed: self.previous_failed,
+            written,
+            request,
+            overtaken,
+            asked,
+            id: self.last_id,
+            hasty,
+        }
     }
 
     /// Whether the answer before came after a request with this start: its unit, its place, how long the master waited, and
@@ -147,7 +159,7 @@ impl Context {
     /// The request right before the next one, if nothing has failed there.
     #[inline]
     pub fn request_before(&self) -> Option<RequestKey> {
-        self.previous.filter(|(_, was_silent)| !was_silent && !self.previous_failed)?;
+        self.previous.filter(|(_, was_silent)| !was_silent && !self.previous_failed && self.open_since.is_none())?;
         self.previous_request.filter(|before| before.age == 0).map(|before| before.key)
     }
 
@@ -167,6 +179,7 @@ impl Context {
     pub fn transaction(&mut self, seen: &mut Observation) {
         self.compare(seen);
         self.note_order(seen);
+        self.open_since = seen.starts[0].filter(|_| seen.outcome == Outcome::NotSeen);
         self.previous_answer = match (seen.outcome, seen.starts) {
             (Outcome::Good | Outcome::Refused, [Some(requested), Some(came)]) => {
                 Some(PreviousAnswer { unit: seen.unit, place: seen.place, requested, came })
@@ -296,6 +309,7 @@ impl Context {
             self.behind_silence_until = later.behind_silence_until;
             self.previous_answer = later.previous_answer;
             self.last_answer_frame = later.last_answer_frame;
+            self.open_since = later.open_since;
             self.last_id = later.last_id.or(self.last_id);
             self.recent.clone_from(&later.recent);
         }

@@ -147,6 +147,7 @@ fn of_transaction(seen: &Observation, before: Before) -> Option<Symptom> {
     let symptom = match seen.outcome {
         Outcome::Silent => Symptom::NoAnswer,
         _ if seen.is_own_echo || has(Finding::LocalEcho) => Symptom::Echo,
+        Outcome::Garbled if has(Finding::ResponseLength) => Symptom::OtherLength,
         Outcome::Garbled | Outcome::NotSeen if seen.damage.is_some() => return garbled(seen),
         Outcome::BadRequest if seen.damage == Some(DamagedPart::End) => Symptom::RequestEnd,
         Outcome::BadRequest => Symptom::RequestInside,

@@ -57,6 +57,11 @@ impl Durations {
         None
     }
 
+    /// How many are shorter than this duration, to the precision of the buckets.
+    pub fn below(&self, ns: Ns) -> u64 {
+        self.buckets.iter().take(bucket(ns)).sum()
+    }
+
     /// How many exceed this duration, to the precision of the buckets.
     pub fn above(&self, ns: Ns) -> u64 {
         self.buckets.iter().skip(bucket(ns) + 1).sum()

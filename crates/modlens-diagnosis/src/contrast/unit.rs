@@ -9,6 +9,7 @@ use modlens_protocol::Ns;
 use super::before::Before;
 use super::clean_units::CleanCounts;
 use super::epochs::Epochs;
+use super::sample::Sample;
 use super::tally::{Place, Tally};
 use super::times::{ByDuration, Durations};
 use crate::clean::Clean;
@@ -101,9 +102,14 @@ pub struct UnitCounts {
     pub crossings: Tally,
     /// Values that make sense in another order only.
     pub order_mismatches: Tally,
+    /// How answers begin that are damaged from the first byte on.
+    pub wrong_heads: Sample<u16, u64, MAX_HEADS>,
     /// Bytes of garbled answers against those of the answers expected, in per cent: 50 is half as long.
     pub length_ratios: LengthRatios,
 }
+
+/// Different beginnings that are counted.
+const MAX_HEADS: usize = 16;
 
 /// How long runs of failures are.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -445,6 +451,12 @@ impl UnitCounts {
 
     fn count_damage(&mut self, seen: &Observation) {
         let Some(part) = seen.damage else { return };
+        if let (DamagedPart::Whole, [one, two, ..]) = (part, seen.answer_head.as_slice()) {
+            let head = u16::from_be_bytes([*one, *two]);
+            if let Some(count) = self.wrong_heads.entry(super::tally::mix(head.into()), head) {
+                *count += 1;
+            }
+        }
         let parts = if seen.outcome == Outcome::BadRequest { &mut self.request_parts } else { &mut self.damaged_parts };
         for (index, tally) in parts.iter_mut().enumerate() {
             tally.count(index == part as usize, seen.place);
@@ -539,6 +551,7 @@ impl UnitCounts {
         for (unit, more) in &later.misfits {
             *self.misfits.entry(*unit).or_default() += more;
         }
+        self.wrong_heads.merge(&later.wrong_heads, |own, more| *own += more);
         self.length_ratios.count += later.length_ratios.count;
         self.length_ratios.came += later.length_ratios.came;
         self.length_ratios.expected += later.length_ratios.expected;

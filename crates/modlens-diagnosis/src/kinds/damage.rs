@@ -183,7 +183,9 @@ fn burst(view: &View<'_>) -> Option<String> {
 pub(super) fn driver_enable(view: &View<'_>) -> Vec<Claim> {
     let answers = view.units().filter_map(|(unit, counts)| {
         let start = &counts.damaged_parts[DamagedPart::Start as usize];
-        let chance = at_the_edge(view, start, counts.garbled.share())?;
+        let is_late = begins_alike(view, counts);
+        let start = if is_late { &counts.garbled } else { start };
+        let chance = if is_late { view.beyond_accident(counts.garbled.share())? } else { at_the_edge(view, start, counts.garbled.share())? };
         let late = "its driver-enable timing: it sends before its own transceiver, or the master's, has turned round; a delay before the answer helps";
         Some(
             Claim::new("driver_enable", start, chance)
@@ -212,6 +214,27 @@ pub(super) fn driver_enable(view: &View<'_>) -> Vec<Claim> {
     answers.chain(from_master).collect()
 }
 
+/// Whether answers that are damaged from the first byte on begin alike, with one wrong beginning or two (one for each function),
+/// while others are whole. A driver that is switched on late shows the line at the same bit each time; two devices differ.
+fn begins_alike(view: &View<'_>, counts: &UnitCounts) -> bool {
+    // A late answer that meets the next request begins alike each time, too: before it, the unit was silent.
+    if counts.late.failed > 0
+        || counts.silent.failed * 4 > counts.garbled.failed
+        || view.beyond_accident(counts.damage_after_failure[0]).is_none()
+    {
+        return false;
+    }
+    let mut heads: Vec<u64> = counts.wrong_heads.sorted().into_iter().map(|(_, count)| *count).collect();
+    heads.sort_unstable_by(|one, other| other.cmp(one));
+    let (all, most): (u64, u64) = (heads.iter().sum(), heads.iter().take(2).sum());
+    let whole = counts.damaged_parts[DamagedPart::Whole as usize].failed;
+    let answered = counts.failures.total - counts.failures.failed;
+    all >= LEAST_BEGINNINGS && most * 10 >= whole * 8 && whole * 2 > counts.garbled.failed && answered > 0
+}
+
+/// Fewer beginnings may be alike by chance.
+const LEAST_BEGINNINGS: u64 = 5;
+
 /// The chance that damage falls to this edge of the frame by accident.
 fn at_the_edge(view: &View<'_>, edge: &Tally, damaged: Share) -> Option<f64> {
     if edge.failed * 10 < edge.total * 7 {
@@ -238,6 +261,9 @@ fn duplicate(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     // if they begin together, but go on differently, and rarely end together.
     let part = |part: DamagedPart| counts.damaged_parts[part as usize].failed;
     let edges = part(DamagedPart::Start) + part(DamagedPart::End);
+    if begins_alike(view, counts) {
+        return None;
+    }
     let is_overlap =
         whole.failed * 5 >= whole.total * 2 || counts.odd_lengths.failed * 2 >= counts.odd_lengths.total || is_dense(counts);
     if !is_overlap || edges * 2 > whole.total || counts.garbled.failed + twice == 0 {

@@ -52,7 +52,8 @@ fn claim(view: &View<'_>, code: &'static str, request: Request<'_>) -> Option<Cl
     let (key, counts) = request;
     let share = Share { failed: counts.refusals() + counts.silent, total: counts.sent() };
     let chance = view.corrected(at_least(share, 0.01));
-    (chance < 0.05).then(|| {
+    // Of a few requests, each is an example; how certain it is, the report says.
+    (chance < 0.05 || view.is_small()).then(|| {
         Claim::new(code, &counts.bad, chance)
             .of_unit(key.unit)
             .at(key.function, key.address)
@@ -134,12 +135,16 @@ fn several_refused(all: &[Request<'_>], key: &RequestKey) -> bool {
 /// An address that is refused while its neighbour is answered.
 pub(super) fn address_off_by_one(view: &View<'_>) -> Vec<Claim> {
     let all = view.bus.requests.sorted();
-    let claims = refused(&all).into_iter().filter_map(|request| match reason(&all, request) {
-        Reason::OffByOne(neighbour) => {
-            let shifted = RequestKey { address: neighbour, ..*request.0 };
-            Some(claim(view, "address_off_by_one", request)?.fact("neighbour", block(&shifted)))
+    let few = || all.iter().filter(|(_, counts)| view.is_small() && counts.good == 0 && counts.refused[1] > 0).copied();
+    let refused = refused(&all);
+    let claims = if refused.is_empty() { few().collect() } else { refused }.into_iter().filter_map(|request| {
+        match reason(&all, request) {
+            Reason::OffByOne(neighbour) => {
+                let shifted = RequestKey { address: neighbour, ..*request.0 };
+                Some(claim(view, "address_off_by_one", request)?.fact("neighbour", block(&shifted)))
+            }
+            _ => None,
         }
-        _ => None,
     });
     claims.collect()
 }
@@ -216,7 +221,10 @@ fn is_function_refused(all: &[Request<'_>], key: &RequestKey) -> bool {
         .filter(of_unit)
         .filter(|(other, _)| other.function == key.function)
         .all(|(_, counts)| is_always_refused(counts));
-    let other = all.iter().filter(of_unit).any(|(other, counts)| other.function != key.function && counts.good > 0);
+    // A unit that refuses the addresses of all functions from one moment on knows the functions.
+    let says_function = all.iter().any(|(other, counts)| *other == key && counts.refused[0] > 0);
+    let is_answered = |counts: &RequestCounts| counts.good > 0 && (says_function || !is_always_refused(counts));
+    let other = all.iter().filter(of_unit).any(|(other, counts)| other.function != key.function && is_answered(counts));
     (same && other) || is_answered_elsewhere(all, key)
 }
 

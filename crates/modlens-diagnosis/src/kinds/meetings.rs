@@ -28,7 +28,9 @@ pub(super) fn two_masters(view: &View<'_>) -> Vec<Claim> {
         return Vec::new();
     };
     let by_noise = |odd: u64| at_least(Share { failed: odd, total: odd + failed }, ODD_BY_NOISE);
-    let is_certain = crossings.failed > 0 && by_noise(odd) <= MAX_CHANCE;
+    let met = crossings.failed + hasty(view);
+    let crossed = at_least(Share { failed: met, total: met + failed }, CROSSED_BY_NOISE);
+    let is_certain = (crossings.failed > 0 && by_noise(odd) <= MAX_CHANCE) || (met > 1 && crossed <= MAX_CHANCE);
     let met = by_noise(crossings.failed + view.bus.frames.collisions.failed);
     // A late answer meets the next request, too: who asks it is one master.
     let is_slow = || !super::answers::slow_answers(view).is_empty();
@@ -46,6 +48,19 @@ pub(super) fn two_masters(view: &View<'_>) -> Vec<Claim> {
     let mut claim = Claim::new("two_masters", &tally, chance).fact("met", met);
     claim.harm = (odd + failed).min(total);
     vec![claim.at_most(Severity::Error)]
+}
+
+/// A valid request while another one is open, which is answered after all: noise makes one failure in so many look so.
+const CROSSED_BY_NOISE: f64 = 0.01;
+
+/// Characters of a request.
+const REQUEST_CHARACTERS: i64 = 8;
+
+/// Requests that came so soon after another one that no unit could have begun to answer that: a master waits for its timeout.
+fn hasty(view: &View<'_>) -> u64 {
+    let fastest = view.units().filter_map(|(_, counts)| counts.response_times.percentile(0.05)).min();
+    let request = REQUEST_CHARACTERS * view.bus.facts.char_ns.unwrap_or(0);
+    fastest.map_or(0, |fastest| view.bus.hasty.below(fastest + request))
 }
 
 /// Noise makes one damaged frame in so many look like the meeting of two.

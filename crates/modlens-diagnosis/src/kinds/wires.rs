@@ -5,6 +5,7 @@ use std::cmp::Reverse;
 use crate::claim::{duration, percent, Claim, View};
 use crate::contrast::tally::Tally;
 use crate::contrast::UnitCounts;
+use crate::observation::DamagedPart;
 use crate::statistics::{at_least, fisher, least_rate, Share};
 use modlens_engine::line_search::{readings, Reading};
 use modlens_protocol::framing::{Mode, Verdict};
@@ -43,11 +44,25 @@ fn inverted_share(view: &View<'_>) -> f64 {
     kinds[..3].iter().sum::<u64>() as f64 / kinds.iter().sum::<u64>().max(1) as f64
 }
 
+/// Bytes of registers are mostly 0 bits. With the wires swapped, those that a client receives are mostly 1 bits.
+const MOSTLY_ONES: f64 = 0.6;
+
+/// Whether the bytes that were received have mostly 1 bits.
+fn mostly_ones(view: &View<'_>) -> bool {
+    let bytes = || view.bus.noise.bursts.kept.iter().flatten();
+    let (bits, ones) = (bytes().count() as u64 * 8, bytes().map(|byte| u64::from(byte.count_ones())).sum::<u64>());
+    let share = Share { failed: ones, total: bits };
+    bits >= 8 * LEAST_BYTES && least_rate(share) > MOSTLY_ONES
+}
+
 /// A burst of random bytes ends in 00 once in 256 times; of values of registers, much more often.
 const ENDS_IN_ZERO: f64 = 0.3;
 
 fn is_inverted(view: &View<'_>) -> bool {
     // In a client's log the bursts of the bus are cut anywhere, but nearly all bytes are of these kinds.
+    if only_requests_are_valid(view) && mostly_ones(view) {
+        return true;
+    }
     let bytes = view.bus.noise.kinds.iter().sum::<u64>();
     if only_requests_are_valid(view) && bytes >= LEAST_BYTES && inverted_share(view) > 0.95 {
         return true;
@@ -188,6 +203,12 @@ fn at_another_rate(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Cla
     let answered = counts.failures.total - counts.failures.failed;
     let ratio = ratios.came as f64 / ratios.expected.max(1) as f64;
     if answered > 0 || ratios.count < 5 || (0.85..1.2).contains(&ratio) || counts.bad_requests.failed > 0 {
+        return None;
+    }
+    // A receiver at another rate gets no head of an answer right.
+    let heads: u64 = counts.damaged_parts.iter().map(|part| part.failed).sum::<u64>()
+        - counts.damaged_parts[DamagedPart::Whole as usize].failed;
+    if heads > 2 && heads * 20 > counts.garbled.failed {
         return None;
     }
     let chance = view.beyond_accident(counts.garbled.share())?;

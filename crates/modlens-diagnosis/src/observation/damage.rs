@@ -37,6 +37,10 @@ pub(super) fn damaged_part(batch: &Batch, row: &Transaction) -> Option<DamagedPa
         Status::BadResponse => {
             let wire = row.response.wire.of(&batch.arena);
             let request = row.request.pdu.of(&batch.arena);
+            // A valid answer of another length than asked for is not damaged.
+            if crc_valid(wire) {
+                return None;
+            }
             Some(response_part(wire, row.unit, row.function, request))
         }
         Status::BadRequest => Some(request_part(row.request.wire.of(&batch.arena))),

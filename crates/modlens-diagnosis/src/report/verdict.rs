@@ -5,7 +5,7 @@ use modlens_protocol::decimal::thousands;
 use modlens_protocol::finding::Severity;
 use modlens_protocol::framing::Verdict as FrameVerdict;
 
-use crate::claim::{percent, were, Certainty, ACCIDENT};
+use crate::claim::{percent, were, Certainty, ACCIDENT, FEW};
 use crate::contrast::BusContrast;
 use crate::statistics::{at_least, least_rate, Share};
 use crate::MAX_CHANCE;
@@ -30,9 +30,6 @@ impl Verdict {
         }
     }
 }
-
-/// Fewer requests than these make no line healthy.
-pub(super) const FEW: u64 = 10;
 
 /// A line is not healthy where surely more than this share of its requests is refused.
 const MANY_REFUSED: f64 = 0.2;
