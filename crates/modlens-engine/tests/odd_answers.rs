@@ -447,7 +447,7 @@ fn a_frame_with_a_long_pause_inside_is_a_valid_frame_that_says_so() {
         assert_eq!(statuses(&batch), [Status::Ok; 7], "{pause_ms}");
         let found: Vec<&str> = batch.findings.iter().map(|row| row.detail.as_str()).collect();
         assert_eq!(found.len(), 1, "{found:?}");
-        assert!(found[0].starts_with(&format!("{}000 us of silence inside", pause_ms)), "{found:?}");
+        assert!(found[0].starts_with(&format!("{pause_ms}000 us of silence inside")), "{found:?}");
         assert!(found[0].ends_with("the master paused"), "{found:?}");
     }
 }
