@@ -61,6 +61,8 @@ def _causes(doctor: Mapping[str, Any] | None) -> dict[str, str]:
     """What is said of a finding that a diagnosis explains: the most harmful one that does."""
     causes: dict[str, str] = {}
     for row in doctor["diagnoses"] if doctor else ():
+        if row.get("certainty") == "suspected":
+            continue  # One or two examples are no cause; the finding's own advice says more.
         known = diagnosis(row["code"])
         where = "" if row["unit"] is None else f" of unit {row['unit']}"
         for code in known.findings if known else ():

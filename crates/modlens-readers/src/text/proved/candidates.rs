@@ -2,16 +2,12 @@
 
 use std::ops::Range;
 
+use crate::text::proved::found::{found, with_fronts, Found, Worth, MIN_LISTED_BYTES};
+use crate::text::proved::line_runs::{escaped_runs, hex_bytes, is_other_text, part_end, proved_runs, shifted, style_of_frames};
 use crate::text::proved::runs::{hex_runs, number_runs, Run, Style};
 use crate::text::proved::sender::sender;
 use crate::text::proved::shapes::{any_shape, label};
 use crate::text::proved::statements::Mention;
-use crate::text::proved::{
-    escaped_runs, found, part_end, proved_runs, shifted, style_of_frames, with_fronts, Found, Worth, MIN_LISTED_BYTES,
-};
-
-/// So many words of two hex digits in a line are bytes, whatever stands between them.
-const MIN_SCATTERED_BYTES: usize = 8;
 
 /// The hex in a line from `start` on of which nothing is known.
 pub(in crate::text) fn other_hex(line: &[u8], start: usize) -> Vec<Found> {
@@ -19,37 +15,6 @@ pub(in crate::text) fn other_hex(line: &[u8], start: usize) -> Vec<Found> {
     let runs = shifted(hex_runs(&line[start..end]), start);
     let runs = runs.into_iter().filter(|run| hex_bytes(&line[run.text.clone()]) > 0);
     runs.map(|run| found(line, start..run.text.start, run.bytes, None, Worth::Beside)).collect()
-}
-
-/// How many bytes of hex a line holds, but for short runs, for dates and times of day, and for UUIDs.
-pub(in crate::text) fn hex_bytes(line: &[u8]) -> usize {
-    let part = &line[..part_end(line, 0)];
-    let counts = |run: &Run| run.bytes.len() >= 4 && !is_other_text(&part[run.text.clone()]);
-    let count = hex_runs(part).iter().filter(|run| counts(run)).map(|run| run.bytes.len()).sum();
-    if count > 0 {
-        return count;
-    }
-    // Bytes with other text between them, such as `00: 02, 01: 02`.
-    let words = part.split(u8::is_ascii_whitespace).map(without_marks);
-    let words = words.filter(|word| word.len() == 2 && word.iter().all(u8::is_ascii_hexdigit));
-    let numbers = number_runs(part, Style::Decimal).into_iter().map(|run| run.bytes.len()).max();
-    Some(words.count().max(numbers.unwrap_or(0))).filter(|bytes| *bytes >= MIN_SCATTERED_BYTES).unwrap_or(0)
-}
-
-/// A word without the punctuation around it.
-fn without_marks(word: &[u8]) -> &[u8] {
-    let Some(start) = word.iter().position(u8::is_ascii_alphanumeric) else { return &[] };
-    let end = word.iter().rposition(u8::is_ascii_alphanumeric).map_or(start, |last| last + 1);
-    &word[start..end]
-}
-
-/// Whether a run of digits is a date, a time of day or a UUID.
-fn is_other_text(text: &[u8]) -> bool {
-    let has_letters = text.iter().any(u8::is_ascii_alphabetic);
-    let has_time = memchr::memchr_iter(b':', text).count() == 2;
-    let has_year = matches!(text, [b'1' | b'2', b'9' | b'0', _, _, b'-' | b'/' | b'.', ..]);
-    let is_uuid = text.len() == 36 && [8, 13, 18, 23].iter().all(|&at| text[at] == b'-');
-    is_uuid || (!has_letters && text.len() < 30 && (has_time || has_year))
 }
 
 /// The runs of a line with the text in front of each, which begins at the run before unless that is a short one.

@@ -7,7 +7,9 @@
 //! `listing` those that are printed a field a line.
 
 mod candidates;
+mod found;
 mod frames;
+mod line_runs;
 mod listing;
 mod pieces;
 mod runs;
@@ -19,57 +21,20 @@ use std::ops::Range;
 
 use crate::chunk::Side;
 use crate::text::frame_evidence::has_frame_layout;
-use crate::text::notation::{Notation, NotationFlags};
 use candidates::{candidates, fronts, mentions};
+use found::{found, with_fronts, MIN_LISTED_BYTES, MIN_NEIGHBOUR_BYTES};
+use line_runs::{part_end, proved_runs, shifted, style_of_frames};
 use listing::Listing;
-use modlens_protocol::checksum::{crc_valid, lrc};
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
-use modlens_protocol::hex::decode_pairs;
 use pieces::{Piece, Pieces};
-use runs::{hex_runs, number_runs, Run, Style};
-use shapes::{any_shape, shape, Shape, Shapes};
+use runs::{hex_runs, Run, Style};
+use shapes::{any_shape, shape, Shapes};
 use statements::Statements;
 
-pub(super) use candidates::{hex_bytes, other_hex};
+pub(super) use candidates::other_hex;
+pub(super) use found::{Found, Worth};
+pub(super) use line_runs::hex_bytes;
 pub(super) use sender::sender;
-
-/// Longer lines are read in parts of this length.
-const MAX_PART_CHARS: usize = 1 << 15;
-
-/// A run of so many bytes beside a frame is listed, although nothing proves it.
-const MIN_LISTED_BYTES: usize = 3;
-
-/// So many bytes in front of a frame or after it, which nothing but the notation ties to it, were on the line as well.
-const MIN_NEIGHBOUR_BYTES: usize = 4;
-
-/// The most escaped strings that are read in one line.
-const MAX_STRINGS: usize = 16;
-
-/// What the bytes found in a line are worth.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Worth {
-    /// A frame that a checksum or a length proves.
-    Frame,
-    /// Bytes where other lines of the log have frames.
-    LikeFrames,
-    /// Bytes beside a frame, which are not delivered.
-    Beside,
-}
-
-/// Bytes found in a line.
-#[derive(Clone, Debug)]
-pub(super) struct Found {
-    /// The lines on which they are before the current one: numbers and texts.
-    pub earlier: Vec<(u64, Vec<u8>)>,
-    /// Where the text in front of them begins and ends: from the bytes before to these.
-    pub front: Range<usize>,
-    pub bytes: Vec<u8>,
-    pub side: Option<Side>,
-    pub shape: Option<Shape>,
-    pub worth: Worth,
-    /// They are a frame that was printed without its checksum.
-    pub lacks_checksum: bool,
-}
 
 /// What the lines so far have shown.
 #[derive(Clone, Debug, Default)]
@@ -212,175 +177,9 @@ pub(super) fn read_frames(line: &[u8], start: usize) -> Vec<Found> {
     with_fronts(line, start, &proved_runs(&line[..end], start))
 }
 
-/// Where the part of the line that begins at `start` ends: at its end, or at a blank.
-fn part_end(line: &[u8], start: usize) -> usize {
-    let limit = line.len().min(start + MAX_PART_CHARS);
-    if limit == line.len() {
-        return limit;
-    }
-    line[start..limit].iter().rposition(|b| matches!(b, b' ' | b'\t' | b'"' | b'\'')).map_or(limit, |at| start + at + 1)
-}
-
-/// The runs with the positions of a line whose text from `start` on was searched.
-fn shifted(runs: Vec<Run>, start: usize) -> Vec<Run> {
-    runs.into_iter().map(|run| run.shifted(start)).collect()
-}
-
-/// The runs of the first notation in which the line holds frames, each with the positions of its frames; runs without a
-/// frame stand among them.
-fn proved_runs(line: &[u8], start: usize) -> Vec<(Run, Vec<Range<usize>>)> {
-    let part = &line[start..];
-    let read: [&dyn Fn() -> Vec<Run>; 7] = [
-        &|| hex_runs(part),
-        &|| ascii_runs(part),
-        &|| escaped_runs(part),
-        &|| number_runs(part, Style::Decimal).into_iter().filter(|run| is_decimal(part, run)).collect(),
-        &|| number_runs(part, Style::Loose),
-        &|| number_runs(part, Style::Decimal),
-        &|| number_runs(part, Style::Binary),
-    ];
-    for read in read {
-        let proved: Vec<_> = shifted(read(), start)
-            .into_iter()
-            .map(|run| {
-                let frames = if run.style == Style::Ascii { whole(&run) } else { frames::prove(&run.bytes, &run.edges) };
-                (run, frames)
-            })
-            .collect();
-        if proved.iter().any(|(_, frames)| !frames.is_empty()) {
-            return proved;
-        }
-    }
-    Vec::new()
-}
-
-/// The notation of the runs that hold frames.
-fn style_of_frames(proved: &[(Run, Vec<Range<usize>>)]) -> Style {
-    proved.iter().find(|(_, frames)| !frames.is_empty()).map_or(Style::Pairs, |(run, _)| run.style)
-}
-
-/// The position of a frame that is the whole run.
-fn whole(run: &Run) -> Vec<Range<usize>> {
-    std::iter::once(0..run.bytes.len()).collect()
-}
-
-/// Whether the numbers are decimal rather than hex without leading zeros: there are commas, or numbers of three digits.
-fn is_decimal(line: &[u8], run: &Run) -> bool {
-    let text = &line[run.text.clone()];
-    text.contains(&b',')
-        || text.chunk_by(|a, b| a.is_ascii_digit() == b.is_ascii_digit()).any(|part| part.len() == 3 && part[0].is_ascii_digit())
-}
-
-/// Frames of Modbus ASCII: a colon and pairs of hex digits with a valid LRC and a known layout.
-fn ascii_runs(line: &[u8]) -> Vec<Run> {
-    let mut runs = Vec::new();
-    for colon in memchr::memchr_iter(b':', line) {
-        let digits = line[colon + 1..].iter().take_while(|b| b.is_ascii_hexdigit()).count();
-        let end = colon + 1 + digits;
-        let mut bytes = Vec::new();
-        let is_word = !line.get(end).is_some_and(u8::is_ascii_alphanumeric);
-        let are_bytes = digits >= 8 && digits.is_multiple_of(2) && decode_pairs(&line[colon + 1..end], &mut bytes);
-        if is_word && are_bytes && lrc(&bytes) == 0 && frames::fits_known_function(&bytes[1..bytes.len() - 1]) {
-            let bytes = [&line[colon..end], b"\r\n"].concat();
-            runs.push(Run::whole(Style::Ascii, colon..end, bytes));
-        }
-    }
-    runs
-}
-
-/// Strings with escape sequences, in quotes or up to the end of the line.
-fn escaped_runs(line: &[u8]) -> Vec<Run> {
-    let mut runs = Vec::new();
-    let mut from = 0;
-    while let Some(escape) = memchr::memchr(b'\\', &line[from..]).filter(|_| runs.len() < MAX_STRINGS).map(|at| from + at) {
-        let quote = line[from..escape].iter().rposition(|b| matches!(b, b'"' | b'\'' | b'`')).map(|at| from + at);
-        let start = quote.map_or(escape, |quote| quote + 1);
-        let mut bytes = Vec::new();
-        let stop = quote.map(|quote| line[quote]);
-        let length = Notation::Escaped.read(&line[start..], stop, &mut bytes, &mut NotationFlags::default()).unwrap_or(0);
-        // After the last quote of a line there may be further text, which is no byte.
-        runs.push(Run::whole(Style::Escaped, start..start + length, bytes));
-        from = (start + length).max(escape + 1);
-    }
-    runs
-}
-
 /// Whether nothing that continues a word or a number follows the run.
 fn ends_clearly(line: &[u8], run: &Run) -> bool {
     let behind = &line[run.text.end..];
     let text = behind.trim_ascii_start();
     run.bytes.len() >= MIN_NEIGHBOUR_BYTES || text.first().is_none_or(|b| !b.is_ascii_alphanumeric() && !matches!(b, b'.' | b'%'))
-}
-
-/// What the runs with their frames give, in the order of the line.
-fn with_fronts(line: &[u8], start: usize, runs: &[(Run, Vec<Range<usize>>)]) -> Vec<Found> {
-    let mut all: Vec<Found> = Vec::new();
-    let mut from = start;
-    for (run, frames) in runs {
-        let front = from..run.text.start;
-        if frames.is_empty() && run.bytes.len() < MIN_LISTED_BYTES {
-            continue;
-        }
-        let shape = shape(&line[front.clone()], run.style);
-        if frames.is_empty() {
-            if hex_bytes(&line[run.text.clone()]) > 0 {
-                all.push(found(line, front, run.bytes.clone(), shape, Worth::Beside));
-            }
-        } else {
-            for (range, worth) in parts(run, frames) {
-                all.push(found(line, front.clone(), run.bytes[range].to_vec(), shape, worth));
-            }
-        }
-        from = run.text.end;
-    }
-    all
-}
-
-/// The parts of a run: its frames, and the bytes between them.
-fn parts(run: &Run, frames: &[Range<usize>]) -> Vec<(Range<usize>, Worth)> {
-    let mut parts = Vec::new();
-    let mut at = 0;
-    let is_glued = |edge: usize| !run.edges.contains(&edge);
-    for (i, frame) in frames.iter().enumerate() {
-        let gap = at..frame.start;
-        let ties = is_glued(gap.end) && (i == 0 || is_glued(gap.start));
-        parts.push((gap.clone(), gap_worth(&run.bytes[gap], ties, i > 0)));
-        parts.push((frame.clone(), Worth::Frame));
-        at = frame.end;
-    }
-    let gap = at..run.bytes.len();
-    match frames {
-        // The header announces fewer bytes than follow: where the frame ends is not for a reader to say.
-        [only]
-            if *only == (0..at)
-                && !gap.is_empty()
-                && is_glued(at)
-                && run.bytes[0] != b':'
-                && !crc_valid(&run.bytes[only.clone()]) =>
-        {
-            parts = vec![(0..run.bytes.len(), Worth::LikeFrames)];
-        }
-        _ => parts.push((gap.clone(), gap_worth(&run.bytes[gap.clone()], is_glued(gap.start), false))),
-    }
-    // What has decimal digits only may be a date.
-    let is_listed = |bytes: &[u8]| bytes.len() >= MIN_LISTED_BYTES && bytes.iter().any(|b| b >> 4 > 9 || b & 15 > 9);
-    parts.retain(|(range, worth)| !range.is_empty() && (*worth != Worth::Beside || is_listed(&run.bytes[range.clone()])));
-    parts
-}
-
-/// What bytes beside a frame are worth. They were on the line if the separators are the same, unless they are so few that they
-/// may be a number of other meaning. Zeros and FF are what a line driver leaves.
-fn gap_worth(bytes: &[u8], same_separators: bool, is_between: bool) -> Worth {
-    let is_glitch = bytes.iter().all(|b| matches!(b, 0 | 0xFF));
-    let were_on_line = same_separators && (is_between || is_glitch || bytes.len() >= MIN_NEIGHBOUR_BYTES);
-    if were_on_line {
-        Worth::LikeFrames
-    } else {
-        Worth::Beside
-    }
-}
-
-/// Bytes of the current line.
-fn found(line: &[u8], front: Range<usize>, bytes: Vec<u8>, shape: Option<Shape>, worth: Worth) -> Found {
-    Found { earlier: Vec::new(), side: sender(&line[front.clone()]), front, bytes, shape, worth, lacks_checksum: false }
 }

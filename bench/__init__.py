@@ -1,0 +1,1 @@
+"""Measures speed and memory of the installed command; each module is a program."""

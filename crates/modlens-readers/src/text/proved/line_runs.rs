@@ -1,0 +1,142 @@
+//! The runs of bytes in a line: in the first notation in which it holds frames, and how many bytes of hex it has.
+
+use std::ops::Range;
+
+use crate::text::notation::{Notation, NotationFlags};
+use crate::text::proved::frames;
+use crate::text::proved::runs::{hex_runs, number_runs, Run, Style};
+use modlens_protocol::checksum::lrc;
+use modlens_protocol::hex::decode_pairs;
+
+/// Longer lines are read in parts of this length.
+const MAX_PART_CHARS: usize = 1 << 15;
+
+/// The most escaped strings that are read in one line.
+const MAX_STRINGS: usize = 16;
+
+/// So many words of two hex digits in a line are bytes, whatever stands between them.
+const MIN_SCATTERED_BYTES: usize = 8;
+
+/// Where the part of the line that begins at `start` ends: at its end, or at a blank.
+pub(super) fn part_end(line: &[u8], start: usize) -> usize {
+    let limit = line.len().min(start + MAX_PART_CHARS);
+    if limit == line.len() {
+        return limit;
+    }
+    line[start..limit].iter().rposition(|b| matches!(b, b' ' | b'\t' | b'"' | b'\'')).map_or(limit, |at| start + at + 1)
+}
+
+/// The runs with the positions of a line whose text from `start` on was searched.
+pub(super) fn shifted(runs: Vec<Run>, start: usize) -> Vec<Run> {
+    runs.into_iter().map(|run| run.shifted(start)).collect()
+}
+
+/// The runs of the first notation in which the line holds frames, each with the positions of its frames; runs without a
+/// frame stand among them.
+pub(super) fn proved_runs(line: &[u8], start: usize) -> Vec<(Run, Vec<Range<usize>>)> {
+    let part = &line[start..];
+    let read: [&dyn Fn() -> Vec<Run>; 7] = [
+        &|| hex_runs(part),
+        &|| ascii_runs(part),
+        &|| escaped_runs(part),
+        &|| number_runs(part, Style::Decimal).into_iter().filter(|run| is_decimal(part, run)).collect(),
+        &|| number_runs(part, Style::Loose),
+        &|| number_runs(part, Style::Decimal),
+        &|| number_runs(part, Style::Binary),
+    ];
+    for read in read {
+        let proved: Vec<_> = shifted(read(), start)
+            .into_iter()
+            .map(|run| {
+                let frames = if run.style == Style::Ascii { whole(&run) } else { frames::prove(&run.bytes, &run.edges) };
+                (run, frames)
+            })
+            .collect();
+        if proved.iter().any(|(_, frames)| !frames.is_empty()) {
+            return proved;
+        }
+    }
+    Vec::new()
+}
+
+/// The notation of the runs that hold frames.
+pub(super) fn style_of_frames(proved: &[(Run, Vec<Range<usize>>)]) -> Style {
+    proved.iter().find(|(_, frames)| !frames.is_empty()).map_or(Style::Pairs, |(run, _)| run.style)
+}
+
+/// The position of a frame that is the whole run.
+fn whole(run: &Run) -> Vec<Range<usize>> {
+    std::iter::once(0..run.bytes.len()).collect()
+}
+
+/// Whether the numbers are decimal rather than hex without leading zeros: there are commas, or numbers of three digits.
+fn is_decimal(line: &[u8], run: &Run) -> bool {
+    let text = &line[run.text.clone()];
+    text.contains(&b',')
+        || text.chunk_by(|a, b| a.is_ascii_digit() == b.is_ascii_digit()).any(|part| part.len() == 3 && part[0].is_ascii_digit())
+}
+
+/// Frames of Modbus ASCII: a colon and pairs of hex digits with a valid LRC and a known layout.
+fn ascii_runs(line: &[u8]) -> Vec<Run> {
+    let mut runs = Vec::new();
+    for colon in memchr::memchr_iter(b':', line) {
+        let digits = line[colon + 1..].iter().take_while(|b| b.is_ascii_hexdigit()).count();
+        let end = colon + 1 + digits;
+        let mut bytes = Vec::new();
+        let is_word = !line.get(end).is_some_and(u8::is_ascii_alphanumeric);
+        let are_bytes = digits >= 8 && digits.is_multiple_of(2) && decode_pairs(&line[colon + 1..end], &mut bytes);
+        if is_word && are_bytes && lrc(&bytes) == 0 && frames::fits_known_function(&bytes[1..bytes.len() - 1]) {
+            let bytes = [&line[colon..end], b"\r\n"].concat();
+            runs.push(Run::whole(Style::Ascii, colon..end, bytes));
+        }
+    }
+    runs
+}
+
+/// Strings with escape sequences, in quotes or up to the end of the line.
+pub(super) fn escaped_runs(line: &[u8]) -> Vec<Run> {
+    let mut runs = Vec::new();
+    let mut from = 0;
+    while let Some(escape) = memchr::memchr(b'\\', &line[from..]).filter(|_| runs.len() < MAX_STRINGS).map(|at| from + at) {
+        let quote = line[from..escape].iter().rposition(|b| matches!(b, b'"' | b'\'' | b'`')).map(|at| from + at);
+        let start = quote.map_or(escape, |quote| quote + 1);
+        let mut bytes = Vec::new();
+        let stop = quote.map(|quote| line[quote]);
+        let length = Notation::Escaped.read(&line[start..], stop, &mut bytes, &mut NotationFlags::default()).unwrap_or(0);
+        // After the last quote of a line there may be further text, which is no byte.
+        runs.push(Run::whole(Style::Escaped, start..start + length, bytes));
+        from = (start + length).max(escape + 1);
+    }
+    runs
+}
+
+/// How many bytes of hex a line holds, but for short runs, for dates and times of day, and for UUIDs.
+pub(in crate::text) fn hex_bytes(line: &[u8]) -> usize {
+    let part = &line[..part_end(line, 0)];
+    let counts = |run: &Run| run.bytes.len() >= 4 && !is_other_text(&part[run.text.clone()]);
+    let count = hex_runs(part).iter().filter(|run| counts(run)).map(|run| run.bytes.len()).sum();
+    if count > 0 {
+        return count;
+    }
+    // Bytes with other text between them, such as `00: 02, 01: 02`.
+    let words = part.split(u8::is_ascii_whitespace).map(without_marks);
+    let words = words.filter(|word| word.len() == 2 && word.iter().all(u8::is_ascii_hexdigit));
+    let numbers = number_runs(part, Style::Decimal).into_iter().map(|run| run.bytes.len()).max();
+    Some(words.count().max(numbers.unwrap_or(0))).filter(|bytes| *bytes >= MIN_SCATTERED_BYTES).unwrap_or(0)
+}
+
+/// A word without the punctuation around it.
+fn without_marks(word: &[u8]) -> &[u8] {
+    let Some(start) = word.iter().position(u8::is_ascii_alphanumeric) else { return &[] };
+    let end = word.iter().rposition(u8::is_ascii_alphanumeric).map_or(start, |last| last + 1);
+    &word[start..end]
+}
+
+/// Whether a run of digits is a date, a time of day or a UUID.
+pub(super) fn is_other_text(text: &[u8]) -> bool {
+    let has_letters = text.iter().any(u8::is_ascii_alphabetic);
+    let has_time = memchr::memchr_iter(b':', text).count() == 2;
+    let has_year = matches!(text, [b'1' | b'2', b'9' | b'0', _, _, b'-' | b'/' | b'.', ..]);
+    let is_uuid = text.len() == 36 && [8, 13, 18, 23].iter().all(|&at| text[at] == b'-');
+    is_uuid || (!has_letters && text.len() < 30 && (has_time || has_year))
+}
