@@ -26,7 +26,7 @@ class Tape:
         self.now = end
 
     def codes(self, folder: Path) -> list[str]:
-        """What the doctor says of it."""
+        """What the doctor reports for it."""
         path = folder / "tape.jsonl"
         path.write_text("".join(self.lines), "utf-8")
         return [row["code"] for row in decode(path, line="19200-8E1").doctor()["diagnoses"]]

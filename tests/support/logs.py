@@ -413,6 +413,14 @@ def _stamped_dump(entries: Iterable[LogEntry]) -> str:
     return text
 
 
+def _ser2net(entries: Iterable[LogEntry]) -> str:
+    text = ""
+    for one in entries:
+        head = f"{one.time('%Y/%m/%d %H:%M:%S')} {'tcp ' if one.sent else 'term'}"
+        text += _dump(one.data, lambda _, row, h=head: f"{h} {_low(row):23}  |{_visible(row)}|", 8)
+    return text
+
+
 def _joined(line: Callable[[int, bytes], str], end: str) -> Callable[[Iterable[LogEntry]], str]:
     def whole(entries: Iterable[LogEntry]) -> str:
         data = b"".join(one.data for one in entries)
@@ -434,6 +442,7 @@ _WHOLE: dict[str, Callable[[Iterable[LogEntry]], str]] = {
     "od-bytes": _joined(lambda at, row: f"{at:07o} {_low(row):47}  >{_visible(row)}<", "07o"),
     "serial-hexdump": _stamped_dump,
     "pyserial-spy": _spy,
+    "ser2net": _ser2net,
 }
 
 SINGLE_LINE = tuple(_LINES)
@@ -451,7 +460,9 @@ RESOLUTION = {
     "proved": _MS,
     **dict.fromkeys(("esp-idf", "pyserial-spy", "epics", "serialtool"), _MS),
     **dict.fromkeys(("chunks", "strace", "text2pcap", "tcpdump", "socat", "jpnevulator"), _US),
-    **dict.fromkeys(("mbusd", "goburrow", "esphome-uart", "esphome-modbus", "eltima"), 1000 * _MS),
+    **dict.fromkeys(
+        ("mbusd", "goburrow", "esphome-uart", "esphome-modbus", "eltima", "ser2net"), 1000 * _MS
+    ),
 }
 """The steps of the clock of those that print times."""
 

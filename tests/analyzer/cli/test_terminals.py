@@ -76,15 +76,15 @@ def test_no_command_moves_the_cursor(words: tuple[str, ...], recording: Path) ->
     assert not UNSAFE.search(got), ascii(got)
 
 
-def test_files_and_pipes_get_every_character(recording: Path, tmp_path: Path) -> None:
-    """The name as it is, in the file and through the pipe."""
+def test_files_and_pipes_get_all_but_control_characters(recording: Path, tmp_path: Path) -> None:
+    """The name as it is, in the file and through the pipe; a control character would act later."""
     out = tmp_path / "out.csv"
     words = ("export", recording, "--columns", "bus,status")
     piped = subprocess.run(
         command(*words, "--to", "csv", "-o", out),
         capture_output=True, check=True, env=environment(), cwd=ROOT,
     ).stdout  # fmt: skip
-    assert str(recording) in piped.decode()
+    assert str(recording).replace("\x1b", "?") in piped.decode()
     assert out.read_bytes() == piped
 
 

@@ -18,6 +18,11 @@ STEP = 1_000_000_000
 NO_SIDES = {name for name, row in ROWS.items() if all(side == "either" for side, _ in row["bytes"])}
 """Dialects that do not say who speaks."""
 
+MASTER_ONLY = {
+    name for name, row in ROWS.items() if {side for side, _ in row["bytes"]} == {"sent", "either"}
+}
+"""Dialects that say who speaks of what the master sends only."""
+
 SHORTEST = 4
 """An RTU frame is not shorter; some rows take no fewer bytes for a record."""
 
@@ -50,7 +55,7 @@ def runs(strings: list[tuple[str | None, bytes]]) -> list[tuple[str | None, byte
 
 def side_of(name: str, one: LogEntry) -> str | None:
     """What the dialect reports about the sender."""
-    if name in NO_SIDES:
+    if name in NO_SIDES or (name in MASTER_ONLY and not one.sent):
         return None
     return "sent" if one.sent else "received"
 
