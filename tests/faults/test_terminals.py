@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -28,10 +29,11 @@ def test_every_format_and_command_on_a_terminal(tmp_path: Path) -> None:
 
 
 def test_files_keep_every_character(tmp_path: Path, modlens: Modlens) -> None:
-    """The name of an interface in a file: exactly, JSON's escapes undone."""
+    """The name of an interface: exactly in JSON, without control characters in CSV."""
     capture = make(tmp_path)["pcapng"]
     rows, table = tmp_path / "rows.jsonl", tmp_path / "rows.csv"
     done = modlens("export", capture, "-o", rows, "-o", table, "--columns", "bus,status")
     assert done.status == 0, done.err
     assert json.loads(rows.read_text().split("\n")[0])["bus"] == HOSTILE
-    assert HOSTILE.encode() in table.read_bytes()
+    harmless = re.sub(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]", "?", HOSTILE)
+    assert harmless.encode() in table.read_bytes()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import pty
@@ -50,6 +51,14 @@ def port() -> Iterator[tuple[int, str]]:
     os.close(theirs)
 
 
+def has_open(pid: int, path: str) -> bool:
+    """Whether a process has opened this file."""
+    folder = Path(f"/proc/{pid}/fd")
+    with contextlib.suppress(OSError):
+        return any(os.readlink(entry) == path for entry in folder.iterdir())
+    return False
+
+
 def tap(program: Path, port: tuple[int, str], *words: str, cwd: Path) -> tuple[int, str, str]:
     """Run the tap while exchanges come, until it has what `--count` says; status, output, notes."""
     running = subprocess.Popen(
@@ -60,6 +69,10 @@ def tap(program: Path, port: tuple[int, str], *words: str, cwd: Path) -> tuple[i
 
     def talk() -> None:
         until = time.monotonic() + TIMEOUT_S / 2
+        # What arrives before the tap has set the port up is dropped: the line speaks afterwards.
+        while running.poll() is None and not has_open(running.pid, port[1]):
+            time.sleep(0.005)
+        time.sleep(0.1)
         while not ended.is_set() and time.monotonic() < until:
             for text in EXCHANGES:
                 os.write(port[0], bytes.fromhex(text))

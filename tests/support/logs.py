@@ -417,7 +417,9 @@ def _ser2net(entries: Iterable[LogEntry]) -> str:
     text = ""
     for one in entries:
         head = f"{one.time('%Y/%m/%d %H:%M:%S')} {'tcp ' if one.sent else 'term'}"
-        text += _dump(one.data, lambda _, row, h=head: f"{h} {_low(row):23}  |{_visible(row)}|", 8)
+        text += "".join(
+            f"{head} {_low(row):23}  |{_visible(row)}|\n" for _, row in _lines(one.data, 8)
+        )
     return text
 
 
