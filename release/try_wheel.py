@@ -4,7 +4,8 @@
 
 A wheel for another processor runs under qemu-user, in the Python that Debian has for it; its files
 are fetched by mmdebstrap into `target/roots`, outside of the system. The demo, exports of a
-recording and a tap on a pseudo terminal have to give what they give on this machine.
+recording have to give what they give on this machine. A tap on a pseudo terminal is tried on this
+machine's own kind only: qemu-user 7 does not know the calls that set a port's rate (TCSETS2).
 """
 
 from __future__ import annotations
@@ -44,6 +45,7 @@ class Trial:
     def __init__(self, wheel: Path, machine: str, folder: Path) -> None:
         self._site = folder / "site"
         self._python = python_of(machine)
+        self.is_emulated = len(self._python) > 1
         install(wheel, self._site)
 
     def command(self, *words: str | Path) -> list[str]:
@@ -174,9 +176,11 @@ def main() -> int:
             folder = Path(place)
             trial = Trial(wheel, name.rpartition("-")[2], folder)
             try_recording(trial, folder, quick=options.quick)
-            try_tap(trial, folder)
+            if not trial.is_emulated:
+                try_tap(trial, folder)
         seconds = time.monotonic() - start
-        sys.stdout.write(f"{name}: demo, exports and tap, {seconds:.0f} s\n")
+        tap = "; no tap: qemu-user knows no TCSETS2" if trial.is_emulated else " and tap"
+        sys.stdout.write(f"{name}: demo, exports{tap}, {seconds:.0f} s\n")
         sys.stdout.flush()
     return 0
 
