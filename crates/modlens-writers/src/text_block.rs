@@ -1,5 +1,5 @@
 //! A block of text that is written to a file in one block. Lines whose length has a bound that is known before are made in it: their
-//! blocks are written one after the other, and nobody asks for each whether there is room.
+//! blocks are written one after the other, without a check for room before each.
 
 use modlens_protocol::decimal::{decimal_texts, texts_with_comma};
 use modlens_protocol::hex::digits_of;

@@ -142,7 +142,7 @@ pub struct RecordedFrame {
     pub echo: bool,
 }
 
-/// A case of bytes that somebody has recorded.
+/// Recorded bytes as a case.
 pub fn recorded_case(name: String, settings: Settings, recorded: (Vec<u8>, Vec<TapRead>), frames: Vec<RecordedFrame>) -> Case {
     let truth = frames.iter().map(|frame| truth_of(frame, &recorded.0)).collect();
     case(name, settings, recorded, truth)

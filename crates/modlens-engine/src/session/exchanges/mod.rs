@@ -9,7 +9,7 @@
 //! | in the lines of a log with times as they come | `line_pairs` (`line_run`) |
 //!
 //! They share `run` (what stays the same in a run of exchanges), `emit` and `rows`. What qualifies, and why the rows are those of
-//! the slow path, is told in `fast_path`.
+//! the slow path, is described in `fast_path`.
 
 mod ascii_batch;
 mod compact_run;
