@@ -720,6 +720,7 @@ class Session:
         tables: Sequence[str] | None = None,
         bus_name: str | None = None,
         overview: Literal["none", "series", "all"] = "none",
+        select: Sequence[Predicate] | None = None,
     ) -> Session:
         """A session of no bus yet.
 
@@ -728,6 +729,9 @@ class Session:
         - `bus_name`: of buses that a capture, samples or a text would name after its source
         - `overview`: collect for `document` what reports draw, or without values of registers and
           examples the `courses` that `modlens stats` draws
+        - `select`: a condition, compiled for transactions and for each other table that has its
+          columns; rows that do not meet it are neither emitted nor counted. `ValueError` without
+          the one for transactions
         """
     def bind(self, profile: Profile, units: Sequence[int], *, bus: str | None = None) -> None:
         """A profile for these units of one bus (by name) or of all; the last one wins.

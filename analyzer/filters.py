@@ -62,15 +62,16 @@ from __future__ import annotations
 
 import ast
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import _modlens
 from analyzer.columns import columns
 from analyzer.filter_compiler import Compiler, Tree
 from analyzer.filter_words import wrong_operator
-from dissectors.errors import FilterError
+from dissectors.errors import FilterError, UsageError
 
-__all__ = ["MAX_CHARACTERS", "Filter", "parse"]
+__all__ = ["MAX_CHARACTERS", "Filter", "parse", "selection"]
 
 MAX_CHARACTERS = 4096
 """The longest filter, in characters."""
@@ -123,3 +124,18 @@ def parse(text: str, table: str = "transactions") -> Filter:
     compiler = Compiler(text.strip(), table, known)
     tree = compiler.condition(expression)
     return Filter(table, ast.unparse(expression), tree, tuple(dict.fromkeys(compiler.notes)))
+
+
+def selection(text_for: Callable[[str], str]) -> tuple[_modlens.Predicate, ...]:
+    """Compiles a condition for transactions, and for each other table that has its columns.
+
+    `text_for` gives the text for a table. The result is for `Settings.select`: frames and findings
+    follow their transaction, those without one have to meet the condition themselves.
+    """
+    found = [parse(text_for("transactions"), "transactions")]
+    for table in ("frames", "findings", "connections"):
+        try:
+            found.append(parse(text_for(table), table))
+        except (FilterError, UsageError):
+            continue  # The condition is about transactions: no row without one can meet it.
+    return tuple(one.predicate() for one in found)

@@ -40,6 +40,7 @@ class Settings:
     - `date`: the day of the first time without a date, as 2026-11-21
     - `bus_name`: of buses that would be named after their recording, which is one of several; None
       names them so
+    - `select`: which rows are kept and counted (`analyzer.filters.selection`); all by default
     - `overview`: what to collect of what reports draw; the `courses` have neither values of
       registers nor examples nor rows by function
     """
@@ -57,6 +58,7 @@ class Settings:
     zone: Sequence[tuple[int, int]] = ()
     date: str | None = None
     bus_name: str | None = None
+    select: Sequence[_modlens.Predicate] = ()
     overview: Literal["none", "series", "all"] = "none"
 
     def __post_init__(self) -> None:
@@ -77,6 +79,7 @@ class Settings:
             tables=tuple(tables),
             bus_name=self.bus_name,
             overview=self.overview,
+            select=tuple(self.select) or None,
         )
         for one in self.profiles:
             core.bind(one.profile.core, one.units, bus=one.bus)

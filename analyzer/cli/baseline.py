@@ -8,6 +8,7 @@ from analyzer.baseline_file import dumps
 from analyzer.cli.import_ import write_text
 from analyzer.cli.messages import Messages
 from analyzer.cli.parser import add_decoding, add_input, add_line
+from analyzer.cli.selection import add_selection
 from analyzer.cli.watched_files import watched
 
 __all__ = ["add_arguments", "run"]
@@ -27,6 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", dest="output", metavar="OUT", help="TOML file to write (default: standard output)"
     )
+    add_selection(parser)
     add_decoding(parser)
     add_line(parser)
     parser.epilog = EPILOG

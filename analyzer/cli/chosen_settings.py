@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import _modlens
+from analyzer.cli.selection import selected_rows
 from analyzer.durations import parse_duration
 from analyzer.line import EXAMPLE, Line, parse_line
 from analyzer.settings import Settings
@@ -51,6 +52,7 @@ def settings(options: argparse.Namespace) -> Settings:
         dialects=load_dialects(getattr(options, "dialects", [])),
         zone=utc_offset_changes(getattr(options, "timezone", None)),
         date=check_date(getattr(options, "date", None)),
+        select=selected_rows(options),
     )
 
 

@@ -7,6 +7,7 @@ import argparse
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import DAMAGED
 from analyzer.cli.parser import add_decoding, add_input, add_line
+from analyzer.cli.selection import add_selection
 from analyzer.cli.standard_streams import print_text
 from analyzer.cli.watched_files import watched
 from analyzer.security import rules
@@ -34,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--strict", action="store_true", help="exit with status 1 if there is a difference"
     )
+    add_selection(parser)
     add_decoding(parser)
     add_line(parser)
     parser.epilog = EPILOG

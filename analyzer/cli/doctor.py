@@ -14,6 +14,7 @@ from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import DAMAGED, SIGNALLED
 from analyzer.cli.parser import add_archive, add_decoding, add_input, add_line
 from analyzer.cli.segmentation import report_silence_limits
+from analyzer.cli.selection import add_selection, check_selected
 from analyzer.cli.standard_streams import print_text
 from analyzer.cli.stop_signals import StopSignals
 from analyzer.views.health import show_health
@@ -37,6 +38,7 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     add_input(parser)
+    add_selection(parser)
     add_decoding(parser)
     add_line(parser)
     add_archive(parser, "buses examined side by side with --to csv")
@@ -70,6 +72,7 @@ def run(options: argparse.Namespace) -> int:
             if stop_signals.received():
                 files.finish()
                 break
+        check_selected(options, files.stats(), messages)
         found = files.doctor()
         _print(options.to, found)
         if stop_signals.signal is not None:

@@ -17,6 +17,7 @@ from analyzer.cli.find_times import RecordedTimes, parsed_time
 from analyzer.cli.history_file import History, load_history
 from analyzer.cli.messages import Messages
 from analyzer.cli.parser import add_decoding, add_input, add_line
+from analyzer.cli.selection import add_selection
 from analyzer.cli.standard_streams import print_text
 from analyzer.views.candidates import show_candidates
 from analyzer.views.screen import stdout
@@ -80,6 +81,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     group.add_argument("--limit", type=int, default=5, metavar="N", help="show N (default: 5)")
     group.add_argument("--to", choices=("jsonl",), help="write one JSON object per candidate")
+    add_selection(parser, times=False)
     add_decoding(parser)
     add_line(parser)
     parser.epilog = EPILOG

@@ -8,6 +8,7 @@ from typing import Any
 from analyzer.cli.import_ import show_notes, write_text
 from analyzer.cli.parser import add_decoding, add_input, add_line
 from analyzer.cli.register_survey import survey
+from analyzer.cli.selection import add_selection
 from dissectors.errors import UsageError
 from dissectors.importers.toml import dumps
 from dissectors.profile import from_model
@@ -34,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", dest="output", metavar="OUT", help="TOML file to write (default: standard output)"
     )
+    add_selection(parser)
     add_decoding(parser)
     add_line(parser)
     parser.epilog = EPILOG

@@ -13,6 +13,7 @@ from analyzer.cli.file_input import file_run
 from analyzer.cli.known_devices import device_hints, usable_profiles
 from analyzer.cli.messages import Messages
 from analyzer.cli.parser import add_decoding, add_input, add_line
+from analyzer.cli.selection import add_selection
 from analyzer.cli.standard_streams import report
 from analyzer.cli.stop_signals import StopSignals
 from analyzer.views.registers import show_map
@@ -38,6 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--address", choices=BASES, default="wire", help="how to show addresses (default: wire)"
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object per line")
+    add_selection(parser)
     add_decoding(parser)
     add_line(parser)
     parser.epilog = EPILOG

@@ -8,6 +8,7 @@ from analyzer.cli.known_devices import ranked, usable_profiles
 from analyzer.cli.learn import tables_of_unit
 from analyzer.cli.parser import add_decoding, add_input, add_line
 from analyzer.cli.register_survey import survey
+from analyzer.cli.selection import add_selection
 from analyzer.profiles import load
 from analyzer.views.screen import stdout, visible
 
@@ -40,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help=f"show all known profiles (default: the {MOST_SHOWN} best)",
     )
+    add_selection(parser)
     add_decoding(parser)
     add_line(parser)
     parser.epilog = EPILOG

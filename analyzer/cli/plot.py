@@ -13,6 +13,7 @@ from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import SIGNALLED
 from analyzer.cli.parser import add_decoding, add_input, add_line
 from analyzer.cli.recording_document import write_page
+from analyzer.cli.selection import add_selection
 from analyzer.cli.stop_signals import StopSignals
 from analyzer.filters import Filter, parse
 from analyzer.session import FileRun
@@ -47,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="EXPR",
         help="which readings, such as 'unit == 1 and address == 107', or the name of one",
     )
+    add_selection(parser)
     add_decoding(parser)
     add_line(parser)
     parser.add_argument(

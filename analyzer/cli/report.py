@@ -8,6 +8,7 @@ from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import SIGNALLED
 from analyzer.cli.parser import add_decoding, add_input, add_line
 from analyzer.cli.recording_document import RecordingDocument, write_page
+from analyzer.cli.selection import add_selection
 from analyzer.cli.stop_signals import StopSignals
 from analyzer.report.page import page, viewer
 from dissectors.errors import CaptureError, UsageError
@@ -28,6 +29,7 @@ The page needs no network and can be mailed. Drop the JSON of `modlens stats
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     add_input(parser, optional=True)
+    add_selection(parser)
     add_decoding(parser)
     add_line(parser)
     parser.add_argument(

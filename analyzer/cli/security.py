@@ -9,6 +9,7 @@ from analyzer.cli.import_ import write_text
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import DAMAGED
 from analyzer.cli.parser import add_decoding, add_input, add_line
+from analyzer.cli.selection import add_selection
 from analyzer.cli.standard_streams import print_text
 from analyzer.cli.watched_files import read_baseline, watched
 from analyzer.security import SEVERITIES, Finding, Rule, load_rules, rules
@@ -57,6 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="exit with status 1 if there is a finding of severity high or medium",
     )
+    add_selection(parser)
     add_decoding(parser)
     add_line(parser)
     parser.epilog = EPILOG

@@ -10,6 +10,7 @@ from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import DAMAGED, SIGNALLED
 from analyzer.cli.parser import add_decoding, add_input, add_line, add_strict
 from analyzer.cli.recording_document import RecordingDocument
+from analyzer.cli.selection import add_selection
 from analyzer.cli.standard_streams import print_text
 from analyzer.cli.stop_signals import StopSignals
 from analyzer.views.courses import show_courses
@@ -25,6 +26,7 @@ __all__ = ["add_arguments", "run"]
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     add_input(parser)
+    add_selection(parser)
     add_decoding(parser)
     add_line(parser)
     parser.add_argument(

@@ -3,6 +3,7 @@
 pub mod histogram;
 mod request_indices;
 mod requests;
+mod rows;
 
 use std::collections::BTreeMap;
 

@@ -9,6 +9,7 @@ use modlens_engine::framer::silence::SilenceRule;
 use modlens_engine::records::Bus;
 use modlens_engine::session::{BusOptions, CaptureOptions, Session as Core, WantedTables};
 use modlens_protocol::framing::Mode;
+use modlens_protocol::functions::Functions as CoreFunctions;
 use modlens_protocol::source::{Clock, Place};
 use modlens_readers::chunk::{Chunk, Times};
 use modlens_readers::logic::Wiring;
@@ -17,6 +18,7 @@ use modlens_readers::text::{day_of, ClockSettings, Reader as TextReader};
 use modlens_recorder::LiveStatus;
 use modlens_tables::columns::TableKind;
 use modlens_tables::overview::Overview;
+use modlens_tables::selection::Selection;
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use serde_json::json;
@@ -27,6 +29,7 @@ use crate::dialects::Dialects;
 use crate::functions::Functions;
 use crate::profile::Profile;
 use crate::read_ahead::{ReadBlock, Reader};
+use crate::table::Predicate;
 
 /// The framing of this name; `None` stands for `auto`, which lets the engine detect it.
 pub(crate) fn framing(name: &str) -> PyResult<Option<Mode>> {
@@ -62,6 +65,9 @@ fn clock_name(clock: Clock) -> &'static str {
 #[pyclass(module = "_modlens")]
 pub struct Session {
     core: Core,
+    /// Which rows are kept and counted; all without it.
+    selection: Option<Selection>,
+    functions: Arc<CoreFunctions>,
     /// What is counted for diagnoses, if these are wanted.
     contrast: Option<Contrast>,
     /// What the doctor has said of that at the end of the recordings.
@@ -76,7 +82,7 @@ pub struct Session {
 #[pymethods]
 impl Session {
     #[new]
-    #[pyo3(signature = (functions, *, live=false, timeout_ns=None, tables=None, bus_name=None, overview="none"))]
+    #[pyo3(signature = (functions, *, live=false, timeout_ns=None, tables=None, bus_name=None, overview="none", select=None))]
     fn new(
         functions: &Functions,
         live: bool,
@@ -84,6 +90,7 @@ impl Session {
         tables: Option<Vec<String>>,
         bus_name: Option<String>,
         overview: &str,
+        select: Option<Vec<PyRef<'_, Predicate>>>,
     ) -> PyResult<Self> {
         let mut wanted = WantedTables { frames: tables.is_none(), transactions: tables.is_none(), findings: tables.is_none() };
         let mut contrast = None;
@@ -104,6 +111,11 @@ impl Session {
             "all" => Some(Overview::default()),
             other => return Err(value_error(format!("overview {other:?} is not one of none, series, all"))),
         };
+        let conditions = select.map(|all| all.iter().map(|one| one.core.clone()).collect());
+        let selection = conditions.map(Selection::new).transpose().map_err(value_error)?;
+        if selection.is_some() {
+            (wanted.frames, wanted.transactions, wanted.findings) = (true, true, true);
+        }
         let shows_frames = wanted.frames;
         if contrast.is_some() || overview.is_some() {
             (wanted.frames, wanted.transactions) = (true, true);
@@ -115,7 +127,16 @@ impl Session {
         if let Some(name) = bus_name {
             core.name_buses(name);
         }
-        Ok(Self { core, contrast, report: None, overview, shows_text, buses: 0 })
+        Ok(Self {
+            core,
+            selection,
+            functions: Arc::clone(&functions.core),
+            contrast,
+            report: None,
+            overview,
+            shows_text,
+            buses: 0,
+        })
     }
 
     #[pyo3(signature = (profile, units, *, bus=None))]
@@ -377,14 +398,14 @@ impl Session {
         // Time series are computed where text is shown, which shows the worst diagnosis of each kind.
         let said = if self.shows_text { Report::brief } else { Report::json };
         json!({
-            "doctor": report.as_deref().map(said), "statistics": self.core.stats_json(),
+            "doctor": report.as_deref().map(said), "statistics": self.stats_json(),
             "overview": self.overview.as_ref().map(|overview| overview.json(&examples)),
         })
         .to_string()
     }
 
     fn stats(&self) -> String {
-        self.core.stats_json().to_string()
+        self.stats_json().to_string()
     }
 
     /// What the text reader of a bus reports about the recording, as JSON; for a bus without one all counts are 0.
@@ -417,7 +438,10 @@ impl Session {
     /// The rows of the engine, counted for the doctor.
     fn take_counted(&mut self) -> modlens_engine::records::Batch {
         self.report = None;
-        let batch = self.core.take();
+        let mut batch = self.core.take();
+        if let Some(selection) = &mut self.selection {
+            batch = selection.apply(batch);
+        }
         if let Some(contrast) = &mut self.contrast {
             contrast.observe(&batch);
         }
@@ -425,6 +449,11 @@ impl Session {
             overview.observe(&batch);
         }
         batch
+    }
+
+    /// Statistics of the selection, or of all rows.
+    fn stats_json(&self) -> serde_json::Value {
+        self.selection.as_ref().map_or_else(|| self.core.stats_json(), |selection| selection.stats_json(&self.functions))
     }
 
     /// What the doctor says so far; `None` where diagnoses are not wanted.

@@ -22,7 +22,7 @@ use crate::lines::{as_bytes, Encoder, Pieces};
 /// A compiled filter for one table.
 #[pyclass(frozen, module = "_modlens")]
 pub struct Predicate {
-    core: CorePredicate,
+    pub(crate) core: CorePredicate,
 }
 
 #[pymethods]

@@ -7,6 +7,7 @@
 //! - `latest_values` keeps the last value of every register and point, `register_series` all values for searches,
 //!   `register_survey` collects what a master reads and
 //!   writes, for a first profile of a device, `overview` what happened over time, for reports.
+//! - `selection` keeps the rows that a user has chosen, before anything is counted.
 
 pub mod cell_text;
 pub mod columns;
@@ -15,3 +16,4 @@ pub mod overview;
 pub mod predicate;
 pub mod register_series;
 pub mod register_survey;
+pub mod selection;

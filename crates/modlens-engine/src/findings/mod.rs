@@ -32,5 +32,8 @@ pub(crate) const UNCONFIRMED: Finding = Finding::Unconfirmed;
 /// That of an unambiguous exchange whose request was refused.
 pub(crate) const REFUSED: Finding = Finding::Exception;
 
+/// The finding on an incomplete frame; one that the recording cuts does not have it.
+pub(crate) const INCOMPLETE: Finding = Finding::Incomplete;
+
 /// Findings with their details.
 pub type Found = Vec<(Finding, String)>;

@@ -229,7 +229,8 @@ impl ExchangeRun {
         let frame = self.frame + 2 * at as u64;
         let frame_ref = |frame: u64, begin: u32, length: u32, side: usize| {
             let pdu = Span { start: begin + before, length: length - before - behind };
-            FrameRef { frame, wire: Span { start: begin, length }, pdu, start: pair.map(|pair| pair.starts[side]) }
+            let start = pair.map(|pair| pair.starts[side]);
+            FrameRef { frame, wire: Span { start: begin, length }, pdu, start, end: start }
         };
         Transaction {
             number: self.number + at as u64,

@@ -41,6 +41,8 @@ pub struct Frame {
     pub wire: Span,
     /// Start of the first character.
     pub start: Option<Ns>,
+    /// End of the last character.
+    pub end: Option<Ns>,
     /// Its start, counted from the first byte of the recording.
     pub elapsed: Option<Ns>,
     /// Silence before the frame.
@@ -97,6 +99,8 @@ pub struct FrameRef {
     pub pdu: Span,
     /// Start of its first character.
     pub start: Option<Ns>,
+    /// End of its last character.
+    pub end: Option<Ns>,
 }
 
 /// A request and its response.

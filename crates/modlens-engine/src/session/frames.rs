@@ -232,6 +232,7 @@ fn frame_row(framed: &FrameResult, frame: &ObservedFrame<'_>, timing: &FrameTimi
         offset: timing.offset,
         wire,
         start: timing.start,
+        end: timing.end,
         elapsed: None,
         gap: timing.gap,
         pauses: timing.pauses,

@@ -104,6 +104,7 @@ fn frame_row(metadata: &PacketMetadata<'_>, observed: &ObservedFrame<'_>) -> Fra
         number: observed.number,
         offset: number(text, "offset").unwrap_or(0),
         start: observed.start,
+        end: observed.end,
         gap: observed.gap,
         pauses: InnerPauses::default(),
         mode: observed.mode,

@@ -20,7 +20,7 @@ pub(super) fn store_frame(batch: &mut Batch, frame: &BufferedFrame) -> FrameRef 
         Some(at) => Span { start: wire.start + at as u32, length: frame.pdu().len() as u32 },
         None => batch.store(frame.pdu()),
     };
-    FrameRef { frame: frame.number, wire, pdu, start: frame.start }
+    FrameRef { frame: frame.number, wire, pdu, start: frame.start, end: frame.end }
 }
 
 /// What the row of a finding reports about the place where it was found.

@@ -91,7 +91,13 @@ impl ExchangeRows<'_> {
     #[inline(always)]
     #[allow(clippy::inline_always)] // A row is large, and `Session::emit_exchange` moves it into its table at once.
     pub(super) fn transaction(&self, points: Option<Arc<PlanInstance>>, pdus: [Span; 2], findings: Span) -> Transaction {
-        let frame_ref = |frame: u64, wire: Span, pdu: Span, start: Option<Ns>| FrameRef { frame, wire, pdu, start };
+        let frame_ref = |frame: u64, wire: Span, pdu: Span, timing: &FrameTiming| FrameRef {
+            frame,
+            wire,
+            pdu,
+            start: timing.start,
+            end: timing.end,
+        };
         Transaction {
             number: self.txn,
             bus: self.bus,
@@ -111,8 +117,8 @@ impl ExchangeRows<'_> {
             late_response_to: None,
             gap: self.request_timing.gap,
             mbap_id: self.matched.mbap_id,
-            request: frame_ref(self.request_frame, self.request_wire, pdus[0], self.request_timing.start),
-            response: frame_ref(self.request_frame + 1, self.response_wire, pdus[1], self.response_timing.start),
+            request: frame_ref(self.request_frame, self.request_wire, pdus[0], &self.request_timing),
+            response: frame_ref(self.request_frame + 1, self.response_wire, pdus[1], &self.response_timing),
             findings,
             points,
             origin: self.request_timing.origin,
@@ -139,6 +145,7 @@ impl ExchangeRows<'_> {
             offset: timing.offset,
             wire,
             start: timing.start,
+            end: timing.end,
             elapsed: elapsed(self.recording_start, timing.start),
             gap: timing.gap,
             pauses: timing.pauses,
