@@ -6,8 +6,9 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from analyzer.cli.ignored import ignored_for
 from analyzer.cli.messages import Messages
-from analyzer.session import FileRun
+from analyzer.session import FileRun, RecordingStatus
 from analyzer.settings import Settings
 
 if TYPE_CHECKING:
@@ -29,12 +30,19 @@ def file_run(  # noqa: PLR0913 - three by keyword
 
     The threads of a `pool` read what is decoded next.
     """
+
+    def note(status: RecordingStatus) -> None:
+        messages.recording_status(status)
+        if status.format and not status.ended:
+            for text in ignored_for(options, status.format):
+                messages.info(f"{status.name}: {text}")
+
     return FileRun(
         options.files if files is None else files,
         settings,
         read_as=options.read_as,
         replay=getattr(options, "replay", False),
-        on_status=messages.recording_status,
+        on_status=note,
         follow=follow,
         progress=messages.progress,
         ahead=None if pool is None else pool.ahead,

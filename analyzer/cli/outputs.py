@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 
 from analyzer.cli.chosen_settings import settings
 from analyzer.cli.file_input import file_run
+from analyzer.cli.ignored import ignored_in
 from analyzer.cli.messages import Messages
 from analyzer.cli.segmentation import report_silence_limits
 from analyzer.cli.standard_streams import STDOUT, discard_output
@@ -204,6 +205,8 @@ class Outputs:
                 self._sinks.append(self._on_screen)
             elif to is not None:
                 wanted.insert(0, with_suitable_table(Target(options.table, to, None), named=False))
+            for note in ignored_in(options, to, [one.format for one in wanted]):
+                messages.info(note)
             check_style(options.style, wanted)
             if options.context < 0:
                 raise UsageError("--context: a number of frames, 0 or more")

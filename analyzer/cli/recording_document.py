@@ -8,8 +8,10 @@ from functools import cached_property
 from typing import Any, Literal
 
 from analyzer.cli.chosen_settings import settings
+from analyzer.cli.ignored import ignored_for
 from analyzer.cli.messages import Messages
 from analyzer.cli.segmentation import report_silence_limits
+from analyzer.cli.selection import check_selected
 from analyzer.cli.standard_streams import print_text
 from analyzer.cli.stop_signals import StopSignals
 from analyzer.session import FileRun, RecordingStatus
@@ -34,6 +36,7 @@ class RecordingDocument:
         overview: Literal["series", "all"] = "all",
     ) -> None:
         self._statuses: list[RecordingStatus] = []
+        self._options = options
         self._settings = replace(settings(options), tables=("diagnoses",), overview=overview)
         self._messages = messages
         report_silence_limits(self._settings, messages)
@@ -48,6 +51,7 @@ class RecordingDocument:
             if stop_signals.received():
                 self._files.finish()
                 break
+        check_selected(options, self._files.stats(), messages)
 
     @cached_property
     def document(self) -> dict[str, Any]:
@@ -69,6 +73,9 @@ class RecordingDocument:
     def _note(self, status: RecordingStatus) -> None:
         self._statuses.append(status)
         self._messages.recording_status(status)
+        if status.format and not status.ended:
+            for text in ignored_for(self._options, status.format):
+                self._messages.info(f"{status.name}: {text}")
 
 
 def write_page(name: str, content: bytes) -> None:
