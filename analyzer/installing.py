@@ -19,6 +19,7 @@ _DEBIAN = {
     "paho-mqtt": "python3-paho-mqtt",
     "pandas": "python3-pandas",
     "prometheus-client": "python3-prometheus-client",
+    "XlsxWriter": "python3-xlsxwriter",
     "zstandard": "python3-zstandard",
 }
 """What Debian and its descendants call the packages that they have."""

@@ -273,7 +273,7 @@ def _add_output(parser: argparse.ArgumentParser) -> None:
         help="variant of the output format. pcapng: udp (Modbus/UDP, every function decoded by"
         " Wireshark; default), rtu (for its RTU dissector), tcp (dressed as Modbus/TCP), original"
         " (the recording's own packets); zeek, icsnpp: tsv (default) or json; parquet: partitions"
-        " (a folder for each day and bus)",
+        " (a folder for each day and bus); csv: excel (with times that Excel reads)",
     )
     group.add_argument(
         "--context",

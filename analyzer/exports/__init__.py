@@ -26,6 +26,7 @@ __all__ = ["FORMATS", "ExportOptions", "Format", "MultiTableFormat", "format_of"
 
 FORMATS = {
     "csv": "analyzer.exports.csv",
+    "xlsx": "analyzer.exports.xlsx",
     "jsonl": "analyzer.exports.jsonl",
     "parquet": "analyzer.exports.parquet",
     "arrow": "analyzer.exports.arrow",

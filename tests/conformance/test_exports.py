@@ -122,6 +122,7 @@ READERS: dict[str, Callable[[bytes], Rows]] = {
 
 ELSEWHERE = {
     "sqlite": "test_sqlite.py",
+    "xlsx": "test_xlsx.py",
     "pcapng": "test_wireshark.py",
     "pcap": "test_wireshark.py",
     "md": "test_paste.py",
