@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, BinaryIO, Literal, Self, cast
 
 import _modlens
 from analyzer.columns import columns
+from analyzer.data_frames import LEAST_REQUESTS, outages, response_times
 from analyzer.exports import format_of
 from analyzer.exports.sink import Target, with_suitable_table
+from analyzer.filters import selection
 from analyzer.line import Line, parse_line
 from analyzer.live_run import LiveRun
 from analyzer.profiles import Binding, parse_binding, with_vendor_functions
@@ -55,11 +57,13 @@ class Decoding:
         settings: Settings,
         read_as: str | None,
         data: Mapping[str, bytes] | None = None,
+        chosen: str | None = None,
     ) -> None:
         self.names = names
         self._settings = settings
         self._read_as = read_as
         self._data = data or {}
+        self._chosen = chosen
 
     @property
     def transactions(self) -> Rows[TransactionRow]:
@@ -91,6 +95,22 @@ class Decoding:
         """The causes that `modlens doctor` reports: a row each, at the end of a pass."""
         return Rows(self, "diagnoses")
 
+    def where(self, text: str) -> Decoding:
+        """The same recording as if nothing else had happened: for `stats`, `doctor` and the rows.
+
+        The filter chooses transactions; their frames and findings come with them, and rows without
+        a transaction where they meet it themselves. `FilterError` if it cannot be understood.
+
+        >>> from modlens import decode
+        >>> decode(bytes.fromhex("1103006B00037687 110306022B00000064C8BA")).where("unit == 17")
+        <recording memory-1 where unit == 17>
+        """
+        if not isinstance(text, str):
+            raise UsageError('a filter is a text such as where("unit == 1 and exception")')
+        chosen = text if self._chosen is None else f"({self._chosen}) and ({text})"
+        settings = replace(self._settings, select=selection(lambda _: chosen))
+        return Decoding(self.names, settings, self._read_as, self._data, chosen)
+
     def table(self, name: str) -> Rows[AnyRow]:
         """The rows of a table by its name; `UsageError` if there is no such table."""
         columns(name)
@@ -109,7 +129,8 @@ class Decoding:
         return iter(self.transactions)
 
     def __repr__(self) -> str:
-        return f"<recording {', '.join(self.names)}>"
+        chosen = "" if self._chosen is None else f" where {self._chosen}"
+        return f"<recording {', '.join(self.names)}{chosen}>"
 
     def batches(self, *tables: str) -> Iterator[_modlens.Batch]:
         """One pass over the recordings; tables that are not named may be empty in the batches."""
@@ -131,6 +152,25 @@ class Decoding:
         for _ in run.batches():
             pass
         return run.doctor()
+
+    def outages(self, *, requests: int = LEAST_REQUESTS) -> Any:
+        """When units were away, as a `pandas.DataFrame`: at least so many `requests` unanswered.
+
+        A row is a stretch in which every request to a unit was left unanswered: `bus`, `unit`,
+        `begin` (the first such request), `end` (the next one with a response, empty where there is
+        none), `duration`, `last_request`, `requests`. Without times in UTC, `begin` and `end` count
+        from the start. `UsageError` where pandas or pyarrow is not installed.
+        """
+        return outages(self.transactions, requests)
+
+    def response_times(self, by: str | Sequence[str] = "unit", *, every: str | None = None) -> Any:
+        """How fast requests were answered, as a `pandas.DataFrame`: count, p50, p95 and maximum.
+
+        `by` is a column of transactions, or several (`("unit", "function")`); with `every` ('1h',
+        '15min') there is a row for each interval in which there were responses. Times are
+        microseconds. `UsageError` where pandas or pyarrow is not installed.
+        """
+        return response_times(self.transactions, by, every)
 
     def _run(self, tables: Iterable[str]) -> FileRun:
         settings = replace(self._settings, tables=tuple(tables))

@@ -14,6 +14,7 @@ from typing import Any, Generic, Protocol, TypeVar, overload
 
 import _modlens
 from analyzer.columns import columns, pick
+from analyzer.data_frames import library, typed, wide
 from analyzer.exports import ExportOptions, format_of
 from analyzer.exports.sink import (
     ExportSink,
@@ -23,7 +24,6 @@ from analyzer.exports.sink import (
     with_suitable_table,
 )
 from analyzer.filters import Filter, parse
-from analyzer.installing import how_to_install
 from analyzer.visible import visible
 from dissectors.errors import UsageError
 
@@ -139,16 +139,31 @@ class Rows(Generic[Item_co]):
 
     def to_arrow(self) -> Any:
         """A `pyarrow.Table`; `UsageError` where pyarrow is not installed."""
-        return _library("pyarrow").table(self)
+        return library("pyarrow").table(self)
 
     def to_polars(self) -> Any:
         """A `polars.DataFrame`; `UsageError` where polars is not installed."""
-        return _library("polars").DataFrame(self)
+        return library("polars").DataFrame(self)
 
     def to_pandas(self) -> Any:
-        """A `pandas.DataFrame`, by way of pyarrow; `UsageError` where one is not installed."""
-        _library("pandas")
-        return self.to_arrow().to_pandas()
+        """A `pandas.DataFrame`, by way of pyarrow; `UsageError` where one is not installed.
+
+        Texts that come again (`status`, `function_name`) are categories, whole numbers and truth
+        values may be missing (`Int64`, `boolean`), times are UTC to the nanosecond.
+        """
+        return typed(self.to_arrow())
+
+    def wide(self, every: str | None = None, *, how: str = "last") -> Any:
+        """Readings as a `pandas.DataFrame`: time down, a column for each named value.
+
+        A register without a name is `unit 3 holding_register 107`; a name that several units have
+        gets its unit in front, and with several recordings each gets its bus. With `every` ('10s',
+        '15min', '1h') there is a row for each interval, with the `how` of its values: last, first,
+        mean, min or max. Where nothing was read the cell stays empty: no value is carried on.
+
+        `UsageError` for rows of another table, or where pandas or pyarrow is not installed.
+        """
+        return wide(self, every, how)
 
     def __iter__(self) -> Iterator[Item_co]:
         item = self._item()
@@ -290,13 +305,3 @@ def _cell(value: object) -> str:
     if value is None:
         return ""
     return escape(visible(value.hex() if isinstance(value, bytes) else str(value)))
-
-
-def _library(name: str) -> Any:
-    """A library that is only needed here; `UsageError` where it is not installed."""
-    import importlib  # noqa: PLC0415 - hardly anybody needs it
-
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        raise UsageError(f"{name} is not installed: {how_to_install(name)}") from None

@@ -1,0 +1,138 @@
+"""DataFrames, compared with what plain Python makes of the rows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+import modlens
+from tests.conftest import CAPTURES
+
+TIMEOUTS = modlens.decode(CAPTURES / "pymodbus_timeouts" / "recording.jsonl", line="19200-8E1")
+DEAD = modlens.decode(CAPTURES / "pymodbus_dead_unit" / "recording.jsonl", line="9600-8E1")
+PLANT = modlens.decode(CAPTURES / "pymodbus_plant" / "recording.jsonl", line="19200-8E1")
+CLOCKLESS = modlens.decode(CAPTURES / "seed_rtu" / "recording.hex")
+
+
+def test_columns_keep_their_types() -> None:
+    frame = TIMEOUTS.transactions.to_pandas()
+    kinds = {key: str(kind) for key, kind in frame.dtypes.items()}
+    assert kinds["time"] == "datetime64[ns, UTC]"
+    assert (kinds["unit"], kinds["retry_of"], kinds["unconfirmed"]) == ("Int64", "Int64", "boolean")
+    assert (kinds["status"], kinds["function_name"]) == ("category", "category")
+    assert kinds["response_time_us"] == "float64"
+    assert [None if row is pd.NA else row for row in frame["retry_of"]] == [
+        row.retry_of for row in TIMEOUTS.transactions
+    ]
+
+
+def test_values_stand_by_time_and_name() -> None:
+    readings = PLANT.readings.where("unit == 9 and address in (3223, 3224)")
+    frame = readings.wide()
+    assert list(frame) == ["unit 9 holding_register 3223", "unit 9 holding_register 3224"]
+    wanted = [row.value for row in readings if row.address == 3223]
+    assert frame.iloc[:, 0].dropna().tolist() == wanted
+
+
+def test_an_interval_without_a_value_stays_empty() -> None:
+    """Compared with the values of each second, gathered by hand."""
+    readings = DEAD.readings.where("unit == 1 and touches(hr, 0)")
+    frame = readings.wide(every="200ms", how="mean")
+    by_interval: dict[int, list[float]] = {}
+    for row in readings:
+        assert row.time is not None
+        assert row.value is not None
+        by_interval.setdefault(int(row.time.timestamp() * 5), []).append(row.value)
+    for moment, value in frame.iloc[:, 0].items():
+        values = by_interval.get(round(moment.timestamp() * 5))
+        assert (values is None) == pd.isna(value)
+        if values:
+            assert value == pytest.approx(sum(values) / len(values))
+    assert frame.iloc[:, 0].isna().any()
+
+
+def test_a_name_of_several_units_gets_its_unit(tmp_path: Path) -> None:
+    profile = tmp_path / "two.toml"
+    profile.write_text(
+        'profile = 1\n[device]\nid = "two"\n'
+        '[[registers]]\nat = "hr:0"\nname = "level"\ntype = "u16"\n',
+        encoding="utf-8",
+    )
+    path = CAPTURES / "pymodbus_two_units" / "recording.jsonl"
+    both = modlens.decode(path, line="19200-8E1", profiles=[str(profile)])
+    names = set(both.readings.where("name == 'level'").wide())
+    assert names == {"unit 1 level", "unit 2 level"}
+
+
+@pytest.mark.parametrize("name", ["pymodbus_disturbed", "pymodbus_timeouts", "pymodbus_slow_unit"])
+@pytest.mark.parametrize("requests", [1, 2, 3])
+def test_outages_are_runs_of_unanswered_requests(name: str, requests: int) -> None:
+    """Compared with a walk over the rows, unit by unit."""
+    recording = modlens.decode(CAPTURES / name / "recording.jsonl", line="19200-8E1")
+    wanted = []
+    for unit in {row.unit for row in recording.transactions}:
+        run: list[Any] = []
+        for row in recording.transactions.where(f"unit == {unit}"):
+            if row.status == "no_response":
+                run.append(row.time)
+            elif row.status in ("ok", "exception", "bad_response"):
+                wanted += [(*run[:1], unit, len(run), row.time)] * (len(run) >= requests)
+                run = []
+        wanted += [(*run[:1], unit, len(run), pd.NaT)] * (len(run) >= requests)
+    found = recording.outages(requests=requests)
+    rows = [
+        (one.begin.to_pydatetime(warn=False), one.unit, one.requests, one.end)
+        for one in found.itertuples()
+    ]
+    assert [row[:3] for row in rows] == [row[:3] for row in sorted(wanted, key=lambda row: row[0])]
+    assert [row[3] is pd.NaT for row in rows] == [
+        row[3] is pd.NaT for row in sorted(wanted, key=lambda row: row[0])
+    ]
+    assert (found["duration"].dropna() == (found["end"] - found["begin"]).dropna()).all()
+
+
+def test_an_outage_to_the_end_has_no_end() -> None:
+    (row,) = DEAD.outages().itertuples()
+    assert (row.unit, row.requests) == (3, len(DEAD.transactions.where("unit == 3")))
+    assert row.end is pd.NaT
+
+
+def test_response_times_by_unit_and_interval() -> None:
+    frame = TIMEOUTS.response_times(("unit", "function"), every="1s")
+    times = [row for row in TIMEOUTS.transactions if row.response_time_us is not None]
+    assert frame["count"].sum() == len(times)
+    for (moment, unit, function), row in frame.iterrows():
+        here = [
+            one.response_time_us
+            for one in times
+            if (one.unit, one.function) == (unit, function)
+            and one.time is not None
+            and one.time.replace(microsecond=0) == moment
+        ]
+        assert (row["count"], row["max_us"]) == (len(here), max(here))
+
+
+def test_without_a_clock_there_is_no_time() -> None:
+    for call in (CLOCKLESS.readings.wide, CLOCKLESS.outages):
+        with pytest.raises(modlens.UsageError, match="has no times"):
+            call()
+    assert CLOCKLESS.response_times().empty
+
+
+@pytest.mark.parametrize(
+    ("mistake", "instead"),
+    [
+        (DEAD.transactions.wide, "recording.readings.wide()"),
+        (lambda: DEAD.readings.wide(every="often"), "'15min'"),
+        (lambda: DEAD.readings.wide(how="median"), "last, first, mean"),
+        (lambda: DEAD.response_times(by="colour"), "colour"),
+        (lambda: DEAD.outages(requests=0), "1 or more"),
+        (lambda: DEAD.where(3), 'where("unit == 1'),  # type: ignore[arg-type]
+    ],
+)
+def test_a_mistake_says_what_to_write(mistake: Any, instead: str) -> None:
+    with pytest.raises(modlens.ModlensError, match=instead.replace("(", r"\(").replace(")", r"\)")):
+        mistake()
