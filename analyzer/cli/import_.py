@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import json
+import re
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -23,6 +25,7 @@ examples:
   modlens import telegraf telegraf.conf -o meter.toml
   modlens import csv tags.csv --base modicon --order CDAB
   modlens import homeassistant configuration.yaml --unit 3
+  modlens import homeassistant configuration.yaml -o plant.toml
   modlens import solarman inverter_definitions/ -o profiles/
   modlens import maps/
 
@@ -69,7 +72,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o",
         dest="output",
         metavar="OUT",
-        help="output file (default: standard output); the folder to write to for a folder",
+        help="output file (default: standard output); for a file with several units a bus file,"
+        " with a profile for each unit beside it; for a folder the folder to write to",
     )
     parser.epilog = EPILOG
 
@@ -78,18 +82,55 @@ def run(options: argparse.Namespace) -> int:
     """Import; gives the exit status."""
     if options.file != "-" and Path(options.file).is_dir():
         return _import_folder(options, Path(options.file))
-    text, notes = _imported(options, options.file)
+    try:
+        text, notes = _imported(options, options.file)
+    except importers.SeveralUnitsError as error:
+        if options.output is None or options.to != "toml":
+            raise
+        text, notes = _imported_buses(options, error)
     write_text(text, options.output)
     show_notes(notes)
     return 0
 
 
+def _imported_buses(
+    options: argparse.Namespace, several: importers.SeveralUnitsError
+) -> tuple[str, list[str]]:
+    """The text of a bus file for all units of a file, whose profiles are written beside it."""
+    text, notes = decode_text(_read_input(options.file), options.encoding, options.file)
+    form = several.form or options.format
+    buses = importers.hubs(form, text, options.file, several.units)
+    target, lines = Path(options.output), ["plant = 1"]
+    for hub in buses:
+        lines += ["", "[[bus]]", *(f"{key} = {json.dumps(one)}" for key, one in hub.keys.items())]
+        lines += ["", "[bus.units]"]
+        name = f"{target.stem}-{_file_word(hub.keys['name'])}" if len(buses) > 1 else target.stem
+        # Registers without a unit may be those of any.
+        for unit in hub.units or (None,):
+            found = importers.read(form, hub.text, options.file, _chosen(options, unit))
+            written = importers.write(options.to, from_model(found.model, options.file))
+            beside = f"{name}-{'units' if unit is None else f'unit{unit}'}.toml"
+            write_text(written.text, str(target.with_name(beside)))
+            lines.append(f'"{unit or "1-247"}" = {json.dumps(beside)}')
+            notes.append(f"{beside}: {count_of(len(found.model['registers']), 'register')}")
+            notes += [one for one in (*found.notes, *written.notes) if one not in notes]
+    return "\n".join(lines) + "\n", [f"a bus file, for --bus {options.output}", *notes]
+
+
+def _file_word(name: str) -> str:
+    """A name as a part of a file name."""
+    return re.sub(r"[^\w-]+", "_", name).strip("_") or "bus"
+
+
+def _chosen(options: argparse.Namespace, unit: int | None) -> importers.Options:
+    base = int(options.base) if options.base in ("0", "1") else options.base
+    return importers.Options(base, importers.parse_order(options.order, "--order"), unit)
+
+
 def _imported(options: argparse.Namespace, file: str) -> tuple[str, list[str]]:
     """The text of the profile that a file becomes, and the notes on it."""
     text, encoding_notes = decode_text(_read_input(file), options.encoding, file)
-    base = int(options.base) if options.base in ("0", "1") else options.base
-    order = importers.parse_order(options.order, "--order")
-    chosen = importers.Options(base, order, options.unit)
+    chosen = _chosen(options, options.unit)
     form, notes = options.format, encoding_notes
     if form == AUTO:
         form = importers.detect(text, file, options.unit)

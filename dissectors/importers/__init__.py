@@ -22,12 +22,13 @@ from typing import Any
 
 from dissectors.errors import ModlensError, ProfileError, UsageError
 from dissectors.function_lookup import similar_name
-from dissectors.importers.profile_builder import Imported, Options, parse_order
+from dissectors.importers.homeassistant_hubs import Hub
+from dissectors.importers.profile_builder import Imported, Options, SeveralUnitsError, parse_order
 from dissectors.profile import Profile
 
 __all__ = [
-    "FORMATS", "Format", "Imported", "Options", "Written", "check_format", "detect", "parse_order",
-    "read", "write",
+    "FORMATS", "Format", "Imported", "Options", "SeveralUnitsError", "Written", "check_format",
+    "detect", "hubs", "parse_order", "read", "write",
 ]  # fmt: skip
 
 
@@ -120,6 +121,9 @@ def detect(text: str, name: str, unit: int | None = None) -> str:
         if row.reads:
             try:
                 found = _module(form, "reads").read(text, name, Options(unit=unit))
+            except SeveralUnitsError as error:
+                error.form = form
+                raise
             except UsageError:
                 raise  # of this format, which needs a unit
             except ModlensError as error:
@@ -145,6 +149,21 @@ def _with_format(error: ProfileError, form: str, text: str, name: str) -> Profil
                 message = f"no file for {form}: it is read by `modlens import {other}`"
                 return ProfileError(message, path=name)
     return error
+
+
+def hubs(form: str, text: str, name: str, units: tuple[int, ...]) -> tuple[Hub, ...]:
+    """The buses of a file with several units; a file of a format without buses is one bus."""
+    of_format = getattr(_module(form, "reads"), "hubs", None)
+    if of_format is None:
+        return (
+            Hub(
+                {"name": name.replace("\\", "/").rpartition("/")[2].rpartition(".")[0] or name},
+                units,
+                text,
+            ),
+        )
+    found: tuple[Hub, ...] = of_format(text, name)
+    return found
 
 
 def write(form: str, profile: Profile) -> Written:

@@ -12,12 +12,14 @@ from decimal import Decimal
 from typing import Any
 
 from dissectors.errors import ProfileError
+from dissectors.importers.homeassistant_hubs import Hub, hub_of
 from dissectors.importers.profile_builder import (
     REGISTERS_OF_TYPE,
     Imported,
     NotConvertible,
     Options,
     ProfileBuilder,
+    SeveralUnitsError,
     choose_unit,
     parse_decimal,
     parse_row_order,
@@ -27,7 +29,7 @@ from dissectors.importers.unsupported_keys import UnsupportedKeys
 from dissectors.profile import Profile
 from dissectors.yaml import plain_data, tag_notes
 
-__all__ = ["read", "write"]
+__all__ = ["hubs", "read", "write"]
 
 _LISTS = ("sensors", "binary_sensors", "switches", "lights", "fans", "covers", "climates")
 _INPUTS = {
@@ -68,11 +70,34 @@ def read(text: str, name: str, options: Options) -> Imported:
         hint = f"; {tag} is not followed: import that file" if tags else ""
         raise ProfileError(f"no modbus: with sensors or switches in it{hint}", path=name, line=line)
     unit = choose_unit((entity.unit for entity in entities), options.unit, name)
+    if unit is not None and sum(unit in hub.units for hub in _buses(data)) > 1:
+        # Two devices, on two lines: one profile would mix their registers.
+        raise SeveralUnitsError(name, (unit,))
     for entity in entities:
         if entity.unit in (unit, None):
             with builder.noting_failures(entity.row.get("name", entity.row.get("address"))):
                 _add(builder, entity)
     return builder.build()
+
+
+def hubs(text: str, name: str) -> tuple[Hub, ...]:
+    """The hubs that have entities, each with the units of these."""
+    return _buses(plain_data(text, name)[0])
+
+
+def _buses(data: Any) -> tuple[Hub, ...]:
+    """The hubs; entities without one are those of a single bus, whose settings are unknown."""
+    listed = list(_hubs(data))
+    if not any(set(hub) & set(_LISTS) for hub in listed):
+        return (Hub({"name": "bus"}, _units(listed), json.dumps(data, default=str)),)
+    buses = (hub_of(hub, _units([hub]), number) for number, hub in enumerate(listed, 1))
+    return tuple(bus for bus in buses if bus.units)
+
+
+def _units(listed: list[Mapping[str, Any]]) -> tuple[int, ...]:
+    builder = ProfileBuilder({}, None)
+    found = {one.unit for hub in listed for one in _entities(hub, builder)}
+    return tuple(sorted(unit for unit in found if unit is not None))
 
 
 def _hubs(data: Any) -> Iterator[Mapping[str, Any]]:

@@ -24,6 +24,7 @@ __all__ = [
     "NotConvertible",
     "Options",
     "ProfileBuilder",
+    "SeveralUnitsError",
     "choose_unit",
     "compose_orders",
     "parse_decimal",
@@ -289,10 +290,28 @@ def choose_unit(units: Iterable[int | None], requested: int | None, name: str) -
     known = sorted({unit for unit in units if unit is not None})
     if requested is None and len(known) < 2:  # noqa: PLR2004 - nothing to choose
         return next(iter(known), None)
-    if requested is None or (known and requested not in known):
+    if requested is None:
+        raise SeveralUnitsError(name, tuple(known))
+    if known and requested not in known:
         there = ", ".join(map(str, known))
         raise UsageError(f"{name}: choose a unit with --unit N; there are {there}")
     return requested
+
+
+class SeveralUnitsError(UsageError):
+    """A register map of several `units` where the text of one profile was asked for.
+
+    `form` is the format of the file, where that was detected.
+    """
+
+    def __init__(self, name: str, units: tuple[int, ...]) -> None:
+        there = ", ".join(map(str, units))
+        super().__init__(
+            f"{name}: choose a unit with --unit N; there are {there}. Or -o FILE.toml, for a bus"
+            " file with a profile for each"
+        )
+        self.units = units
+        self.form: str | None = None
 
 
 def parse_row_order(word: object) -> str | None:

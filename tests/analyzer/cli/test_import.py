@@ -5,6 +5,7 @@ Wrong files, encodings, spreadsheets of other countries: each is said with what,
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 import tomllib
@@ -12,8 +13,9 @@ from pathlib import Path
 
 import pytest
 
+from analyzer.bus_file import load_bus_file
 from analyzer.cli import main
-from tests.conftest import Done, Modlens
+from tests.conftest import CAPTURES, Done, Modlens
 
 HEAD = "Address,Name,Unit\n"
 TABLE = f"{HEAD}5,Größe,°C\n"
@@ -298,3 +300,57 @@ def test_a_folder_without_a_map_is_unreadable(modlens: Modlens, tmp_path: Path) 
     (tmp_path / "notes.txt").write_text("remember the milk\n")
     assert modlens("import", "auto", tmp_path).status == 3
     assert "did you mean 'solarman'" in modlens("import", "solarmann", tmp_path).err
+
+
+HOME_ASSISTANT = """
+modbus:
+  - name: "Plant room"
+    type: serial
+    port: /dev/ttyUSB0
+    baudrate: 19200
+    parity: E
+    sensors:
+      - {name: "Room temperature", slave: 1, address: 0, scale: 0.1}
+      - {name: "Tank level", slave: 2, address: 100}
+  - name: heat pump
+    type: tcp
+    host: 10.0.0.5
+    sensors:
+      - {name: flow, slave: 1, address: 3}
+"""
+
+
+def test_a_file_of_several_units_becomes_a_bus_file(here: Modlens, tmp_path: Path) -> None:
+    """Each hub is a bus with its own units: unit 1 of one hub is not unit 1 of the other."""
+    source, target = tmp_path / "ha.yaml", tmp_path / "plant.toml"
+    source.write_text(HOME_ASSISTANT, encoding="utf-8")
+    done = here("import", str(source))
+    assert done.status == 2
+    assert "choose a unit with --unit N; there are 1, 2. Or -o FILE.toml" in done.err
+    assert here("import", str(source), "-o", str(target)).status == 0
+    room, pump = load_bus_file(str(target))
+    assert (room.name, room.port, str(room.line), room.mode) == (
+        "Plant room", "/dev/ttyUSB0", "19200-8E1", "rtu",
+    )  # fmt: skip
+    assert (pump.name, pump.port, pump.mode) == ("heat pump", None, "tcp")
+    names = [
+        [
+            (tuple(one.units), [point["name"] for point in one.profile.points])
+            for one in bus.profiles
+        ]
+        for bus in (room, pump)
+    ]
+    assert names == [[((1,), ["Room temperature"]), ((2,), ["Tank level"])], [((1,), ["flow"])]]
+    recording = str(CAPTURES / "pymodbus_two_units" / "recording.jsonl")
+    done = here("map", recording, "--bus", f"{target}:Plant room", "--named", "--json")
+    assert [(row["unit"], row["name"]) for row in map(json.loads, done.out.splitlines())] == [
+        (1, "Room temperature"), (2, "Tank level"),
+    ]  # fmt: skip
+
+
+def test_one_unit_on_two_hubs_is_not_mixed(here: Modlens, tmp_path: Path) -> None:
+    source = tmp_path / "ha.yaml"
+    source.write_text(HOME_ASSISTANT.replace("slave: 2", "slave: 1"), encoding="utf-8")
+    done = here("import", "homeassistant", str(source), "--unit", "1")
+    assert done.status == 2
+    assert "-o FILE.toml" in done.err
