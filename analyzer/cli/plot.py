@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
-from dataclasses import replace
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from analyzer.cli.chosen_settings import settings
@@ -19,7 +20,7 @@ from analyzer.filters import Filter, parse
 from analyzer.session import FileRun
 from analyzer.views.plot import png, show_plot, svg
 from analyzer.views.screen import stdout
-from dissectors.errors import CaptureError, UsageError
+from dissectors.errors import CaptureError, FilterError, UsageError
 
 __all__ = ["add_arguments", "run"]
 
@@ -69,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
         options, replace(settings(options), tables=("transactions", "readings")), messages
     )
     with StopSignals() as stop_signals:
-        series, axis = _values(files, wanted, stop_signals, several=len(options.files) > 1)
+        series, axis = _values(files, wanted, stop_signals)
         if not series:
             raise UsageError(
                 f"plot: no reading with a number meets {options.expression!r};"
@@ -99,40 +100,68 @@ def _picture(output: str | None) -> Callable[[Series, str], bytes] | None:
 
 
 def _filter_of(text: str) -> Filter:
-    """A word alone is the name of a reading."""
-    is_name = text.replace("_", "").replace(".", "").replace("-", "").isalnum()
-    return parse(f"name == {text!r}" if is_name else text, "readings")
+    """The readings of this name, or those that meet the condition.
+
+    What compares nothing and asks nothing is a name, also one with blanks.
+
+    >>> str(_filter_of("Room temperature")), str(_filter_of("unit == 1"))
+    ("name == 'Room temperature'", 'unit == 1')
+    """
+    by_name = f"name == {text.strip()!r}"
+    if re.search(r"[=<>!'\"]|\w\(", text):
+        return parse(text, "readings")
+    if not re.search(r"\b(and|or|not)\b", text):
+        return parse(by_name, "readings")
+    try:
+        return parse(text, "readings")
+    except FilterError:
+        return parse(by_name, "readings")
 
 
-def _values(
-    files: FileRun, wanted: Filter, stop_signals: StopSignals, *, several: bool
-) -> tuple[Series, str]:
+@dataclass(frozen=True, slots=True)
+class _Point:
+    """What a series is of: a register or a named value of a unit."""
+
+    bus: str
+    unit: int
+    place: str
+    name: str | None
+
+    def label(self, others: Iterable[_Point]) -> str:
+        """Its name, with unit and bus in front where another one has the same."""
+        label = self.name or f"unit {self.unit} {self.place}"
+        alike = [one for one in others if one != self and one.name == self.name]
+        if self.name and any(one.unit != self.unit for one in alike):
+            label = f"unit {self.unit} {label}"
+        if self.name and any((one.bus, one.unit) == (self.bus, self.unit) for one in alike):
+            label = f"{label} ({self.place})"
+        return f"{self.bus}: {label}" if any(one.bus != self.bus for one in others) else label
+
+
+def _values(files: FileRun, wanted: Filter, stop_signals: StopSignals) -> tuple[Series, str]:
     """Seconds (or numbers of transactions) and values by the name of the reading."""
     predicate = wanted.predicate()
-    by_time: Series = {}
-    by_number: Series = {}
+    by_time: dict[_Point, list[tuple[float, float]]] = {}
+    by_number: dict[_Point, list[tuple[float, float]]] = {}
     for batch in files.batches():
         rows = batch.readings.where(predicate)
         for txn, elapsed, bus, unit, kind, address, name, value in rows.tuples(
             _COLUMNS, 0, len(rows)
         ):
             if isinstance(value, int | float):
-                label = str(name or f"unit {unit} {str(kind).replace('_', ' ')} {address}")
-                label = f"{bus}: {label}" if several else label
-                _add(by_number, label, float(txn or 0), float(value))
+                place = f"{str(kind).replace('_', ' ')} {address}"
+                point = _Point(str(bus), int(unit or 0), place, None if name is None else str(name))
+                by_number.setdefault(point, []).append((float(txn or 0), float(value)))
                 if elapsed is not None:
-                    _add(by_time, label, float(elapsed) / 1e6, float(value))
+                    by_time.setdefault(point, []).append((float(elapsed) / 1e6, float(value)))
         if stop_signals.received():
             break
     has_times = sum(map(len, by_time.values())) == sum(map(len, by_number.values()))
-    series = by_time if has_times else by_number
-    if len(series) > MOST_SERIES:
+    points = by_time if has_times else by_number
+    if len(points) > MOST_SERIES:
         raise UsageError(
-            f"plot: {len(series)} registers meet the condition, {MOST_SERIES} at most are drawn;"
-            f" add a condition, such as address == {next(iter(series)).rpartition(' ')[2]}"
+            f"plot: {len(points)} registers meet the condition, {MOST_SERIES} at most are drawn;"
+            f" add a condition, such as address == {next(iter(points)).place.rpartition(' ')[2]}"
         )
+    series = {point.label(points): values for point, values in points.items()}
     return series, "s" if has_times else "(transaction)"
-
-
-def _add(series: Series, label: str, at: float, value: float) -> None:
-    series.setdefault(label, []).append((at, value))

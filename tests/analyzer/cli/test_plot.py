@@ -115,3 +115,20 @@ def test_statistics_show_the_course(modlens: Modlens) -> None:
     assert [line.split()[0] for line in lines] == ["load", "failed", "unit"]
     assert all(any(one in line for one in "▁▂▃▄▅▆▇█") for line in lines)
     assert lines[1].endswith("11")
+
+
+def test_a_name_with_blanks_of_two_units_is_two_series(modlens: Modlens, tmp_path: Path) -> None:
+    """Each unit has its own line, with its number in front of the name."""
+    profile = tmp_path / "room.toml"
+    profile.write_text(
+        'profile = 1\n[device]\nid = "room"\n'
+        '[[registers]]\nat = "hr:0"\nname = "Room temperature"\ntype = "u16"\n',
+        encoding="utf-8",
+    )
+    recording = CAPTURES / "pymodbus_two_units" / "recording.jsonl"
+    done = modlens("plot", recording, "Room temperature", "--profile", profile)
+    assert done.status == 0, done.err
+    heads = [line for line in done.out.splitlines() if "Room" in line]
+    assert heads == ["unit 1 Room temperature", "unit 2 Room temperature"]
+    one = modlens("plot", recording, "unit == 1 and address == 0", "--profile", profile)
+    assert one.out.splitlines()[0] == "Room temperature"
