@@ -887,6 +887,13 @@ class Session:
         """The last rows, and the diagnoses of the whole session where these are wanted."""
     def doctor(self) -> str:
         """The verdict, the diagnoses and the margins so far, as JSON; null if not wanted."""
+    def take_events(self) -> list[str]:
+        """The events of troubles since the last call, each as JSON, the oldest first.
+
+        Only of a live session with `diagnoses` among its tables.
+        """
+    def troubles(self) -> str:
+        """The troubles that are open, as a JSON list; see `take_events`."""
     def document(self) -> str:
         """What `doctor` and `stats` say, with the overview of reports, in one JSON object.
 

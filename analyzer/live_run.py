@@ -168,6 +168,11 @@ class LiveRun:
             found: dict[str, Any] = json.loads(self._core.doctor())
         return found
 
+    def events(self) -> list[dict[str, Any]]:
+        """The events of troubles since the last call; `analyzer.feeds.troubles` describes them."""
+        with self._turn:
+            return [json.loads(event) for event in self._core.take_events()]
+
     def document(self) -> dict[str, Any]:
         """Doctor, statistics with the drivers' error counts, and overview, for any thread.
 

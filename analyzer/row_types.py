@@ -585,6 +585,13 @@ class DiagnosisRow(AnyRow, Protocol):
         """Start of the last one, UTC, if the trouble is over."""
 
     @property
+    def episodes(self) -> str | Any:
+        """Its runs, as ISO 8601 intervals in UTC separated by spaces.
+
+        lone failures far from a run are left out.
+        """
+
+    @property
     def certainty(self) -> str:
         """Suspected (a few examples), likely or diagnosed."""
 
@@ -593,8 +600,12 @@ class DiagnosisRow(AnyRow, Protocol):
         """Corrected probability that the contrast is an accident."""
 
     @property
+    def share(self) -> float | Any:
+        """Share of all odd transactions and bytes of the bus that it explains, from 0 to 1."""
+
+    @property
     def odds(self) -> float | Any:
-        """Odds against the best rival, where few examples were weighed."""
+        """Odds against the best rival cause, at most a million."""
 
     @property
     def sentence(self) -> str:

@@ -53,4 +53,5 @@ def run_bus_days(options: argparse.Namespace, messages: Messages) -> int:
             return SIGNALLED + stop_signals.signal
     if unreadable:
         return CaptureError.exit_status
-    return DAMAGED if options.strict and {row["verdict"] for row in rows} - {"healthy"} else 0
+    is_sick = any(row["verdict"] in ("trouble", "broken") for row in rows)
+    return DAMAGED if options.strict and is_sick else 0

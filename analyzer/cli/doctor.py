@@ -25,6 +25,7 @@ from dissectors.errors import CaptureError
 __all__ = ["add_arguments", "run"]
 
 FORMATS = ("json", "md", "csv")
+SICK = ("trouble", "broken")
 
 EPILOG = """\
 examples:
@@ -51,7 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--strict",
         action="store_true",
-        help="exit with status 1 unless what was recorded is healthy",
+        help="exit with status 1 if a cause is diagnosed (not only suspected), or requests fail"
+        " without a known cause",
     )
     parser.epilog = EPILOG
 
@@ -79,7 +81,14 @@ def run(options: argparse.Namespace) -> int:
             return SIGNALLED + stop_signals.signal
     if files.unreadable:
         return CaptureError.exit_status
-    return DAMAGED if options.strict and found["verdict"] != "healthy" else 0
+    return DAMAGED if options.strict and is_sick(found) else 0
+
+
+def is_sick(found: Mapping[str, Any]) -> bool:
+    """Whether `--strict` ends with status 1: suspicions and notes are no reason."""
+    if any(row["certainty"] == "diagnosed" for row in found["diagnoses"]):
+        return found["verdict"] in SICK
+    return found["verdict"] in SICK and not found["diagnoses"]
 
 
 def _print(form: str | None, found: Mapping[str, Any]) -> None:

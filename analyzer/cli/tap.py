@@ -18,7 +18,7 @@ from analyzer.cli.standard_streams import report
 from analyzer.cli.stop_signals import StopSignals
 from analyzer.cli.tap_messages import TapMessages
 from analyzer.cli.tap_recording import TapRecording
-from analyzer.cli.tap_sinks import tap_sinks
+from analyzer.cli.tap_sinks import take_event_files, tap_sinks, troubles
 from analyzer.cli.triggers import (
     HourlySummary,
     SettingsDoubt,
@@ -48,6 +48,7 @@ examples:
   modlens tap /dev/ttyUSB0 -o event.jsonl --around 200 --where "exception"
   modlens tap --bus plant.toml
   modlens tap socket://192.168.1.50:4001 --mqtt mqtt://localhost/plant
+  modlens tap /dev/ttyUSB0 -o events:log.jsonl --notify https://ntfy.sh/plant
 
 If no line settings are given, all are detected from the traffic. PORT PORT
 taps two separate buses; PORT+PORT taps one bus with one port per direction;
@@ -74,8 +75,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--doctor",
         action="store_true",
-        help="print no transactions; say what is wrong whenever that changes, and at the end why"
-        " and what to do, as modlens doctor does",
+        help="print no transactions; a line when a trouble begins, changes or ends, and at the end"
+        " what is wrong, why and what to do, as modlens doctor does",
     )
     parser.add_argument(
         "--report",
@@ -166,6 +167,14 @@ def _add_feeds(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--metrics", metavar="[HOST:]PORT", help="serve Prometheus metrics over HTTP"
     )
+    group.add_argument(
+        "--notify",
+        action="append",
+        default=[],
+        metavar="TARGET",
+        help="run this command, or POST to this URL, when a trouble begins, changes or ends; the"
+        " event is JSON on standard input or in the body (repeatable)",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -180,6 +189,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _tap(options: argparse.Namespace, stop_signals: StopSignals) -> int:
+    take_event_files(options)
     taps, bound = _taps(options)
     settings = _settings(options, bound)
     messages = Messages(quiet=False)
@@ -196,6 +206,10 @@ def _tap(options: argparse.Namespace, stop_signals: StopSignals) -> int:
     )
     with closing(live), ExitStack() as opened:
         extra_sinks = tap_sinks(options, live, tap_messages, recording, opened)
+        watched, notifiers = troubles(options, live, tap_messages, extra_sinks, opened)
+        if options.doctor:
+            # All that is printed while it listens.
+            extra_sinks.append(watched)
         silent = options.view or tap_messages.screen or options.doctor
         to = None if silent else options.to or TABLE
         outputs = opened.enter_context(
@@ -208,6 +222,8 @@ def _tap(options: argparse.Namespace, stop_signals: StopSignals) -> int:
             *[stop_conditions] * stop_conditions.any_set,
             HourlySummary(live.stats, tap_messages.info),
             SettingsDoubt(live.stats, tap_messages.info),
+            *[watched] * (not options.doctor),
+            *notifiers,
         )
         at = f" at {settings.line}" if settings.line is not None else ""
         ports = ", ".join(options.ports or map(_port, taps))

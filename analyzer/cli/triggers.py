@@ -20,9 +20,6 @@ from analyzer.filters import parse
 __all__ = ["EventCapture", "HourlySummary", "SettingsDoubt", "StopConditions"]
 
 HOUR_S = 3600.0
-JUDGE_S = 5.0
-"""How often the doctor is asked."""
-
 DOUBT_S = 1.0
 MIN_BYTES = 24
 
@@ -212,42 +209,3 @@ class SettingsDoubt:
                     f"{name}: traffic, but no valid frame in {received:,} bytes: the line settings"
                     " are probably wrong; without --line they are found by listening"
                 )
-
-
-class VerdictWatch:
-    """Says what the doctor says whenever another cause comes or goes.
-
-    `doctor` returns what `analyzer.views.health` describes.
-    """
-
-    name = "the doctor"
-    table = ""
-    row_count = 0
-
-    def __init__(
-        self,
-        doctor: Callable[[], Mapping[str, Any]],
-        say: Callable[[str], None],
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self._doctor, self._say, self._clock = doctor, say, clock
-        self._next_s = clock() + JUDGE_S
-        self._said: tuple[object, ...] = ()
-
-    def put(self, batch: _modlens.Batch) -> None:
-        """Ask the doctor every few seconds."""
-        if self._clock() < self._next_s:
-            return
-        self._next_s = self._clock() + JUDGE_S
-        found = self._doctor()
-        causes = ((row["bus"], row["unit"], row["code"]) for row in found["diagnoses"])
-        state = (found["verdict"], *causes)
-        if found["requests"] and state != self._said:
-            self._said = state
-            self._say(f"{time.strftime('%H:%M:%S')}: {found['sentence']}")
-
-    def close(self) -> None:
-        """Nothing to do: the whole is reported when the tap has ended."""
-
-    def rollback(self) -> None:
-        """Nothing to do: it leaves nothing."""

@@ -50,6 +50,8 @@ def parse_target(text: str, table: str) -> Target:
     'readings'
     """
     head, colon, rest = text.partition(":")
+    if colon and head == "events":
+        raise UsageError(f"-o {text}: events are those of a live line; use modlens tap")
     if colon and head in TABLES:
         return with_suitable_table(Target(head, format_of(rest), rest), named=True)
     return with_suitable_table(Target(table, format_of(text), text), named=False)

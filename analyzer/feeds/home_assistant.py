@@ -1,10 +1,8 @@
 """What Home Assistant gets by MQTT discovery: devices with values, health and problems.
 
-A bus is a device with the verdict of its day and the shares of failures and damage; its problem
-sensor is on while the verdict is not healthy. A unit is a device with its values; its problem
-sensor is on while its last requests went without a valid answer.
-
-- `PREFIX/BUS/UNIT/_problem`: `1` or `0`, retained; no name of a value begins with an underscore
+A bus is a device with the verdict of its day and the shares of failures and damage. A unit is a
+device with its values. Both have a problem sensor, which is on while there is a trouble and has
+its sentence as an attribute (see `analyzer.feeds.troubles`).
 
 https://www.home-assistant.io/integrations/mqtt/#mqtt-discovery
 """
@@ -18,16 +16,13 @@ from typing import Any
 
 import _modlens
 from analyzer.feeds.spool import Message
+from analyzer.feeds.troubles import PROBLEM, TroubleTopics
 
 __all__ = ["DISCOVERY", "HomeAssistant"]
 
 DISCOVERY = "homeassistant"
 """The topics of discovery begin with it; below it is the state of Home Assistant itself."""
 
-FAILURES = 3
-"""Requests in a row without a valid answer that make a unit a problem: more than a lost frame."""
-
-_PROBLEM = "_problem"
 _BIT_TABLES = ("coil", "discrete_input")
 _SHARE = {
     "unit_of_measurement": "%",
@@ -42,9 +37,9 @@ _BUS_SENSORS: dict[str, tuple[str, dict[str, Any]]] = {
         {
             "name": "Problem",
             "device_class": "problem",
-            "value_template": "{{ value_json.verdict in ('trouble', 'broken') }}",
-            "payload_on": "True",
-            "payload_off": "False",
+            "value_template": "{{ value_json.problem }}",
+            "payload_on": "1",
+            "payload_off": "0",
         },
     ),
     "verdict": (
@@ -73,7 +68,7 @@ _BUS_SENSORS: dict[str, tuple[str, dict[str, Any]]] = {
         | _SHARE,
     ),
 }
-"""The sensors of a bus, all of the row of its day: kind and configuration."""
+"""The sensors of a bus, all but the problem of the row of its day: kind and configuration."""
 
 
 class HomeAssistant:
@@ -83,7 +78,7 @@ class HomeAssistant:
         self._prefix = prefix
         self._status = status
         self._announced: dict[str, Message] = {}
-        self._failures: dict[tuple[str, int], int] = {}
+        self._topics = TroubleTopics(prefix)
 
     @property
     def announcements(self) -> list[Message]:
@@ -91,19 +86,10 @@ class HomeAssistant:
         return list(self._announced.values())
 
     def transaction(self, row: _modlens.Row) -> Iterator[Message]:
-        """The bus of a transaction the first time, and its unit's problem when that changes."""
+        """The bus and the unit of a transaction, the first time; a unit once it has answered."""
         yield from self._bus(row.bus)
-        key = (row.bus, row.unit)
         if row.status in ("ok", "exception"):
-            before, self._failures[key] = self._failures.get(key), 0
-            if before is None:
-                yield from self._problem_sensor(row)
-            if before is None or before >= FAILURES:
-                yield self._problem(row, b"0")
-        elif row.status in ("no_response", "bad_response") and key in self._failures:
-            self._failures[key] += 1
-            if self._failures[key] == FAILURES:
-                yield self._problem(row, b"1")
+            yield from self._problem_sensor(row)
 
     def value(self, topic: str, value: Any, row: _modlens.Row, name: str) -> Iterator[Message]:
         """The announcement of a value, the first time."""
@@ -117,7 +103,8 @@ class HomeAssistant:
         day = f"{self._prefix}/{_modlens.topic_level(bus)}/day"
         device = {"identifiers": [node], "name": f"Modbus {bus}", "manufacturer": "modlens"}
         for name, (kind, about) in _BUS_SENSORS.items():
-            where = {"state_topic": day, "json_attributes_topic": day}
+            topic = self._topics.topic(bus) if name == "problem" else day
+            where = {"state_topic": topic, "json_attributes_topic": topic}
             category = {"entity_category": "diagnostic"}
             yield from self._announce(kind, node, name, about | where | category, device)
 
@@ -126,21 +113,19 @@ class HomeAssistant:
             "name": "Problem",
             "device_class": "problem",
             "entity_category": "diagnostic",
-            "state_topic": self._problem(row, b"").topic,
+            "state_topic": self._topics.topic(row.bus, row.unit),
+            "json_attributes_topic": self._topics.topic(row.bus, row.unit),
+            "value_template": "{{ value_json.problem }}",
             **_ON_OFF,
         }
         node, device = self._unit_node(row), self._unit_device(row)
-        yield from self._announce("binary_sensor", node, _PROBLEM, about, device)
-
-    def _problem(self, row: _modlens.Row, payload: bytes) -> Message:
-        topic = f"{self._prefix}/{_modlens.topic_level(row.bus)}/{row.unit}/{_PROBLEM}"
-        return Message(topic, payload, retain=True)
+        yield from self._announce("binary_sensor", node, PROBLEM, about, device)
 
     def _announce(
         self, kind: str, node: str, name: str, about: dict[str, Any], device: dict[str, Any]
     ) -> Iterator[Message]:
         """The message that makes an entity, unless it has been announced."""
-        level = name if name == _PROBLEM else _identifier(name)
+        level = name if name == PROBLEM else _identifier(name)
         topic = f"{DISCOVERY}/{kind}/{node}/{level}/config"
         if topic in self._announced:
             return

@@ -118,6 +118,13 @@ class Metrics:
             ("bus",),
             registry=registry,
         )
+        self._troubles = prometheus.Gauge(
+            "modlens_trouble",
+            "1 while there is this trouble; unit is empty where the whole bus has it",
+            (*unit, "code"),
+            registry=registry,
+        )
+        self._open: dict[int, tuple[str, str, str]] = {}
         self._connected = prometheus.Gauge(
             "modlens_mqtt_connected", "1 while the broker accepts messages", registry=registry
         )
@@ -147,6 +154,17 @@ class Metrics:
         if time.monotonic() >= self._next_update_s:
             self._next_update_s = time.monotonic() + _UPDATE_S
             self._update_gauges()
+
+    def trouble(self, event: Mapping[str, Any]) -> None:
+        """Take an event; see `analyzer.feeds.troubles`."""
+        number, unit = event["number"], event["unit"]
+        before = self._open.pop(number, None)
+        if before is not None and before not in self._open.values():
+            self._troubles.remove(*before)
+        if event["event"] != "end":
+            labels = (event["bus"], "" if unit is None else str(unit), event["code"])
+            self._open[number] = labels
+            self._troubles.labels(*labels).set(1)
 
     def outcome(self) -> str:
         """What became of the rows, for the end of a run."""

@@ -4,6 +4,8 @@
 - `PREFIX/BUS/transaction`: a JSON object for each transaction (the columns of JSON lines)
 - `PREFIX/BUS/day`: the row of `analyzer.bus_days` of this day so far, as a JSON object, retained;
   sent every minute in which it changes, and for the last time after midnight (UTC)
+- `PREFIX/BUS/event`, `PREFIX/BUS/trouble`, `PREFIX/BUS/UNIT/_problem`: what is wrong, and when
+  that changes (see `analyzer.feeds.troubles`)
 - `PREFIX/BUS/UNIT/NAME`: the last value of a register or coil, retained; sent when it changes
 
 With `discovery`, Home Assistant is informed of devices and sensors (see
@@ -20,7 +22,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import _modlens
@@ -30,6 +32,7 @@ from analyzer.counts import count_of
 from analyzer.feeds.broker import Broker, tls_context
 from analyzer.feeds.home_assistant import DISCOVERY, HomeAssistant
 from analyzer.feeds.spool import Message, Spool
+from analyzer.feeds.troubles import TroubleTopics
 from analyzer.installing import how_to_install
 from dissectors.errors import UsageError
 
@@ -79,6 +82,7 @@ class Mqtt:
         self._has_outcome = threading.Event()
         self._spool_path = spool
         self._prefix = where.prefix
+        self._troubles = TroubleTopics(where.prefix)
         self._home = HomeAssistant(where.prefix, self._status) if discovery else None
         self._spool = Spool(spool)
         self._columns = pick("transactions", None)
@@ -106,6 +110,10 @@ class Mqtt:
             self.row_count += len(table)
         self._publish_waiting()
         self._report_state()
+
+    def trouble(self, event: Mapping[str, Any]) -> None:
+        """Queue the messages of an event; see `analyzer.feeds.troubles`."""
+        self._spool.add(*self._troubles.event(event))
 
     def close(self) -> None:
         """Publish `offline` and disconnect; unacknowledged messages stay in the spool's file."""
@@ -254,6 +262,7 @@ class Mqtt:
         for row, line in zip(table, lines, strict=True):
             bus = f"{self._prefix}/{_modlens.topic_level(row.bus)}"
             yield Message(f"{bus}/transaction", line)
+            yield from self._troubles.meet(row.bus, row.unit)
             if self._home is not None:
                 yield from self._home.transaction(row)
             if row.status == "ok":

@@ -164,7 +164,7 @@ def diagnoses(document: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
             "code": visible(row["code"]),
             "facts": list(_facts(row, several=several)),
             "texts": [
-                ["", visible(row["sentence"])],
+                ["", visible(" ".join(filter(None, (row["sentence"], row.get("evidence")))))],
                 ["Check", visible(row["advice"])],
                 ["Proof", visible(row["proof"])],
             ],

@@ -7,8 +7,10 @@ The judgement is the core's (crates/modlens-diagnosis); this file only draws it.
 {"verdict": "healthy" | "trouble" | "broken" | "unknown", "sentence": text,
  "requests": int, "failed": int,              those that tell how the line works
  "diagnoses": [{"code", "title", "severity", "bus", "unit", "function", "address", "client",
-                "failed", "total", "since", "until", "certainty", "chance", "odds", "sentence",
-                "advice", "proof", "examples": [int]}],  by harm
+                "failed", "total", "since", "until", "episodes", "certainty", "explains", "share",
+                "odds", "rival", "chance", "sentence", "evidence", "advice", "proof",
+                "examples": [int]}],          by harm
+ "unexplained": [{"bus": text, "odd": int, "unexplained": int}],
  "reserves": [{"bus": text, "unit": int, "requests": int, "answered": int, "damaged": int,
                "late": int, "timed": int,     answers with a usable response time
                "response_time_p99_us": float | null,
@@ -28,7 +30,15 @@ from analyzer.views import cells
 from analyzer.views.grid import ColumnLayout, Grid, GridColumn
 from analyzer.views.screen import Part, Screen, visible
 
-__all__ = ["brief", "level", "reserves", "show_health", "show_verdict", "verdict"]
+__all__ = [
+    "brief",
+    "level",
+    "reserves",
+    "show_health",
+    "show_verdict",
+    "unexplained",
+    "verdict",
+]
 
 _VERDICTS = {"healthy": "ok", "trouble": "odd", "broken": "bad", "unknown": "note"}
 _SEVERITIES = {"error": "bad", "warning": "odd", "info": "note"}
@@ -77,6 +87,9 @@ def _lines(doctor: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
     for number, row in enumerate(doctor["diagnoses"], 1):
         yield []
         yield from _diagnosis(number, row, width, names_bus=len(buses) > 1)
+    for text in unexplained(doctor):
+        yield []
+        yield from _wrapped(text, width)
     if doctor["reserves"]:
         yield []
         yield from reserves(doctor, width)
@@ -97,6 +110,14 @@ def level(row: Mapping[str, Any]) -> str:
     return severity if certainty == "diagnosed" else f"{certainty}, {severity}"
 
 
+def unexplained(doctor: Mapping[str, Any]) -> Iterator[str]:
+    """What no cause explains, in words; nothing where there is no diagnosis."""
+    for row in doctor["unexplained"] if doctor["diagnoses"] else ():
+        if row["unexplained"]:
+            count = f"{row['unexplained']:,} of {row['odd']:,} odd transactions and bytes"
+            yield f"{row['bus']}: no cause above explains {count}."
+
+
 def _diagnosis(
     number: int, row: Mapping[str, Any], width: int, *, names_bus: bool
 ) -> Iterator[list[Part]]:
@@ -112,6 +133,8 @@ def _diagnosis(
     if len(row["examples"]) == 1:
         shown = f" See transaction {examples}."
     yield from _wrapped(f"{row['sentence']}{shown}", width, indent=3)
+    if row["evidence"]:
+        yield from _wrapped(row["evidence"], width, indent=3)
     yield from _wrapped(f"Check: {row['advice']}", width, indent=3)
     yield from _wrapped(f"Proof: {row['proof']}", width, indent=3)
 

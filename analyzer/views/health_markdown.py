@@ -1,7 +1,7 @@
 """What the doctor says as Markdown, to be pasted into a ticket.
 
 >>> doctor = {"sentence": "This line is healthy.", "diagnoses": [], "reserves": []}
->>> doctor["not_judged"] = []
+>>> doctor["not_judged"] = doctor["unexplained"] = []
 >>> print("".join(markdown(doctor)).rstrip())
 **This line is healthy.**
 """
@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from analyzer.views import cells
-from analyzer.views.health import level
+from analyzer.views.health import level, unexplained
 from analyzer.views.screen import visible
 
 __all__ = ["markdown"]
@@ -36,8 +36,12 @@ def markdown(doctor: Mapping[str, Any]) -> Iterator[str]:
         yield f"\n{number}. `{row['code']}` ({level(row)}): {_escaped(row['sentence'])}\n"
         if row["examples"]:
             yield f"   - Transactions: {', '.join(map(str, row['examples']))}\n"
+        if row["evidence"]:
+            yield f"   - {_escaped(row['evidence'])}\n"
         yield f"   - Check: {_escaped(row['advice'])}\n"
         yield f"   - Proof: {_escaped(row['proof'])}\n"
+    for text in unexplained(doctor):
+        yield f"\n{_escaped(text)}\n"
     if doctor["reserves"]:
         yield f"\n{_WHAT_IS_TIMED}\n\n"
         yield f"| {' | '.join(_HEAD)} |\n"

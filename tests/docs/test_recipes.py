@@ -95,6 +95,7 @@ def test_the_tests_that_walk_the_registries_find_them(folder: str, built: Path) 
         (["explain", "--functions", "meter", "100"], "Read Meter Serial"),
         (["formats"], "our gateway's trace"),
         (["explain", "address_end"], "beyond address 65535"),
+        (["explain", "single_registers"], "register by register"),
         (["show", "01 03 FF FF 00 02 C4 2F"], "address_end"),
     ],
 )
@@ -108,6 +109,14 @@ def test_they_show_in_ordinary_traffic(name: str, built: Path) -> None:
     """Between plain exchanges, which take the fast path, and not on a single frame alone."""
     words = ["pytest", "-q", "-p", "no:cacheprovider", "tests/conformance/test_ordinary_traffic.py"]
     assert " passed" in run([sys.executable, "-m", *words, "-k", name], built)
+
+
+def test_a_diagnosis_is_named_in_ordinary_traffic(tree: Path) -> None:
+    """Its own test, and those that compare counting in bulk, one by one, and in parts."""
+    words = ["cargo", "test", "--release", "--locked", "-p", "modlens-diagnosis"]
+    out = run([*words, "--lib", "--test", "single_registers", "--test", "merging"], tree)
+    for name in ("it_is_named_in_ordinary_traffic", "parts_merge_to_the_whole", "one_by_one"):
+        assert name in out
 
 
 def test_a_column_is_in_every_export(built: Path) -> None:

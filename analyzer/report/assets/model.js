@@ -101,7 +101,7 @@ const Model = (() => {
         if (row[name] !== null && row[name] !== undefined) facts.push([name, plain(row[name])]);
       return {
         level: SEVERITIES.includes(row.severity) ? row.severity : "info", title: visible(row.title || row.code), code: visible(row.code), facts,
-        texts: [["", visible(row.sentence)], ["Check", visible(row.advice)], ["Proof", visible(row.proof)]],
+        texts: [["", visible([row.sentence, row.evidence].filter(Boolean).join(" "))], ["Check", visible(row.advice)], ["Proof", visible(row.proof)]],
         examples: row.examples.filter((number) => known.has(number)),
       };
     });

@@ -1,5 +1,6 @@
 //! What a kind of trouble claims of a bus, before it is put into words.
 
+use crate::contrast::gaps::{without_lone, Episode};
 use crate::contrast::tally::{Place, Tally};
 use crate::contrast::{BusContrast, UnitCounts};
 use crate::statistics::{at_least, greatest_rate, least_rate, Share};
@@ -105,6 +106,8 @@ pub struct Claim {
     pub first: Option<Place>,
     /// The last of them.
     pub last: Option<Place>,
+    /// Its runs, lone failures left out; empty where they are not known.
+    pub episodes: Vec<Episode>,
     /// It was not there at the beginning.
     pub has_begun: bool,
     /// It is over.
@@ -113,8 +116,10 @@ pub struct Claim {
     pub chance: f64,
     /// How certain it is.
     pub certainty: Certainty,
-    /// The odds against the best rival, where they were weighed.
-    pub odds: Option<f64>,
+    /// The odds against the best rival, and its code, where they were weighed.
+    pub odds: Option<(f64, &'static str)>,
+    /// How many of the odd transactions and bytes of the bus it explains; `None` where no symptom shows it.
+    pub explains: Option<u64>,
     /// Transactions that show it.
     pub examples: Vec<u64>,
     /// At most so severe, whatever the table says.
@@ -126,7 +131,17 @@ pub struct Claim {
 impl Claim {
     /// A claim of what a tally has counted.
     pub fn new(code: &'static str, tally: &Tally, chance: f64) -> Self {
-        let in_window = Share { failed: tally.failed, total: tally.total - tally.before - tally.after };
+        let episodes = without_lone(tally.episodes());
+        let (mut before, mut after, mut failed) = (tally.before, tally.after, tally.failed);
+        let (mut first, mut last) = (tally.first, tally.last);
+        if let (Some(one), Some(other)) = (episodes.first(), episodes.last()) {
+            let window = tally.total.saturating_sub(tally.before + tally.after);
+            before += one.before;
+            after += window.saturating_sub(other.before + other.total);
+            failed = episodes.iter().map(|one| one.failed).sum();
+            (first, last) = (Some(one.first), Some(other.last));
+        }
+        let in_window = Share { failed, total: tally.total.saturating_sub(before + after) };
         let none_of = |count: u64| (1.0 - in_window.rate()).max(0.0).powf(count as f64);
         Self {
             code,
@@ -136,13 +151,15 @@ impl Claim {
             client: None,
             share: tally.share(),
             harm: tally.failed,
-            first: tally.first,
-            last: tally.last,
-            has_begun: tally.before > 0 && none_of(tally.before) < MAX_CHANCE,
-            has_ended: tally.after > 0 && none_of(tally.after) < MAX_CHANCE,
+            first,
+            last,
+            has_begun: before > 0 && none_of(before) < MAX_CHANCE,
+            has_ended: after > 0 && none_of(after) < MAX_CHANCE,
+            episodes,
             chance,
             certainty: Certainty::Diagnosed,
             odds: None,
+            explains: None,
             examples: tally.examples.numbers(),
             at_most: severity_of(tally.share()),
             facts: Vec::new(),
@@ -179,6 +196,14 @@ impl Claim {
         self
     }
 
+    /// Takes the times of another claim.
+    #[must_use]
+    pub fn in_the_time_of(mut self, other: &Self) -> Self {
+        (self.first, self.last, self.has_begun, self.has_ended) = (other.first, other.last, other.has_begun, other.has_ended);
+        self.episodes.clone_from(&other.episodes);
+        self
+    }
+
     /// Sets the greatest severity.
     #[must_use]
     pub fn at_most(mut self, severity: Severity) -> Self {
@@ -204,15 +229,30 @@ pub fn were(count: u64) -> String {
     format!("{} {}", thousands(count), if count == 1 { "was" } else { "were" })
 }
 
-/// A duration in words: milliseconds up to ten seconds, seconds above.
+/// A duration in words: milliseconds up to ten seconds, seconds up to two minutes, then in the two greatest units.
+///
+/// ```
+/// use modlens_diagnosis::claim::duration;
+/// assert_eq!([2_500_000_i64, 145_000_000_000, 7_260_000_000_000].map(duration), ["2.5 ms", "2 min 25 s", "2 h 1 min"]);
+/// ```
 pub fn duration(ns: i64) -> String {
     let ms = ns as f64 / 1e6;
-    if ms < 10.0 {
-        format!("{ms:.1} ms")
-    } else if ms < 10_000.0 {
-        format!("{ms:.0} ms")
-    } else {
-        format!("{:.0} s", ms / 1000.0)
+    let seconds = (ms / 1000.0).round() as i64;
+    match seconds {
+        _ if ms < 10.0 => format!("{ms:.1} ms"),
+        0..10 => format!("{ms:.0} ms"),
+        10..120 => format!("{seconds} s"),
+        120..7200 => in_two(seconds, (60, "min"), (1, "s")),
+        7200..172_800 => in_two(seconds, (3600, "h"), (60, "min")),
+        _ => in_two(seconds, (86_400, "d"), (3600, "h")),
+    }
+}
+
+/// So many of the one unit and of the other; the second one is left out where there is none.
+fn in_two(seconds: i64, (one, name): (i64, &str), (other, less): (i64, &str)) -> String {
+    match seconds % one / other {
+        0 => format!("{} {name}", seconds / one),
+        rest => format!("{} {name} {rest} {less}", seconds / one),
     }
 }
 

@@ -6,11 +6,13 @@ mod clean_run;
 mod clean_units;
 mod context;
 mod epochs;
+pub mod gaps;
 mod known_requests;
 mod network;
 mod noise;
 #[cfg(test)]
 mod one_by_one;
+mod place;
 mod recent;
 mod request;
 pub mod sample;

@@ -14,7 +14,6 @@ mod values;
 mod wires;
 
 use crate::claim::{Claim, View};
-use crate::joint;
 
 /// A kind: its code and what recognizes it.
 pub type Kind = (&'static str, fn(&View<'_>) -> Vec<Claim>);
@@ -98,20 +97,18 @@ const EXPLAINS: &[(&str, &[&str])] = &[
     ("lockstep", &["slow_answers", "gateway_mixup", "value_spike"]),
 ];
 
-/// What all kinds claim of a bus, without what another claim explains.
-pub fn claims(view: &View<'_>) -> Vec<Claim> {
+/// What all kinds claim of a bus, without what another claim explains; and what they claim each by itself.
+pub fn claims(view: &View<'_>) -> (Vec<Claim>, Vec<Claim>) {
     let all: Vec<Claim> = KINDS.iter().flat_map(|(_, recognize)| recognize(view)).collect();
-    let all = joint::smallest(view, all);
     let is_explained = |claim: &Claim| {
         EXPLAINS.iter().any(|(by, what)| {
             what.contains(&claim.code)
-                && !(joint::RIVALS.contains(by) && joint::RIVALS.contains(&claim.code))
                 && all
                     .iter()
                     .any(|other| other.code == *by && (other.unit.is_none() || claim.unit.is_none() || other.unit == claim.unit))
         })
     };
-    all.iter().filter(|claim| !is_explained(claim)).cloned().collect()
+    (all.iter().filter(|claim| !is_explained(claim)).cloned().collect(), all)
 }
 
 #[cfg(test)]

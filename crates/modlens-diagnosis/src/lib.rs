@@ -27,12 +27,13 @@
 //! **Silence where there is not enough.** A claim comes with the chance that its contrast is an accident, corrected for the
 //! number of contrasts that were looked at (`statistics`); above [`MAX_CHANCE`] nothing is said.
 
+mod attribution;
 pub mod bus_day;
 pub mod claim;
 mod clean;
 pub mod contrast;
 pub mod days;
-mod joint;
+pub mod events;
 pub mod kinds;
 pub mod observation;
 pub mod report;

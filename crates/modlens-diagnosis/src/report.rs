@@ -1,15 +1,21 @@
 //! The verdict, the diagnoses in words, what reserves the units have, and what could not be judged.
 
+mod course;
+mod episodes;
 mod reserves;
 mod sentences;
+mod unexplained;
 mod unjudged;
 mod verdict;
+
+pub use course::Course;
 
 use modlens_engine::records::DiagnosisRow;
 use modlens_protocol::finding::Severity;
 use modlens_protocol::timestamp::time_text;
 use serde_json::{json, Value as Json};
 
+use crate::attribution::{attribute, Rest};
 use crate::claim::{Certainty, Claim, View, FEW};
 use crate::contrast::{BusContrast, Contrast};
 use crate::kinds;
@@ -19,10 +25,14 @@ use crate::statistics::Share;
 #[derive(Clone)]
 pub struct Report {
     rows: Vec<DiagnosisRow>,
+    courses: Vec<Course>,
     verdict: &'static str,
     sentence: String,
     /// Those that tell how the line works, and which of them failed.
     requests: Share,
+    unexplained: Vec<Json>,
+    /// Units that fail without a known cause.
+    without_cause: Vec<(DiagnosisRow, Course)>,
     reserves: Vec<Json>,
     not_judged: Vec<Json>,
 }
@@ -33,16 +43,15 @@ impl Report {
         let buses: Vec<_> = contrast.buses().collect();
         let mut rows = Vec::new();
         let (mut reserves, mut unjudged) = (Vec::new(), Vec::new());
+        let (mut rest, mut without_cause) = (Vec::new(), Vec::new());
         for (name, bus) in &buses {
             let view = View::new(bus);
-            let mut claims = kinds::claims(&view);
-            for claim in &mut claims {
-                claim.certainty = certainty(bus, claim);
-            }
-            if claims.iter().all(|claim| claim.harm == 0) && verdict::is_open(bus) {
-                claims.extend(crate::sight::suspected(&view));
-            }
-            rows.extend(claims.iter().map(|claim| (claim.harm, sentences::row(name, bus, claim))));
+            let (claims, odd) = claims(&view);
+            rows.extend(
+                claims.iter().map(|claim| (claim.harm, sentences::row(name, bus, claim, odd), Course::of(bus, claim, odd))),
+            );
+            rest.push((*name, odd));
+            without_cause.extend(unexplained::of_bus(name, &view, &claims));
             reserves.extend(reserves::of_bus(name, bus));
             unjudged.extend(unjudged::of_bus(name, bus));
         }
@@ -53,16 +62,35 @@ impl Report {
                 "needs": "a recording of a part of the network, or --between for less time",
             }));
         }
-        rows.sort_by_key(|(spoiled, row)| std::cmp::Reverse(harm(*spoiled, row)));
-        let rows: Vec<DiagnosisRow> = rows.into_iter().map(|(_, row)| row).collect();
+        rows.sort_by_key(|(spoiled, row, _)| std::cmp::Reverse(harm(*spoiled, row)));
+        let (rows, courses): (Vec<DiagnosisRow>, Vec<Course>) = rows.into_iter().map(|(_, row, course)| (row, course)).unzip();
         let (word, sentence) = verdict::verdict(&buses, &rows);
         let requests = buses.iter().fold(Share::default(), |sum, (_, bus)| sum.with(bus.requests_seen.share()));
-        Self { rows, verdict: word.text(), sentence, requests, reserves, not_judged: unjudged }
+        let unexplained = rest.iter().filter(|(_, rest)| rest.odd > 0);
+        let unexplained = unexplained.map(|(bus, rest)| json!({"bus": bus, "odd": rest.odd, "unexplained": rest.unexplained}));
+        let unexplained = unexplained.collect();
+        Self {
+            rows,
+            courses,
+            verdict: word.text(),
+            sentence,
+            requests,
+            unexplained,
+            without_cause,
+            reserves,
+            not_judged: unjudged,
+        }
     }
 
     /// The diagnoses, by harm.
     pub fn rows(&self) -> &[DiagnosisRow] {
         &self.rows
+    }
+
+    /// The diagnoses, and the units that fail without a known cause (code `unexplained`), with their times.
+    pub fn troubles(&self) -> impl Iterator<Item = (&DiagnosisRow, &Course)> {
+        let without_cause = self.without_cause.iter().map(|(row, course)| (row, course));
+        self.rows.iter().zip(&self.courses).chain(without_cause)
     }
 
     /// The numbers of the transactions that the diagnoses name as examples.
@@ -72,22 +100,36 @@ impl Report {
 
     /// The whole as JSON; `docs/doctor.schema.json` describes it.
     pub fn json(&self) -> Json {
-        self.with(self.rows.iter())
+        self.with(self.rows.iter().zip(&self.courses))
     }
 
     /// The same with the worst diagnosis of each kind alone: a line may have a thousand of one.
     pub fn brief(&self) -> Json {
         let is_first = |at: usize, code: &str| self.rows[..at].iter().all(|row| row.code != code);
-        self.with(self.rows.iter().enumerate().filter(|(at, row)| is_first(*at, row.code)).map(|(_, row)| row))
+        let rows = self.rows.iter().zip(&self.courses).enumerate();
+        self.with(rows.filter(|(at, (row, _))| is_first(*at, row.code)).map(|(_, both)| both))
     }
 
-    fn with<'a>(&'a self, rows: impl Iterator<Item = &'a DiagnosisRow>) -> Json {
+    fn with<'a>(&'a self, rows: impl Iterator<Item = (&'a DiagnosisRow, &'a Course)>) -> Json {
         json!({
             "verdict": self.verdict, "sentence": self.sentence, "requests": self.requests.total, "failed": self.requests.failed,
-            "diagnoses": rows.map(row_json).collect::<Vec<_>>(),
-            "reserves": self.reserves, "not_judged": self.not_judged,
+            "diagnoses": rows.map(|(row, course)| row_json(row, course)).collect::<Vec<_>>(),
+            "unexplained": self.unexplained, "reserves": self.reserves, "not_judged": self.not_judged,
         })
     }
+}
+
+/// The claims of a bus, weighed, and how much of what is odd none explains.
+fn claims(view: &View<'_>) -> (Vec<Claim>, Rest) {
+    let (mut claims, all) = kinds::claims(view);
+    for claim in &mut claims {
+        claim.certainty = certainty(view.bus, claim);
+    }
+    if claims.iter().all(|claim| claim.harm == 0) && verdict::is_open(view.bus) {
+        claims.extend(crate::sight::suspected(view));
+    }
+    let rest = attribute(view, &mut claims, &all);
+    (claims, rest)
 }
 
 /// How certain a contrast is: a few requests suggest a cause, however clear they are.
@@ -111,12 +153,13 @@ fn harm(spoiled: u64, row: &DiagnosisRow) -> (u8, u64, u64, std::cmp::Reverse<St
     (severity, spoiled, sureness, std::cmp::Reverse(row.code.to_owned()))
 }
 
-fn row_json(row: &DiagnosisRow) -> Json {
+fn row_json(row: &DiagnosisRow, course: &Course) -> Json {
     json!({
         "code": row.code, "title": crate::table::diagnosis(row.code).map(|known| known.title.as_str()),
         "severity": row.severity.text(), "bus": row.bus, "unit": row.unit, "function": row.function, "address": row.address,
         "client": row.client, "failed": row.failed, "total": row.total,
-        "since": row.since.map(time_text), "until": row.until.map(time_text),
-        "certainty": row.certainty, "odds": row.odds, "chance": row.chance, "sentence": row.sentence, "advice": row.advice, "proof": row.proof, "examples": row.examples,
+        "since": row.since.map(time_text), "until": row.until.map(time_text), "episodes": course.episodes,
+        "certainty": row.certainty, "explains": course.explains, "share": row.share, "odds": row.odds, "rival": course.rival,
+        "chance": row.chance, "sentence": row.sentence, "evidence": course.evidence(), "advice": row.advice, "proof": row.proof, "examples": row.examples,
     })
 }

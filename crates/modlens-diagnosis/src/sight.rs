@@ -58,17 +58,16 @@ fn best(seen: &[Seen]) -> Option<(Claim, &'static Diagnosis)> {
     let has_words = |cause: &Diagnosis| seen.iter().any(|(symptom, _, _)| cause.sight(*symptom).is_some());
     let at = ranked.iter().position(|(_, cause)| has_words(cause))?;
     let (score, cause) = ranked[at];
-    let rival =
-        ranked.iter().enumerate().filter(|(other, _)| *other != at).map(|(_, (score, _))| *score).fold(f64::MIN, f64::max);
+    let rival = ranked.iter().enumerate().find(|(other, _)| *other != at).map(|(_, one)| *one)?;
     let with_words = seen.iter().filter_map(|one| Some((one, cause.sight(one.0)?)));
     let ((_, all, unit), words) = with_words.max_by(|one, other| one.0 .1.failed.cmp(&other.0 .1.failed))?;
-    let odds = (score - rival).exp();
+    let odds = (score - rival.0).exp();
     let is_likely = all.failed >= LIKELY_EXAMPLES && odds >= LIKELY_ODDS;
     let mut all = all.clone();
     all.total = all.failed;
     let mut claim = Claim::new(&cause.code, &all, 1.0);
     claim.unit = *unit;
-    claim.odds = Some(odds);
+    claim.odds = Some((odds, rival.1.code.as_str()));
     claim.certainty = if is_likely { Certainty::Likely } else { Certainty::Suspected };
     claim.at_most = modlens_protocol::finding::Severity::Warning;
     let examples = if all.failed == 1 { "1 example".to_owned() } else { format!("{} examples", all.failed) };

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use modlens_diagnosis::contrast::Contrast;
+use modlens_diagnosis::events::{Event, Events};
 use modlens_diagnosis::report::Report;
 use modlens_engine::framer::silence::SilenceRule;
 use modlens_engine::records::Bus;
@@ -70,6 +71,8 @@ pub struct Session {
     functions: Arc<CoreFunctions>,
     /// What is counted for diagnoses, if these are wanted.
     contrast: Option<Contrast>,
+    /// Troubles that begin, change and end, where a live line is watched for diagnoses.
+    events: Option<Events>,
     /// What the doctor has said of that at the end of the recordings.
     report: Option<Report>,
     /// What is collected for reports, if they are wanted.
@@ -127,11 +130,13 @@ impl Session {
         if let Some(name) = bus_name {
             core.name_buses(name);
         }
+        let events = contrast.as_ref().filter(|_| live).map(|_| Events::default());
         Ok(Self {
             core,
             selection,
             functions: Arc::clone(&functions.core),
             contrast,
+            events,
             report: None,
             overview,
             shows_text,
@@ -391,6 +396,18 @@ impl Session {
         self.report().map_or(serde_json::Value::Null, |report| report.json()).to_string()
     }
 
+    /// The events of troubles since the last call, each as JSON.
+    fn take_events(&mut self) -> Vec<String> {
+        let events = self.events.as_mut().map_or_else(Vec::new, Events::take);
+        events.iter().map(|event: &Event| event.json().to_string()).collect()
+    }
+
+    /// The troubles that are open, as a JSON list.
+    fn troubles(&self) -> String {
+        let open = self.events.iter().flat_map(Events::open);
+        serde_json::Value::from(open.map(modlens_diagnosis::events::Trouble::json).collect::<Vec<_>>()).to_string()
+    }
+
     /// Doctor, statistics and overview in one; null where something is not wanted.
     fn document(&self) -> String {
         let report = self.report();
@@ -444,6 +461,9 @@ impl Session {
         }
         if let Some(contrast) = &mut self.contrast {
             contrast.observe(&batch);
+        }
+        if let Some(events) = &mut self.events {
+            events.observe(&batch);
         }
         if let Some(overview) = &mut self.overview {
             overview.observe(&batch);

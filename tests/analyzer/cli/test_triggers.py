@@ -16,7 +16,6 @@ from analyzer.cli.triggers import (
     HourlySummary,
     SettingsDoubt,
     StopConditions,
-    VerdictWatch,
 )
 from analyzer.exports.sink import Target
 
@@ -121,20 +120,3 @@ def test_wrong_settings_are_told_after_a_second(damage: int, said: int) -> None:
         doubt.put(core.take())
     assert len(messages) == said
     assert all("no valid frame" in text for text in messages)
-
-
-def test_the_verdict_is_told_when_it_changes() -> None:
-    """Not each time, and not before there is anything to judge."""
-    causes: list[dict[str, object]] = []
-    now, messages = 0.0, list[str]()
-    state = {"verdict": "unknown", "sentence": "Nothing.", "requests": 0, "diagnoses": causes}
-    watch = VerdictWatch(lambda: state, messages.append, lambda: now)
-    batch = next(batches("."))
-    for second, (sentence, requests, units) in enumerate(
-        [("Nothing.", 0, []), ("Healthy.", 30, []), ("Healthy.", 60, []), ("Dead.", 90, [4])], 1
-    ):
-        now = 10.0 * second
-        state |= {"sentence": sentence, "requests": requests}
-        causes[:] = [{"bus": "b", "unit": unit, "code": "dead_unit_cost"} for unit in units]
-        watch.put(batch)
-    assert [message.split(": ")[1] for message in messages] == ["Healthy.", "Dead."]

@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import _modlens
 from analyzer.bus_days import COLUMNS
-from analyzer.feeds.home_assistant import FAILURES, HomeAssistant
+from analyzer.feeds.home_assistant import HomeAssistant
 from analyzer.feeds.spool import Message
 
 REQUIRED = {"name", "unique_id", "state_topic", "availability_topic", "device", "origin"}
@@ -39,32 +39,23 @@ def test_a_bus_is_a_device_with_its_health() -> None:
     }
     for about in found.values():
         assert set(about) >= REQUIRED
-        assert about["state_topic"] == about["json_attributes_topic"] == "plant/boiler/day"
+        is_problem = about["name"] == "Problem"
+        topic = "plant/boiler/trouble" if is_problem else "plant/boiler/day"
+        assert about["state_topic"] == about["json_attributes_topic"] == topic
         assert about["device"]["identifiers"] == ["plant_boiler"]
         used = about["value_template"].split("value_json.")[1].split()[0]
-        assert used in COLUMNS
+        assert used in ("problem", *COLUMNS)
 
 
-def test_a_unit_is_a_problem_after_three_failures_in_a_row() -> None:
-    """Not after a lost frame; not before it has answered once; an answer ends it."""
+def test_a_unit_has_a_problem_sensor_once_it_has_answered() -> None:
+    """With the sentence of its trouble as an attribute."""
     home = HomeAssistant("plant", "plant/status")
-    assert not [m for m in sent(home, *["no_response"] * 9) if m.topic.endswith("/_problem")]
-
-    def problems(*statuses: str) -> list[bytes]:
-        return [m.payload for m in sent(home, *statuses) if m.topic == "plant/boiler/4/_problem"]
-
-    assert problems("ok") == [b"0"]
-    assert problems("no_response", "bad_response", "ok") == []
-    assert problems("no_response", "not_observed", "bad_response", "unsolicited") == []
-    assert problems("no_response", "no_response") == [b"1"]
-    assert problems("exception", "ok") == [b"0"]
-    assert FAILURES == 3
-    about = configs(home.announcements)[
-        "homeassistant/binary_sensor/plant_boiler_4/_problem/config"
-    ]
+    topic = "homeassistant/binary_sensor/plant_boiler_4/_problem/config"
+    assert topic not in configs(sent(home, *["no_response"] * 9))
+    about = configs(sent(home, "ok", "ok"))[topic]
     assert (about["device_class"], about["payload_on"]) == ("problem", "1")
     assert about["device"]["via_device"] == "plant_boiler"
-    assert about["state_topic"] == "plant/boiler/4/_problem"
+    assert about["state_topic"] == about["json_attributes_topic"] == "plant/boiler/4/_problem"
 
 
 def test_values_are_sensors_of_their_unit() -> None:

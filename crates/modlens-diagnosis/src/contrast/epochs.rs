@@ -136,6 +136,7 @@ impl Epoch {
             before: self.before,
             after: 0,
             examples: self.examples.clone(),
+            ..Tally::default()
         }
     }
 }

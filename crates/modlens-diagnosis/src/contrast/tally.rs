@@ -1,21 +1,11 @@
 //! The smallest counters: how often, since when, until when, and for example where.
 
+use super::gaps::{Episode, Gaps, Span};
+pub use super::place::Place;
 pub use modlens_protocol::mix::mix;
-use modlens_protocol::Ns;
 
 /// Examples kept for each claim.
 pub const EXAMPLES: usize = 4;
-
-/// A place in a recording: the number of a transaction and its time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place {
-    /// Number of the transaction; 0 where none is near.
-    pub number: u64,
-    /// Start of it, since the beginning of the recording.
-    pub elapsed: Option<Ns>,
-    /// Start of it.
-    pub time: Option<Ns>,
-}
 
 /// Numbers of transactions that stand for many: those whose hashes are least, so that order and parts do not matter.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -100,6 +90,8 @@ pub struct Tally {
     pub after: u64,
     /// Some of those that failed.
     pub examples: Examples,
+    /// The longest stretches between failures.
+    pub gaps: Gaps,
 }
 
 impl Tally {
@@ -128,6 +120,10 @@ impl Tally {
     }
 
     fn fail(&mut self, place: Place) {
+        if let Some(until) = self.span().filter(|_| self.after > 0) {
+            // The one that fails now is already among all.
+            self.gaps.add(self.after, Span { total: until.total - 1, ..until }, place);
+        }
         self.failed += 1;
         self.first.get_or_insert(place);
         self.last = Some(place);
@@ -135,8 +131,28 @@ impl Tally {
         self.examples.add(place.number);
     }
 
+    /// What was counted from the first failure to the last one.
+    fn span(&self) -> Option<Span> {
+        let (first, last) = (self.first?, self.last?);
+        Some(Span { failed: self.failed, total: self.total.saturating_sub(self.before + self.after), first, last })
+    }
+
+    /// The runs of failures, in order; empty where none failed, or where tallies without a common order were added.
+    pub fn episodes(&self) -> Vec<Episode> {
+        self.span().map_or_else(Vec::new, |span| self.gaps.episodes(span))
+    }
+
     /// Adds what came later.
     pub fn merge(&mut self, later: &Self) {
+        match (self.span(), later.first) {
+            (Some(own), Some(first)) => {
+                let good = self.after + later.before;
+                self.gaps.add(good, own, first);
+                self.gaps.append(&later.gaps, own.failed, own.total + good);
+            }
+            (None, Some(_)) => self.gaps.clone_from(&later.gaps),
+            (_, None) => {}
+        }
         match (self.failed, later.failed) {
             (0, _) => self.before += later.before,
             (_, 0) => self.after += later.total,
@@ -180,5 +196,40 @@ mod tests {
             merged.merge(&tally(cut, &failures, 40));
             assert_eq!(merged, whole, "cut at {cut}");
         }
+    }
+
+    #[test]
+    fn of_more_gaps_than_are_kept_parts_merge_to_the_whole() {
+        let failures: Vec<u64> = (0..40).map(|number| number * number % 997).collect();
+        let whole = tally(0, &failures, 1000);
+        for cut in (0..=1000).step_by(7) {
+            let mut merged = tally(0, &failures, cut);
+            merged.merge(&tally(cut, &failures, 1000));
+            assert_eq!(merged, whole, "cut at {cut}");
+        }
+    }
+
+    /// First and last of each episode, and how many failed of how many.
+    fn episodes(failures: impl IntoIterator<Item = u64>, to: u64) -> Vec<[u64; 4]> {
+        let failures: Vec<u64> = failures.into_iter().collect();
+        let found = tally(1, &failures, to).episodes();
+        found.iter().map(|one| [one.first.number, one.last.number, one.failed, one.total]).collect()
+    }
+
+    #[test]
+    fn episodes_are_separated_by_more_good_ones_than_chance_allows() {
+        assert_eq!(episodes((50..70).chain(400..430), 600), [[50, 69, 20, 20], [400, 429, 30, 30]]);
+        // A failure now and then is one episode: the trouble was there all the time.
+        assert_eq!(episodes((20..1000).step_by(37), 1000), [[20, 982, 27, 963]]);
+        // Every other request fails for a while.
+        assert_eq!(episodes((100..160).step_by(2).chain((500..540).step_by(2)), 800), [[100, 158, 30, 59], [500, 538, 20, 39]]);
+        assert_eq!(episodes([], 100), [[0; 4]; 0]);
+    }
+
+    #[test]
+    fn a_lone_failure_stretches_no_episode() {
+        assert_eq!(episodes((50..70).chain([5000]), 6000), [[50, 69, 20, 20], [5000, 5000, 1, 1]]);
+        let kept = crate::contrast::gaps::without_lone(tally(1, &(50..70).chain([5000]).collect::<Vec<_>>(), 6000).episodes());
+        assert_eq!(kept.len(), 1);
     }
 }

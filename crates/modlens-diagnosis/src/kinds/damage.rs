@@ -122,7 +122,7 @@ pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
         sum
     });
     let mut claim = Claim::new("line_noise", &tally, chance).with_share(share);
-    (claim.first, claim.last, claim.has_begun, claim.has_ended) = ends(view);
+    claim = claim.in_the_time_of(&Claim::new("line_noise", &view.bus.requests_seen, 0.0));
     let spread = match (units.len(), requests) {
         (_, 0) => String::from("all of them answers"),
         (1, _) => format!("{requests} of them requests"),
@@ -149,12 +149,6 @@ fn is_of_late_answers(view: &View<'_>) -> bool {
     let others = view.units().filter(|(unit, _)| !slow.contains(&Some(*unit)));
     let rest = others.fold(Share::default(), |sum, (_, counts)| sum.with(counts.damage_after_failure[0]));
     (late > 0 || !slow.is_empty()) && view.beyond_accident(rest).is_none()
-}
-
-/// First and last failure of all units, and whether the trouble has begun or ended in between: that of all requests.
-fn ends(view: &View<'_>) -> (Option<crate::contrast::tally::Place>, Option<crate::contrast::tally::Place>, bool, bool) {
-    let claim = Claim::new("line_noise", &view.bus.requests_seen, 0.0);
-    (claim.first, claim.last, claim.has_begun, claim.has_ended)
 }
 
 fn parts(view: &View<'_>, part: DamagedPart) -> u64 {

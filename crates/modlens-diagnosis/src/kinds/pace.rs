@@ -134,13 +134,9 @@ const FULL: f64 = 0.7;
 
 /// Frames and response times that fill the time.
 pub(super) fn bus_saturated(view: &View<'_>) -> Vec<Claim> {
-    let frames = &view.bus.frames;
-    let (Some(char_ns), Some((first, last)), false) = (view.bus.facts.char_ns, frames.span, view.bus.facts.is_network) else {
-        return Vec::new();
-    };
-    let busy = frames.bytes.iter().sum::<u64>() as f64 * char_ns as f64;
-    let span = (last - first) as f64;
-    if view.bus.requests_seen.total < 30 || busy < FULL * span {
+    let Some((busy, span)) = super::wires::needed_and_had(view) else { return Vec::new() };
+    // A line that carries more than it can has other settings: wrong_line_settings.
+    if view.bus.requests_seen.total < 30 || busy < FULL * span || super::wires::is_overfull((busy, span)) {
         return Vec::new();
     }
     let share = Share { failed: (busy.min(span) / 1e6) as u64, total: (span / 1e6) as u64 };
@@ -151,6 +147,7 @@ pub(super) fn bus_saturated(view: &View<'_>) -> Vec<Claim> {
     });
     let mut claim = Claim::new("bus_saturated", &view.bus.requests_seen, 0.0).with_share(share).fact("most", most);
     (claim.has_begun, claim.has_ended, claim.examples) = (false, false, Vec::new());
+    claim.episodes.clear();
     // Its numbers are of time, not of requests that failed.
     claim.harm = 0;
     vec![claim]

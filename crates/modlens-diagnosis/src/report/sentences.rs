@@ -5,13 +5,15 @@ use modlens_protocol::decimal::thousands;
 use modlens_protocol::finding::Severity;
 use modlens_protocol::source::Clock;
 
+use super::episodes;
+use crate::attribution::Rest;
 use crate::claim::{duration, Claim};
 use crate::contrast::tally::Place;
 use crate::contrast::BusContrast;
 use crate::table::diagnosis;
 
 /// The row of a claim.
-pub(super) fn row(bus: &str, contrast: &BusContrast, claim: &Claim) -> DiagnosisRow {
+pub(super) fn row(bus: &str, contrast: &BusContrast, claim: &Claim, rest: Rest) -> DiagnosisRow {
     let known = diagnosis(claim.code).expect("each kind has a row in the table, which a test walks");
     let time = |place: Option<Place>| place.and_then(|place| place.time).filter(|_| contrast.facts.clock == Clock::Utc);
     let is_sight = claim.facts.iter().any(|(fact, _)| *fact == "sight");
@@ -30,7 +32,9 @@ pub(super) fn row(bus: &str, contrast: &BusContrast, claim: &Claim) -> Diagnosis
         until: time(claim.last).filter(|_| claim.has_ended),
         certainty: claim.certainty.text(),
         chance: Some(claim.chance).filter(|_| !is_sight),
-        odds: claim.odds,
+        odds: claim.odds.map(|(odds, _)| odds),
+        share: claim.explains.map(|explains| (explains as f64 / rest.odd.max(1) as f64).min(1.0)),
+        episodes: super::episodes::intervals(contrast, claim),
         sentence: filled(if is_sight { "{sight}" } else { &known.sentence }, contrast, claim),
         advice: filled(at_sight(&known.sight_advice, &known.advice), contrast, claim),
         proof: filled(at_sight(&known.sight_proof, &known.proof), contrast, claim),
@@ -74,7 +78,7 @@ fn place(name: &str, contrast: &BusContrast, claim: &Claim) -> String {
         "unit" => claim.unit.map_or(String::from("the unit"), |unit| format!("unit {unit}")),
         "failed" => thousands(claim.share.failed),
         "total" => thousands(claim.share.total),
-        "when" => when(contrast, claim),
+        "when" => episodes::several(contrast, claim).unwrap_or_else(|| when(contrast, claim)),
         "than" if claim.facts.iter().all(|(fact, _)| *fact != "than") => String::from("the recording"),
         _ => claim.facts.iter().find(|(fact, _)| *fact == name).map_or(String::new(), |(_, value)| value.clone()),
     }

@@ -206,8 +206,12 @@ pub struct DiagnosisRow {
     pub certainty: &'static str,
     /// The corrected probability that the contrast is an accident.
     pub chance: Option<f64>,
-    /// The odds against the best rival, where they were weighed.
+    /// The share of all odd transactions and bytes of the bus that it explains.
+    pub share: Option<f64>,
+    /// The odds against the best rival.
     pub odds: Option<f64>,
+    /// Its runs as ISO 8601 intervals, on a clock that is set to UTC.
+    pub episodes: String,
     /// The cause in words.
     pub sentence: String,
     /// What to check.

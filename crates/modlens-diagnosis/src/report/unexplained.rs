@@ -1,0 +1,69 @@
+//! Units whose requests fail without a cause that the doctor knows: no diagnosis, but a trouble all the same.
+
+use modlens_engine::records::DiagnosisRow;
+use modlens_protocol::decimal::thousands;
+use modlens_protocol::finding::Severity;
+use modlens_protocol::source::Clock;
+
+use super::course::Course;
+use crate::attribution::Rest;
+use crate::claim::{Certainty, Claim, View};
+use crate::contrast::tally::Tally;
+use crate::contrast::UnitCounts;
+use crate::statistics::Share;
+
+/// The code of these rows, which are no diagnoses.
+pub const UNEXPLAINED: &str = "unexplained";
+
+/// The units of a bus that fail more often than by accident, of which no claim says why.
+pub(super) fn of_bus(name: &str, view: &View<'_>, claims: &[Claim]) -> Vec<(DiagnosisRow, Course)> {
+    if view.is_small() {
+        return Vec::new();
+    }
+    let is_claimed = |unit: u8| {
+        let explains = |claim: &&Claim| claim.certainty == Certainty::Diagnosed && claim.unit.is_none_or(|own| own == unit);
+        claims.iter().any(|claim| explains(&claim) && claim.at_most != Severity::Info)
+    };
+    let open = view.units().filter(|(unit, _)| !is_claimed(*unit));
+    open.filter_map(|(unit, counts)| row(name, view, unit, counts)).collect()
+}
+
+fn row(name: &str, view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<(DiagnosisRow, Course)> {
+    let refused =
+        counts.exceptions.iter().max_by_key(|tally| tally.failed).filter(|most| most.failed * 2 > counts.failures.total);
+    let (tally, how): (&Tally, &str) = match refused {
+        Some(refused) => (refused, "were refused (exception)"),
+        None => (&counts.failures, "failed"),
+    };
+    let share = Share { failed: tally.failed, total: counts.failures.total };
+    let chance = view.beyond_accident(share)?;
+    let claim = Claim::new(UNEXPLAINED, tally, chance);
+    let time = claim.first.and_then(|place| place.time).filter(|_| view.bus.facts.clock == Clock::Utc);
+    let row = DiagnosisRow {
+        code: UNEXPLAINED,
+        severity: crate::claim::severity_of(share),
+        bus: name.to_owned(),
+        unit: Some(unit),
+        function: None,
+        address: None,
+        client: None,
+        failed: share.failed,
+        total: share.total,
+        since: time,
+        until: None,
+        certainty: Certainty::Diagnosed.text(),
+        chance: Some(chance),
+        share: None,
+        odds: None,
+        episodes: String::new(),
+        sentence: format!(
+            "Unit {unit}: {} of {} requests {how}, and no known cause explains it.",
+            thousands(share.failed),
+            thousands(share.total)
+        ),
+        advice: "What changed when it began; modlens show names each transaction's own reason.".into(),
+        proof: "A recording with more traffic before and after it.".into(),
+        examples: claim.examples.clone(),
+    };
+    Some((row, Course::of(view.bus, &claim, Rest::default())))
+}
