@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, BinaryIO, Literal, Self, cast
+from typing import Any, BinaryIO, Literal, NoReturn, Self, cast
 
 import _modlens
 from analyzer.columns import columns
@@ -128,6 +128,15 @@ class Decoding:
     def __iter__(self) -> Iterator[TransactionRow]:
         return iter(self.transactions)
 
+    def __getattr__(self, name: str) -> NoReturn:
+        """What rows or a DataFrame have: `AttributeError` says what to write."""
+        instead = f"; write recording.transactions.{name}" if hasattr(Rows, name) else ""
+        raise AttributeError(f"a recording has no {name!r}{instead}")
+
+    def __getitem__(self, place: object, /) -> NoReturn:
+        """Raise `UsageError`: a recording has several tables."""
+        raise UsageError(f"a recording has tables: write recording.transactions[{place!r}]")
+
     def __repr__(self) -> str:
         chosen = "" if self._chosen is None else f" where {self._chosen}"
         return f"<recording {', '.join(self.names)}{chosen}>"
@@ -218,6 +227,8 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
     are read when rows are asked for.
     """
     names, data = _sources(recordings)
+    if isinstance(channels, str):
+        raise UsageError(f'channels is a list such as ["RX", "TX"], not {channels!r}')
     settings = _settings(line, mode, timeout, functions, profiles)
     settings = replace(
         settings,
@@ -263,6 +274,8 @@ def _existing(name: str) -> str:
 def _ports(ports: Iterable[int] | Literal["any"] | None) -> tuple[int, ...] | None:
     if ports is None or ports == "any":
         return None if ports is None else ()
+    if not isinstance(ports, Iterable) or isinstance(ports, str):
+        raise UsageError(f"ports is a list such as [502, 1502], or 'any', not {ports!r}")
     listed = tuple(ports)
     wrong = [port for port in listed if not 0 < port <= LAST_PORT]
     if wrong or not listed:
@@ -337,6 +350,8 @@ def tap(  # noqa: PLR0913 - all but the ports by keyword
     """
     if not ports:
         raise UsageError("no port to listen to")
+    if not all(isinstance(port, str) for port in ports):
+        raise UsageError(f'a port is a text such as "/dev/ttyUSB0", not {ports[0]!r}')
     settings = _settings(line, mode, timeout, functions, profiles)
     return Tap(LiveRun(ports, settings, notify=notify, reconnect=False))
 
@@ -353,6 +368,15 @@ def _settings(
         raise UsageError('profiles is a list such as ["1=mightyzap", "2-7=pump.yaml"]')
     if not isinstance(line, str | Line | None):
         raise UsageError(f'line is a text such as "19200-8E1" (rate, bits, parity), not {line!r}')
+    profiles = tuple(profiles)
+    if not all(isinstance(one, str | Binding) for one in profiles):
+        raise UsageError('profiles is a list such as ["1=mightyzap", "2-7=pump.yaml"]')
+    if not isinstance(timeout, int | float | None):
+        raise UsageError(f"timeout is a number of seconds such as 0.5, not {timeout!r}")
+    if isinstance(functions, str):
+        raise UsageError(
+            "functions is a table of functions, not a name; the command line has names"
+        )
     bound = tuple(one if isinstance(one, Binding) else parse_binding(one) for one in profiles)
     return Settings(
         line=parse_line(line) if isinstance(line, str) else line,

@@ -159,7 +159,7 @@ def _interval(pandas: Any, every: str) -> Any:
     """An interval as pandas spells it; `UsageError` for what is none."""
     try:
         return pandas.tseries.frequencies.to_offset(every)
-    except ValueError:
+    except (ValueError, TypeError):
         raise UsageError(
             f"every={every!r}: not an interval; write '10s', '15min', '1h' or '1D'"
         ) from None

@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from html import escape
 from itertools import islice
-from typing import Any, Generic, Protocol, TypeVar, overload
+from typing import Any, Generic, NoReturn, Protocol, TypeVar, overload
 
 import _modlens
 from analyzer.columns import columns, pick
@@ -25,7 +25,7 @@ from analyzer.exports.sink import (
 )
 from analyzer.filters import Filter, parse
 from analyzer.visible import visible
-from dissectors.errors import UsageError
+from dissectors.errors import ModlensError, UsageError
 
 __all__ = ["Rows"]
 
@@ -96,6 +96,8 @@ class Rows(Generic[Item_co]):
         >>> decode(b"").transactions.select("unit", "status").columns
         ('unit', 'status')
         """
+        if not all(isinstance(key, str) for key in keys):
+            raise UsageError('write the columns one by one: select("unit", "status")')
         return Rows(self._recording, self.name, self._steps, pick(self.name, ",".join(keys)))
 
     def head(self, count: int = HEAD_ROWS) -> Rows[Item_co]:
@@ -139,11 +141,11 @@ class Rows(Generic[Item_co]):
 
     def to_arrow(self) -> Any:
         """A `pyarrow.Table`; `UsageError` where pyarrow is not installed."""
-        return library("pyarrow").table(self)
+        return self._handed_to(library("pyarrow").table)
 
     def to_polars(self) -> Any:
         """A `polars.DataFrame`; `UsageError` where polars is not installed."""
-        return library("polars").DataFrame(self)
+        return self._handed_to(library("polars").DataFrame)
 
     def to_pandas(self) -> Any:
         """A `pandas.DataFrame`, by way of pyarrow; `UsageError` where one is not installed.
@@ -195,12 +197,22 @@ class Rows(Generic[Item_co]):
     def __getitem__(self, place: int | slice, /) -> Item_co | Rows[Item_co]:
         if isinstance(place, str):
             raise UsageError(f'rows have numbers; write select("{place}") for a column')
+        if not isinstance(place, int | slice):
+            raise UsageError('rows have numbers; write select("unit", "status") for columns')
         if isinstance(place, slice):
             return self._with(self._forward(place))
         at = place if place >= 0 else len(self) + place
         for row in self[at : at + 1] if at >= 0 else ():
             return row
         raise IndexError(f"row {place} of {self.name}")
+
+    def __getattr__(self, name: str) -> NoReturn:
+        """A column, or what a DataFrame has: `AttributeError` says what to write."""
+        instead = ""
+        if not name.startswith("_"):
+            known = name in {column.key for column in columns(self.name)}
+            instead = f'; write select("{name}")' if known else "; a DataFrame may: to_pandas()"
+        raise AttributeError(f"{self.name} have no {name!r}{instead}")
 
     def __repr__(self) -> str:
         parts = [f"[{_bound(step.start)}:{_bound(step.stop)}]" if isinstance(step, slice)
@@ -229,6 +241,27 @@ class Rows(Generic[Item_co]):
         """An Arrow C stream over a new pass of the recording (the Arrow PyCapsule interface)."""
         stream = _modlens.ArrowStream(self.name, self.tables(), self.columns)
         return stream.__arrow_c_stream__(requested_schema)
+
+    def _handed_to(self, take: Callable[[object], Any]) -> Any:
+        """What a library makes of the rows.
+
+        An error of ours is raised as it is: libraries put their own around it.
+        """
+        errors: list[ModlensError] = []
+
+        def tables() -> Iterator[_modlens.Table]:
+            try:
+                yield from self.tables()
+            except ModlensError as error:
+                errors.append(error)
+                raise
+
+        try:
+            return take(_modlens.ArrowStream(self.name, tables(), self.columns))
+        except Exception:
+            if errors:
+                raise errors[0] from None
+            raise
 
     def _with(self, step: Filter | slice) -> Rows[Item_co]:
         return Rows(self._recording, self.name, (*self._steps, step), self._selected)

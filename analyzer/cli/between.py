@@ -19,6 +19,7 @@ from datetime import UTC, datetime, timedelta
 from decimal import Decimal, InvalidOperation
 from typing import Literal
 
+from analyzer.filters import parse
 from analyzer.times import parse_ns, parse_time_of_day
 from dissectors.errors import UsageError
 
@@ -63,6 +64,8 @@ def combine_filters(
     """
     if between is None:
         return where
+    if where is not None:
+        parse(where, table)  # A mistake in it is shown in its own text.
     first_text, last_text = (_day(text, zone) for text in between)
     date = _DATE.match(first_text.strip())
     if date and parse_time_of_day(last_text):

@@ -30,13 +30,14 @@ __all__ = [
 
 TIMES = ("local", "utc", "elapsed", "delta")
 
-_ROWS_OF_ONE = "which rows is a condition: modlens decode FILE --where 'unit == 3'"
+_ROWS_OF_ONE = "which rows is a condition: {prog} FILE --where 'unit == 3'"
 _HINTS = (
     ("--between: expected", "it takes a beginning and an end, such as --between yesterday today"),
     (
         "argument --txn: invalid int",
         "show takes one; for several: modlens decode FILE --where '10 <= txn <= 20'",
     ),
+    ("required: -o", "it names the file to write: {prog} FILE -o report.html"),
     *((f"unrecognized arguments: --{word}", _ROWS_OF_ONE) for word in ("unit", "slave", "filter")),
 )
 """Words of a message -> what to say after it."""
@@ -55,7 +56,9 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raise the message as `UsageError`."""
-        hint = next((hint for words, hint in _HINTS if words in message), f"see {self.prog} --help")
+        hint = next((hint for words, hint in _HINTS if words in message), "see {prog} --help")
+        selects = "--where" in self._option_string_actions or hint != _ROWS_OF_ONE
+        hint = hint.format(prog=self.prog if selects else "modlens decode")
         raise UsageError(f"{self.prog.removeprefix('modlens ')}: {message}; {hint}")
 
 

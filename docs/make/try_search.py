@@ -19,8 +19,16 @@ from urllib.parse import quote, unquote, urlsplit
 __all__ = ["main"]
 
 SITE = Path(__file__).parents[2] / "site"
-SEARCHES = (("index.html", "termination"), ("reference/columns.html", "response time"))
-"""A page, in the root and in a folder, and what is searched there."""
+SEARCHES = (
+    ("index.html", "termination", ""),
+    ("reference/columns.html", "response time", ""),
+    ("index.html", "timeout", "symptoms.html"),
+    ("index.html", "excel", "cookbook/tables.html"),
+)
+"""A page, in the root and in a folder, what is searched there, what has to be found first."""
+
+FIRST = 3
+"""So many results are seen without scrolling."""
 
 FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
@@ -37,16 +45,18 @@ def main() -> int:
     if browser is None:
         sys.stderr.write("the search is not tried: no chromium\n")
         return int(os.environ.get("MODLENS_CI") == "1")
-    wrong = [why for page, words in SEARCHES if (why := _trouble(browser, page, words))]
+    wrong = [why for search in SEARCHES if (why := _trouble(browser, *search))]
     sys.stderr.writelines(f"{why}\n" for why in wrong)
     return int(bool(wrong))
 
 
-def _trouble(browser: str, page: str, words: str) -> str | None:
+def _trouble(browser: str, page: str, words: str, wanted: str) -> str | None:
     """What is wrong with a search; None where it finds pages, which are there."""
     links = _RESULT.findall(_shown(browser, f"{(SITE / page).as_uri()}?q={quote(words)}"))
     if not links:
         return f"{page}: a search for {words!r} finds nothing"
+    if not any(wanted in link for link in links[:FIRST]):
+        return f"{page}: a search for {words!r} finds {', '.join(links[:FIRST])}, not {wanted}"
     gone = [link for link in links if not Path(unquote(urlsplit(link).path)).is_file()]
     return f"{page}: found pages that are not there: {', '.join(gone)}" if gone else None
 
