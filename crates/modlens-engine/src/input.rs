@@ -252,12 +252,12 @@ impl Input {
 
     /// Whether packets may be passed by (`pass`): none is here, and those before them had times and several bytes, as all of a
     /// connection and lines of a log do, and no marks.
-    pub fn takes_packets(&self) -> bool {
+    pub fn takes_pieces(&self) -> bool {
         self.reads.is_empty() && self.has_times && self.has_multibyte_reads && !self.has_marks
     }
 
     /// What `push` and `consume` do with packets, of which the last one has this time and ends at this stream offset and the
-    /// longest one has so many bytes, where `takes_packets` holds. Their bytes are no `consumed_bytes`.
+    /// longest one has so many bytes, where `takes_pieces` holds. Their bytes are no `consumed_bytes`.
     pub fn pass(&mut self, end: u64, time: Ns, longest: usize) {
         (self.is_paused, self.is_closed, self.is_ended) = (false, false, false);
         self.longest_read_bytes = self.longest_read_bytes.max(longest);
@@ -335,20 +335,6 @@ impl Input {
             !self.has_marks && !self.has_times && read.side.is_none() && !read.lacks_checksum && proves_no_other
         };
         self.reads.front().filter(is_plain).map_or(0, |read| (read.end - self.offset) as usize)
-    }
-
-    /// The bytes and the time of the first read, if it has one and nothing of it is framed, on a line without any marks.
-    #[inline]
-    pub fn first_packet(&self) -> Option<(&[u8], Ns)> {
-        let first = self.reads.front().filter(|_| !self.has_marks && self.first_read_start == self.offset)?;
-        let is_plain = first.time != NO_TIME && !first.lacks_checksum && first.proven_framing.is_none();
-        is_plain.then(|| (&self.bytes()[..(first.end - self.offset) as usize], first.time))
-    }
-
-    /// The time of the second read (`NO_TIME` if it has none), if there is one.
-    #[inline]
-    pub fn second_read_time(&self) -> Option<Ns> {
-        self.reads.get(1).map(|read| read.time)
     }
 
     /// The read that holds the byte.

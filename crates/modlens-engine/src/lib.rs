@@ -19,7 +19,7 @@
 //!
 //! **Two lengths of silence.** A pause of t3.5 (5 ms where reads are coarse) is evidence, because USB adapters and
 //! schedulers hold bytes back for up to 16 ms. A pause of `break_ns` (90 ms for RTU, 1 s for ASCII and TCP) is a
-//! boundary: no frame crosses it, and the framer gives out all that it holds.
+//! boundary: no frame crosses it, and the framer emits all that it holds.
 //!
 //! **Where to read on.** `docs/segmentation.md` explains the model as a paper would; `weights` is the table of all
 //! weights and thresholds; `framer::rtu::search::commit` draws when a frame becomes final; `damage` decides between noise

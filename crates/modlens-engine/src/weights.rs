@@ -69,7 +69,7 @@ weights! {
         /// On a wrong baud rate or a floating line few values make all of the noise. After this many bytes of noise what was
         /// counted weighs as much as the three values above.
         NOISE_PRIOR_BYTES: f32 = 256.0;
-        /// The bits of all byte values are computed anew after this many bytes of noise; once per byte would cost too much.
+        /// The bits of all byte values are computed again after this many bytes of noise; once per byte would cost too much.
         NOISE_UPDATE_BYTES: f32 = 128.0;
         /// The counts of noise bytes are halved here, so that old noise is forgotten.
         NOISE_HALVE_BYTES: f32 = 8192.0;
@@ -88,19 +88,19 @@ weights! {
         POLL_CHOICE_BITS: f32 = 3.0;
         /// The most that a request from the dictionary is worth: two of the bytes that it is looked up by.
         MAX_POLLED_REQUEST_BITS: f32 = 12.0;
-        /// At first one frame in forty stands behind bytes that belong to no frame.
+        /// At first one frame in forty stands after bytes that belong to no frame.
         PRIOR_UNFRAMED_SHARE: f32 = 1.0 / 40.0;
-        /// A learned share of frames behind unframed bytes is not believed to be smaller: the next line noise will come.
+        /// A learned share of frames after unframed bytes is not believed to be smaller: the next line noise will come.
         MIN_UNFRAMED_SHARE: f32 = 0.002;
-        /// A learned share of frames behind unframed bytes is not believed to be larger.
+        /// A learned share of frames after unframed bytes is not believed to be larger.
         MAX_UNFRAMED_SHARE: f32 = 0.9;
         /// At first one frame in sixty is an unsolicited response where no request is outstanding.
         PRIOR_UNSOLICITED_SHARE: f32 = 1.0 / 60.0;
-        /// As above, behind unframed bytes, among which a damaged request may be.
+        /// As above, after unframed bytes, among which a damaged request may be.
         PRIOR_UNSOLICITED_AFTER_UNFRAMED_SHARE: f32 = 1.0 / 20.0;
         /// At first one frame in thirty is another request where one is outstanding.
         PRIOR_UNANSWERED_SHARE: f32 = 1.0 / 30.0;
-        /// As above, behind unframed bytes, among which a damaged response may be.
+        /// As above, after unframed bytes, among which a damaged response may be.
         PRIOR_UNANSWERED_AFTER_UNFRAMED_SHARE: f32 = 1.0 / 12.0;
         /// At first an answered request is the next one, too, in one case of four: heartbeats, watchdogs, a single poll.
         PRIOR_SAME_AGAIN_SHARE: f32 = 1.0 / 4.0;
@@ -129,7 +129,7 @@ weights! {
         LENGTH_DISCOUNT_FRAMES: f32 = 0.5;
         /// Counts of lengths are halved here: devices may be replaced.
         HALVE_LENGTHS_FRAMES: f32 = 64.0;
-        /// A frame that stood alone in noise and comes again behind the same bytes is the same accident of the checksum, unless
+        /// A frame that stood alone in noise and comes again after the same bytes is the same accident of the checksum, unless
         /// at least one in this many was answered.
         LONE_FRAMES_PER_ANSWER_FACTOR: u32 = 4;
         /// Counts of a frame that stood alone in noise are halved here.
@@ -205,7 +205,7 @@ weights! {
         UNSOLICITED_BITS: f32 = 5.9;
         /// A damaged request while another one is outstanding: one frame in thirty.
         UNANSWERED_BITS: f32 = 4.9;
-        /// A unit that was silent for a request and its retry may well be silent once more: one in four.
+        /// A unit that was silent for a request and its retry may well be silent again: one in four.
         STILL_SILENT_BITS: f32 = 2.0;
         /// The most that a request costs for coming as early as responses do: a second master's, or a look-alike response.
         TOO_SOON_BITS: f32 = 6.0;
@@ -220,7 +220,7 @@ weights! {
         CERTAIN_DIRECTION_BITS: f32 = 60.0;
         /// In a row of equal frames, a response is sent twice: one in a thousand.
         COPIED_RESPONSE_BITS: f32 = 10.0;
-        /// A response that equals its request, behind a whole exchange of another unit: only a late response, one in three
+        /// A response that equals its request, after a whole exchange of another unit: only a late response, one in three
         /// hundred. The same request again looks like it.
         SPANS_EXCHANGE_BITS: f32 = 8.0;
         /// If a request was heard twice before its response, the same request is heard twice again in one case of two.
@@ -229,7 +229,7 @@ weights! {
         ECHO_MISSING_BITS: f32 = 3.0;
         /// The most that the copy of a request costs for coming as late as a response: an echo comes at once.
         LATE_ECHO_BITS: f32 = 6.0;
-        /// The same response once more: one in a hundred.
+        /// The same response again: one in a hundred.
         REPEATED_RESPONSE_BITS: f32 = 6.6;
         /// Unit and function of an unsolicited response are among the unframed bytes before it: its request was damaged.
         DAMAGED_REQUEST_BITS: f32 = 4.0;
@@ -253,11 +253,11 @@ weights! {
     "Habits of a line" {
         /// If more than one valid frame in a hundred has a pause inside, pauses inside frames prove nothing on this line.
         FRAMES_PER_INNER_PAUSE_FACTOR: f32 = 100.0;
-        /// If stray bytes stand in front of more than one frame in fifty, the line counts as noisy.
+        /// If stray bytes are in front of more than one frame in fifty, the line counts as noisy.
         FRAMES_PER_STRAY_RUN_FACTOR: f32 = 50.0;
-        /// Stray bytes that usually stand in one place of a noisy line, at most: four random ones are common there.
+        /// Stray bytes that usually are in one place of a noisy line, at most: four random ones are common there.
         MAX_STRAY_NOISY_BYTES: usize = 7;
-        /// Stray bytes that usually stand in one place of a quiet line, at most.
+        /// Stray bytes that usually are in one place of a quiet line, at most.
         MAX_STRAY_QUIET_BYTES: usize = 2;
         /// Frames with lost bytes that have to be seen before a line is said to lose bytes.
         MIN_LOSSES_FRAMES: f32 = 3.0;
@@ -270,9 +270,9 @@ weights! {
     }
 
     "Lattice" {
-        /// Hypotheses further behind the best path are dropped.
+        /// Hypotheses further below the best path are dropped.
         BEAM_BITS: f32 = 60.0;
-        /// Hypotheses further behind are dropped where the best path has no frame: noise makes such hypotheses all the time.
+        /// Hypotheses further below are dropped where the best path has no frame: noise makes such hypotheses all the time.
         BEAM_IN_NOISE_BITS: f32 = 30.0;
         /// Hypotheses that are kept when noise or crafted bytes have made too many.
         BEAM_HYPOTHESES: usize = 16;
@@ -296,28 +296,28 @@ weights! {
         /// A valid frame with this score is not outscored by a header inside it.
         CERTAIN_FRAME_BITS: f32 = 34.0;
         /// Lead that a frame in the middle of noise needs to be firm, even where its unit is known. Accidents of the checksum
-        /// behind a known unit reach 9 bits in a few megabytes of uniform noise.
+        /// after a known unit reach 9 bits in a few megabytes of uniform noise.
         FIRM_IN_NOISE_BITS: f32 = 12.0;
         /// No header is worth more.
         MAX_HEADER_BITS: f32 = 60.0;
-        /// Advantage of an unfinished frame that begins right behind another one: a frame is due there.
+        /// Advantage of an unfinished frame that begins right after another one: a frame is due there.
         FRAME_DUE_BITS: f32 = 14.0;
-        /// Without a clock, the same bytes in the other direction this close wait for the next frame, which tells a response
+        /// Without a clock, the same bytes in the other direction this close wait for the next frame, which distinguishes a response
         /// that equals its request from a retry.
         OPPOSITE_DIRECTION_MARGIN_BITS: f32 = 40.0;
         /// A lead below this leaves the direction of a frame undecided between its two hypotheses.
         UNDECIDED_DIRECTION_BITS: f32 = 1.0;
-        /// Hypotheses that stay equally good for this long will not be told apart: the better one is committed.
+        /// Hypotheses that stay equally good for this long will not be distinguished: the better one is committed.
         TIE_PATIENCE_BYTES: u64 = 640;
         /// Patience with equally good hypotheses in a recording.
         OFFLINE_TIE_PATIENCE_BYTES: u64 = 1280;
-        /// The cost of bytes behind a frame no longer grows from here on: only a new hypothesis changes the order.
+        /// The cost of bytes after a frame no longer grows from here on: only a new hypothesis changes the order.
         SETTLED_BEHIND_BYTES: u64 = 3;
         /// Unit, function code and two more bytes: a frame that contains others has a longer header than stray bytes are.
         MIN_OUTER_HEADER_BYTES: u64 = 4;
-        /// Bytes without a frame are committed in pieces of this length.
+        /// Bytes without a frame are committed in blocks of this length.
         UNFRAMED_PIECE_BYTES: u64 = 4096;
-        /// In a recording, unframed bytes up to this many are held back until the frame behind them is known.
+        /// In a recording, unframed bytes up to this many are held back until the frame after them is known.
         OFFLINE_HOLD_BACK_BYTES: u64 = 4096;
         /// This many valid frames without a byte between them do not come by chance.
         CHAIN_FRAMES: u8 = 4;
@@ -387,17 +387,17 @@ weights! {
         SILENCE_OF_RETRY_BITS: u8 = 6;
         /// No response, since another request followed, from a master that seldom retries.
         SILENCE_BY_HABIT_BITS: u8 = 9;
-        /// No response, since another request followed after the time of a time-out.
+        /// No response, since another request followed after the time of a timeout.
         SILENCE_BEFORE_ANOTHER_BITS: u8 = 9;
         /// As above without that evidence, of a unit that was never heard.
         SILENCE_OF_UNKNOWN_UNIT_BITS: u8 = 3;
         /// No response, on a line that has shown none so far: perhaps it carries one side only, or something else.
         SILENCE_OF_ALL_BITS: u8 = 1;
-        /// Evidence in the time before the next request that shows a time-out rather than a response that was not recorded.
+        /// Evidence in the time before the next request that shows a timeout rather than a response that was not recorded.
         TIMEOUT_EVIDENCE_BITS: f32 = 3.0;
         /// No response within the waiting time.
         SILENCE_TIMED_OUT_BITS: u8 = 9;
-        /// A response that came after the waiting time, or behind a retry.
+        /// A response that came after the waiting time, or after a retry.
         LATE_RESPONSE_BITS: u8 = 7;
         /// A response that was sent twice.
         DUPLICATE_RESPONSE_BITS: u8 = 4;
@@ -471,9 +471,9 @@ weights! {
         UNPROVEN_RESPONSE_BITS: f32 = 0.0;
         /// As above, on a line that one side has to itself: any frame of it may stand there, or none.
         ONE_SIDED_BURST_BITS: f32 = -2.0;
-        /// As above, where nothing but a time-out shows that there was a request that nobody could read.
+        /// As above, where nothing but a timeout shows that there was a request that nobody could read.
         UNPROVEN_REQUEST_BITS: f32 = -3.0;
-        /// Gain for each byte of a burst behind the first: noise seldom comes in a row.
+        /// Gain for each byte of a burst after the first: noise seldom comes in a row.
         BURST_BYTE_BITS: f32 = 2.0;
         /// The most that the number of bytes of a burst is worth.
         MAX_BURST_BITS: f32 = 12.0;
@@ -485,7 +485,7 @@ weights! {
         BURST_LENGTH_BITS: f32 = 3.0;
         /// The most that the time of a burst is worth, for it or against it.
         MAX_BURST_TIME_BITS: f32 = 4.0;
-        /// The most that a time-out behind a burst is worth, and that a pause that is none is worth against it.
+        /// The most that a timeout after a burst is worth, and that a pause that is none is worth against it.
         MAX_BURST_TIMEOUT_BITS: f32 = 6.0;
         /// Cost of each stray byte between a pause and a burst.
         BURST_STRAY_BITS: f32 = 1.5;
@@ -493,7 +493,7 @@ weights! {
         MAX_BURST_STRAY_BYTES: usize = 6;
         /// A burst among more noise than this is noise, too.
         MAX_BURST_NOISE_BYTES: usize = 16;
-        /// A second transmitter sends at most so many bytes behind the end of a burst.
+        /// A second transmitter sends at most so many bytes after the end of a burst.
         MAX_BURST_OVERHANG_BYTES: usize = 48;
         /// In a longer region without recognised frames, no burst is a frame by its place.
         MAX_BURST_REGION_BYTES: usize = 300;

@@ -67,7 +67,7 @@ fn the_first_byte_behind_a_pause_is_no_stray_byte() {
         let batch = session.take();
         let rows: Vec<(Verdict, u32)> = batch.frames.iter().map(|row| (row.verdict, row.wire.length)).collect();
         let expected = [(Verdict::Ok, 8), (Verdict::Incomplete, 5), (Verdict::Noise, 2), (Verdict::Ok, 5)];
-        assert_eq!(rows, expected, "pieces of {piece}");
+        assert_eq!(rows, expected, "blocks of {piece}");
     }
 }
 
@@ -131,7 +131,7 @@ fn a_request_of_the_poll_cycle_is_recognised_without_its_first_bytes() {
         let found = damaged_frames(&before, &batch);
         assert_eq!((found.len(), found[0].0), (1, 0), "{count}: {found:?}");
         assert!(found[0].2.contains(&Finding::LostBytes));
-        assert_eq!(batch.frames[24].unit, Some(1), "the poll cycle tells the missing unit");
+        assert_eq!(batch.frames[24].unit, Some(1), "the poll cycle shows the missing unit");
     }
 }
 

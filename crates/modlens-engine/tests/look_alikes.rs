@@ -17,7 +17,7 @@ fn known() -> Vec<Vec<u8>> {
     (0..8u16).flat_map(|i| [read_request(1 + (i % 2) as u8, 100 * i, 2), read_response(1 + (i % 2) as u8, &[i, 7 * i])]).collect()
 }
 
-/// The rows of these frames in one read without times, behind those of `known`.
+/// The rows of these frames in one read without times, after those of `known`.
 fn untimed(frames: &[Vec<u8>]) -> Batch {
     let (mut session, bus) = session(false, Clock::None);
     let bytes: Vec<u8> = known().iter().chain(frames).flatten().copied().collect();
@@ -26,7 +26,7 @@ fn untimed(frames: &[Vec<u8>]) -> Batch {
     session.take()
 }
 
-/// The rows of these frames, each a read of its own, the given number of ms behind the one before.
+/// The rows of these frames, each a read of its own, the given number of ms after the one before.
 fn timed(live: bool, frames: &[(i64, Vec<u8>)]) -> Batch {
     let (mut session, bus) = session(live, Clock::Utc);
     let mut now = 1_700_000_000_000_000_000;
@@ -39,7 +39,7 @@ fn timed(live: bool, frames: &[(i64, Vec<u8>)]) -> Batch {
     session.take()
 }
 
-/// The good frames behind those of `known`.
+/// The good frames after those of `known`.
 fn good(batch: &Batch) -> Vec<(Vec<u8>, Direction)> {
     let good = batch.frames.iter().filter(|frame| frame.verdict == Verdict::Ok);
     good.map(|frame| (frame.wire.of(&batch.arena).to_vec(), frame.direction)).skip(known().len()).collect()
@@ -78,7 +78,7 @@ fn copies_of_a_mirrored_request_are_exchanges_without_a_clock() {
 
 #[test]
 fn of_several_copies_of_a_mirrored_request_the_last_is_the_response_with_a_clock() {
-    // Two time-outs teach how long this master waits.
+    // Two timeouts teach how long this master waits.
     let lesson =
         [(30, read_request(9, 0, 1)), (300, read_request(9, 0, 1)), (300, read_request(1, 9, 1)), (10, read_response(1, &[3]))];
     for live in [false, true] {
@@ -112,7 +112,7 @@ fn functions_without_layout_are_found_at_every_length_with_zeros_inside_and_behi
         for length in [4usize, 5, 8, 9, 33, 256] {
             let body = |value: u8| vec![value; length - 4];
             let once = |value: u8| frame(1, &[&[code][..], &body(value)].concat());
-            // A few transactions teach the length; then the frame has only zeros, and a stray zero behind it.
+            // A few transactions teach the length; then the frame has only zeros, and a stray zero after it.
             let (request, response) = (once(0), frame(1, &[code, 2, 0, 0]));
             let lesson: Vec<Vec<u8>> = (0x51..0x55).flat_map(|at| [once(at), frame(1, &[code, 2, at, 9])]).collect();
             let strays = vec![vec![0]];
@@ -126,7 +126,7 @@ fn functions_without_layout_are_found_at_every_length_with_zeros_inside_and_behi
             ]
             .concat();
             let found = good(&untimed(&frames));
-            // With the zero behind it, such a frame has a valid checksum, too, so that both lengths are accepted.
+            // With the zero after it, such a frame has a valid checksum, too, so that both lengths are accepted.
             let whole =
                 |(bytes, way): &(Vec<u8>, Direction)| *way == Request && [&bytes[..], &[0]].concat().starts_with(&request);
             let is_found = found.iter().any(|frame| whole(frame) && frame.0.len().abs_diff(length) <= 1);
@@ -245,7 +245,7 @@ fn a_write_behind_stray_bytes_is_not_given_up_for_the_poll_nested_in_it() {
     let bytes: Vec<u8> = known().iter().chain(&frames).flatten().copied().collect();
     for piece in [1, 7, 64, 300] {
         let (mut session, _) = session(false, Clock::None);
-        assert_eq!(good(&in_pieces(&mut session, &bytes, piece)), expected, "in pieces of {piece}");
+        assert_eq!(good(&in_pieces(&mut session, &bytes, piece)), expected, "in blocks of {piece}");
     }
 }
 

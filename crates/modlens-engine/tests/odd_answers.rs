@@ -39,7 +39,7 @@ impl Tap {
         [(false, true), (true, true), (false, false), (true, false)].into_iter().map(|(live, timed)| Self::new(live, timed))
     }
 
-    /// Bytes behind so many milliseconds of silence.
+    /// Bytes after so many milliseconds of silence.
     fn send(&mut self, silence_ms: i64, bytes: &[u8]) {
         self.now += silence_ms * MS;
         let times: Vec<i64> = (1..=bytes.len() as i64).map(|at| self.now + at * CHAR).collect();
@@ -356,7 +356,7 @@ fn lost_segments_teach_no_habit_of_the_server_and_make_no_retry() {
                 packets.data(at + 10, 50_000, false, &answer(id, &[id, 7]));
                 at += 100;
             }
-            // The answer to this one is lost, and so is the request behind it.
+            // The answer to this one is lost, and so is the request after it.
             packets.data(at, 50_000, true, &ask(id + 2, 10, 2));
             packets.lose(50_000, false, &answer(id + 2, &[id + 2, 7]));
             packets.lose(50_000, true, &ask(id + 3, 20, 2));

@@ -65,7 +65,7 @@ fn untimed(data: &[u8], mode: Option<Mode>, piece: usize) -> Batch {
     session.take()
 }
 
-/// The same, in pieces of these lengths, again and again, on a line without settings, which may as well be a connection.
+/// The same, in blocks of these lengths, again and again, on a line without settings, which may as well be a connection.
 fn untimed_cut(data: &[u8], cuts: &[usize]) -> Batch {
     let mut session = Session::default();
     let bus = session.add_bus(BusOptions::named("bus"));
@@ -175,7 +175,7 @@ fn changing_framing() -> impl Strategy<Value = Read> {
     })
 }
 
-/// A frame behind an MBAP header (messaging on TCP/IP, 3.1.3).
+/// A frame after an MBAP header (messaging on TCP/IP, 3.1.3).
 fn in_mbap(id: u8, frame: &[u8]) -> Vec<u8> {
     let adu = &frame[..frame.len() - 2];
     [&[0, id, 0, 0, 0, adu.len() as u8], adu].concat()
@@ -275,7 +275,7 @@ fn exchange(unit: u8, code: u8, address: u16, quantity: u8, value: u8) -> (Vec<u
     let [high, low] = address.to_be_bytes();
     let head = [unit, code, high, low, 0, quantity];
     let count = if matches!(code, 1 | 2 | 15) { quantity.div_ceil(8) } else { 2 * quantity };
-    // Most devices leave the bits behind the last one asked for at zero.
+    // Most devices leave the bits after the last one asked for at zero.
     let data = (0..count).map(|at| if code < 3 && at + 1 == count { value & 1 } else { value ^ at });
     let (request, response) = match code {
         1..=4 => (head.to_vec(), [unit, code, count].into_iter().chain(data).collect()),
@@ -384,7 +384,7 @@ fn mode() -> impl Strategy<Value = Option<Mode>> {
     prop_oneof![Just(None), Just(Some(Mode::Rtu)), Just(Some(Mode::Ascii)), Just(Some(Mode::Tcp))]
 }
 
-// A silence that closes the input is none behind the frames in front of others.
+// A silence that closes the input is none after the frames in front of others.
 #[test]
 fn what_ends_a_frame_does_not_depend_on_how_much_comes_with_it() {
     let exchange = [1, 3, 0, 0, 0, 1, 0x84, 0x0A, 1, 3, 2, 0, 1, 0x79, 0x84];
@@ -397,7 +397,7 @@ fn what_ends_a_frame_does_not_depend_on_how_much_comes_with_it() {
     }
 }
 
-// Behind text among its frames the line is RTU again, where a shorter silence ends a frame: here the response that breaks off.
+// After text among its frames the line is RTU again, where a shorter silence ends a frame: here the response that breaks off.
 #[test]
 fn what_ends_a_frame_is_known_as_soon_as_the_framing_changes_back() {
     let exchange = [1, 3, 0, 0, 0, 1, 0x84, 0x0A, 1, 3, 2, 0, 1, 0x79, 0x84];
@@ -422,7 +422,7 @@ proptest! {
         }
     }
 
-    // The oracle of the fast path. A request and its response that come in one piece may take the fast path; if they come
+    // The oracle of the fast path. A request and its response that come in one block may take the fast path; if they come
     // byte by byte, each frame takes the slow path.
     #[test]
     fn the_fast_path_gives_the_rows_of_the_slow_path(bursts in cycle(), piece in 2usize..70) {
@@ -484,7 +484,7 @@ proptest! {
         }
     }
 
-    // What a line carries may change: rows of one framing, and behind them rows of another.
+    // What a line carries may change: rows of one framing, and after them rows of another.
     #[test]
     fn where_a_read_is_cut_changes_nothing_on_lines_that_change_their_framing(
         parts in proptest::collection::vec(changing_framing(), 1..6),

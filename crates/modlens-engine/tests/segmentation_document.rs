@@ -68,7 +68,7 @@ fn generated_parts_are_those_of_the_sources() {
         return;
     }
     let differs = before.lines().zip(after.lines()).find(|(old, new)| old != new);
-    assert!(before == after, "{path} differs from the sources, first in {differs:?}; MODLENS_UPDATE=1 writes it anew");
+    assert!(before == after, "{path} differs from the sources, first in {differs:?}; MODLENS_UPDATE=1 writes it again");
 }
 
 /// The words of all Rust files below a folder.

@@ -123,7 +123,7 @@ fn a_wrong_mbap_length_costs_no_later_frame() {
             let bytes = damaged.concat();
             let found = good(&decoded(Some(Mode::Tcp), &bytes), &bytes);
             let rest = &frames[victim + 1..];
-            assert!(found.ends_with(rest), "frame {victim} says {lie}: {} of {} behind it", found.len(), rest.len());
+            assert!(found.ends_with(rest), "frame {victim} says {lie}: {} of {} after it", found.len(), rest.len());
         }
     }
 }

@@ -19,7 +19,7 @@ impl UnframedRegion<'_, '_> {
     /// The damaged frames of this region, in order, with indices that count from its first byte; all other bytes are noise.
     ///
     /// They are the chain of candidates (`chain_of_candidates`), in front of it the fragment that `leading_fragment` finds,
-    /// behind it what `explain_bytes_behind` makes of the rest, and the bursts where a frame is due (`add_due_bursts`).
+    /// after it what `explain_bytes_behind` makes of the rest, and the bursts where a frame is due (`add_due_bursts`).
     pub fn damaged_frames(&self) -> Vec<DamagedFrame> {
         if self.is_mere_glitch() {
             Vec::new()
@@ -31,7 +31,7 @@ impl UnframedRegion<'_, '_> {
     /// The same, whatever the region is.
     pub(super) fn damaged_frames_of_any(&self) -> Vec<DamagedFrame> {
         let mut frames = self.chain_of_candidates();
-        // On a noisy line, only what is due tells which of the bytes in front are a frame.
+        // On a noisy line, only what is due shows which of the bytes in front are a frame.
         if self.has_few_strays() {
             self.add_leading_fragment(&mut frames);
         }
@@ -98,7 +98,7 @@ impl UnframedRegion<'_, '_> {
         frames
     }
 
-    /// Says what the bytes behind the last of `frames` are, by the first rule that fits. Without frames it does nothing.
+    /// Says what the bytes after the last of `frames` are, by the first rule that fits. Without frames it does nothing.
     ///
     /// 1. They are its own rest, which came as late as the missing bytes would have taken (`resumes_after_loss`): it extends to
     ///    the region's end, and fewer bytes are missing, inside it and not at its end.

@@ -83,7 +83,7 @@ impl DamageRecovery {
     /// Finds the damaged frames of the input up to stream offset `to`, exclusive, and keeps them in `found`; the line's model
     /// learns what happened to each.
     ///
-    /// Live, if no frame behind these bytes is known, the last frame found may be a response without its end; `truncation`
+    /// Live, if no frame after these bytes is known, the last frame found may be a response without its end; `truncation`
     /// attributes it by what the master did after earlier ones.
     fn analyze(&mut self, model: &mut TrafficModel, at: &Surroundings<'_, '_>, to: u64) {
         let offset = at.input.offset();
@@ -179,9 +179,9 @@ fn burst(at: &Surroundings<'_, '_>, length: usize, adu: &mut Vec<u8>) -> FrameRe
 ///
 /// Its header says what is wrong, by the lengths that it announces (`announced_frames`):
 ///
-/// - exactly `burst_bytes`: a bad checksum, or a right one behind numbers that the search could not believe;
+/// - exactly `burst_bytes`: a bad checksum, or a right one after numbers that the search could not believe;
 /// - less, where the unit is familiar and nothing shows that a sender stopped at the end of the burst (`is_bounded` is
-///   false): the first bytes are a frame of the announced length with a bad checksum, and the caller goes on behind it;
+///   false): the first bytes are a frame of the announced length with a bad checksum, and the caller goes on after it;
 /// - else the whole burst is a damaged frame or noise (`whole_burst`).
 ///
 /// Example: a recording of the bytes `11 03 00 6B 00 03` is a request without its CRC, `Incomplete`.

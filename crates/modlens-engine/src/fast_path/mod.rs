@@ -47,7 +47,7 @@
 //! # The tests that compare the two
 //!
 //! A request and its response that arrive in different `feed` calls cannot take the fast path as an exchange. So the same
-//! bytes are fed in one piece, byte by byte and in pieces of any size, and all rows and statistics have to be equal:
+//! bytes are fed in one block, byte by byte and in blocks of any size, and all rows and statistics have to be equal:
 //!
 //! - `tests/properties.rs`: `the_fast_path_gives_the_rows_of_the_slow_path` (RTU and ASCII, with disturbed exchanges),
 //!   `the_fast_path_gives_the_rows_of_the_slow_path_for_logs`, `compact_exchanges_give_the_rows_of_full_ones` and the two

@@ -14,7 +14,7 @@ pub(crate) struct OpenRequests {
     /// Their identifiers, from the first on as many as there are.
     ids: [u16; MAX_OPEN_BESIDE],
     count: usize,
-    /// For each remainder of an identifier by 64, whether one of them has it: nearly always this tells that none is the same.
+    /// For each remainder of an identifier by 64, whether one of them has it: nearly always this shows that none is the same.
     remainders: u64,
     /// When the first one of them times out.
     pub times_out: Ns,
@@ -48,12 +48,12 @@ impl Pairing {
     }
 
     /// Returns the same, whether or not requests are outstanding. On a connection an unanswered one waits for many seconds, in
-    /// which the client goes on: `open_requests` tells what then qualifies.
+    /// which the client goes on: `open_requests` shows what then qualifies.
     pub fn is_idle_but_for_open(&self) -> bool {
         !self.history.has_retry_candidates() && self.is_idle_but_for_requests()
     }
 
-    /// Returns the same, whether or not the next request may be the retry of an earlier one: `let_pass` tells.
+    /// Returns the same, whether or not the next request may be the retry of an earlier one: `let_pass` shows.
     pub(crate) fn is_idle_but_for_requests(&self) -> bool {
         let waits = self.unit_mismatch.is_some() || self.truncated_request.is_some() || self.early_response.is_some();
         let is_idle = self.history.last_broadcast.is_none() && self.masters.is_idle();
@@ -104,11 +104,10 @@ impl Pairing {
         self.open.back().is_none_or(|last| last.waited.is_some()).then_some(found)
     }
 
-    /// Records that a unit has answered a request after `response_time`; `pause` is the silence before the request.
-    /// `echoes_request`: the response has the same bytes as the request, so that neither the number of copies nor the time can
-    /// be learned from it. That the unit answers is left to `note_answering`.
+    /// Records that a unit has answered a request. `echoes_request`: the response has the same bytes as the request, so that the
+    /// number of copies cannot be learned from it. The times are left to `learn_times`, the unit to `note_answering`.
     #[inline]
-    pub fn record_exchange(&mut self, mbap_id: Option<u16>, echoes_request: bool, pause: Option<Ns>, response_time: Option<Ns>) {
+    pub fn record_exchange(&mut self, mbap_id: Option<u16>, echoes_request: bool) {
         if mbap_id.is_some() {
             self.note_same_identifiers();
         } else if !echoes_request {
@@ -116,7 +115,6 @@ impl Pairing {
         }
         self.heard = self.heard.map(|heard| heard + 1);
         self.history.count_answered(1);
-        self.learn_times(pause.filter(|_| echoes_request), response_time, echoes_request);
     }
 
     /// Learns the silence before a request whose response, if it is none refused, has the same bytes; and the time to a response,

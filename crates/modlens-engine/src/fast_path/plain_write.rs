@@ -1,6 +1,6 @@
 //! A plain write on an RTU line, which its response repeats in full or by its first six bytes, in as few steps as it takes.
 //!
-//! Writes hardly come again with the same bytes, so that what follows from them is found anew for each. `ExpectedExchange` says the
+//! Writes hardly come again with the same bytes, so that what follows from them is computed for each of them. `ExpectedExchange` says the
 //! same of any request, and is the oracle of the property below.
 
 use crate::fast_path::expected_exchange::{RTU_UNITS, SHORT_REQUEST_BYTES, WRITE_HEADER_BYTES};

@@ -5,6 +5,8 @@ use crate::fast_path::rtu_exchange::rtu_transaction_confidence;
 use crate::framer::rtu::traffic_model::RequestIdentity;
 use crate::records::Exchange;
 use crate::stats::{RequestPlace, Stats};
+use modlens_protocol::framing::Mode;
+use modlens_protocol::functions::Functions;
 
 /// The bytes that tell a plain read from others: all of it on an RTU line; on TCP the length that the header says, and what
 /// follows.
@@ -62,6 +64,23 @@ impl RequestMemo {
     fn number_of(&self, bytes: [u8; READ_BYTES]) -> Option<usize> {
         let mut taken = self.places_for(bytes).map_while(|place| usize::from(self.places[place]).checked_sub(1));
         taken.find(|&number| self.reads[number].bytes == bytes)
+    }
+
+    /// Returns the exchange that a request announces, if the slow path would have nothing to report on it
+    /// (`ExpectedExchange::from_request`), and what is known of it if it came before. `key`: the bytes that tell it from others.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
+    pub(crate) fn announced(
+        &self,
+        functions: &Functions,
+        mode: Mode,
+        key: &[u8],
+        request: &[u8],
+    ) -> Option<(ExpectedExchange, Option<&MemoEntry>)> {
+        match self.get(key) {
+            Some(known) => Some((known.expected, Some(known))),
+            None => Some((ExpectedExchange::from_request(functions, mode, request)?, None)),
+        }
     }
 
     #[inline]
@@ -155,8 +174,6 @@ impl RequestMemo {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use modlens_protocol::framing::Mode;
-    use modlens_protocol::functions::Functions;
     use proptest::prelude::*;
     use std::collections::HashMap;
 

@@ -23,7 +23,7 @@ pub struct Answered {
 }
 
 impl Answered {
-    /// Behind an exchange with this unit and function.
+    /// After an exchange with this unit and function.
     pub fn by_exchange(unit: u8, code: u8) -> Self {
         Self { header: Some((unit, code)), awaits_late_response: false }
     }
@@ -57,8 +57,8 @@ impl LastExchange {
 }
 
 impl RtuFramer {
-    /// Returns whether there is no doubt about the exchange that the request at the head of these bytes announces, as far as the
-    /// bytes say: its unit and function are familiar, the response is the expected one, and the CRCs are valid; those of request
+    /// Returns whether there is nothing ambiguous in the exchange that the request at the head of the first of these bytes announces, and
+    /// whose response is at the head of the others, as far as the bytes say: its unit and function are familiar, the response is the expected one, and the CRCs are valid; those of request
     /// and response are checked if `checks` says so. `answered`: what came before. `is_response`, asked with the bytes from the
     /// second frame on, says whether the second of two equal frames is the response to the first. `false` if the bytes end before
     /// the response.
@@ -67,19 +67,18 @@ impl RtuFramer {
     pub(crate) fn is_certain(
         &self,
         expected: &ExpectedExchange,
-        bytes: &[u8],
+        [bytes, rest]: [&[u8]; 2],
         answered: Answered,
         checks: [bool; 2],
         is_response: impl Fn(&[u8]) -> bool,
     ) -> bool {
         let [request_bytes, response_bytes] = expected.rtu_lengths();
-        if answered.may_be_again(expected) || bytes.len() < request_bytes + response_bytes {
+        if answered.may_be_again(expected) || bytes.len() < request_bytes || rest.len() < response_bytes {
             return false;
         }
-        let (request, rest) = bytes.split_at(request_bytes);
-        let is_copy = || expected.echoes_request && request.len() == 8 && request.first_chunk::<8>() == rest.first_chunk();
+        let is_copy = || expected.echoes_request && request_bytes == 8 && bytes.first_chunk::<8>() == rest.first_chunk();
         self.search.model.is_familiar(expected.unit, expected.code, REQUEST)
-            && expected.is_answered_by(request, rest)
+            && expected.is_answered_by(bytes, rest)
             && (!checks[0] || crc_valid_at(bytes, request_bytes))
             && (!checks[1] || checks[0] && is_copy() || crc_valid_at(rest, response_bytes))
             && (!expected.echoes_request || is_response(rest))

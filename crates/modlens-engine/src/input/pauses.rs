@@ -52,7 +52,7 @@ impl Input {
     }
 
     /// Whether no frame crosses the place before this byte: a record starts here, or a silence of `break_ns` ends here.
-    /// Behind the last byte, whether the input is closed.
+    /// After the last byte, whether the input is closed.
     pub fn is_boundary(&self, index: usize) -> bool {
         let Some(i) = self.read_index(index) else { return self.is_closed };
         let ends_silence = || self.pause_before(index).is_some_and(|pause| pause >= self.break_ns);

@@ -87,7 +87,7 @@ impl FormatSearch {
         if format == SEVEN || (format == EVEN && marks_errors && trial.marked_bytes == 0) || (!marks_errors && format == NONE) {
             search.settle(trial.line);
         } else if !marks_errors {
-            search.error_shares.push("not reported by the port, so even and odd parity cannot be told apart".into());
+            search.error_shares.push("not reported by the port, so even and odd parity cannot be distinguished".into());
         }
         search
     }

@@ -18,7 +18,7 @@ const MAX_TRANSACTIONS_LATE: u64 = 4;
 /// Prior share of responses that are sent twice.
 const PRIOR_DUPLICATE_RATE: f32 = 0.001;
 
-/// Prior share of answered retries behind which the response to the first request still comes, with other content.
+/// Prior share of answered retries after which the response to the first request still comes, with other content.
 const PRIOR_LATE_RATE: f32 = 0.1;
 
 /// A second response to a retry is called late, or a duplicate, only if that is so many times as likely as the other.
@@ -48,7 +48,7 @@ impl PastRequest {
         Self { txn, unit, end, pdu: transaction.request.pdu().to_vec(), damaged: None }
     }
 
-    /// Whether the frame is the same request once more.
+    /// Whether the frame is the same request again.
     pub(super) fn is_repeated_by(&self, frame: &ObservedFrame<'_>) -> bool {
         match &self.damaged {
             Some(damaged) => damaged.may_have_been(frame.wire),
@@ -126,7 +126,7 @@ impl History {
             }
             self.unanswered.push_back(request.clone());
         }
-        // Its master has completed another exchange since: what it asks now it asks anew.
+        // Its master has completed another exchange since: what it asks now it asks again.
         let has_gone_on = transaction.overlap.is_some_and(|later| later.is_answered && !later.timeout_excluded);
         if !has_gone_on {
             self.retry_candidates.push(request);
@@ -148,7 +148,7 @@ impl History {
         found
     }
 
-    /// Remembers the good response `frame` to a request, which may be sent twice or, behind a retry, be followed by the
+    /// Remembers the good response `frame` to a request, which may be sent twice or, after a retry, be followed by the
     /// response to the first request: both are counted as occasions.
     pub(super) fn add_answered(&mut self, transaction: &PendingTransaction, frame: &ObservedFrame<'_>) {
         let is_to_retry = transaction.retry_of.is_some();
@@ -190,7 +190,7 @@ impl History {
         self.last_response.as_ref().filter(|last| last.is_to_retry).map(|last| (last.unit, &last.pdu[..]))
     }
 
-    /// Notes that requests before this transaction are missing: a response behind it may belong to one of them.
+    /// Notes that requests before this transaction are missing: a response after it may belong to one of them.
     pub(super) fn note_missing_requests(&mut self, before: u64) {
         self.missing_before = before;
     }

@@ -178,7 +178,7 @@ impl Pairing {
     /// 2. the right response to the last open request but for its unit: the transaction waits in `unit_mismatch` for the next
     ///    request, in place of another one there, which is resolved. It is the only case that is not added to `done` at once;
     /// 3. from the unit of the last open request, but with another function;
-    /// 4. unsolicited. If nothing at all explains it, requests are missing from the recording before it, which history is told.
+    /// 4. unsolicited. If nothing at all explains it, requests are missing from the recording before it, which history notes.
     ///
     /// Where frames may not be in the order of the wire, an unexplained one is kept as the early response if none is: its
     /// request may only be seen later. No open request is closed or changed, but for one that this is the late response to.
@@ -320,13 +320,13 @@ impl Pairing {
     }
 
     /// Decides whether the response that waits in `unit_mismatch` was meant for the open request, now that `next` has come,
-    /// or `None` where something else than a good request ends the wait. Its transaction is added to `done` either way.
+    /// or `None` where something other than a good request ends the wait. Its transaction is added to `done` either way.
     /// Without one that waits, nothing happens.
     ///
     /// It came from the wrong unit if its request is still open and has timed out or is sent again, or if the next request
     /// came no sooner than a master gives up. That becomes a delayed finding. Else requests are missing before it.
     ///
-    /// A master that drops the response waits for its time-out, and most retry then. If the next request comes sooner, the
+    /// A master that drops the response waits for its timeout, and most retry then. If the next request comes sooner, the
     /// master was content: the tap has missed the right response, and the request of the one that seemed wrong.
     pub(super) fn resolve_unit_mismatch(&mut self, next: Option<&ObservedFrame<'_>>, done: &mut Vec<Box<PendingTransaction>>) {
         let Some(UnitMismatch { mut transaction, request_txn }) = self.unit_mismatch.take() else { return };

@@ -50,7 +50,7 @@ impl Pairing {
 
     /// Whether a response answers the last open request in spite of another identifier. Its identifiers are compared only with
     /// a request that has not timed out and whose content it fits fully. The habit is learned from this response, unless it is
-    /// an exception, or bytes are missing behind the request: then it may well answer one of those. Without a habit, that the
+    /// an exception, or bytes are missing after the request: then it may well answer one of those. Without a habit, that the
     /// last request had no response is no longer certain.
     fn compare_identifiers(&mut self, functions: &Functions, frame: &ObservedFrame<'_>) -> Identifiers {
         let Some(open) = self.open.back_mut() else { return Identifiers::Agree };

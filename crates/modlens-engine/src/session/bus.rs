@@ -174,7 +174,7 @@ impl BusState {
     /// The first chunk of the bus decides how its frames are ordered: if the tap has two lines (numbers from 1, no connection),
     /// the chunk has no times and starts no record, the frames wait unmerged, so that their order is inferred from their
     /// content. Those of a further line wait, too, even if its reads have times, because nothing orders them among frames
-    /// without. Pairing is told that the order is inferred.
+    /// without. Pairing notes that the order is inferred.
     #[inline]
     pub(crate) fn line_for(&mut self, chunk: &Chunk<'_>) -> &mut LineState {
         if let Some(known) = self.lines.iter().position(|(line, _)| *line == chunk.line) {
@@ -238,7 +238,7 @@ impl BusState {
         (self.known_units[unit], self.paired_units[unit]) = (true, true);
     }
 
-    /// Whether a time is behind that of all bytes of a connection, and not behind a silence that would end a frame of either
+    /// Whether a time is after that of all bytes of a connection, and not after a silence that would end a frame of either
     /// side.
     #[inline]
     fn is_in_order(&self, time: Ns) -> bool {
@@ -267,7 +267,7 @@ impl BusState {
         }
     }
 
-    /// The next time at which something is decided without further bytes: a silence that ends a frame, a time-out, or
+    /// The next time at which something is decided without further bytes: a silence that ends a frame, a timeout, or
     /// the end of the wait for the other line.
     pub(crate) fn deadline(&self) -> Option<Ns> {
         let silences = self.lines.iter().filter_map(|(_, line)| line.input.deadline());
@@ -286,7 +286,7 @@ impl BusState {
     /// it is not known which line is next (`line_of_next_frame`), or as long as that line's framer decides nothing. The bytes
     /// of the frame are left in the input.
     ///
-    /// Where no clock tells the order of two lines, `next_frame_without_clock` says which frame is next. The framer looks ahead
+    /// Where no clock shows the order of two lines, `next_frame_without_clock` says which frame is next. The framer looks ahead
     /// in recordings only. If it finds another framing, another silence ends the frames of this line (`break_ns`), and it is asked
     /// again.
     pub(crate) fn next_frame(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, FrameResult)> {

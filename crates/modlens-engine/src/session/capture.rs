@@ -99,22 +99,10 @@ impl Session {
             Event::Bytes { slot, from_client, chunk, is_whole_message, server_side_recorded } => {
                 if let Some(bus) = state.slot(slot).bus {
                     self.note_recorded_side(bus, server_side_recorded);
-                    if is_whole_message || !self.take_packet(bus, from_client, &chunk) {
-                        self.feed_packet(bus, from_client, &chunk, is_whole_message);
-                    }
+                    self.take_packet(bus, from_client, &chunk, is_whole_message);
                 }
             }
             other => self.handle_rare_event(state, other),
-        }
-    }
-
-    /// Feeds the bytes of a packet that is not matched as it comes.
-    #[cold]
-    pub(super) fn feed_packet(&mut self, bus: usize, from_client: bool, chunk: &StreamChunk<'_>, is_whole_message: bool) {
-        self.feed_stream(bus, from_client, chunk, is_whole_message);
-        // So that the packets after it can be matched as they come.
-        if !is_whole_message && !from_client && self.may_match_packets(bus) {
-            self.decide_waiting();
         }
     }
 
@@ -200,7 +188,7 @@ impl Session {
     fn sweep_all_connections(&mut self, state: &mut CaptureState, now: Ns) {
         state.last_sweep = Some(now);
         // A request that is not decided yet has no deadline.
-        if self.waiting.is_some() || self.packet_run.as_ref().is_some_and(|run| run.is_due(now)) {
+        if self.piece_run.as_ref().is_some_and(|run| run.is_due(now)) {
             self.decide_waiting();
         }
         let is_due = |session: &Self, bus: usize| session.buses[bus].pairing.deadline().is_some_and(|due| due <= now);
@@ -250,10 +238,10 @@ impl Session {
         }
     }
 
-    /// Feeds bytes of a connection, in order. `missing` bytes in front of them are a finding on the connection; they may have
-    /// held the responses to the open requests, so that their silence proves nothing, but these stay open. What was fed
-    /// before the gap is decided first.
-    pub(crate) fn feed_stream(&mut self, bus: usize, from_client: bool, received: &StreamChunk<'_>, is_whole_message: bool) {
+    /// Takes bytes of a connection, in order. `missing` bytes in front of them are a finding on the connection; they may have
+    /// held the responses to the open requests, so that their silence proves nothing, but these stay open.
+    #[inline]
+    pub(super) fn take_packet(&mut self, bus: usize, from_client: bool, received: &StreamChunk<'_>, is_whole_message: bool) {
         if received.missing > 0 {
             self.decide_waiting();
             self.buses[bus].pairing.note_missing_bytes();
@@ -270,7 +258,9 @@ impl Session {
             origin: received.packet,
             ..Chunk::default()
         };
-        self.feed_later(bus, &chunk);
+        if !self.take_piece(bus, &chunk) {
+            self.feed_piece(bus, &chunk);
+        }
     }
 
     /// Feeds the bytes of a packet of a serial interface.

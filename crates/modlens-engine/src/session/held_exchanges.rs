@@ -55,7 +55,7 @@ impl PendingExchanges {
         self.pairs.push(pair);
     }
 
-    /// Adds the exchange that goes on right behind the one added last: with the next number, frames and bytes of the same bus.
+    /// Adds the exchange that goes on right after the one added last: with the next number, frames and bytes of the same bus.
     #[inline]
     pub(crate) fn push_next(&mut self, exchange: Exchange, pair: PacketPair) {
         if let Some(run) = self.runs.back_mut() {
@@ -65,7 +65,7 @@ impl PendingExchanges {
         }
     }
 
-    /// Moves those whose number is less than `oldest` behind the compact exchanges of a batch.
+    /// Moves those whose number is less than `oldest` after the compact exchanges of a batch.
     pub(super) fn give_out(&mut self, oldest: u64, to: &mut Batch) {
         let (first, first_pair) = (to.exchanges.len() as u32, to.packet_pairs.len() as u32);
         let mut given = 0;
@@ -90,7 +90,7 @@ impl PendingExchanges {
         if first > first_pair {
             to.exchange_runs.sort_by_key(|run| run.number);
         }
-        // As slices, which are copied in one piece.
+        // As slices, which are copied in one block.
         let given = given as usize;
         to.exchanges.extend_from_slice(&self.exchanges[..given]);
         to.packet_pairs.extend_from_slice(&self.pairs[..given]);

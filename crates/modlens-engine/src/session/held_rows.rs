@@ -14,7 +14,7 @@ pub(crate) struct PendingRows {
     late: Vec<Transaction>,
     /// Those that are compact exchanges with times.
     pub(crate) exchanges: PendingExchanges,
-    /// Rows are given out as they come.
+    /// Rows are returned as they come.
     live: bool,
 }
 
@@ -49,7 +49,7 @@ impl PendingRows {
         }
     }
 
-    /// Moves the rows whose number is less than `oldest` behind those in the batch; in a live session all of them.
+    /// Moves the rows whose number is less than `oldest` after those in the batch; in a live session all of them.
     ///
     /// Each late row is put into its place on this way. To put it there before would move all that have waited for it.
     pub(super) fn give_out(&mut self, oldest: u64, batch: &mut Batch) {
@@ -124,7 +124,7 @@ mod tests {
 
     proptest! {
         /// Each transaction comes so many places later than its number says, those in time perhaps compact; what is older than
-        /// all that are still to come, or some of it, is given out now and then.
+        /// all that are still to come, or some of it, is returned now and then.
         #[test]
         fn rows_are_given_out_as_a_sort_would_give_them(
             delays in prop::collection::vec((prop_oneof![3 => Just(0usize), 1 => 0usize..40], any::<bool>()), 1..120),

@@ -20,9 +20,7 @@ impl Session {
             let bus = state.slot(packet.slot as usize).bus.filter(|_| !packet.bytes.is_empty());
             if let Some(bus) = bus {
                 self.note_recorded_side(bus, packet.server_side_recorded);
-                if !self.take_packet(bus, packet.from_client, &packet.chunk()) {
-                    self.feed_packet(bus, packet.from_client, &packet.chunk(), false);
-                }
+                self.take_packet(bus, packet.from_client, &packet.chunk(), false);
             }
         }
     }

@@ -1,4 +1,4 @@
-//! The engine behind one `feed`: input, framer, pairing, findings, statistics and rows of all buses.
+//! The engine: input, framer, pairing, findings, statistics and rows of all buses, after one `feed`.
 //!
 //! | question | file |
 //! |--|--|
@@ -55,8 +55,7 @@ use crate::findings::Found;
 use crate::framer::Framer;
 use crate::pairing::{Pairing, PendingTransaction};
 use crate::records::{Batch, Buses, MemoryPool};
-use crate::session::exchanges::line_run::{LineRun, LineTries};
-use crate::session::exchanges::packet_run::PacketRun;
+use crate::session::exchanges::piece_run::{PieceRun, PieceTries};
 use crate::stats::Stats;
 use modlens_profiles::points::Plan;
 use modlens_protocol::finding::Finding;
@@ -115,7 +114,7 @@ pub struct Session {
     pub(crate) live: bool,
     /// Whether compact exchanges may be emitted even where frames are wanted.
     always_compact: bool,
-    /// The time-out of requests that the user has set.
+    /// The timeout of requests that the user has set.
     timeout: Option<Ns>,
     pub(crate) next_frame: u64,
     pub(crate) next_txn: u64,
@@ -140,12 +139,10 @@ pub struct Session {
     /// Buses of closed connections that a new connection may take.
     free: Vec<usize>,
     connections: Connections,
-    /// The connection of which packets are matched as they come.
-    pub(crate) packet_run: Option<Box<PacketRun>>,
-    /// The log of which lines are matched as they come.
-    pub(crate) line_run: Option<Box<LineRun>>,
-    /// When to look again whether they may be.
-    pub(crate) line_tries: LineTries,
+    /// The connection or log of which packets or lines are matched as they come.
+    pub(crate) piece_run: Option<Box<PieceRun>>,
+    /// When to look again whether the lines of a log may be.
+    pub(crate) piece_tries: PieceTries,
     /// The bus with bytes that `feed_later` has left undecided.
     pub(crate) waiting: Option<usize>,
     /// The buses of raw recordings, each with the segment that was read last.
@@ -193,9 +190,8 @@ impl Session {
             retired: Vec::new(),
             free: Vec::new(),
             connections: Connections::default(),
-            packet_run: None,
-            line_run: None,
-            line_tries: LineTries::default(),
+            piece_run: None,
+            piece_tries: PieceTries::default(),
             waiting: None,
             recorded: Vec::new(),
             bus_name: None,
@@ -210,7 +206,7 @@ impl Session {
 
     /// Whether this bus emits compact exchanges from now on: in a recording of one RTU line without times, where a
     /// frame is known by its offset. With another bus open, a transaction may have to wait for an older one while exchanges
-    /// behind it are given out.
+    /// after it are returned.
     pub(crate) fn emits_compact(&self, bus: usize) -> bool {
         let state = &self.buses[bus];
         (self.always_compact || !self.wanted.frames)
@@ -219,20 +215,6 @@ impl Session {
             && state.options.bus.place == Place::Offset
             && self.open.len() == 1
             && self.open.contains(&bus)
-    }
-
-    /// Whether exchanges of this bus in a packet each are emitted compact: on a connection, in a recording of which nobody wants
-    /// the frames, and without profiles.
-    pub(crate) fn emits_compact_packets(&self, bus: usize) -> bool {
-        let state = &self.buses[bus];
-        let is_of_packets = state.options.bus.network.is_some() && state.options.bus.place == Place::Packet;
-        !self.wanted.frames && !self.live && is_of_packets && state.profiles.are_none()
-    }
-
-    /// Whether RTU exchanges of this bus in a line of a log each, with times, are emitted compact: under the same conditions.
-    pub(crate) fn emits_compact_lines(&self, bus: usize) -> bool {
-        let state = &self.buses[bus];
-        !self.wanted.frames && !self.live && state.options.bus.place == Place::Line && state.profiles.are_none()
     }
 
     /// Gives a name to buses that would be named after their source: the file is one of several of a bus. A recording that

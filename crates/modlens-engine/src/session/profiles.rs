@@ -58,7 +58,7 @@ impl Profiles {
         (!self.are_none()).then(|| Arc::clone(&self.plans))
     }
 
-    /// The number of times that something else than values has changed, for who remembers what is settled.
+    /// The number of times that something other than values has changed, for who remembers what is settled.
     #[inline]
     pub(crate) fn generation(&self) -> u32 {
         self.generation

@@ -41,8 +41,12 @@ impl Session {
             self.decide_waiting();
         }
         self.buses[to].stamps_resolution = stamps;
-        if !(has_clock && self.take_line(to, entry, bytes)) {
-            self.feed_entry(to, entry, bytes);
+        if !has_clock {
+            self.describe_bus(to, entry.clock, Place::Line);
+        }
+        let chunk = chunk_of(entry, bytes);
+        if !self.take_piece(to, &chunk) {
+            self.feed_later(to, &chunk);
         }
     }
 
@@ -67,27 +71,6 @@ impl Session {
     fn has_clock_of(&self, bus: usize, entry: &LogEntry) -> bool {
         let row = &self.buses[bus].options.bus;
         row.clock == entry.clock && row.place == Place::Line
-    }
-
-    /// Feeds one record with its bytes to a bus, which first gets the clock of the record if it has another.
-    #[inline]
-    pub(crate) fn feed_entry(&mut self, bus: usize, entry: &LogEntry, bytes: &[u8]) {
-        if !self.has_clock_of(bus, entry) {
-            self.describe_bus(bus, entry.clock, Place::Line);
-        }
-        let chunk = Chunk {
-            bytes,
-            times: entry.time.map_or(Times::None, Times::Read),
-            line: entry.line,
-            side: entry.side,
-            starts_record: entry.starts_record,
-            follows_loss: entry.follows_loss,
-            lacks_checksum: entry.lacks_checksum,
-            proven_framing: entry.proven_framing,
-            origin: entry.number,
-            ..Chunk::default()
-        };
-        self.feed_later(bus, &chunk);
     }
 
     /// The index of the bus of the device that a record names; that of the recording, `bus`, for a record without device. The
@@ -127,5 +110,22 @@ impl Session {
     /// The text reader of a bus, for what it reports about the recording.
     pub fn reader(&self, bus: usize) -> Option<&Reader> {
         self.buses[bus].reader.as_deref()
+    }
+}
+
+/// Returns a record of a text with its bytes as a chunk.
+#[inline]
+fn chunk_of<'a>(entry: &LogEntry, bytes: &'a [u8]) -> Chunk<'a> {
+    Chunk {
+        bytes,
+        times: entry.time.map_or(Times::None, Times::Read),
+        line: entry.line,
+        side: entry.side,
+        starts_record: entry.starts_record,
+        follows_loss: entry.follows_loss,
+        lacks_checksum: entry.lacks_checksum,
+        proven_framing: entry.proven_framing,
+        origin: entry.number,
+        ..Chunk::default()
     }
 }

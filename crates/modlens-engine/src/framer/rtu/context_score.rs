@@ -114,8 +114,8 @@ impl FrameInPlace<'_> {
         self.answerable.last_answered.is_some_and(|(request, _)| request.is_repeated)
     }
 
-    /// Whether the same bytes once more, as a retry or as a response that equals its request, prove nothing: the frame stands
-    /// behind noise (`MAY_HIDE_FRAME_BYTES` or more), which repeats itself, and no frame that teaches has named its unit; or only
+    /// Whether the same bytes again, as a retry or as a response that equals its request, prove nothing: the frame stands
+    /// after noise (`MAY_HIDE_FRAME_BYTES` or more), which repeats itself, and no frame that teaches has named its unit; or only
     /// responses are heard, of which equal ones follow each other.
     fn is_expected_again(&self) -> bool {
         let is_in_noise = self.preceding.unframed_bytes >= weights::MAY_HIDE_FRAME_BYTES;
@@ -196,7 +196,7 @@ fn echo_cost(place: &FrameInPlace<'_>) -> f32 {
 }
 
 /// The score of a request that differs from the outstanding one, which is left unanswered. It costs more where it comes as early
-/// as responses do: no master gives up as soon as that. Behind unframed bytes that does not count: the response may be among
+/// as responses do: no master gives up as soon as that. After unframed bytes that does not count: the response may be among
 /// them; and where hardly any response is heard, its time proves nothing. Where it equals the superseded request, the
 /// outstanding one was rather another frame, and its body is known.
 fn other_request_score(place: &FrameInPlace<'_>) -> f32 {
@@ -305,7 +305,7 @@ fn late_response_score(place: &FrameInPlace<'_>) -> Option<f32> {
 }
 
 /// The score of a response as a copy of the last one; `None` unless it has the length and the CRC of that and answers the same
-/// request in full. One that equals its request is rather that request again, so it is `None`, too.
+/// request in full. One that equals its request is rather that request again, so it is `None` as well.
 fn copied_response_score(place: &FrameInPlace<'_>) -> Option<f32> {
     let (request, last) = place.answerable.last_answered?;
     if last != fingerprint(place.frame.0) || request.pdu == place.frame.pdu() || !place.answers_fully(request) {

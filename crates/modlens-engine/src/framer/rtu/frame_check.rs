@@ -80,7 +80,7 @@ pub fn expected_response(row: &FunctionRow, pdu: &[u8]) -> Option<(u8, usize)> {
     }
 }
 
-/// Returns whether the frame of this length at the head of these bytes is followed by the same frame once more; `None` if more
+/// Returns whether the frame of this length at the head of these bytes is followed by the same frame again; `None` if more
 /// bytes are needed to tell.
 pub(crate) fn is_followed_by_copy(bytes: &[u8], length: usize) -> Option<bool> {
     let second = bytes.get(length..).unwrap_or(&[]);

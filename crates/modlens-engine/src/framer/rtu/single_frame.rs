@@ -26,14 +26,14 @@ pub fn check_frame(search: &Search, input: &Input, context: &FramerContext<'_>) 
     check_frame_at(search, input, context, 0)
 }
 
-/// Checks for a frame behind one to three stray bytes at the head of the input. Returns the number of stray bytes and the
-/// result for the frame behind them; 0 and `NoFrame` if there is none. Changes nothing. The framer asks only in a recording,
+/// Checks for a frame after one to three stray bytes at the head of the input. Returns the number of stray bytes and the
+/// result for the frame after them; 0 and `NoFrame` if there is none. Changes nothing. The framer asks only in a recording,
 /// where more bytes may be awaited.
 ///
 /// Line drivers that are switched leave one to three stray bytes, fewer than the shortest frame has. The first place decides
-/// at which a frame is found or may be once more bytes are there. It is rejected, and no further place is tried, if it is a
+/// at which a frame is found or may be again bytes are there. It is rejected, and no further place is tried, if it is a
 /// request that `is_permitted_request` does not admit, or if a frame may begin with one of the stray bytes and outscore it;
-/// `NeedsMoreBytes` if that cannot be told yet.
+/// `NeedsMoreBytes` if that cannot be distinguished yet.
 pub fn check_frame_behind_strays(search: &Search, input: &Input, context: &FramerContext<'_>) -> (usize, FrameCheck) {
     for strays in 1..=MAX_SKIPPED_STRAY_BYTES {
         let check = match check_frame_at(search, input, context, strays) {
@@ -47,8 +47,8 @@ pub fn check_frame_behind_strays(search: &Search, input: &Input, context: &Frame
     (0, FrameCheck::NoFrame)
 }
 
-/// Returns the frame of this length behind `strays` stray bytes, unless it is a request that `is_permitted_request` does not admit,
-/// or a frame may begin with one of the stray bytes and outscore it; `NeedsMoreBytes` if that cannot be told yet.
+/// Returns the frame of this length after `strays` stray bytes, unless it is a request that `is_permitted_request` does not admit,
+/// or a frame may begin with one of the stray bytes and outscore it; `NeedsMoreBytes` if that cannot be distinguished yet.
 fn check_against_strays(
     search: &Search,
     input: &Input,
@@ -140,7 +140,7 @@ fn next_poll_length(search: &Search, bytes: &[u8], context: &FramerContext<'_>) 
 /// - An exception response: five bytes, once its exception code is there and not 0.
 /// - Otherwise the layout has to announce a length, exact or at least, that is no longer than any frame, and the body has to
 ///   agree with the request (`agrees_with_request`).
-/// - If it repeats its whole request, it may be a retry: see `mirrored_frame`. While that cannot be told, the result is a length
+/// - If it repeats its whole request, it may be a retry: see `mirrored_frame`. While that cannot be distinguished, the result is a length
 ///   of one byte more than there are, so that the caller waits for what follows.
 fn response_length(request: &HeldRequest, input: &Input, context: &FramerContext<'_>, at: usize) -> Option<FrameLength> {
     let bytes = &input.bytes()[at..];
@@ -210,7 +210,7 @@ fn mirrored_frame(request: &HeldRequest, input: &Input, context: &FramerContext<
 }
 
 /// Returns the length of these bytes as a request; `None` if they may as well be a response to an earlier request, or are longer
-/// than the specification permits. They begin with a unit and a function code without exception bit, and may go on behind the
+/// than the specification permits. They begin with a unit and a function code without exception bit, and may go on after the
 /// request.
 #[inline]
 fn request_length(search: &Search, bytes: &[u8], context: &FramerContext<'_>) -> Option<FrameLength> {
@@ -219,12 +219,12 @@ fn request_length(search: &Search, bytes: &[u8], context: &FramerContext<'_>) ->
     let length = FrameLength::of(row.request.extent(body)).filter(|length| length.bytes() <= MAX_RTU_FRAME_BYTES)?;
     let other = FrameLength::of(row.response.extent(body)).map_or(0, FrameLength::bytes);
     // A response one byte longer, whose CRC ends in 00, has a valid CRC without that byte, too; and one a byte shorter has one
-    // with a stray 00 behind it.
+    // with a stray 00 after it.
     let differs_by_zero = other.abs_diff(length.bytes()) == 1;
     if differs_by_zero && bytes.get(..length.bytes()).is_some_and(|frame| !is_permitted_request(frame, context)) {
         return None;
     }
-    // If a response would have the same length, this may be the last response once more, or a late one.
+    // If a response would have the same length, this may be the last response again, or a late one.
     let may_be_response =
         other == length.bytes() && !has_odd_registers(row, body) && may_answer_earlier_request(search, unit, code);
     (!may_be_response).then(|| length.as_request())
@@ -238,7 +238,7 @@ fn has_odd_registers(row: &FunctionRow, body: &[u8]) -> bool {
     matches!(row.offsets.response_block, Some((at, false)) if is_odd(at))
 }
 
-/// Returns whether a frame of this unit and function may answer the request that was answered last, once more, or the superseded
+/// Returns whether a frame of this unit and function may answer the request that was answered last, again, or the superseded
 /// one, late.
 fn may_answer_earlier_request(search: &Search, unit: u8, code: u8) -> bool {
     let requests = search.answerable();

@@ -276,7 +276,8 @@ fn next_exchange(known: &RunContext<'_>, bytes: &[u8], answered: Answered, pause
     let expected = ExpectedExchange::from_request(known.functions, Mode::Rtu, bytes)?;
     let request_bytes = expected.rtu_lengths()[0];
     let is_followed_by_response = |second: &[u8]| is_response(pause.timeout, false, second, request_bytes);
-    if known.framer.is_certain(&expected, bytes, answered, [true; 2], is_followed_by_response) {
+    let rest = bytes.get(request_bytes..)?;
+    if known.framer.is_certain(&expected, [bytes, rest], answered, [true; 2], is_followed_by_response) {
         return Some(Decided { expected, exception: 0 });
     }
     let exception = known.framer.refusal_of(&expected, bytes, answered)?;

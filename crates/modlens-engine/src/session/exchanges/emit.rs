@@ -1,19 +1,20 @@
-//! The end of the fast path that all framings share: the rows of a matched exchange, and what the session learns from it.
+//! What a session makes of a matched exchange, whatever its framing: its rows or its compact form, and what is learned from it.
 
-use crate::records::{PacketPair, Span};
-use crate::session::bus::{learn_side, BusState};
-use crate::session::exchanges::rows::{ExchangeRows, MatchedExchange};
+use crate::findings::{words, REFUSED};
+use crate::records::{Exchange, ExchangeRun, ExchangeTiming, Frame, FrameRef, PacketPair, PacketsOfRun, Span, Transaction};
+use crate::session::bus::{learn_side, BusState, FROM_CLIENT, FROM_SERVER};
+use crate::session::exchanges::matching::{MatchedExchange, LENGTH_AT};
 use crate::session::exchanges::run::Run;
-use crate::session::frame_timing::{FrameTiming, TimingConfig};
+use crate::session::frame_timing::FrameTiming;
 use crate::session::held_exchanges::ExchangeStart;
-use crate::session::line::LineState;
+use crate::session::rows::{elapsed, FindingPlace};
 use crate::session::Session;
 use modlens_protocol::direction::Direction;
-use modlens_protocol::framing::Mode;
-use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
+use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
+use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
-/// Where the bytes of an exchange are in the arena, or will be put: first the request's, then the response's.
+/// Where the bytes of an exchange are in the arena: first the request's, then the response's right after them.
 pub(super) struct ExchangePlaces {
     /// Its bytes as they were on the lines.
     pub wires: [Span; 2],
@@ -22,64 +23,55 @@ pub(super) struct ExchangePlaces {
 }
 
 impl Session {
-    /// Emits the rows of an exchange at the heads of its lines and consumes its bytes (`emit_timed`). `IN_PACKETS`: each of its
-    /// frames is exactly a read with a time, on a bus with a clock.
-    #[inline(always)]
-    #[allow(clippy::inline_always)] // The body of three loops: as a call, most of its time goes to passing the arguments.
-    pub(super) fn emit_exchange<const IN_PACKETS: bool>(
-        &mut self,
-        bus: usize,
-        matched: &MatchedExchange,
-        places: &ExchangePlaces,
-        run: &mut Run,
-    ) {
-        let state = &mut self.buses[bus];
-        let [client, server] = matched.lines;
-        let request = consume::<IN_PACKETS>(&mut state.lines[client].1, matched.lengths[0], &run.config);
-        let response = consume::<IN_PACKETS>(&mut state.lines[server].1, matched.lengths[1], &run.config);
-        self.emit_timed(bus, matched, places, [request, response], run);
-    }
-
-    /// Emits the rows of an exchange, of which the bytes are consumed; `timings` say when and where its frames were. Decides
-    /// nothing: the caller has matched the exchange, and there is no finding on it.
+    /// Emits a matched exchange, whose bytes are consumed; `timings` say when and where its frames were.
     ///
     /// The session then has the state in which the slow path would leave it: what the bus has learned (`learn_exchange`), the
-    /// request's statistics, and the next numbers (one transaction, two frames). The run counts the exchange. Left to the
-    /// caller are the statistics of the bus, which come once a run, the last response, which comes once a run or, in ASCII,
-    /// with each exchange, and the framer.
+    /// request's statistics, and the next numbers (one transaction, two frames). The memo keeps the request, and the run counts
+    /// the exchange. Left to the end of the run are the statistics of the bus, the last response and the framer.
     #[inline(always)]
-    #[allow(clippy::inline_always)] // As above.
-    pub(super) fn emit_timed(
+    #[allow(clippy::inline_always)] // The body of two loops: as a call, most of its time goes to passing the arguments.
+    pub(super) fn emit_exchange(
         &mut self,
         bus: usize,
         matched: &MatchedExchange,
         places: &ExchangePlaces,
-        [request, response]: [FrameTiming; 2],
+        timings: [FrameTiming; 2],
         run: &mut Run,
     ) {
         let state = &mut self.buses[bus];
-        let response_time = learn_exchange(state, matched, &request, &response).filter(|&ns| ns >= run.min_measurable_ns);
-        let expected = &matched.expected;
-        let key = expected.key();
-        self.stats.record_exchange(state.counts, (key, matched.counters), [request.span(), response.span()], response_time);
-        if run.is_compact {
-            self.push_compact(bus, matched, places.wires[0].start, [&request, &response], response_time);
+        let [request, response] = &timings;
+        let starts = request.start.zip(response.start).map(<[Ns; 2]>::from);
+        if let (Some(starts), Some(_)) = (starts, matched.mbap_id) {
+            let status = if matched.exception == 0 { Status::Ok } else { Status::Exception };
+            state.connection.note_exchange(self.next_txn, status, matched.mbap_id, starts, &state.pairing);
+        }
+        let response_time = learn_exchange(state, matched, &timings).filter(|&ns| ns >= run.min_measurable_ns);
+        let (expected, key) = (&matched.expected, matched.expected.key());
+        if matched.exception == 0 {
+            let spans = [request.span(), response.span()];
+            self.stats.record_exchange(state.counts, (key, matched.counters), spans, response_time);
+            if matched.counters.is_none() && matched.mode != Mode::Ascii {
+                let wire = places.wires[0].of(&self.batch.arena);
+                let request = if matched.mode == Mode::Tcp { &wire[LENGTH_AT..] } else { wire };
+                state.memo.keep(&mut self.stats, state.counts, request, expected);
+            }
         } else {
-            let lines = matched.lines.map(|line| self.buses[bus].lines[line].0);
-            let rows = ExchangeRows {
-                txn: self.next_txn,
-                request_frame: self.next_frame,
-                bus: bus as u32,
-                lines,
-                matched,
-                request_wire: places.wires[0],
-                response_wire: places.wires[1],
-                request_timing: request,
-                response_timing: response,
+            self.record_refusal(bus, matched, starts, response_time, request.origin);
+        }
+        if self.wanted.transactions || self.wanted.frames {
+            let pair = starts.map(|starts| PacketPair {
+                starts,
+                gap: request.gap,
                 response_time,
-                recording_start: self.origin,
-            };
-            self.push_rows(&rows, places);
+                packet: request.origin,
+                mbap_id: matched.mbap_id.unwrap_or(0),
+            });
+            let confidence = matched.transaction_confidence();
+            let exchange = expected.compact(places.wires[0].start, matched.lengths, confidence, matched.exception);
+            match pair.filter(|_| run.is_compact) {
+                Some(pair) => self.push_compact(bus, exchange, pair, matched.mode),
+                None => self.push_rows(bus, matched, (&exchange, pair.as_ref()), places, &timings),
+            }
         }
         run.totals.exchanges += 1;
         run.totals.bytes += matched.lengths[0] + matched.lengths[1];
@@ -87,51 +79,83 @@ impl Session {
         self.next_frame += 2;
     }
 
-    /// Appends an exchange in a packet or a line each to `held`, as a compact one, if transactions are wanted. `start`: where
-    /// its bytes begin in the arena.
-    #[inline(always)]
-    #[allow(clippy::inline_always)] // As above.
-    fn push_compact(
+    /// Counts an exchange of a connection that was refused, and adds its finding, if findings are wanted.
+    #[cold]
+    fn record_refusal(
         &mut self,
         bus: usize,
         matched: &MatchedExchange,
-        start: u32,
-        [request, response]: [&FrameTiming; 2],
+        times: Option<[Ns; 2]>,
         response_time: Option<Ns>,
+        origin: u64,
     ) {
-        let Some(starts) = request.start.zip(response.start) else { return };
-        if !self.wanted.transactions {
-            return;
+        let (counts, unit) = (self.buses[bus].counts, matched.expected.unit);
+        self.stats.record_refusal(counts, (matched.expected.key(), matched.exception), times, response_time);
+        if let Some([first, last]) = times {
+            self.stats.record_run_times(counts, first, last);
         }
-        let mbap_id = matched.mbap_id.unwrap_or(0);
-        let pair = PacketPair { starts: starts.into(), gap: request.gap, response_time, packet: request.origin, mbap_id };
-        let (number, frame, recording_start, mode) = (self.next_txn, self.next_frame, self.origin, matched.mode);
-        let of_run = ExchangeStart { bus: bus as u32, number, frame, recording_start, mode };
-        let exchange = matched.expected.compact(start, matched.lengths, matched.transaction_confidence(), 0);
-        self.held.exchanges.push(exchange, pair, &of_run);
+        if self.wanted.findings {
+            let place = FindingPlace {
+                frame: Some(self.next_frame + 1),
+                txn: Some(self.next_txn),
+                bus,
+                start: times.map(|[asked, _]| asked),
+                recording_start: self.origin,
+                unit: Some(unit),
+                origin,
+            };
+            self.batch.findings.push(place.row(REFUSED, words::exception(matched.exception)));
+        }
+    }
+
+    /// Appends a compact exchange with times to `held`, if transactions are wanted.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
+    fn push_compact(&mut self, bus: usize, exchange: Exchange, pair: PacketPair, mode: Mode) {
+        if self.wanted.transactions {
+            let (number, frame, recording_start) = (self.next_txn, self.next_frame, self.origin);
+            let start = ExchangeStart { bus: bus as u32, number, frame, recording_start, mode };
+            self.held.exchanges.push(exchange, pair, &start);
+        }
     }
 
     /// Appends the rows of an exchange to the tables that are wanted: its two frames to the batch, and its transaction to
-    /// `held`, as on the slow path.
+    /// `held`, as on the slow path. The transaction is that of the compact exchange, but for what this has no room for.
     #[inline(always)]
     #[allow(clippy::inline_always)] // As above.
-    fn push_rows(&mut self, rows: &ExchangeRows<'_>, places: &ExchangePlaces) {
-        let no_findings = Span { start: self.batch.codes.len() as u32, length: 0 };
+    fn push_rows(
+        &mut self,
+        bus: usize,
+        matched: &MatchedExchange,
+        (exchange, pair): (&Exchange, Option<&PacketPair>),
+        places: &ExchangePlaces,
+        timings: &[FrameTiming; 2],
+    ) {
+        let findings = Span { start: self.batch.codes.len() as u32, length: 0 };
+        let (number, frame, mode, recording_start) = (self.next_txn, self.next_frame, matched.mode, self.origin);
         if self.wanted.frames {
-            self.batch.frames.push(rows.frame(Direction::Request, no_findings));
-            self.batch.frames.push(rows.frame(Direction::Response, no_findings));
+            let line = self.buses[bus].lines[0].0;
+            let lines = if matched.mbap_id.is_some() { [FROM_CLIENT, FROM_SERVER] } else { [line; 2] };
+            for (at, direction) in [Direction::Request, Direction::Response].into_iter().enumerate() {
+                let row = frame_row(matched, direction, &timings[at]);
+                let elapsed = elapsed(recording_start, row.start);
+                let (number, line, wire, txn) = (frame + at as u64, lines[at], places.wires[at], Some(number));
+                self.batch.frames.push(Frame { number, bus: bus as u32, line, wire, elapsed, txn, findings, ..row });
+            }
         }
         if self.wanted.transactions {
-            let expected = &rows.matched.expected;
-            let pdus = places.pdus.unwrap_or_else(|| {
-                let mode = rows.matched.mode;
-                [
-                    pdu_span(mode, places.wires[0], expected.request_bytes),
-                    pdu_span(mode, places.wires[1], expected.response_bytes),
-                ]
+            let packets = pair.map(|_| PacketsOfRun { first: 0, recording_start, mode });
+            let exchanges = Span { start: 0, length: 1 };
+            let run = ExchangeRun { bus: bus as u32, number, frame, offset: timings[0].offset, exchanges, packets, points: None };
+            let timing = pair.map(|pair| ExchangeTiming { pair, recording_start });
+            let row = run.transaction_of(exchange, 0, exchange.start, timing);
+            let [request, response] = [(row.request, 0), (row.response, 1)].map(|(frame, at)| {
+                let pdu = places.pdus.map_or(frame.pdu, |pdus| pdus[at]);
+                FrameRef { pdu, end: timings[at].end, ..frame }
             });
-            let points = self.buses[rows.bus as usize].profiles.of_unit(expected.unit);
-            self.held.push(rows.transaction(points, pdus, no_findings));
+            let points = self.buses[bus].profiles.of_unit(matched.expected.unit);
+            let origin = timings[0].origin;
+            self.held.push(Transaction { mode, request, response, findings, points, origin, ..row });
         }
     }
 }
@@ -140,40 +164,56 @@ impl Session {
 /// paired. Returns the time from the end of the request to the start of the response; `None` without a clock.
 #[inline(always)]
 #[allow(clippy::inline_always)] // As above.
-fn learn_exchange(state: &mut BusState, matched: &MatchedExchange, request: &FrameTiming, response: &FrameTiming) -> Option<Ns> {
-    let MatchedExchange { expected, mbap_id, .. } = matched;
+fn learn_exchange(state: &mut BusState, matched: &MatchedExchange, [request, response]: &[FrameTiming; 2]) -> Option<Ns> {
+    let expected = &matched.expected;
     learn_side(&mut state.side_votes, request.side, Direction::Request);
     learn_side(&mut state.side_votes, response.side, Direction::Response);
     let response_time = state.pairing.measurable_interval(request.end, response.start, response.clean_start);
-    state.pairing.record_exchange(*mbap_id, expected.echoes_request, request.gap, response_time);
+    let is_mirrored = expected.echoes_request && matched.exception == 0;
+    let poll_pause = request.gap.filter(|_| expected.echoes_request);
+    state.pairing.record_exchange(matched.mbap_id, expected.echoes_request);
+    state.pairing.learn_times(poll_pause, response_time, is_mirrored);
     state.note_paired(expected.unit);
     response_time
 }
 
-/// Returns the place of the PDU in the bytes of a binary frame, after its unit and, on TCP, its MBAP header. `length` is that of
-/// unit and PDU, in bytes.
-fn pdu_span(mode: Mode, wire: Span, length: usize) -> Span {
-    let before = if mode == Mode::Tcp { MBAP_PREFIX_BYTES + 1 } else { 1 };
-    Span { start: wire.start + before as u32, length: length as u32 - 1 }
+/// Returns the row of the request's frame, or of the response's for any other `direction`, with what follows from the exchange
+/// and its times. Verdict, confidence and what delimits the frame are those that the framer of the mode would give.
+#[inline(always)]
+#[allow(clippy::inline_always)] // A row is large, and the caller moves it into its table at once.
+fn frame_row(matched: &MatchedExchange, direction: Direction, timing: &FrameTiming) -> Frame {
+    let delimited_by = if matched.mode == Mode::Ascii { DelimitedBy::Delimiter } else { DelimitedBy::Length };
+    let direction_bits = if direction == Direction::Request { u8::MAX } else { matched.response_bits() };
+    Frame {
+        number: 0,
+        bus: 0,
+        line: 0,
+        offset: timing.offset,
+        wire: Span::default(),
+        start: timing.start,
+        end: timing.end,
+        elapsed: None,
+        gap: timing.gap,
+        pauses: timing.pauses,
+        mode: matched.mode,
+        direction,
+        unit: Some(matched.expected.unit),
+        code: Some(matched.expected.code),
+        exception: None,
+        verdict: Verdict::Ok,
+        unconfirmed: false,
+        confidence: direction_bits.min(matched.request_confidence()),
+        delimited_by,
+        txn: None,
+        mbap_id: matched.mbap_id,
+        findings: Span::default(),
+        origin: timing.origin,
+        last_origin: timing.last_origin,
+    }
 }
 
 /// Returns the places of a request that starts at this index of the arena, and of the response right after it. Lengths in bytes.
 pub(super) fn adjacent_spans(start: usize, [request_length, response_length]: [usize; 2]) -> [Span; 2] {
     let span = |start: usize, length: usize| Span { start: start as u32, length: length as u32 };
     [span(start, request_length), span(start + request_length, response_length)]
-}
-
-/// Consumes the first `length` bytes of a line as a frame; returns when and where it was. The end of the frame before, which the
-/// gap counts from, is that of the line, not that of `config`.
-#[inline(always)]
-#[allow(clippy::inline_always)] // The result is large, and `Session::emit_exchange` takes it apart at once.
-fn consume<const IN_PACKETS: bool>(line: &mut LineState, length: usize, config: &TimingConfig) -> FrameTiming {
-    let config = TimingConfig { last_end: line.last_end, ..*config };
-    let frame = match line.input.first_read() {
-        Some(read) if IN_PACKETS => FrameTiming::of_timed_read(&line.input, read, length, &config),
-        _ => FrameTiming::of(&line.input, length, &config),
-    };
-    line.input.consume(length);
-    line.last_end = frame.end.or(line.last_end);
-    frame
 }

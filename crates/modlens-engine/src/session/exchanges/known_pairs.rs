@@ -1,4 +1,4 @@
-//! Reads that came before, matched in their packets one after the other (`packet_pairs`): most exchanges of a master that polls.
+//! Reads that came before, matched in their packets one after the other (`pieces`): most exchanges of a master that polls.
 //!
 //! All that follows from such a request is known by its bytes, so that little is left to do for each; the rest is done once for all
 //! of them.
@@ -6,12 +6,14 @@
 use std::mem::size_of;
 
 use crate::fast_path::request_memo::{MemoEntry, RequestMemo};
-use crate::records::{PacketPair, Span};
-use crate::session::bus::BusState;
-use crate::session::exchanges::packet_run::PacketRun;
-use crate::session::exchanges::rows::confidence_by_id;
+use crate::fast_path::rtu_exchange::LastExchange;
+use crate::records::PacketPair;
+use crate::session::bus::{learn_sides, BusState};
+use crate::session::exchanges::matching::confidence_by_id;
+use crate::session::exchanges::piece_run::PieceRun;
 use crate::session::Session;
 use crate::stats::RequestPlace;
+use crate::weights::CERTAIN_DIRECTION_BITS;
 use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
 use modlens_protocol::Ns;
 use modlens_readers::pcap::PacketInTurn;
@@ -31,9 +33,10 @@ struct PairTotals {
     longest: [usize; 2],
     /// The longest time to a response.
     longest_wait: Ns,
-    /// The last one: when its packets came, where its response is in the arena, and what it is.
+    /// When the first one began.
+    first: Option<Ns>,
+    /// When the packets of the last one came, and what it is.
     times: [Ns; 2],
-    response: Span,
     last: Option<MemoEntry>,
 }
 
@@ -42,17 +45,17 @@ impl Session {
     /// unambiguously; gives the packets after them. The run at hand has begun with another exchange.
     pub(super) fn match_known_reads<'a, 'b>(
         &mut self,
-        current: &mut PacketRun,
+        current: &mut PieceRun,
         mut packets: &'b [PacketInTurn<'a>],
         belongs: impl Fn(&PacketInTurn<'_>) -> bool,
     ) -> &'b [PacketInTurn<'a>] {
-        let BusState { memo, pairing, connection, counts, .. } = &mut self.buses[current.bus];
-        let Some(latest) = current.latest.filter(|_| self.wanted.transactions && connection.in_flight.is_idle()) else {
+        let BusState { memo, pairing, connection, counts, side_votes, .. } = &mut self.buses[current.bus];
+        let Some(newest) = current.newest.filter(|_| self.wanted.transactions && connection.in_flight.is_idle()) else {
             return packets;
         };
         let mut counters = self.stats.exchange_counts(*counts);
-        let client_before = current.sides[0].last.unwrap_or(latest);
-        let mut pairs = PairTotals { times: [client_before, latest], ..PairTotals::default() };
+        let client_before = current.sides[0].last.unwrap_or(newest);
+        let mut pairs = PairTotals { times: [client_before, newest], ..PairTotals::default() };
         loop {
             let mut behind = packets.iter();
             let Some(request) = next_with_bytes(&mut behind, &belongs) else { break };
@@ -73,7 +76,7 @@ impl Session {
             counters.count_timed(place, times, response_time);
             let lengths = [request.bytes.len(), response.bytes.len()];
             let start = self.batch.store(request.bytes).start;
-            pairs.response = self.batch.store(response.bytes);
+            self.batch.store(response.bytes);
             let exchange = known.expected.compact(start, lengths, confidence_by_id(), 0);
             let pair = PacketPair { starts: times, gap, response_time, packet: request.number, mbap_id: id };
             self.held.exchanges.push_next(exchange, pair);
@@ -84,11 +87,18 @@ impl Session {
         if let Some(MemoEntry { expected, .. }) = pairs.last {
             counters.note_last(expected.key());
             connection.note_lone_exchanges(pairs.exchanges, pairs.longest_wait);
+            learn_sides(side_votes, pairs.exchanges);
+            pairing.record_exchanges_by_id(pairs.exchanges as u32);
+            self.stats.record_run_times(*counts, pairs.first.unwrap_or(newest), pairs.times[1]);
             self.next_txn += pairs.exchanges;
             self.next_frame += 2 * pairs.exchanges;
             current.run.totals.exchanges += pairs.exchanges;
             current.run.totals.bytes += pairs.bytes[0] + pairs.bytes[1];
-            current.pass((pairs.bytes, pairs.longest), pairs.times, pairs.response);
+            for (at, side) in current.sides.iter_mut().enumerate() {
+                side.add(pairs.bytes[at], pairs.longest[at], pairs.times[at]);
+            }
+            current.newest = Some(pairs.times[1]);
+            current.rtu.last = Some(LastExchange { expected, odds: CERTAIN_DIRECTION_BITS });
         }
         packets
     }
@@ -98,6 +108,7 @@ impl PairTotals {
     #[inline]
     fn add(&mut self, lengths: [usize; 2], times: [Ns; 2]) {
         self.exchanges += 1;
+        self.first = self.first.or(Some(times[0]));
         for (at, length) in lengths.into_iter().enumerate() {
             self.bytes[at] += length;
             self.longest[at] = self.longest[at].max(length);
@@ -107,7 +118,7 @@ impl PairTotals {
     }
 }
 
-/// Returns the next packet that has brought bytes. Those in front of it acknowledge others, which tells nothing; `None` at the
+/// Returns the next packet that has brought bytes. Those in front of it acknowledge others, which shows nothing; `None` at the
 /// first one that does not belong to the connection.
 #[inline]
 pub(super) fn next_with_bytes<'a, 'b>(

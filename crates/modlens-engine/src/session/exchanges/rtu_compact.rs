@@ -9,6 +9,7 @@ use crate::fast_path::rtu_exchange::LastExchange;
 use crate::findings::{words, REFUSED};
 use crate::records::{ExchangeRun, Span};
 use crate::session::exchanges::compact_run::{CompactRun, RunBytes, RunContext};
+use crate::session::exchanges::matching::RtuRun;
 use crate::session::exchanges::run::BatchTotals;
 use crate::session::rows::FindingPlace;
 use crate::session::Session;
@@ -66,7 +67,7 @@ impl Session {
         self.batch.exchange_runs.push(ExchangeRun { bus: bus as u32, number, frame, offset, exchanges, packets: None, points });
         self.next_txn += u64::from(count);
         self.next_frame += 2 * u64::from(count);
-        self.end_rtu_run(bus, &BatchTotals { exchanges: u64::from(count), bytes }, last);
+        self.end_run(bus, Mode::Rtu, &BatchTotals { exchanges: u64::from(count), bytes }, &mut RtuRun::ended_by(last));
     }
 
     /// Adds the rows of the findings on those exchanges of the run emitted last that were refused.

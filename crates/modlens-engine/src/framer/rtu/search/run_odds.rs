@@ -1,9 +1,9 @@
 //! How certain the direction of a write is where its response repeats it byte by byte.
 //!
 //! In a row of equal frames the search finds the likeliest directions, but each of them hangs on the one before: if one is
-//! wrong, all behind it are. So the odds are handed on from frame to frame. They fall with each frame that another direction
-//! explains nearly as well, and rise where the clock tells a response time from a pause of the master. Any other frame begins
-//! anew.
+//! wrong, all after it are. So the odds are handed on from frame to frame. They fall with each frame that another direction
+//! explains nearly as well, and rise where the clock shows a response time from a pause of the master. Any other frame begins
+//! again.
 
 use crate::framer::rtu::answerable::{fingerprint, HeldRequest};
 use crate::framer::rtu::context_score::mirrors_request;
@@ -31,7 +31,7 @@ enum PlaceInRun {
 
 impl Search {
     /// Log2 of the odds of this frame's direction, at most `CERTAIN_DIRECTION_BITS`, given what was committed before it; kept
-    /// for the frame behind it. `frame` has its CRC; `pause` is what the silence before it says.
+    /// for the frame after it. `frame` has its CRC; `pause` is what the silence before it says.
     pub(super) fn next_run_odds(
         &mut self,
         context: &FramerContext<'_>,
@@ -56,7 +56,7 @@ impl Search {
         }
     }
 
-    /// Begins anew: the frame committed last is no doubtful one.
+    /// Begins again: the frame committed last is no doubtful one.
     pub fn begin_run(&mut self) {
         self.run_odds = MAX_ODDS;
     }
@@ -108,7 +108,7 @@ impl Search {
         }
     }
 
-    /// What silence and response of a unit cost behind a request to it, in bits, with no unframed bytes between.
+    /// What silence and response of a unit cost after a request to it, in bits, with no unframed bytes between.
     fn silence_costs(&self, unit: u8) -> SilenceCosts {
         self.model.silence_costs(unit, BEHIND_REQUEST)
     }
@@ -135,7 +135,7 @@ impl Search {
     }
 }
 
-/// Right behind a request.
+/// Right after a request.
 const BEHIND_REQUEST: FramePosition = FramePosition { request_outstanding: true, unframed_bytes: 0 };
 
 /// Of a unit that does not answer so few requests, or fewer, the odds of a response that equals its request are beyond those that

@@ -16,7 +16,7 @@ use modlens_protocol::Ns;
 
 impl Search {
     /// Scans the bytes that have come until something is committed; `None` if more bytes, a silence or the end are needed. Called
-    /// again, it goes on behind the last byte scanned. `frame_gap_ns` is the shortest pause between frames.
+    /// again, it goes on after the last byte scanned. `frame_gap_ns` is the shortest pause between frames.
     ///
     /// Where a look-ahead needs bytes that have not come (`skip.needs_more_bytes`), it waits for them before it scans on. Once
     /// all bytes are scanned, it decides if the input is closed, or paused while a frame leads; where none leads, the adapter
@@ -75,14 +75,14 @@ impl Search {
         None
     }
 
-    /// The stream offset, behind the last byte scanned, up to which nothing can happen unless a valid substring ends.
+    /// The stream offset, after the last byte scanned, up to which nothing can happen unless a valid substring ends.
     #[inline]
     fn next_event(&self) -> u64 {
         self.skip.next_damaged_end_at.min(self.skip.next_decision_at).max(self.scanned_to + 1)
     }
 
-    /// What is decided if no frame crosses the place behind the last byte scanned, which has this index in the input: if it is
-    /// a boundary behind the root. If nothing is committed there, scanning begins anew, since no valid substring reaches across.
+    /// What is decided if no frame crosses the place after the last byte scanned, which has this index in the input: if it is
+    /// a boundary after the root. If nothing is committed there, scanning begins again, since no valid substring reaches across.
     #[inline]
     fn decide_at_boundary(&mut self, input: &Input, context: &FramerContext<'_>, index: usize) -> Option<Decision> {
         if self.scanned_to <= self.committed_offset() || !input.is_boundary(index) {
@@ -130,7 +130,7 @@ impl Search {
         found
     }
 
-    /// Begins to scan behind the root.
+    /// Begins to scan after the root.
     fn begin_scan(&mut self, input: &Input, context: &FramerContext<'_>) {
         let root_end = self.committed_offset();
         self.scanner.restart(root_end);

@@ -81,7 +81,7 @@ impl TrafficModel {
     }
 }
 
-/// What it costs in bits that a unit is silent behind a request to it, and that it answers.
+/// What it costs in bits that a unit is silent after a request to it, and that it answers.
 #[derive(Clone, Copy)]
 pub struct SilenceCosts {
     /// No response comes.
@@ -196,7 +196,7 @@ impl TrafficModel {
         -log2(self.late_responses.with_prior(weights::PRIOR_LATE_RESPONSE_SHARE))
     }
 
-    /// A retry got its response (`false`), or the late response to the first request came behind that (`true`).
+    /// A retry got its response (`false`), or the late response to the first request came after that (`true`).
     ///
     /// A late response is one more hit, but no further chance: the retry before it was counted as one.
     pub fn learn_late_response(&mut self, is_late: bool) {
