@@ -285,7 +285,7 @@ impl Stats {
     /// How many transactions with a unit were counted on the bus of this index here, and how many of them with a response.
     fn counts_of(&self, bus: usize, unit: u8) -> (u64, u64) {
         let functions = self.buses[bus].units.get(usize::from(unit)).map_or(&[][..], |counts| &counts.functions);
-        let sum = |of: &dyn Fn(&FunctionCounts) -> u64| functions.iter().map(of).sum::<u64>();
+        let sum = |count: &dyn Fn(&FunctionCounts) -> u64| functions.iter().map(count).sum::<u64>();
         let responses = [Status::Ok, Status::Exception, Status::BadResponse];
         let with_response = |counts: &FunctionCounts| responses.iter().map(|&status| counts.statuses[status as usize]).sum();
         (sum(&|counts| counts.statuses.iter().sum()), sum(&with_response))

@@ -1,6 +1,6 @@
 //! Readers that another thread uses while the session decides what they have read.
 
-use modlens_engine::session::{LentReader, ReadBlock as Core};
+use modlens_engine::session::{BorrowedReader, ReadBlock as Core};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
@@ -9,16 +9,16 @@ use pyo3::pybacked::PyBackedBytes;
 #[pyclass(module = "_modlens")]
 pub struct Reader {
     /// `None` once it was given back.
-    lent: Option<LentReader>,
+    lent: Option<BorrowedReader>,
 }
 
 impl Reader {
-    pub fn new(lent: LentReader) -> Self {
+    pub fn new(lent: BorrowedReader) -> Self {
         Self { lent: Some(lent) }
     }
 
     /// The reader of the core, which cannot be used from here any more.
-    pub fn give_back(&mut self) -> Option<LentReader> {
+    pub fn give_back(&mut self) -> Option<BorrowedReader> {
         self.lent.take()
     }
 }

@@ -6,10 +6,10 @@
 //! are worth far more than `MISSING_INSIDE_BITS`. So one byte is missing at index 2.
 
 use crate::damage::expected_frame::ExpectedFrame;
-use crate::damage::kind::DamageKind;
-use crate::framer::rtu::prefilter::DamageCosts;
-use crate::framer::rtu::prefix_index::MAX_LOST_BYTES;
-use crate::framer::rtu::traffic_model::TrafficModel;
+use crate::rtu_model::damage_kind::DamageKind;
+use crate::rtu_model::prefilter::DamageCosts;
+use crate::rtu_model::prefix_index::MAX_LOST_BYTES;
+use crate::rtu_model::traffic_model::TrafficModel;
 use crate::weights::{
     COLLISION_BITS, COLLISION_MISFIT_BITS, CRC_CORRECTABLE_BITS, CRC_MATCH_BITS, DOUBLED_BYTE_BITS, MAX_HEADER_FLIPS,
     MAX_SCORE_DROP_BITS, MISSING_HEAD_BITS, MISSING_INSIDE_BITS, ONE_FLIP_BITS, ROUNDING_BITS, RUN_BYTE_BITS, THREE_FLIPS_BITS,
@@ -366,7 +366,7 @@ fn crc_score(expected: &ExpectedFrame<'_>, bytes: &[u8], length: Option<usize>, 
 mod tests {
     use super::*;
     use crate::damage::expected_frame::poll_request;
-    use crate::framer::rtu::prefilter::{Need, RequestPrefilter};
+    use crate::rtu_model::prefilter::{Need, RequestPrefilter};
     use crate::weights::POLL_REQUEST_BITS;
     use proptest::prelude::*;
 

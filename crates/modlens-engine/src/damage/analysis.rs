@@ -3,10 +3,10 @@
 use crate::damage::candidates::Candidate;
 use crate::damage::expected_frame::expected_frames;
 use crate::damage::glitch::is_glitch;
-use crate::damage::kind::DamageKind;
 use crate::damage::region::{DamagedFrame, UnframedRegion};
-use crate::framer::rtu::announced_length::EXCEPTION_RESPONSE_BYTES;
-use crate::framer::rtu::prefix_index::PrefixFilter;
+use crate::rtu_model::announced_length::EXCEPTION_RESPONSE_BYTES;
+use crate::rtu_model::damage_kind::DamageKind;
+use crate::rtu_model::prefix_index::PrefixFilter;
 use crate::weights::{self, MAX_EXCEPTION_FLIPS, MAX_GLITCH_BYTES, MIN_DAMAGED_FRAME_BITS, SEARCHED_BYTES};
 use modlens_protocol::checksum::crc16;
 use modlens_protocol::direction::Direction;

@@ -6,8 +6,8 @@
 
 use memchr::{memchr, memchr2_iter};
 
-use crate::damage::kind::DamageKind;
-use crate::framer::FramerContext;
+use crate::frame_result::FramerContext;
+use crate::rtu_model::damage_kind::DamageKind;
 use crate::weights::{MAX_COLON_FLIPS, MAX_GLITCH_BYTES};
 use modlens_protocol::checksum::lrc;
 use modlens_protocol::direction::{infer_direction, Direction};

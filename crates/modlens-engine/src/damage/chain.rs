@@ -3,10 +3,10 @@
 use crate::damage::candidates::Candidate;
 use crate::damage::crc_correction;
 use crate::damage::glitch::is_glitch_byte;
-use crate::damage::kind::DamageKind;
 use crate::damage::region::{DamagedFrame, UnframedRegion};
-use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
-use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
+use crate::rtu_model::announced_length::ENVELOPE_BYTES;
+use crate::rtu_model::damage_kind::DamageKind;
+use crate::rtu_model::side::{self, REQUEST, RESPONSE};
 use crate::weights::{
     self, FURTHER_DAMAGED_FRAME_BITS, MAX_GLITCH_BYTES, MAX_INSERTION_CHECK_BYTES, MIN_DAMAGED_FRAME_BITS, OVERLAP_BITS,
 };

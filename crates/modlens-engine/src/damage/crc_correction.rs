@@ -4,7 +4,7 @@
 //! that would make the register over all bytes end in zero, given the bytes after the place. A change at a place fits if
 //! it leads from the first register to the second. So all places are tried in time that is linear in the frame's length.
 
-use crate::framer::rtu::crc_scan::step_back_bit;
+use crate::rtu_model::crc_scan::step_back_bit;
 use modlens_protocol::checksum::{update_byte, CRC_INIT};
 
 /// The register that a step over a zero byte turns into this one.

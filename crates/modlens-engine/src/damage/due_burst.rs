@@ -8,10 +8,10 @@ use std::ops::Range;
 
 use crate::damage::expected_frame::{request_of, response_length};
 use crate::damage::glitch::{is_glitch, is_glitch_byte};
-use crate::damage::kind::DamageKind;
 use crate::damage::region::{DamagedFrame, UnframedRegion};
-use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
-use crate::framer::rtu::prefix_index::MAX_LOST_BYTES;
+use crate::rtu_model::announced_length::ENVELOPE_BYTES;
+use crate::rtu_model::damage_kind::DamageKind;
+use crate::rtu_model::prefix_index::MAX_LOST_BYTES;
 use crate::weights::{
     self, BURST_BYTE_BITS, BURST_LENGTH_BITS, BURST_STRAY_BITS, DUE_BURST_BITS, DUE_FUNCTION_BITS, DUE_UNIT_BITS, MAX_BURST_BITS,
     MAX_BURST_NOISE_BYTES, MAX_BURST_OVERHANG_BYTES, MAX_BURST_REGION_BYTES, MAX_BURST_STRAY_BYTES, MAX_BURST_TIMEOUT_BITS,

@@ -3,8 +3,8 @@
 use std::borrow::Cow;
 
 use crate::damage::region::UnframedRegion;
-use crate::framer::rtu::announced_length::{ENVELOPE_BYTES, EXCEPTION_RESPONSE_BYTES};
-use crate::framer::rtu::side::{REQUEST, RESPONSE};
+use crate::rtu_model::announced_length::{ENVELOPE_BYTES, EXCEPTION_RESPONSE_BYTES};
+use crate::rtu_model::side::{REQUEST, RESPONSE};
 use crate::weights::{self, CRC_MATCH_BITS, DUE_FRAME_BITS, POLL_REQUEST_BITS, RETRY_BITS};
 use modlens_protocol::checksum::crc16;
 use modlens_protocol::direction::{expected_data_bytes, Direction, RequestRef};

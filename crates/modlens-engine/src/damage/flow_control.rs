@@ -6,11 +6,11 @@
 
 use crate::damage::candidates::Candidate;
 use crate::damage::crc_correction::inserted_byte;
-use crate::damage::kind::DamageKind;
 use crate::damage::region::UnframedRegion;
-use crate::framer::rtu::announced_length::announced_lengths;
-use crate::framer::rtu::side;
-use crate::framer::rtu::traffic_model::FLOW_CONTROL_BYTES;
+use crate::rtu_model::announced_length::announced_lengths;
+use crate::rtu_model::damage_kind::DamageKind;
+use crate::rtu_model::side;
+use crate::rtu_model::traffic_model::FLOW_CONTROL_BYTES;
 use crate::weights::{CRC_MATCH_BITS, ROUNDING_BITS};
 use modlens_protocol::checksum::{crc16, update, update_byte};
 use modlens_protocol::direction::Direction;

@@ -2,9 +2,9 @@
 
 use crate::damage::expected_frame::response_length;
 use crate::damage::glitch::is_glitch_byte;
-use crate::damage::kind::DamageKind;
 use crate::damage::region::{DamagedFrame, UnframedRegion};
-use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
+use crate::rtu_model::announced_length::ENVELOPE_BYTES;
+use crate::rtu_model::damage_kind::DamageKind;
 use crate::weights::{COARSE_FRAME_GAP_NS, MAX_GLITCH_BYTES};
 use modlens_protocol::checksum::correctable_bit;
 use modlens_protocol::direction::{Direction, RequestRef};

@@ -57,7 +57,6 @@ mod expected_frame;
 mod flow_control;
 mod fragments;
 pub(crate) mod glitch;
-pub mod kind;
 pub(crate) mod recovery;
 pub(crate) mod region;
 pub(crate) mod truncation;

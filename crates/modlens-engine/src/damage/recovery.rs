@@ -3,14 +3,14 @@
 use std::collections::VecDeque;
 
 use crate::damage::glitch::is_glitch;
-use crate::damage::kind::DamageKind;
 use crate::damage::region::{DamagedFrame, UnframedRegion};
 use crate::damage::truncation::TruncationLearner;
-use crate::framer::rtu::announced_length::{announced_lengths, ENVELOPE_BYTES};
-use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
-use crate::framer::rtu::traffic_model::TrafficModel;
-use crate::framer::{FrameResult, FramerContext, MAX_NOISE_ROW_BYTES};
+use crate::frame_result::{FrameResult, FramerContext, MAX_NOISE_ROW_BYTES};
 use crate::input::Input;
+use crate::rtu_model::announced_length::{announced_lengths, ENVELOPE_BYTES};
+use crate::rtu_model::crc_scan::MAX_CANDIDATE_BYTES;
+use crate::rtu_model::damage_kind::DamageKind;
+use crate::rtu_model::traffic_model::TrafficModel;
 use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::{DelimitedBy, Verdict};

@@ -1,10 +1,10 @@
 //! A region of unframed bytes with its context, and the damaged frames that are found in one.
 
-use crate::damage::kind::DamageKind;
-use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
-use crate::framer::rtu::traffic_model::TrafficModel;
-use crate::framer::FramerContext;
+use crate::frame_result::FramerContext;
 use crate::input::Input;
+use crate::rtu_model::announced_length::ENVELOPE_BYTES;
+use crate::rtu_model::damage_kind::DamageKind;
+use crate::rtu_model::traffic_model::TrafficModel;
 use crate::weights::COARSE_FRAME_GAP_NS;
 use modlens_protocol::direction::{Direction, RequestRef};
 use modlens_protocol::Ns;

@@ -4,10 +4,10 @@
 //! In a recording, the next frame shows which of the two it is before the response is emitted; live, it comes too late for
 //! this response and is learned for the next one.
 
-use crate::damage::kind::DamageKind;
 use crate::damage::region::DamagedFrame;
-use crate::framer::rtu::traffic_model::TrafficModel;
-use crate::framer::FramerContext;
+use crate::frame_result::FramerContext;
+use crate::rtu_model::damage_kind::DamageKind;
+use crate::rtu_model::traffic_model::TrafficModel;
 use modlens_protocol::direction::Direction;
 
 /// Attributes truncated responses, and learns from what masters do next.

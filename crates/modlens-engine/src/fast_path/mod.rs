@@ -3,8 +3,8 @@
 //! Nearly all traffic is polling: a request, its response at once, the next request. The speed of the engine is the speed
 //! of this module; everything here is an optimisation, and no row depends on it.
 //!
-//! What request and response have to look like is decided here, from their bytes and what the framer has learned; what a session
-//! makes of it is in `session::exchanges`.
+//! What a request determines and what is remembered of it is here; whether two frames are an exchange, and what a session makes of
+//! it, is in `session::exchanges`.
 //!
 //! # What qualifies
 //!
@@ -14,20 +14,25 @@
 //!   header announces, no long silence or record boundary lies inside, and it is either the response that the outstanding
 //!   request determines, or a request whose unit and function are familiar on this line. A request-like frame that may as
 //!   well be a response (a late one, a repeated one, an echoed write) does not qualify.
-//! - **An exchange** (RTU, ASCII and TCP, `Session::emit_exchanges`): a plain read or write, or both in one
+//! - **An exchange** (RTU, ASCII and TCP, `session::exchanges::matching`): a plain read or write, or both in one
 //!   (`expected_exchange`), on which the slow path's own checks report nothing (`findings::frame::is_plain_request`), and right
-//!   after it the one response that it determines: equal header and byte count, padding bits 0, or the echo. Both are in one
-//!   read without times, in a read each within the request timeout, or in a TCP packet each. And nothing is open: no request
-//!   outstanding (on a connection, none that the exchange touches), no finding due on an earlier frame, the framer's lattice
-//!   empty, no mark of the receiver, no profile that has to look at the data.
+//!   after it the one response that it determines: equal header and byte count, padding bits 0, or the echo. Where exchanges are
+//!   compact, the refusal is a response as well. And nothing is open: no request outstanding (on a connection, none that the
+//!   exchange touches), no finding due on an earlier frame, the framer's lattice empty, no mark of the receiver, no profile that
+//!   has to look at the data.
 //!
 //! What follows from the bytes of a read is remembered (`request_memo`), the verdict of those checks included. Writes hardly ever
 //! repeat, so that they are asked each time (`plain_write`).
 //!
-//! On an RTU line without times of which frames are not wanted, exchanges are emitted compact (`rtu_compact`): a run of them in
-//! one loop (`compact_run`), without rows, and refusals among them. On a connection the exchanges of a recording are emitted
-//! compact where frames are not wanted, and packets that come in turn are matched before they reach a line (`packet_pairs`; reads
-//! that came before in `known_pairs`), and so are the lines of a log with times (`line_pairs`).
+//! # Three ways
+//!
+//! | input | file |
+//! |--|--|
+//! | blocks of an RTU line without a clock, of which frames are not wanted: a run in one loop over the bytes | `contiguous` (`compact_run`) |
+//! | any other block of an RTU or ASCII line: the head of the line, again and again | `heads` |
+//! | a packet of a connection or a line of a log with times each: the request is pending until the next one | `pieces` (`known_pairs`) |
+//!
+//! All three end in `emit`, but for the two short loops over reads of the memo and over writes, which learn by the run.
 //!
 //! Example: `11 03 00 6B 00 03 76 87` and right after it `11 03 06 02 2B 00 00 00 64 C8 BA` become two frame rows and a
 //! transaction row in one step. With exception `11 83 02 C1 34` after it, that is a compact exchange, or both frames are taken
@@ -38,11 +43,15 @@
 //!
 //! The slow path is the oracle. For what qualifies, its decision is known without executing it: the search would have a
 //! single hypothesis without a rival, pairing would have one open request and its full match, and no check would find
-//! anything. What remains is what the slow path *learns* from each frame, and every file here records exactly that:
-//! `rtu_exchange` in the framer's traffic model (`learn_in_run` and `learn_run`; and `sync_after_batch` once at the end of a
-//! run), `pairing` in the pairing's statistics and history, `emit` in the statistics and what is known of units and sides.
-//! Whoever lets the slow path learn something new has to add it here, or the tests below fail. A finding on a response needs a
-//! condition in `ExpectedExchange::is_answered_by`; findings on requests need nothing.
+//! anything. What remains is what the slow path *learns* from each frame: the traffic model and the search of the framer
+//! (`rtu_exchange`), statistics and history of the pairing (`pairing`), counters, units and sides (`emit` for each exchange,
+//! `Decoder::end_run` for a run).
+//!
+//! # What to add where
+//!
+//! - **The slow path learns something new**: `emit`, and `compact_run` and `known_pairs`, or the tests below fail.
+//! - **A finding on a request**: nothing. **On a response**: a condition in `ExpectedExchange::is_answered_by`.
+//! - **A column**: its value in `Exchange` or `PacketPair`, and in `ExchangeRun::transaction_of`, from which rows are made as well.
 //!
 //! # The tests that compare the two
 //!

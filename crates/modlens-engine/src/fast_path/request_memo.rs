@@ -2,8 +2,8 @@
 
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rtu_exchange::rtu_transaction_confidence;
-use crate::framer::rtu::traffic_model::RequestIdentity;
 use crate::records::Exchange;
+use crate::rtu_model::traffic_model::RequestIdentity;
 use crate::stats::{RequestPlace, Stats};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;

@@ -5,10 +5,10 @@
 use crate::confidence::{self, Likeness};
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::framer::rtu::frame_check::is_followed_by_copy;
-use crate::framer::rtu::side::REQUEST;
-use crate::framer::rtu::traffic_model::{LearningRun, RequestCopy};
 use crate::framer::rtu::RtuFramer;
 use crate::framer::PauseEvidence;
+use crate::rtu_model::side::REQUEST;
+use crate::rtu_model::traffic_model::{LearningRun, RequestCopy};
 use crate::weights::{ANSWER_IN_TURN_BITS, CERTAIN_DIRECTION_BITS, RESPONSE_LOG_ODDS_BITS};
 use modlens_protocol::checksum::crc_valid_at;
 use modlens_protocol::direction::TimeoutLogOdds;

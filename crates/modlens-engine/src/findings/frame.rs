@@ -1,10 +1,10 @@
 //! Findings on one frame by itself: its content, its reception, and its damage.
 
-use crate::damage::kind::DamageKind;
 use crate::findings::{words, Found};
 use crate::framer::{FrameResult, FramingFault};
 use crate::input::Input;
-use crate::pairing::transaction::ObservedFrame;
+use crate::rtu_model::damage_kind::DamageKind;
+use crate::transactions::transaction::ObservedFrame;
 use modlens_protocol::checksum::{correctable_bit, crc16, lrc};
 use modlens_protocol::direction::{counts_agree, possible_directions, Direction};
 use modlens_protocol::finding::Finding;

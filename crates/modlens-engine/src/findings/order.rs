@@ -2,8 +2,8 @@
 //! master. `pairing` decides what a frame is; here that becomes a finding on the transaction, on the frame at hand, or on a
 //! frame whose row is already written.
 
-use crate::pairing::result::{DelayedFinding, FrameLocation, Overlap, PairingResult};
-use crate::pairing::transaction::PendingTransaction;
+use crate::transactions::result::{DelayedFinding, FrameLocation, Overlap, PairingResult};
+use crate::transactions::transaction::PendingTransaction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::{Functions, Operation};
 

@@ -1,7 +1,7 @@
 //! Findings on a transaction that contradicts the profile of its unit.
 
 use crate::findings::{words, Found};
-use crate::pairing::transaction::PendingTransaction;
+use crate::transactions::transaction::PendingTransaction;
 use modlens_profiles::points::order_check::Mismatch;
 use modlens_profiles::points::Plan;
 use modlens_protocol::finding::Finding;

@@ -3,7 +3,7 @@
 use crate::findings::{words, Found};
 use crate::framer::silence::SilenceRule;
 use crate::input::Input;
-use crate::pairing::transaction::ObservedFrame;
+use crate::transactions::transaction::ObservedFrame;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::Ns;

@@ -1,7 +1,7 @@
 //! Findings on a transaction: a response compared with its request, an exception, or no response at all.
 
 use crate::findings::{words, Found};
-use crate::pairing::transaction::PendingTransaction;
+use crate::transactions::transaction::PendingTransaction;
 use modlens_protocol::direction::{data_bytes, echo_differences, expected_data_bytes};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};

@@ -2,11 +2,11 @@
 //!
 //! Title, reason and advice, which are the same every time, are in `modlens_protocol::finding`.
 
-use crate::damage::kind::DamageKind;
 use crate::findings::contradictions::Contradiction;
-use crate::pairing::result::{DelayedFinding, PairingResult};
-use crate::pairing::transaction::ConnectionEnd;
-use crate::pairing::transaction::ObservedFrame;
+use crate::rtu_model::damage_kind::DamageKind;
+use crate::transactions::result::{DelayedFinding, PairingResult};
+use crate::transactions::transaction::ConnectionEnd;
+use crate::transactions::transaction::ObservedFrame;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::EXCEPTION_BIT;

@@ -3,9 +3,9 @@
 use memchr::{memchr, memchr3_iter};
 
 use crate::damage::ascii;
-use crate::damage::kind::DamageKind;
 use crate::framer::{FrameResult, Framer, FramerContext, FramingFault, MAX_NOISE_ROW_BYTES};
 use crate::input::Input;
+use crate::rtu_model::damage_kind::DamageKind;
 use crate::weights::LRC_CONFIDENCE_BITS;
 use modlens_protocol::checksum::lrc;
 use modlens_protocol::direction::infer_direction;

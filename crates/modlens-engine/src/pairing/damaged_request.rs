@@ -38,7 +38,8 @@ impl DamagedRequest {
         if damaged.len() != intact.len() {
             return intact_bytes >= MIN_INTACT_BYTES && damaged.len() < intact.len() && is_glitch(&damaged[intact_bytes..]);
         }
-        let bits = |of: fn(u8, u8) -> u8| damaged.iter().zip(intact).map(|(&is, &was)| of(is, was).count_ones()).sum::<u32>();
+        let bits =
+            |changed: fn(u8, u8) -> u8| damaged.iter().zip(intact).map(|(&is, &was)| changed(is, was).count_ones()).sum::<u32>();
         let (cleared, set) = (bits(|is, was| !is & was), bits(|is, was| is & !was));
         cleared + set <= MAX_FLIPPED_BITS || (intact_bytes >= MIN_INTACT_BYTES && cleared >= MIN_CLEARED_BITS_PER_SET_BIT * set)
     }

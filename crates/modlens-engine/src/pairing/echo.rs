@@ -6,8 +6,8 @@
 use crate::findings::order;
 use crate::pairing::interval::interval;
 use crate::pairing::timeouts::MIN_MASTER_TIMEOUT_NS;
-use crate::pairing::transaction::{ObservedFrame, PendingTransaction};
 use crate::pairing::Pairing;
+use crate::transactions::transaction::{ObservedFrame, PendingTransaction};
 use modlens_protocol::framing::{Mode, BROADCAST_UNIT};
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;

@@ -6,7 +6,7 @@
 //! master does: one that was seen to retry after timeouts does not turn to another unit instead. One such overlap is
 //! never reported, because a false alarm sends somebody to the site.
 
-use crate::pairing::result::Overlap;
+use crate::transactions::result::Overlap;
 
 /// Overlaps before two masters are reported, where the clock excludes a timeout.
 const MIN_TIMED_OVERLAPS: u32 = 2;
@@ -104,7 +104,7 @@ impl MasterEvidence {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pairing::result::FrameLocation;
+    use crate::transactions::result::FrameLocation;
 
     fn overlap(txn: u64, timeout_excluded: bool) -> Overlap {
         let response = FrameLocation { txn, frame: 2 * txn, unit: 1, start: None, origin: 0 };

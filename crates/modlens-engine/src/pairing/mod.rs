@@ -41,16 +41,14 @@ pub(crate) mod interval;
 mod masters;
 mod requests;
 mod responses;
-pub(crate) mod result;
 mod silence;
 pub(crate) mod timeouts;
 mod timing;
-pub(crate) mod transaction;
 mod transaction_ids;
 
-pub use result::{DelayedFinding, FrameLocation, Overlap, PairingResult};
+pub use crate::transactions::result::{DelayedFinding, FrameLocation, Overlap, PairingResult};
+pub use crate::transactions::transaction::{BufferedFrame, ObservedFrame, PendingTransaction};
 pub use timing::TimingModel;
-pub use transaction::{BufferedFrame, ObservedFrame, PendingTransaction};
 
 use crate::findings::order;
 use crate::findings::transaction::note_no_response;
@@ -60,13 +58,13 @@ use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
+use crate::transactions::transaction::{ConnectionEnd, EarlyResponse, UnitMismatch};
 use echo_share::EchoStatistics;
 use history::History;
 use id_habit::IdHabit;
 use interval::interval;
 use masters::MasterEvidence;
 use silence::Silence;
-use transaction::{ConnectionEnd, EarlyResponse, UnitMismatch};
 
 /// Closed transactions whose buffers are kept for new ones.
 const MAX_REUSABLE: usize = 8;

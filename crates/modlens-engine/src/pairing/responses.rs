@@ -4,9 +4,9 @@ use crate::findings::order;
 use crate::findings::transaction::{note_exception, response_lengths};
 use crate::pairing::echo::mirrors_request;
 use crate::pairing::history::UnexpectedResponse;
-use crate::pairing::result::Overlap;
-use crate::pairing::transaction::{EarlyResponse, OverlappingRequest, UnitMismatch};
 use crate::pairing::{FrameLocation, ObservedFrame, Pairing, PairingResult, PendingTransaction};
+use crate::transactions::result::Overlap;
+use crate::transactions::transaction::{EarlyResponse, OverlappingRequest, UnitMismatch};
 use crate::weights::{
     BELATED_MIRROR_BITS, DUPLICATE_RESPONSE_BITS, LATE_RESPONSE_BITS, UNEXPECTED_IN_ANY_ORDER_BITS, UNEXPECTED_RESPONSE_BITS,
 };

@@ -206,17 +206,17 @@ pub enum Part<'a, Row> {
 
 fn parts<'a, Row>(
     mut rows: &'a [Row],
-    of_row: fn(&Row) -> u64,
+    row_number: fn(&Row) -> u64,
     runs: &'a [ExchangeRun],
-    of_run: fn(&ExchangeRun) -> u64,
+    run_number: fn(&ExchangeRun) -> u64,
 ) -> impl Iterator<Item = Part<'a, Row>> {
     let mut runs = runs.iter().peekable();
     std::iter::from_fn(move || {
-        if let Some(run) = runs.next_if(|run| rows.first().is_none_or(|row| of_run(run) < of_row(row))) {
+        if let Some(run) = runs.next_if(|run| rows.first().is_none_or(|row| run_number(run) < row_number(row))) {
             return Some(Part::Compact(run));
         }
-        let until = runs.peek().map_or(u64::MAX, |run| of_run(run));
-        let (part, others) = rows.split_at(rows.iter().position(|row| of_row(row) > until).unwrap_or(rows.len()));
+        let until = runs.peek().map_or(u64::MAX, |run| run_number(run));
+        let (part, others) = rows.split_at(rows.iter().position(|row| row_number(row) > until).unwrap_or(rows.len()));
         rows = others;
         (!part.is_empty()).then_some(Part::Rows(part))
     })

@@ -89,26 +89,26 @@ impl Exchange {
 
     /// The bytes of one of its frames.
     #[inline]
-    pub fn frame<'a>(&self, half: Half, arena: &'a [u8]) -> &'a [u8] {
+    pub fn frame<'a>(&self, half: ExchangeFrame, arena: &'a [u8]) -> &'a [u8] {
         let [request, response] = self.lengths.map(usize::from);
         match half {
-            Half::Request => &arena[self.start as usize..][..request],
-            Half::Response => &arena[self.start as usize + request..][..response],
+            ExchangeFrame::Request => &arena[self.start as usize..][..request],
+            ExchangeFrame::Response => &arena[self.start as usize + request..][..response],
         }
     }
 
     /// The body of one of its PDUs, on a connection or on an RTU line.
     #[inline]
-    pub fn body<'a>(&self, half: Half, arena: &'a [u8], mode: Mode) -> &'a [u8] {
-        let [before, behind] = Self::around_pdu(mode).map(|bytes| bytes as usize);
+    pub fn body<'a>(&self, half: ExchangeFrame, arena: &'a [u8], mode: Mode) -> &'a [u8] {
+        let [before, after] = Self::around_pdu(mode).map(|bytes| bytes as usize);
         let frame = self.frame(half, arena);
-        &frame[before + 1..frame.len() - behind]
+        &frame[before + 1..frame.len() - after]
     }
 }
 
 /// One of the two frames of an exchange.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Half {
+pub enum ExchangeFrame {
     /// That of the request.
     Request,
     /// That of the response.
@@ -180,9 +180,9 @@ impl ExchangeRun {
     /// all of the batch.
     #[inline]
     pub fn transaction(&self, exchanges: &[Exchange], pairs: &[PacketPair], at: usize) -> Transaction {
-        let of_run = self.exchanges.of(exchanges);
-        let points = self.points_of(of_run[at].unit).cloned();
-        Transaction { points, ..self.transaction_of(&of_run[at], at, of_run[0].start, self.timing(pairs, at)) }
+        let own = self.exchanges.of(exchanges);
+        let points = self.points_of(own[at].unit).cloned();
+        Transaction { points, ..self.transaction_of(&own[at], at, own[0].start, self.timing(pairs, at)) }
     }
 
     /// The profile of a unit.
@@ -224,11 +224,11 @@ impl ExchangeRun {
     ) -> Transaction {
         let Exchange { start, lengths, unit, function, confidence, exception, .. } = *exchange;
         let pair = timing.map(|timing| timing.pair);
-        let [before, behind] = self.around_pdu();
+        let [before, after] = self.around_pdu();
         let [request, response] = lengths.map(u32::from);
         let frame = self.frame + 2 * at as u64;
         let frame_ref = |frame: u64, begin: u32, length: u32, side: usize| {
-            let pdu = Span { start: begin + before, length: length - before - behind };
+            let pdu = Span { start: begin + before, length: length - before - after };
             let start = pair.map(|pair| pair.starts[side]);
             FrameRef { frame, wire: Span { start: begin, length }, pdu, start, end: start }
         };

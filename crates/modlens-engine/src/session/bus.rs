@@ -139,6 +139,13 @@ impl BusState {
         }
     }
 
+    /// Returns whether the bus already has this clock, and line numbers for places.
+    #[inline]
+    pub(crate) fn has_clock_of(&self, clock: Clock) -> bool {
+        let row = &self.options.bus;
+        row.clock == clock && row.place == Place::Line
+    }
+
     /// The line of this number, which is added if it is new.
     pub(crate) fn line(&mut self, id: u8) -> &mut LineState {
         if let Some(at) = self.lines.iter().position(|(line, _)| *line == id) {

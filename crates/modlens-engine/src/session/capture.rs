@@ -6,27 +6,22 @@ use std::sync::Arc;
 use crate::findings;
 use crate::pairing::Pairing;
 use crate::records::{Bus, Network};
-use crate::session::bus::{BusState, FROM_CLIENT, FROM_SERVER};
+use crate::session::bus::BusState;
 use crate::session::connection_tally::ConnectionTally;
 use crate::session::connections;
 use crate::session::profiles::Profiles;
-use crate::session::rows::FindingPlace;
 use crate::session::sources::{CaptureOptions, CaptureReport, CaptureState, ReimportState, SlotState};
 use crate::session::{BusOptions, Session};
-use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::Ns;
-use modlens_readers::chunk::{Chunk, Side, Times};
+use modlens_readers::chunk::{Chunk, Times};
 use modlens_readers::pcap::metadata::{PortMetadata, RecordingSegment};
-use modlens_readers::pcap::{Capture, EndedConnection, Endpoint, Event, Interface, SerialContent, StreamChunk};
+use modlens_readers::pcap::{Capture, EndedConnection, Endpoint, Event, Interface, SerialContent};
 
 /// Requests of quiet connections are given up at most so much later than their waiting time says.
 pub(super) const SWEEP_NS: Ns = 1_000_000_000;
-
-/// Times before March 1973 are not dates: the clock started with the recording.
-const MIN_DATE_NS: Ns = 100_000_000 * 1_000_000_000;
 
 impl Session {
     /// Adds a capture; they are numbered from 0. Its buses are added when their first packet is read.
@@ -39,7 +34,7 @@ impl Session {
             lines: Vec::new(),
             ended_lines: 0,
             resumable: Vec::new(),
-            reimport: ReimportState::new(self.next_frame - 1, self.next_txn - 1),
+            reimport: ReimportState::new(self.decoder.next_frame - 1, self.decoder.next_txn - 1),
             clock: Clock::None,
             resolution: 0,
             last_sweep: None,
@@ -53,13 +48,13 @@ impl Session {
     pub fn feed_capture(&mut self, capture: usize, block: &[u8], last: bool) {
         let Some(mut state) = self.captures[capture].take() else { return };
         let mut reader = std::mem::take(&mut state.reader);
-        let functions = Arc::clone(&self.functions);
+        let functions = Arc::clone(&self.decoder.functions);
         reader.push(&functions, block, &mut |event| self.handle_event(&mut state, event));
         if last {
             reader.finish(&functions, &mut |event| self.handle_event(&mut state, event));
-            self.end_reimport(&mut state.reimport);
+            self.decoder.end_reimport(&mut state.reimport);
         }
-        self.decide_waiting();
+        self.decoder.decide_waiting();
         state.reader = reader;
         self.captures[capture] = Some(state);
     }
@@ -92,14 +87,14 @@ impl Session {
     pub(super) fn handle_event(&mut self, state: &mut CaptureState, event: Event<'_>) {
         match event {
             Event::Time(time, interface) => {
-                self.note_time(state, time, interface);
+                state.note_time(time, interface, &mut self.decoder.origin);
                 self.sweep_connections(state, time);
             }
             Event::InTurn(packets, interface) => self.take_in_turn(state, packets, interface),
             Event::Bytes { slot, from_client, chunk, is_whole_message, server_side_recorded } => {
                 if let Some(bus) = state.slot(slot).bus {
-                    self.note_recorded_side(bus, server_side_recorded);
-                    self.take_packet(bus, from_client, &chunk, is_whole_message);
+                    self.decoder.note_recorded_side(bus, server_side_recorded);
+                    self.decoder.take_packet(bus, from_client, &chunk, is_whole_message);
                 }
             }
             other => self.handle_rare_event(state, other),
@@ -109,13 +104,13 @@ impl Session {
     /// Handles an event that is neither a time nor bytes of a connection.
     #[cold]
     fn handle_rare_event(&mut self, state: &mut CaptureState, event: Event<'_>) {
-        self.decide_waiting();
+        self.decoder.decide_waiting();
         match event {
             Event::Begun { slot } => state.slot(slot).connection = Some(self.connections.begin()),
             Event::Opened { slot, client, server, mode } => self.add_connection(state, slot, client, server, mode),
             Event::Repetition { slot, kind, packet, time } => {
                 if let Some(bus) = state.slot(slot).bus {
-                    self.emit_connection_finding(bus, findings::connection::repetition(kind, packet), packet, time);
+                    self.decoder.emit_connection_finding(bus, findings::connection::repetition(kind, packet), packet, time);
                 }
             }
             Event::Time(..) | Event::InTurn(..) | Event::Bytes { .. } | Event::Closing { .. } => {}
@@ -126,19 +121,9 @@ impl Session {
                 self.feed_serial(bus, interface, content, &errors, packet, time);
             }
             Event::Reimported { by: interface, metadata, packet, time, .. } => {
-                self.reimport_packet(&mut state.reimport, &state.options, interface, &metadata, packet, time);
+                self.decoder.reimport_packet(&mut state.reimport, &state.options, interface, &metadata, packet, time);
             }
         }
-    }
-
-    /// Notes whether the server's side of a connection is recorded, which its next bytes depend on. A change has what was fed
-    /// before decided first.
-    #[inline]
-    pub(super) fn note_recorded_side(&mut self, bus: usize, is_recorded: bool) {
-        if self.buses[bus].pairing.response_side_recorded != is_recorded {
-            self.decide_waiting();
-        }
-        self.buses[bus].pairing.response_side_recorded = is_recorded;
     }
 
     /// Ends the connection in a slot: its bus is flushed, and becomes free once no row names it any more; its row is complete.
@@ -146,31 +131,15 @@ impl Session {
         let SlotState { connection, bus } = std::mem::take(state.slot(slot));
         let mut tally = ConnectionTally::default();
         if let Some(bus) = bus {
-            self.buses[bus].pairing.connection_end = ended.and_then(connections::connection_end);
-            self.flush_bus(bus);
+            self.decoder.buses[bus].pairing.connection_end = ended.and_then(connections::connection_end);
+            self.decoder.flush_bus(bus);
             self.retired.push(bus);
-            tally = std::mem::take(&mut self.buses[bus].connection);
+            tally = std::mem::take(&mut self.decoder.buses[bus].connection);
         }
         if let Some((number, ended)) = connection.zip(ended) {
-            let mode = bus.and_then(|bus| self.buses[bus].options.mode);
+            let mode = bus.and_then(|bus| self.decoder.buses[bus].options.mode);
             let source = (Arc::clone(&state.source), state.clock);
             self.connections.end(connections::row(number, ended, source, mode, tally));
-        }
-    }
-
-    /// Learns the clock of a capture from the time of a packet, in ns. The first packet that shows it decides its kind: as
-    /// the metadata of the port say if modlens wrote the capture, else by whether the time is a date. Its step is the
-    /// coarsest of all interfaces so far. The recording begins with the first packet, unless modlens wrote the capture: then
-    /// the metadata say when it began.
-    #[inline]
-    pub(super) fn note_time(&mut self, state: &mut CaptureState, time: Ns, interface: &Interface) {
-        if state.clock == Clock::None {
-            let by_time = if time < MIN_DATE_NS { Clock::Relative } else { Clock::Utc };
-            state.clock = interface.written_by_modlens.as_ref().map_or(by_time, |port| port.clock);
-        }
-        state.resolution = state.resolution.max(interface.resolution);
-        if interface.written_by_modlens.is_none() {
-            self.origin.get_or_insert(time);
         }
     }
 
@@ -178,7 +147,7 @@ impl Session {
     /// happens any more must not hold back the rows of the others.
     #[inline]
     pub(super) fn sweep_connections(&mut self, state: &mut CaptureState, now: Ns) {
-        if !self.live && state.last_sweep.is_none_or(|last| (now - last).abs() >= SWEEP_NS) {
+        if !self.decoder.live && state.last_sweep.is_none_or(|last| (now - last).abs() >= SWEEP_NS) {
             self.sweep_all_connections(state, now);
         }
     }
@@ -188,14 +157,14 @@ impl Session {
     fn sweep_all_connections(&mut self, state: &mut CaptureState, now: Ns) {
         state.last_sweep = Some(now);
         // A request that is not decided yet has no deadline.
-        if self.piece_run.as_ref().is_some_and(|run| run.is_due(now)) {
-            self.decide_waiting();
+        if self.decoder.piece_run.as_ref().is_some_and(|run| run.is_due(now)) {
+            self.decoder.decide_waiting();
         }
-        let is_due = |session: &Self, bus: usize| session.buses[bus].pairing.deadline().is_some_and(|due| due <= now);
+        let is_due = |session: &Self, bus: usize| session.decoder.buses[bus].pairing.deadline().is_some_and(|due| due <= now);
         for bus in state.slots.iter().filter_map(|slot| slot.bus) {
             if is_due(self, bus) {
-                self.decide_waiting();
-                self.advance_pairing(bus, now);
+                self.decoder.decide_waiting();
+                self.decoder.advance_pairing(bus, now);
             }
         }
     }
@@ -222,44 +191,19 @@ impl Session {
 
     /// Adds a bus with these options in place of one that is free, if there is one; gives its index.
     fn add_connection_bus(&mut self, options: BusOptions) -> usize {
-        let counts = self.stats.bus_named(&options.bus.name);
-        let pairing = Pairing::new(self.timeout, self.live);
-        let profiles = Profiles::of_bus(&self.assignments, &options.bus.name);
-        let rows = Arc::make_mut(&mut self.bus_rows);
+        let counts = self.decoder.stats.bus_named(&options.bus.name);
+        let pairing = Pairing::new(self.decoder.timeout, self.decoder.live);
+        let profiles = Profiles::of_bus(&self.decoder.assignments, &options.bus.name);
+        let rows = Arc::make_mut(&mut self.decoder.bus_rows);
         if let Some(bus) = self.free.pop() {
             rows[bus] = options.bus.clone();
-            self.buses[bus] = BusState::new(options, pairing, counts, profiles);
+            self.decoder.buses[bus] = BusState::new(options, pairing, counts, profiles);
             bus
         } else {
             rows.push(options.bus.clone());
-            self.buses.push(BusState::new(options, pairing, counts, profiles));
-            self.open.insert(self.buses.len() - 1);
-            self.buses.len() - 1
-        }
-    }
-
-    /// Takes bytes of a connection, in order. `missing` bytes in front of them are a finding on the connection; they may have
-    /// held the responses to the open requests, so that their silence proves nothing, but these stay open.
-    #[inline]
-    pub(super) fn take_packet(&mut self, bus: usize, from_client: bool, received: &StreamChunk<'_>, is_whole_message: bool) {
-        if received.missing > 0 {
-            self.decide_waiting();
-            self.buses[bus].pairing.note_missing_bytes();
-            let finding = findings::connection::missing_bytes(received.missing, received.packet);
-            self.emit_connection_finding(bus, finding, received.packet, received.time);
-        }
-        let chunk = Chunk {
-            bytes: received.bytes,
-            line: if from_client { FROM_CLIENT } else { FROM_SERVER },
-            times: received.time.map_or(Times::None, Times::Read),
-            side: Some(if from_client { Side::Sent } else { Side::Received }),
-            starts_record: is_whole_message,
-            follows_loss: received.missing > 0,
-            origin: received.packet,
-            ..Chunk::default()
-        };
-        if !self.take_piece(bus, &chunk) {
-            self.feed_piece(bus, &chunk);
+            self.decoder.buses.push(BusState::new(options, pairing, counts, profiles));
+            self.decoder.open.insert(self.decoder.buses.len() - 1);
+            self.decoder.buses.len() - 1
         }
     }
 
@@ -288,7 +232,7 @@ impl Session {
             origin: packet,
             ..Chunk::default()
         };
-        self.feed(bus, &chunk);
+        self.decoder.feed(bus, &chunk);
     }
 
     /// The bus of the serial interface of this `index` in the capture, in the section whose first interface is `section`. If the interface is new, it is that of its port in a
@@ -308,7 +252,7 @@ impl Session {
             let name = interface.name.clone().unwrap_or_else(|| {
                 let name = self.name_after(&state.options.source);
                 let mut others = state.lines.iter().skip(section).flatten();
-                let is_taken = others.any(|&bus| self.buses[bus].options.bus.name == name);
+                let is_taken = others.any(|&bus| self.decoder.buses[bus].options.bus.name == name);
                 if is_taken {
                     format!("{name}:{}", index - section + 1)
                 } else {
@@ -332,7 +276,7 @@ impl Session {
         line: Option<LineSettings>,
     ) -> usize {
         let bus = Bus { name, source, place, clock: state.clock, line, network: None };
-        self.add_bus(BusOptions { bus, mode: state.options.mode, line, resolution: None, rule: state.options.rule })
+        self.decoder.add_bus(BusOptions { bus, mode: state.options.mode, line, resolution: None, rule: state.options.rule })
     }
 
     /// The bus of a port in a raw recording, which is added if no port of that session and bus has been read. The two lines
@@ -345,27 +289,16 @@ impl Session {
             let (bus, missing) = (*bus, segment.number > of.number + 1);
             of.number = segment.number;
             if missing {
-                self.flush_bus(bus);
+                self.decoder.flush_bus(bus);
             }
             return bus;
         }
         // A replay gives the same rows as the tap did, which knew ports and offsets only.
-        let from = if self.live { (port.name.clone(), Place::Offset) } else { (state.options.source.clone(), Place::Packet) };
+        let from =
+            if self.decoder.live { (port.name.clone(), Place::Offset) } else { (state.options.source.clone(), Place::Packet) };
         let bus = self.add_serial(state, port.name.clone(), from, line);
         self.recorded.push((segment.clone(), bus));
         bus
-    }
-
-    /// Emits a finding that is about a connection, not about one of its frames; it is placed at the packet, `time` in ns. It
-    /// is counted in any case, but gets a row only if findings are wanted.
-    fn emit_connection_finding(&mut self, bus: usize, (finding, detail): (Finding, String), packet: u64, time: Option<Ns>) {
-        self.buses[bus].connection.note_finding(finding);
-        self.stats.finding(finding);
-        if self.wanted.findings {
-            let recording_start = self.origin;
-            let place = FindingPlace { frame: None, txn: None, bus, start: time, recording_start, unit: None, origin: packet };
-            self.batch.findings.push(place.row(finding, detail));
-        }
     }
 
     /// Frees the buses of closed connections that no row in `held` names, so that further connections may take them. Called by
@@ -374,7 +307,7 @@ impl Session {
         if self.retired.is_empty() {
             return;
         }
-        let named: HashSet<usize> = self.held.buses().collect();
+        let named: HashSet<usize> = self.decoder.held.buses().collect();
         let free = &mut self.free;
         self.retired.retain(|bus| {
             let is_named = named.contains(bus);

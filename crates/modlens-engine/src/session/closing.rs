@@ -14,13 +14,14 @@ impl Session {
     /// been decided (`flush`). What its text reader has seen is forgotten, too. A bus of a raw recording stays as it is, since
     /// the next file may go on with it.
     pub fn close_bus(&mut self, bus: usize) {
-        if self.recorded.iter().any(|(_, recorded)| *recorded == bus) || !self.open.remove(&bus) {
+        if self.recorded.iter().any(|(_, recorded)| *recorded == bus) || !self.decoder.open.remove(&bus) {
             return;
         }
-        let devices = std::mem::take(&mut self.buses[bus].devices);
-        let state = &self.buses[bus];
+        let devices = std::mem::take(&mut self.decoder.buses[bus].devices);
+        let state = &self.decoder.buses[bus];
         let (options, counts) = (state.options.clone(), state.counts);
-        self.buses[bus] = BusState::new(options, Pairing::new(self.timeout, self.live), counts, Profiles::default());
+        self.decoder.buses[bus] =
+            BusState::new(options, Pairing::new(self.decoder.timeout, self.decoder.live), counts, Profiles::default());
         for (_, device) in devices {
             self.close_bus(device);
         }
@@ -55,7 +56,7 @@ impl Session {
         while state.ended_lines < first {
             if let Some(bus) = state.lines.get_mut(state.ended_lines).and_then(Option::take) {
                 if !self.recorded.iter().any(|(_, recorded)| *recorded == bus) {
-                    self.flush_bus(bus);
+                    self.decoder.flush_bus(bus);
                     state.resumable.push(bus);
                 }
             }
@@ -65,7 +66,7 @@ impl Session {
 
     /// The bus of an interface of this name in the section before, if there was one that nobody goes on with yet.
     pub(super) fn resumed_line(&self, state: &mut CaptureState, name: &str) -> Option<usize> {
-        let at = state.resumable.iter().position(|&bus| self.buses[bus].options.bus.name == name)?;
+        let at = state.resumable.iter().position(|&bus| self.decoder.buses[bus].options.bus.name == name)?;
         Some(state.resumable.swap_remove(at))
     }
 }

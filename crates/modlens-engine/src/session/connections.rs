@@ -5,9 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::findings;
-use crate::pairing::transaction::ConnectionEnd;
 use crate::records::{Connection, End};
 use crate::session::connection_tally::ConnectionTally;
+use crate::transactions::transaction::ConnectionEnd;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::source::Clock;
 use modlens_readers::pcap::{EndedConnection, SideFraming};

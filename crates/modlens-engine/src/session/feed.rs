@@ -1,13 +1,13 @@
 //! The input of a session, bytes and time, and when it decides what they are.
 
-use crate::session::Session;
+use crate::session::decoder::Decoder;
 use modlens_protocol::Ns;
 use modlens_readers::chunk::Chunk;
 
-impl Session {
+impl Decoder {
     /// Takes bytes of one line of a bus, lets time advance on the bus to that of the chunk, and emits the frames that can be
     /// decided by now. Without a time, only the bytes are decided.
-    pub fn feed(&mut self, bus: usize, chunk: &Chunk<'_>) {
+    pub(super) fn feed(&mut self, bus: usize, chunk: &Chunk<'_>) {
         let time = self.buffer_chunk(bus, chunk);
         if let Some(time) = time {
             self.buses[bus].advance_silence(time);
@@ -106,7 +106,7 @@ impl Session {
     /// Several buses are advanced deadline by deadline, the earliest first. Otherwise the numbers of rows would depend on how
     /// often a session is polled. A deadline that stays though its bus has been advanced to it ends this, since it would never
     /// get further. At last, every bus is advanced to `now`.
-    pub fn poll(&mut self, now: Ns) {
+    pub(super) fn poll(&mut self, now: Ns) {
         while self.buses.len() > 1 {
             let due = self.buses.iter().enumerate().filter_map(|(bus, state)| Some((state.deadline()?, bus))).min();
             let Some((deadline, bus)) = due.filter(|(deadline, _)| *deadline <= now) else { break };
@@ -127,25 +127,16 @@ impl Session {
         self.advance_pairing(bus, now);
     }
 
-    /// Decides everything that is still open, at the end of the recording.
-    pub fn flush(&mut self) {
-        for bus in self.open.iter().copied().collect::<Vec<_>>() {
-            self.flush_bus(bus);
-        }
-    }
-
-    /// Decides everything that is still open at the end of a file, but for raw recordings, which may go on in the next
-    /// file.
-    pub fn flush_file(&mut self) {
-        let may_go_on = |bus: &usize| self.recorded.iter().any(|(_, recorded)| recorded == bus);
-        for bus in self.open.iter().copied().filter(|bus| !may_go_on(bus)).collect::<Vec<_>>() {
+    /// Decides everything that is still open on the buses that this selects.
+    pub(super) fn flush_all(&mut self, selects: impl Fn(usize) -> bool) {
+        for bus in self.open.iter().copied().filter(|&bus| selects(bus)).collect::<Vec<_>>() {
             self.flush_bus(bus);
         }
     }
 
     /// Decides everything that is still open on one bus: its recording ends, or a part of it is missing from here on. All
     /// bytes become frames or noise, and all open requests are closed. The bus goes on as usual if further bytes are fed.
-    pub fn flush_bus(&mut self, bus: usize) {
+    pub(super) fn flush_bus(&mut self, bus: usize) {
         for (_, line) in &mut self.buses[bus].lines {
             (line.input.is_closed, line.input.is_ended) = (true, true);
         }

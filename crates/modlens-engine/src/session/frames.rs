@@ -1,26 +1,26 @@
 //! Emission of frames: each is checked, paired and written to the tables, and the bus learns from it.
 
-use crate::damage::kind::DamageKind;
 use crate::findings::{self, words, Found};
 use crate::framer::silence::SilenceRule;
 use crate::framer::FrameResult;
 use crate::input::Input;
 use crate::pairing::{ObservedFrame, Pairing};
 use crate::records::{Batch, Frame, Span};
+use crate::rtu_model::damage_kind::DamageKind;
 use crate::session::bus::{learn, BusState};
+use crate::session::decoder::Decoder;
 use crate::session::frame_timing::{FrameTiming, TimingConfig};
 use crate::session::lateness::Lateness;
 use crate::session::line::add_vote;
 use crate::session::rows::{elapsed, FindingPlace};
 use crate::session::unit_habits::UnitHabits;
-use crate::session::Session;
 use crate::stats::Stats;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::Ns;
 
-impl Session {
+impl Decoder {
     /// Emits the next frame (or noise) of a line, the first `framed.length` bytes of its input. `at` is the index of the line
     /// in the bus, `adu` the frame's unit and PDU, without checksum.
     ///

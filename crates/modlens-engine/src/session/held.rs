@@ -1,7 +1,7 @@
 //! Rows of transactions that wait: in a recording they are returned in the order of requests, so that those after a request
 //! that is still open have to wait for it.
 
-use crate::records::{Batch, Span};
+use crate::records::Batch;
 use crate::session::sources::CaptureState;
 use crate::session::Session;
 
@@ -18,14 +18,14 @@ impl Session {
     /// Whether so many rows were kept by the last `take` that to copy them again is not worth the few that are new. Nothing
     /// waits once all requests are closed, as they are at the end of a recording.
     pub(super) fn waits_for_more(&self) -> bool {
-        let is_much_to_copy = !self.live && self.kept > MAX_COPIED_EACH_TIME;
-        is_much_to_copy && self.held.len() - self.kept < self.kept.min(ENOUGH_NEW_ROWS) && self.oldest_open().is_some()
+        let is_much_to_copy = !self.decoder.live && self.kept > MAX_COPIED_EACH_TIME;
+        is_much_to_copy && self.decoder.held.len() - self.kept < self.kept.min(ENOUGH_NEW_ROWS) && self.oldest_open().is_some()
     }
 
     /// Number of the oldest transaction that is still open.
     fn oldest_open(&self) -> Option<u64> {
         let reimported = self.captures.iter().flatten().filter_map(CaptureState::oldest);
-        let open = self.open.iter().filter_map(|&bus| self.buses[bus].pairing.oldest_open_txn());
+        let open = self.decoder.open.iter().filter_map(|&bus| self.decoder.buses[bus].pairing.oldest_open_txn());
         open.chain(reimported).min()
     }
 
@@ -34,27 +34,8 @@ impl Session {
     /// In a recording these are the ones in front of the oldest transaction that is still open, in the order of their requests.
     /// In a live session, and in a recording where more than `MAX_HELD_TRANSACTIONS` are held, all of them are.
     pub(super) fn give_out_rows(&mut self, batch: &mut Batch) {
-        let is_all = self.live || self.held.len() > MAX_HELD_TRANSACTIONS;
+        let is_all = self.decoder.live || self.decoder.held.len() > MAX_HELD_TRANSACTIONS;
         let oldest = self.oldest_open().filter(|_| !is_all).unwrap_or(u64::MAX);
-        self.held.give_out(oldest, batch);
-    }
-
-    /// Copies the bytes and findings of the transactions that are kept for a later call to the next batch, and lets the rows
-    /// refer to the copies. `from` is the batch that is returned. A PDU that is a part of the bytes on the wire stays one.
-    pub(super) fn copy_held_bytes(&mut self, from: &Batch) {
-        self.held.exchanges.move_bytes(from, &mut self.batch);
-        for row in self.held.iter_mut() {
-            row.findings = self.batch.store_findings(row.findings.of(&from.codes));
-            for half in [&mut row.request, &mut row.response] {
-                let inside = half.pdu.start.wrapping_sub(half.wire.start);
-                let wire = self.batch.store(half.wire.of(&from.arena));
-                half.pdu = if inside < half.wire.length.max(1) {
-                    Span { start: wire.start + inside, length: half.pdu.length }
-                } else {
-                    self.batch.store(half.pdu.of(&from.arena))
-                };
-                half.wire = wire;
-            }
-        }
+        self.decoder.held.give_out(oldest, batch);
     }
 }

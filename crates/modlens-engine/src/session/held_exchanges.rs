@@ -25,16 +25,16 @@ impl PendingExchanges {
         self.runs.iter()
     }
 
-    /// Adds an exchange of this number, which is higher than those before. `of_run` is what a run needs that begins with it.
+    /// Adds an exchange of this number, which is higher than those before. `start` is what a run needs that begins with it.
     #[inline]
-    pub(crate) fn push(&mut self, exchange: Exchange, pair: PacketPair, of_run: &ExchangeStart) {
+    pub(crate) fn push(&mut self, exchange: Exchange, pair: PacketPair, start: &ExchangeStart) {
         let goes_on = self.runs.back_mut().zip(self.exchanges.last()).filter(|(run, last)| {
             let begins_at = last.start + u32::from(last.lengths[0]) + u32::from(last.lengths[1]);
-            run.bus == of_run.bus
-                && run.end() == of_run.number
-                && run.frame + 2 * u64::from(run.exchanges.length) == of_run.frame
-                && run.mode() == of_run.mode
-                && run.packets.is_some_and(|packets| packets.recording_start == of_run.recording_start)
+            run.bus == start.bus
+                && run.end() == start.number
+                && run.frame + 2 * u64::from(run.exchanges.length) == start.frame
+                && run.mode() == start.mode
+                && run.packets.is_some_and(|packets| packets.recording_start == start.recording_start)
                 && begins_at == exchange.start
         });
         if let Some((run, _)) = goes_on {
@@ -42,12 +42,12 @@ impl PendingExchanges {
         } else {
             let first = self.exchanges.len() as u32;
             self.runs.push_back(ExchangeRun {
-                bus: of_run.bus,
-                number: of_run.number,
-                frame: of_run.frame,
+                bus: start.bus,
+                number: start.number,
+                frame: start.frame,
                 offset: 0,
                 exchanges: Span { start: first, length: 1 },
-                packets: Some(PacketsOfRun { first, recording_start: of_run.recording_start, mode: of_run.mode }),
+                packets: Some(PacketsOfRun { first, recording_start: start.recording_start, mode: start.mode }),
                 points: None,
             });
         }
@@ -106,12 +106,12 @@ impl PendingExchanges {
     /// Copies the bytes of all of them from the arena of one batch to that of another, and lets them refer to the copies.
     pub(super) fn move_bytes(&mut self, from: &Batch, to: &mut Batch) {
         for run in &self.runs {
-            let of_run = &mut self.exchanges[run.exchanges.start as usize..][..run.exchanges.length as usize];
-            let (Some(first), Some(last)) = (of_run.first(), of_run.last()) else { continue };
+            let exchanges = &mut self.exchanges[run.exchanges.start as usize..][..run.exchanges.length as usize];
+            let (Some(first), Some(last)) = (exchanges.first(), exchanges.last()) else { continue };
             let start = first.start;
             let length = last.start - start + u32::from(last.lengths[0]) + u32::from(last.lengths[1]);
             let copy = to.store(Span { start, length }.of(&from.arena)).start;
-            for exchange in of_run {
+            for exchange in exchanges {
                 exchange.start = exchange.start - start + copy;
             }
         }

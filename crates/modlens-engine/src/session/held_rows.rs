@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::records::{Batch, Transaction};
+use crate::records::{Batch, Span, Transaction};
 use crate::session::held_exchanges::PendingExchanges;
 
 /// Rows of transactions. In a recording they wait here for older transactions that are still open.
@@ -33,9 +33,23 @@ impl PendingRows {
         of_rows.chain(self.exchanges.runs().map(|run| run.bus)).map(|bus| bus as usize)
     }
 
-    /// All but compact exchanges.
-    pub(super) fn iter_mut(&mut self) -> impl Iterator<Item = &mut Transaction> {
-        self.rows.iter_mut().chain(&mut self.late)
+    /// Copies the bytes and findings of all of them from one batch to the next, and lets the rows refer to the copies. A PDU that
+    /// is a part of the bytes on the wire stays one.
+    pub(super) fn move_bytes(&mut self, from: &Batch, to: &mut Batch) {
+        self.exchanges.move_bytes(from, to);
+        for row in self.rows.iter_mut().chain(&mut self.late) {
+            row.findings = to.store_findings(row.findings.of(&from.codes));
+            for frame in [&mut row.request, &mut row.response] {
+                let inside = frame.pdu.start.wrapping_sub(frame.wire.start);
+                let wire = to.store(frame.wire.of(&from.arena));
+                frame.pdu = if inside < frame.wire.length.max(1) {
+                    Span { start: wire.start + inside, length: frame.pdu.length }
+                } else {
+                    to.store(frame.pdu.of(&from.arena))
+                };
+                frame.wire = wire;
+            }
+        }
     }
 
     /// Adds a row.
@@ -76,7 +90,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::records::{Exchange, ExchangeRun, PacketPair, Span};
+    use crate::records::{Exchange, ExchangeRun, PacketPair};
     use crate::session::held_exchanges::ExchangeStart;
     use modlens_protocol::framing::Mode;
 

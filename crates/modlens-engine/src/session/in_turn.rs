@@ -11,7 +11,7 @@ impl Session {
     pub(super) fn take_in_turn(&mut self, state: &mut CaptureState, mut packets: &[PacketInTurn<'_>], interface: &Interface) {
         let Some(first) = packets.first() else { return };
         // Those after it tell nothing more of the clock.
-        self.note_time(state, first.time, interface);
+        state.note_time(first.time, interface, &mut self.decoder.origin);
         loop {
             packets = self.take_pairs(state, packets);
             let Some((packet, behind)) = packets.split_first() else { return };
@@ -19,8 +19,8 @@ impl Session {
             self.sweep_connections(state, packet.time);
             let bus = state.slot(packet.slot as usize).bus.filter(|_| !packet.bytes.is_empty());
             if let Some(bus) = bus {
-                self.note_recorded_side(bus, packet.server_side_recorded);
-                self.take_packet(bus, packet.from_client, &packet.chunk(), false);
+                self.decoder.note_recorded_side(bus, packet.server_side_recorded);
+                self.decoder.take_packet(bus, packet.from_client, &packet.chunk(), false);
             }
         }
     }
@@ -28,12 +28,12 @@ impl Session {
     /// Takes the pairs at the head of these packets that are unambiguous exchanges of the connection at hand; gives those
     /// after them. None of them may move the clock on so far that requests of other connections have to be looked after.
     fn take_pairs<'a, 'b>(&mut self, state: &mut CaptureState, packets: &'b [PacketInTurn<'a>]) -> &'b [PacketInTurn<'a>] {
-        let (Some(bus), Some(first), Some(last_sweep)) = (self.bus_of_pairs(), packets.first(), state.last_sweep) else {
+        let (Some(bus), Some(first), Some(last_sweep)) = (self.decoder.bus_of_pairs(), packets.first(), state.last_sweep) else {
             return packets;
         };
         if state.slot(first.slot as usize).bus != Some(bus) {
             return packets;
         }
-        self.match_pairs(packets, |packet| packet.slot == first.slot && (packet.time - last_sweep).abs() < SWEEP_NS)
+        self.decoder.match_pairs(packets, |packet| packet.slot == first.slot && (packet.time - last_sweep).abs() < SWEEP_NS)
     }
 }

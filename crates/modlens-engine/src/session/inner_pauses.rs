@@ -58,7 +58,7 @@ impl InnerPauses {
 
     fn is_habit_of(&self, sender: usize) -> bool {
         let own = self.senders[sender];
-        let sum = |of: fn(&Counts) -> u16| self.senders.iter().map(|counts| u64::from(of(counts))).sum::<u64>();
+        let sum = |count: fn(&Counts) -> u16| self.senders.iter().map(|counts| u64::from(count(counts))).sum::<u64>();
         let others = sum(|counts| counts.frames) - u64::from(own.frames);
         let others_with_pause = sum(|counts| counts.with_pause) - u64::from(own.with_pause);
         let is_frequent = own.with_pause >= MIN_FRAMES && own.frames / FRAMES_PER_PAUSE <= own.with_pause;

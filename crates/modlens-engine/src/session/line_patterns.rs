@@ -3,9 +3,9 @@
 use crate::findings::line;
 use crate::findings::Found;
 use crate::session::bus::BusState;
+use crate::session::decoder::Decoder;
 use crate::session::rows::FindingPlace;
 use crate::session::unit_habits::{MIN_HABIT_RESPONSES, RESPONSES_PER_HABIT};
-use crate::session::Session;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::Ns;
 
@@ -37,7 +37,7 @@ fn only_one_side(state: &mut BusState) -> Found {
     line::one_side_only(is_request, heard[usize::from(!is_request)], heard.iter().sum())
 }
 
-impl Session {
+impl Decoder {
     /// Emits the findings on a bus as a whole, at the end of its recording: each is reported once.
     pub(super) fn find_on_line(&mut self, bus: usize) {
         let mut found = only_one_side(&mut self.buses[bus]);

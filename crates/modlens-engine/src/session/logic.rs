@@ -32,17 +32,17 @@ impl Session {
     /// bus, and nothing is emitted. The recording begins at time 0, its first sample.
     pub fn feed_logic(&mut self, logic: usize, block: &[u8], last: bool) {
         let Some(mut state) = self.logics[logic].take() else { return };
-        let functions = Arc::clone(&self.functions);
+        let functions = Arc::clone(&self.decoder.functions);
         let mut characters = Vec::new();
         state.analyzer.push(&functions, block, &mut characters);
         if last {
             state.analyzer.finish(&functions, &mut characters);
         }
         if state.bus.is_none() {
-            state.bus = bus_options(&state, self.name_after(&state.source)).map(|options| self.add_bus(options));
+            state.bus = bus_options(&state, self.name_after(&state.source)).map(|options| self.decoder.add_bus(options));
         }
         if let Some(bus) = state.bus {
-            self.origin.get_or_insert(0);
+            self.decoder.origin.get_or_insert(0);
             let has_several_lines = state.analyzer.lines().is_some_and(|found| found.len() > 1);
             self.feed_characters(bus, has_several_lines, &state.analyzer, &characters);
         }
@@ -71,7 +71,7 @@ impl Session {
                 has_line_error: run[0].1.has_error(),
                 ..Chunk::default()
             };
-            self.feed(bus, &chunk);
+            self.decoder.feed(bus, &chunk);
         }
     }
 }

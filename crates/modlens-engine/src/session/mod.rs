@@ -2,6 +2,7 @@
 //!
 //! | question | file |
 //! |--|--|
+//! | the buses, and how rows are made of what comes in on them | `decoder` (`feed`, `frames`, `transactions`, `exchanges`) |
 //! | what a source feeds: bytes and time, text, captures, logic samples | `feed`, `text`, `capture` (`in_turn`), `logic` (state: `sources`) |
 //! | how another thread reads a text or a capture for it | `read_ahead` |
 //! | what is known of a bus and of a line | `bus`, `line`, `profiles` |
@@ -24,6 +25,7 @@ mod capture;
 mod closing;
 pub(crate) mod connection_tally;
 mod connections;
+mod decoder;
 mod exchanges;
 mod feed;
 pub(crate) mod frame_timing;
@@ -48,44 +50,31 @@ mod transactions;
 mod two_lines;
 mod unit_habits;
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use crate::findings::Found;
 use crate::framer::Framer;
-use crate::pairing::{Pairing, PendingTransaction};
-use crate::records::{Batch, Buses, MemoryPool};
-use crate::session::exchanges::piece_run::{PieceRun, PieceTries};
+use crate::records::{Batch, MemoryPool};
 use crate::stats::Stats;
 use modlens_profiles::points::Plan;
-use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::Ns;
+use modlens_readers::chunk::Chunk;
 
 pub use bus::BusOptions;
-pub use read_ahead::{LentReader, ReadBlock};
+pub use decoder::WantedTables;
+pub use read_ahead::{BorrowedReader, ReadBlock};
 pub use sources::CaptureOptions;
 
-use bus::BusState;
 use connections::Connections;
-use held_rows::PendingRows;
-use profiles::{Assignment, Profiles};
+use decoder::Decoder;
+use profiles::Assignment;
 use sources::{CaptureState, LogicState};
 
-/// The tables to build.
-#[derive(Clone, Copy, Debug)]
-pub struct WantedTables {
-    /// Frames.
-    pub frames: bool,
-    /// Transactions.
-    pub transactions: bool,
-    /// Findings.
-    pub findings: bool,
-}
-
 /// The engine: bytes and times in, rows out. No I/O, no clock, no failure on bytes.
+///
+/// It reads the sources; its `Decoder` has their buses and makes rows of what they bring.
 ///
 /// ```
 /// use modlens_engine::session::{BusOptions, Session};
@@ -97,41 +86,11 @@ pub struct WantedTables {
 /// assert_eq!(session.take().frames.len(), 1);
 /// ```
 pub struct Session {
-    pub(crate) functions: Arc<Functions>,
-    pub(crate) buses: Vec<BusState>,
-    /// The buses whose source has not ended; see `close_bus`.
-    open: BTreeSet<usize>,
-    /// For each bus, what its rows share.
-    bus_rows: Arc<Buses>,
-    /// The rows emitted since the last `take`, without the transactions.
-    pub(crate) batch: Batch,
+    pub(crate) decoder: Decoder,
     /// Memory of batches that were dropped.
     pool: MemoryPool,
-    pub(crate) held: PendingRows,
-    /// How many of them the last `take` has kept.
+    /// How many rows of transactions the last `take` has kept.
     kept: usize,
-    pub(crate) wanted: WantedTables,
-    pub(crate) live: bool,
-    /// Whether compact exchanges may be emitted even where frames are wanted.
-    always_compact: bool,
-    /// The timeout of requests that the user has set.
-    timeout: Option<Ns>,
-    pub(crate) next_frame: u64,
-    pub(crate) next_txn: u64,
-    /// When the recording began.
-    pub(crate) origin: Option<Ns>,
-    pub(crate) stats: Stats,
-    assignments: Vec<Assignment>,
-    /// Scratch: unit and PDU of the frame at hand.
-    adu: Vec<u8>,
-    /// Scratch of the fast path: unit and PDU of a request and of its response.
-    pub(crate) adus: [Vec<u8>; 2],
-    /// Scratch: transactions that are closed and not emitted yet.
-    done: Vec<Box<PendingTransaction>>,
-    /// Scratch: findings on the frame or transaction at hand.
-    found: Found,
-    /// Scratch: their codes.
-    codes: Vec<Finding>,
     captures: Vec<Option<CaptureState>>,
     logics: Vec<Option<LogicState>>,
     /// Buses of closed connections. Rows that are held may still name them.
@@ -139,12 +98,6 @@ pub struct Session {
     /// Buses of closed connections that a new connection may take.
     free: Vec<usize>,
     connections: Connections,
-    /// The connection or log of which packets or lines are matched as they come.
-    pub(crate) piece_run: Option<Box<PieceRun>>,
-    /// When to look again whether the lines of a log may be.
-    pub(crate) piece_tries: PieceTries,
-    /// The bus with bytes that `feed_later` has left undecided.
-    pub(crate) waiting: Option<usize>,
     /// The buses of raw recordings, each with the segment that was read last.
     recorded: Vec<(modlens_readers::pcap::metadata::RecordingSegment, usize)>,
     /// What buses are named after in place of their source.
@@ -158,41 +111,19 @@ impl Default for Session {
 }
 
 impl Session {
-    /// A session with this table of functions. A `live` one emits transactions in the order of completion, any other in
+    /// Returns a session with this table of functions. A `live` one emits transactions in the order of completion, any other in
     /// the order of requests. `timeout` is that of requests; it is learned where `None`.
     pub fn new(functions: Arc<Functions>, wanted: WantedTables, live: bool, timeout: Option<Ns>) -> Self {
         let pool = MemoryPool::default();
         Self {
-            functions,
-            buses: Vec::new(),
-            open: BTreeSet::new(),
-            bus_rows: Arc::default(),
-            batch: pool.batch(),
+            decoder: Decoder::new(functions, wanted, live, timeout, pool.batch()),
             pool,
-            held: PendingRows::new(live),
             kept: 0,
-            wanted,
-            live,
-            always_compact: false,
-            timeout,
-            next_frame: 1,
-            next_txn: 1,
-            origin: None,
-            stats: Stats::default(),
-            assignments: Vec::new(),
-            adu: Vec::new(),
-            adus: <[Vec<u8>; 2]>::default(),
-            done: Vec::new(),
-            found: Vec::new(),
-            codes: Vec::new(),
             captures: Vec::new(),
             logics: Vec::new(),
             retired: Vec::new(),
             free: Vec::new(),
             connections: Connections::default(),
-            piece_run: None,
-            piece_tries: PieceTries::default(),
-            waiting: None,
             recorded: Vec::new(),
             bus_name: None,
         }
@@ -201,20 +132,7 @@ impl Session {
     /// Emits compact exchanges of an RTU line without a clock (`Batch::exchanges`) even where frames are wanted: for who can do
     /// without the rows of their frames.
     pub fn emit_compact(&mut self) {
-        self.always_compact = true;
-    }
-
-    /// Whether this bus emits compact exchanges from now on: in a recording of one RTU line without times, where a
-    /// frame is known by its offset. With another bus open, a transaction may have to wait for an older one while exchanges
-    /// after it are returned.
-    pub(crate) fn emits_compact(&self, bus: usize) -> bool {
-        let state = &self.buses[bus];
-        (self.always_compact || !self.wanted.frames)
-            && !self.live
-            && !state.lines[0].1.input.has_times
-            && state.options.bus.place == Place::Offset
-            && self.open.len() == 1
-            && self.open.contains(&bus)
+        self.decoder.always_compact = true;
     }
 
     /// Gives a name to buses that would be named after their source: the file is one of several of a bus. A recording that
@@ -230,55 +148,80 @@ impl Session {
 
     /// The first byte of a bus will have this offset in its stream: what stood before is not known. No byte has been fed yet.
     pub fn begin_at(&mut self, bus: usize, line: u8, offset: u64) {
-        let line = self.buses[bus].line(line);
+        let line = self.decoder.buses[bus].line(line);
         line.input.begin_at(offset);
         line.framer.skip_to(offset);
     }
 
     /// Adds a bus with counters of its own and the profiles bound to its name so far; buses are numbered from 0, and the
-    /// number is given back.
-    pub fn add_bus(&mut self, mut options: BusOptions) -> usize {
-        options.bus.line = options.line;
-        Arc::make_mut(&mut self.bus_rows).push(options.bus.clone());
-        let counts = self.stats.add_bus(&options.bus.name);
-        let profiles = Profiles::of_bus(&self.assignments, &options.bus.name);
-        self.buses.push(BusState::new(options, Pairing::new(self.timeout, self.live), counts, profiles));
-        self.open.insert(self.buses.len() - 1);
-        self.buses.len() - 1
+    /// number is returned.
+    pub fn add_bus(&mut self, options: BusOptions) -> usize {
+        self.decoder.add_bus(options)
+    }
+
+    /// Takes bytes of one line of a bus, lets time advance on the bus to that of the chunk, and emits the frames that can be
+    /// decided by now. Without a time, only the bytes are decided.
+    pub fn feed(&mut self, bus: usize, chunk: &Chunk<'_>) {
+        self.decoder.feed(bus, chunk);
+    }
+
+    /// Lets time advance to `now` on all buses without bytes, in a live session: silences end frames, open requests time out,
+    /// and lines stop waiting for each other.
+    pub fn poll(&mut self, now: Ns) {
+        self.decoder.poll(now);
+    }
+
+    /// Decides everything that is still open, at the end of the recording.
+    pub fn flush(&mut self) {
+        self.decoder.flush_all(|_| true);
+    }
+
+    /// Decides everything that is still open at the end of a file, but for raw recordings, which may go on in the next
+    /// file.
+    pub fn flush_file(&mut self) {
+        let recorded = &self.recorded;
+        self.decoder.flush_all(|bus| !recorded.iter().any(|(_, recorded)| *recorded == bus));
+    }
+
+    /// Decides everything that is still open on one bus: its recording ends, or a part of it is missing from here on. All
+    /// bytes become frames or noise, and all open requests are closed. The bus goes on as usual if further bytes are fed.
+    pub fn flush_bus(&mut self, bus: usize) {
+        self.decoder.flush_bus(bus);
     }
 
     /// Gives a profile to units, on one bus (by its name) or on all; the last one wins. It holds for buses that are added
     /// later.
     pub fn bind(&mut self, bus: Option<&str>, units: &[u8], plan: &Arc<Plan>) {
         let plan = Arc::clone(plan);
-        self.assignments.push(Assignment { bus: bus.map(str::to_owned), units: units.to_vec(), plan });
+        self.decoder.assignments.push(Assignment { bus: bus.map(str::to_owned), units: units.to_vec(), plan });
     }
 
     /// Sets the clock of a bus and the unit of its places, once its source has shown them.
     pub fn describe_bus(&mut self, bus: usize, clock: Clock, place: Place) {
-        let row = &mut Arc::make_mut(&mut self.bus_rows)[bus];
-        (row.clock, row.place) = (clock, place);
-        self.buses[bus].options.bus = row.clone();
+        self.decoder.describe_bus(bus, clock, place);
     }
 
     /// The framing of a bus, as far as it is known.
     pub fn mode(&self, bus: usize) -> Option<Mode> {
-        self.buses[bus].lines.first().map(|(_, state)| state.framer.mode())
+        self.decoder.buses[bus].lines.first().map(|(_, state)| state.framer.mode())
     }
 
     /// Statistics so far.
     pub fn stats(&self) -> &Stats {
-        &self.stats
+        &self.decoder.stats
     }
 
     /// Statistics so far as JSON; analyzer/views/stats.py has the keys.
     pub fn stats_json(&self) -> serde_json::Value {
-        self.stats.json(&self.functions)
+        self.decoder.stats.json(&self.decoder.functions)
     }
 
     /// Number of rows that `take` would return.
     pub fn pending_rows(&self) -> usize {
-        self.batch.frames.len() + self.batch.findings.len() + self.batch.exchanges.len() + self.held.len()
+        self.decoder.batch.frames.len()
+            + self.decoder.batch.findings.len()
+            + self.decoder.batch.exchanges.len()
+            + self.decoder.held.len()
     }
 
     /// The rows emitted since the last call.
@@ -289,17 +232,17 @@ impl Session {
     pub fn take(&mut self) -> Batch {
         if self.waits_for_more() {
             let mut nothing = Batch::default();
-            (nothing.buses, nothing.functions) = (Arc::clone(&self.bus_rows), Some(Arc::clone(&self.functions)));
+            (nothing.buses, nothing.functions) = (Arc::clone(&self.decoder.bus_rows), Some(Arc::clone(&self.decoder.functions)));
             return nothing;
         }
-        let mut batch = std::mem::replace(&mut self.batch, self.pool.batch());
+        let mut batch = std::mem::replace(&mut self.decoder.batch, self.pool.batch());
         self.give_out_rows(&mut batch);
-        self.kept = self.held.len();
-        self.copy_held_bytes(&batch);
+        self.kept = self.decoder.held.len();
+        self.decoder.held.move_bytes(&batch, &mut self.decoder.batch);
         self.release_buses();
-        batch.connections = self.connections.take(self.live);
-        batch.buses = Arc::clone(&self.bus_rows);
-        batch.functions = Some(Arc::clone(&self.functions));
+        batch.connections = self.connections.take(self.decoder.live);
+        batch.buses = Arc::clone(&self.decoder.bus_rows);
+        batch.functions = Some(Arc::clone(&self.decoder.functions));
         batch
     }
 }

@@ -12,7 +12,7 @@ use modlens_readers::text::{LogEntry, Reader};
 
 /// The reader of a text or of a capture, or one that hands raw bytes on, lent by its session between two blocks of the recording.
 #[derive(Debug)]
-pub struct LentReader {
+pub struct BorrowedReader {
     lent: Lent,
     /// How many records or events the last block had, and how many bytes of Modbus: the next one has about as many. Memory that
     /// grows is copied and touched again.
@@ -33,19 +33,19 @@ pub struct ReadBlock(Found);
 #[derive(Debug)]
 enum Found {
     Raw { bus: usize, bytes: Vec<u8> },
-    Text { bus: usize, entries: Vec<KeptEntry>, bytes: Vec<u8>, keys: Arc<Vec<Vec<u8>>> },
+    Text { bus: usize, entries: Vec<OwnedEntry>, bytes: Vec<u8>, keys: Arc<Vec<Vec<u8>>> },
     Capture { capture: usize, events: KeptEvents },
 }
 
 /// A record of a text, the number of its bytes, and the step of the time stamps up to it.
 #[derive(Debug)]
-struct KeptEntry {
+struct OwnedEntry {
     entry: LogEntry,
     length: usize,
     resolution: Option<Ns>,
 }
 
-impl LentReader {
+impl BorrowedReader {
     /// Reads a block of the recording, cut anywhere.
     pub fn read(&mut self, block: &[u8]) -> ReadBlock {
         let room = (self.last_size.0 * 9 / 8, self.last_size.1 * 9 / 8);
@@ -73,7 +73,7 @@ fn read_text(bus: usize, reader: &mut Reader, keys: &mut Arc<Vec<Vec<u8>>>, bloc
     while let Some(entry) = reader.advance(false) {
         let own = reader.entry_bytes();
         bytes.extend_from_slice(own);
-        entries.push(KeptEntry { entry, length: own.len(), resolution: reader.resolution() });
+        entries.push(OwnedEntry { entry, length: own.len(), resolution: reader.resolution() });
     }
     if reader.keys().len() > keys.len() {
         *keys = Arc::new(reader.keys().to_vec());
@@ -83,26 +83,26 @@ fn read_text(bus: usize, reader: &mut Reader, keys: &mut Arc<Vec<Vec<u8>>>, bloc
 
 impl Session {
     /// Lends the reader of the text of a bus; without `open_text` before, one for its raw bytes.
-    pub fn lend_reader(&mut self, bus: usize) -> LentReader {
-        let lent = match self.buses[bus].reader.take() {
+    pub fn lend_reader(&mut self, bus: usize) -> BorrowedReader {
+        let lent = match self.decoder.buses[bus].reader.take() {
             Some(reader) => Lent::Text { bus, reader, keys: Arc::default() },
             None => Lent::Raw { bus },
         };
-        LentReader { lent, last_size: (0, 0) }
+        BorrowedReader { lent, last_size: (0, 0) }
     }
 
     /// Lends the reader of a capture; `None` if it is closed.
-    pub fn lend_capture_reader(&mut self, capture: usize) -> Option<LentReader> {
+    pub fn lend_capture_reader(&mut self, capture: usize) -> Option<BorrowedReader> {
         let reader = Box::new(std::mem::take(&mut self.captures.get_mut(capture)?.as_mut()?.reader));
-        let lent = Lent::Capture { capture, reader, functions: Arc::clone(&self.functions) };
-        Some(LentReader { lent, last_size: (0, 0) })
+        let lent = Lent::Capture { capture, reader, functions: Arc::clone(&self.decoder.functions) };
+        Some(BorrowedReader { lent, last_size: (0, 0) })
     }
 
     /// Takes a reader back. All blocks that it has read have been fed.
-    pub fn take_back(&mut self, reader: LentReader) {
+    pub fn take_back(&mut self, reader: BorrowedReader) {
         match reader.lent {
             Lent::Raw { .. } => {}
-            Lent::Text { bus, reader, .. } => self.buses[bus].reader = Some(reader),
+            Lent::Text { bus, reader, .. } => self.decoder.buses[bus].reader = Some(reader),
             Lent::Capture { capture, reader, .. } => {
                 if let Some(state) = &mut self.captures[capture] {
                     state.reader = *reader;
@@ -114,10 +114,10 @@ impl Session {
     /// Takes what a lent reader has found in the next block, as `feed`, `feed_text` and `feed_capture` take the block itself.
     pub fn feed_read(&mut self, block: &ReadBlock) {
         match &block.0 {
-            Found::Raw { bus, bytes } => self.feed(*bus, &Chunk { bytes, ..Chunk::default() }),
+            Found::Raw { bus, bytes } => self.decoder.feed(*bus, &Chunk { bytes, ..Chunk::default() }),
             Found::Text { bus, entries, bytes, keys } => {
                 let mut bytes = bytes.as_slice();
-                for KeptEntry { entry, length, resolution } in entries {
+                for OwnedEntry { entry, length, resolution } in entries {
                     let (own, rest) = bytes.split_at(*length);
                     bytes = rest;
                     self.take_entry(*bus, entry, own, *resolution, keys);
@@ -129,6 +129,6 @@ impl Session {
                 self.captures[*capture] = Some(state);
             }
         }
-        self.decide_waiting();
+        self.decoder.decide_waiting();
     }
 }

@@ -9,9 +9,10 @@ use crate::findings::Found;
 use crate::pairing::{BufferedFrame, ObservedFrame, PendingTransaction};
 use crate::records::{Bus, Frame, InnerPauses, Network, Span};
 use crate::session::bus::{FROM_CLIENT, FROM_SERVER};
+use crate::session::decoder::Decoder;
 use crate::session::rows::{elapsed, FindingPlace};
 use crate::session::sources::{CaptureOptions, ReimportState, WaitingFrame};
-use crate::session::{BusOptions, Session};
+use crate::session::BusOptions;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::EXCEPTION_BIT;
@@ -185,7 +186,7 @@ fn commented_findings(metadata: &PacketMetadata<'_>) -> (Found, Found) {
     })
 }
 
-impl Session {
+impl Decoder {
     /// Imports a packet with our metadata: one frame, and the transactions that are complete with it. `packet` is its number,
     /// `time` its time in ns.
     ///

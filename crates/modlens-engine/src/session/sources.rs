@@ -12,7 +12,10 @@ use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 use modlens_readers::logic::Analyzer;
-use modlens_readers::pcap::{Capture, Ports};
+use modlens_readers::pcap::{Capture, Interface, Ports};
+
+/// Times before March 1973 are not dates: the clock started with the recording.
+const MIN_DATE_NS: Ns = 100_000_000 * 1_000_000_000;
 
 /// What the source of a capture knows about it in advance.
 #[derive(Clone, Debug)]
@@ -69,6 +72,22 @@ impl CaptureState {
             self.slots.resize(slot + 1, SlotState::default());
         }
         &mut self.slots[slot]
+    }
+
+    /// Learns the clock of a capture from the time of a packet, in ns. The first packet that shows it decides its kind: as
+    /// the metadata of the port say if modlens wrote the capture, else by whether the time is a date. Its step is the
+    /// coarsest of all interfaces so far. The recording begins with the first packet, unless modlens wrote the capture: then
+    /// the metadata say when it began.
+    #[inline]
+    pub(super) fn note_time(&mut self, time: Ns, interface: &Interface, recording_start: &mut Option<Ns>) {
+        if self.clock == Clock::None {
+            let by_time = if time < MIN_DATE_NS { Clock::Relative } else { Clock::Utc };
+            self.clock = interface.written_by_modlens.as_ref().map_or(by_time, |port| port.clock);
+        }
+        self.resolution = self.resolution.max(interface.resolution);
+        if interface.written_by_modlens.is_none() {
+            recording_start.get_or_insert(time);
+        }
     }
 
     /// The smallest number of a transaction that is read back and not complete yet.

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use crate::findings::{self, words};
 use crate::pairing::PendingTransaction;
 use crate::records::Transaction;
+use crate::session::decoder::Decoder;
 use crate::session::rows::{elapsed, store_frame, FindingPlace};
-use crate::session::Session;
 use modlens_profiles::points::PlanInstance;
 use modlens_protocol::status::Status;
 
-impl Session {
+impl Decoder {
     /// Emits the transactions in `self.done`, all of which are of this bus, and the delayed findings of its pairing.
     /// `self.done` is empty afterwards, and pairing has the buffers back.
     pub(super) fn emit_transactions(&mut self, bus: usize) {

@@ -3,10 +3,10 @@
 
 use std::collections::BTreeMap;
 
-use crate::damage::kind::DamageKind;
 use crate::findings::line::Habit;
-use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
 use crate::framer::FrameResult;
+use crate::rtu_model::announced_length::ENVELOPE_BYTES;
+use crate::rtu_model::damage_kind::DamageKind;
 use modlens_protocol::checksum::{crc16, CRC_BYTES};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Verdict;

@@ -2,7 +2,7 @@
 
 use std::mem::ManuallyDrop;
 
-use modlens_engine::records::{Batch, Exchange, ExchangeRun, ExchangeTiming, Half, PacketPair, Transaction};
+use modlens_engine::records::{Batch, Exchange, ExchangeFrame, ExchangeRun, ExchangeTiming, PacketPair, Transaction};
 use modlens_protocol::functions::{FunctionRow, Functions};
 use modlens_protocol::pdu::u16_at;
 use modlens_protocol::Ns;
@@ -106,26 +106,26 @@ impl<'a> ExchangeRef<'a> {
 
     /// The bytes of one of its frames.
     #[inline]
-    pub fn frame(&self, half: Half) -> &'a [u8] {
+    pub fn frame(&self, half: ExchangeFrame) -> &'a [u8] {
         self.exchange.frame(half, &self.batch.arena)
     }
 
     /// The body of one of its PDUs.
     #[inline]
-    fn body(&self, half: Half) -> &'a [u8] {
+    fn body(&self, half: ExchangeFrame) -> &'a [u8] {
         self.exchange.body(half, &self.batch.arena, self.run.mode())
     }
 
     /// The registers or bits from this offset of a body on.
     #[inline]
-    pub fn block(&self, half: Half, at: usize) -> &'a [u8] {
+    pub fn block(&self, half: ExchangeFrame, at: usize) -> &'a [u8] {
         self.body(half).get(at..).unwrap_or(&[])
     }
 
     /// The number in two bytes of the request's body, at this offset.
     #[inline]
     pub fn request_word(&self, at: usize) -> u16 {
-        u16_at(self.body(Half::Request), at).unwrap_or(0)
+        u16_at(self.body(ExchangeFrame::Request), at).unwrap_or(0)
     }
 
     /// How many registers or bits it reads or writes.
@@ -140,7 +140,7 @@ impl<'a> ExchangeRef<'a> {
         // The body of a request chooses the row for few functions only.
         let body = match self.functions.leading_bytes(self.exchange.function) {
             0 => &[],
-            _ => self.body(Half::Request),
+            _ => self.body(ExchangeFrame::Request),
         };
         self.functions.row(self.exchange.function, body)
     }

@@ -1,7 +1,7 @@
 //! What columns show of compact exchanges, where that is at a place that is the same for all of a bus and a kind: a writer need
 //! not make their rows to find it.
 
-use modlens_engine::records::Half;
+use modlens_engine::records::ExchangeFrame;
 use modlens_protocol::functions::{FunctionRow, Operation};
 
 /// The column that shows values of a profile, if one applies to the unit.
@@ -23,11 +23,11 @@ pub enum ExchangeValue {
     /// Whether the confidence is low.
     Unconfirmed,
     /// All bytes of a frame.
-    Frame(Half),
+    Frame(ExchangeFrame),
     /// The registers from this offset of a body on.
-    Registers(Half, usize),
+    Registers(ExchangeFrame, usize),
     /// The bits from this offset of a body on, as many as the quantity says.
-    Bits(Half, usize),
+    Bits(ExchangeFrame, usize),
     /// The position in the input, whose number is `ExchangeNumber::Origin`.
     Source,
 }
@@ -104,21 +104,21 @@ impl ExchangeValue {
             "response_time_us" => Self::Duration(ExchangeDuration::Response),
             "gap_us" => Self::Duration(ExchangeDuration::Gap),
             "unconfirmed" => Self::Unconfirmed,
-            "request_hex" => Self::Frame(Half::Request),
-            "response_hex" => Self::Frame(Half::Response),
-            "data" => Self::block(Half::Response, offsets.response_block?, row)?,
+            "request_hex" => Self::Frame(ExchangeFrame::Request),
+            "response_hex" => Self::Frame(ExchangeFrame::Response),
+            "data" => Self::block(ExchangeFrame::Response, offsets.response_block?, row)?,
             // A coil is 0 or 1, and not as it is in the request.
             "write_data" if offsets.value.is_some() => {
                 Self::ListOfRequestWord(offsets.value.filter(|_| row.register_type.as_deref() != Some("coil"))?)
             }
-            "write_data" => Self::block(Half::Request, offsets.request_block?, row)?,
+            "write_data" => Self::block(ExchangeFrame::Request, offsets.request_block?, row)?,
             "source" => Self::Source,
             _ => return None,
         })
     }
 
     /// The registers or bits of a body. Of bits, exchanges hold how many there are where they are either read or written.
-    fn block(half: Half, (at, bits): (usize, bool), row: &FunctionRow) -> Option<Self> {
+    fn block(half: ExchangeFrame, (at, bits): (usize, bool), row: &FunctionRow) -> Option<Self> {
         if !bits {
             return Some(Self::Registers(half, at));
         }

@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock};
 use crate::columns::cell::Items;
 use crate::columns::function_rows::functions;
 use crate::columns::transaction_view::TransactionView;
-use modlens_engine::records::{Batch, ExchangeRun, Half, Part, Span};
+use modlens_engine::records::{Batch, ExchangeFrame, ExchangeRun, Part, Span};
 use modlens_profiles::points::{
     BlockEntries, BlockPlan, BlockPlans, LayoutEntry, NumberBuffer, PlanInstance, RegisterBuffer, UnitPlans,
 };
@@ -284,8 +284,8 @@ impl<'a> Listing<'a> {
             let Some(PlainRead { space, before: header, is_bits }) = plain_read.filter(|_| exchange.exception == 0) else {
                 // There is nothing to drop: the row has no profile of its own.
                 let row = ManuallyDrop::new(run.transaction_of(exchange, at, exchanges[0].start, None));
-                let function =
-                    functions(self.batch).row(exchange.function, exchange.body(Half::Request, &self.batch.arena, run.mode()));
+                let function = functions(self.batch)
+                    .row(exchange.function, exchange.body(ExchangeFrame::Request, &self.batch.arena, run.mode()));
                 self.add(TransactionView::of_exchange(&row, function, run.points_of(exchange.unit)), known);
                 continue;
             };

@@ -3,11 +3,11 @@
 //! Direction and pairing are decided together here. A frame is scored as a request or as a response in one place of one path;
 //! what it is worth by its own bytes is in `score`. All scores and costs are in bits.
 
-use crate::framer::rtu::answerable::{fingerprint, AnswerableRequests, HeldRequest};
-use crate::framer::rtu::frame_bytes::FrameBytes;
-use crate::framer::rtu::side::{REQUEST, RESPONSE};
-use crate::framer::rtu::traffic_model::{FramePosition, TrafficModel};
 use crate::framer::{FramerContext, PauseEvidence};
+use crate::rtu_model::answerable::{fingerprint, AnswerableRequest, AnswerableRequests};
+use crate::rtu_model::frame_bytes::FrameBytes;
+use crate::rtu_model::side::{REQUEST, RESPONSE};
+use crate::rtu_model::traffic_model::{FramePosition, TrafficModel};
 use crate::weights;
 use modlens_protocol::direction::{counts_registers, expected_data_bytes, match_response, repeats_other_address, ResponseMatch};
 use modlens_protocol::functions::{FunctionRow, Layout};
@@ -78,16 +78,16 @@ impl FrameInPlace<'_> {
     }
 
     /// Whether this request has the frame's unit and PDU.
-    fn equals(&self, request: &HeldRequest) -> bool {
+    fn equals(&self, request: &AnswerableRequest) -> bool {
         request.unit == self.frame.unit() && request.pdu == self.frame.pdu()
     }
 
     /// Whether the frame is a response that fits this request in full.
-    fn answers_fully(&self, request: &HeldRequest) -> bool {
+    fn answers_fully(&self, request: &AnswerableRequest) -> bool {
         self.match_with(request) == ResponseMatch::Fully
     }
 
-    fn match_with(&self, request: &HeldRequest) -> ResponseMatch {
+    fn match_with(&self, request: &AnswerableRequest) -> ResponseMatch {
         match_response(self.context.functions, request.as_request_ref(), self.frame.unit(), self.frame.pdu())
     }
 
@@ -104,7 +104,7 @@ impl FrameInPlace<'_> {
 
     /// The function's row by this request, which the frame answers; `None` for an exception response: a request predicts
     /// nothing of its body.
-    fn row_of_answered(&self, request: &HeldRequest) -> Option<&FunctionRow> {
+    fn row_of_answered(&self, request: &AnswerableRequest) -> Option<&FunctionRow> {
         let row = self.context.functions.row(request.pdu[0], &request.pdu[1..]);
         row.filter(|_| !self.frame.is_exception())
     }
@@ -158,7 +158,7 @@ fn request_again_score(place: &FrameInPlace<'_>) -> f32 {
 
 /// The score of a request that equals the outstanding one: a retry, or, unless that was heard twice already, its echo by the
 /// tap's own adapter, whichever costs less.
-fn copied_request_score(place: &FrameInPlace<'_>, outstanding: &HeldRequest) -> f32 {
+fn copied_request_score(place: &FrameInPlace<'_>, outstanding: &AnswerableRequest) -> f32 {
     let retry = retry_cost(place);
     let copy = if outstanding.is_repeated { retry } else { retry.min(echo_cost(place)) };
     if place.is_expected_again() {
@@ -235,7 +235,7 @@ fn unsolicited_response_score(place: &FrameInPlace<'_>) -> f32 {
 /// The score of a response to this outstanding request, which it fits in full or in part (`matched`): unit and function are
 /// predicted, and perhaps bytes of the body. One that equals its request may be an echo or a retry instead; and where only
 /// responses are heard, that one was a response like this, and predicts nothing.
-fn answering_response_score(place: &FrameInPlace<'_>, request: &HeldRequest, matched: ResponseMatch) -> f32 {
+fn answering_response_score(place: &FrameInPlace<'_>, request: &AnswerableRequest, matched: ResponseMatch) -> f32 {
     let is_doubtful = request.pdu == place.frame.pdu() && place.model.hears_responses_only();
     let header = if is_doubtful { 0.0 } else { place.known_header_score(RESPONSE) };
     let score = header - weights::ANSWERED_BITS + answering_body_score(place, request, matched);
@@ -250,7 +250,7 @@ fn answering_response_score(place: &FrameInPlace<'_>, request: &HeldRequest, mat
 /// The score of the body of a response to this request: of the bytes that the request predicts, or of all where the same
 /// response was given last time. A count or a field that disagrees breaks a rule. 0 for an exception response, and where
 /// the request is damaged or its function has no response: then no byte is predicted.
-fn answering_body_score(place: &FrameInPlace<'_>, request: &HeldRequest, matched: ResponseMatch) -> f32 {
+fn answering_body_score(place: &FrameInPlace<'_>, request: &AnswerableRequest, matched: ResponseMatch) -> f32 {
     let Some(row) = place.row_of_answered(request) else { return 0.0 };
     let equals_last = place.answerable.last_answered.is_some_and(|(_, last)| last == fingerprint(place.frame.0));
     if row.response == Layout::NoResponse || request.is_damaged {
@@ -273,7 +273,7 @@ fn answering_body_score(place: &FrameInPlace<'_>, request: &HeldRequest, matched
 
 /// Cost of a response that equals its request for not being what else such a frame may be: a retry, where the silence before it
 /// is rather a timeout; what comes too soon for a response; or, unless this request was heard twice already, its echo.
-fn mirrored_response_cost(place: &FrameInPlace<'_>, request: &HeldRequest) -> f32 {
+fn mirrored_response_cost(place: &FrameInPlace<'_>, request: &AnswerableRequest) -> f32 {
     let missing_echo = if place.last_was_echoed() { weights::ECHO_MISSING_BITS } else { 0.0 };
     let echo = if request.is_repeated { 0.0 } else { place.model.echo_costs().once.max(missing_echo) };
     place.pause.timeout.max(0.0) + place.pause.too_soon_bits[0] + echo
@@ -281,7 +281,7 @@ fn mirrored_response_cost(place: &FrameInPlace<'_>, request: &HeldRequest) -> f3
 
 /// The score of the bytes of a response that its request predicts: the byte count; or all of them if it equals its request;
 /// or the two fields in front where it repeats any (`row.echo`). `pdu` is the response's, which answers in full.
-fn predicted_body_score(model: &TrafficModel, row: &FunctionRow, request: &HeldRequest, pdu: &[u8]) -> f32 {
+fn predicted_body_score(model: &TrafficModel, row: &FunctionRow, request: &AnswerableRequest, pdu: &[u8]) -> f32 {
     if expected_data_bytes(row, &request.pdu).is_some() {
         model.bits(pdu[1])
     } else if request.pdu == pdu && row.has_equal_layouts {
@@ -318,8 +318,8 @@ fn copied_response_score(place: &FrameInPlace<'_>) -> Option<f32> {
 
 /// Cost of a late response that equals this superseded request, for what stands between the two: nothing while a request is
 /// outstanding, or if the request answered last is the retry of this one; else a whole exchange.
-fn spanning_cost(place: &FrameInPlace<'_>, request: &HeldRequest) -> f32 {
-    let is_retry = |(other, _): (&HeldRequest, _)| other.unit == request.unit && other.pdu == request.pdu;
+fn spanning_cost(place: &FrameInPlace<'_>, request: &AnswerableRequest) -> f32 {
+    let is_retry = |(other, _): (&AnswerableRequest, _)| other.unit == request.unit && other.pdu == request.pdu;
     if place.answerable.outstanding.is_some() || place.answerable.last_answered.is_some_and(is_retry) {
         0.0
     } else {

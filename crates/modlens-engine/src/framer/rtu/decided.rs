@@ -1,12 +1,12 @@
 //! What the search decided, and the rows that it becomes: frames, and the damaged frames and noise before them.
 
 use crate::damage::recovery::{damaged_hypothesis, Surroundings};
-use crate::framer::rtu::announced_length::announced_lengths;
 use crate::framer::rtu::frame_check::FrameCheck;
 use crate::framer::rtu::search::{is_held_back, Decision};
 use crate::framer::rtu::RtuFramer;
 use crate::framer::{FrameResult, FramerContext};
 use crate::input::Input;
+use crate::rtu_model::announced_length::announced_lengths;
 use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::direction::{infer_direction, Direction};
 use modlens_protocol::framing::{DelimitedBy, Verdict};

@@ -1,7 +1,7 @@
 //! The result of the fast path's check of one frame, and what a request determines of its response.
 
-use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
-use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
+use crate::rtu_model::announced_length::ENVELOPE_BYTES;
+use crate::rtu_model::crc_scan::MAX_CANDIDATE_BYTES;
 use modlens_protocol::direction::expected_data_bytes;
 use modlens_protocol::functions::{Extent, FunctionRow};
 

@@ -1,14 +1,14 @@
 //! What the header of an unfinished frame may turn out to be worth: an upper bound for every place where a frame may have
 //! begun, so that the search knows which of them to await.
 
-use crate::framer::rtu::announced_length::announced_lengths;
-use crate::framer::rtu::answerable::HeldRequest;
-use crate::framer::rtu::log2::log2;
-use crate::framer::rtu::score::field_score;
-use crate::framer::rtu::score_bounds::{CachedBound, OBSERVATION_HEADROOM};
-use crate::framer::rtu::side::{index_of, REQUEST, RESPONSE};
-use crate::framer::rtu::traffic_model::TrafficModel;
 use crate::framer::FramerContext;
+use crate::rtu_model::announced_length::announced_lengths;
+use crate::rtu_model::answerable::AnswerableRequest;
+use crate::rtu_model::log2::log2;
+use crate::rtu_model::score::field_score;
+use crate::rtu_model::score_bounds::{CachedBound, OBSERVATION_HEADROOM};
+use crate::rtu_model::side::{index_of, REQUEST, RESPONSE};
+use crate::rtu_model::traffic_model::TrafficModel;
 use crate::weights::{self, usual_bits, OPEN_LENGTH_BITS, UNSOLICITED_BITS};
 use modlens_protocol::direction::expected_data_bytes;
 use modlens_protocol::functions::{Extent, FieldLimits, FunctionRow, Functions, EXCEPTION_BIT};
@@ -41,7 +41,7 @@ pub fn judged_header_bytes(context: &FramerContext<'_>, frame: &[u8]) -> u64 {
 pub fn header_bound(
     model: &TrafficModel,
     context: &FramerContext<'_>,
-    outstanding: Option<&HeldRequest>,
+    outstanding: Option<&AnswerableRequest>,
     seen: &[u8],
 ) -> Option<HeaderBound> {
     if seen.len() < 2 {
@@ -75,7 +75,7 @@ fn longer_until(extent: Extent, seen: usize, is_familiar: impl Fn() -> bool) -> 
 fn bits_so_far(
     model: &TrafficModel,
     context: &FramerContext<'_>,
-    outstanding: Option<&HeldRequest>,
+    outstanding: Option<&AnswerableRequest>,
     seen: &[u8],
     direction: usize,
     extent: Extent,
@@ -112,7 +112,7 @@ fn due_header_score(
     model: &TrafficModel,
     context: &FramerContext<'_>,
     row: Option<&FunctionRow>,
-    outstanding: Option<&HeldRequest>,
+    outstanding: Option<&AnswerableRequest>,
     seen: &[u8],
 ) -> f32 {
     let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
@@ -207,8 +207,8 @@ fn max_field_score(permit: &FieldLimits) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::framer::rtu::traffic_model::{FramePosition, RequestCopy};
     use crate::framer::FramerContext;
+    use crate::rtu_model::traffic_model::{FramePosition, RequestCopy};
     use proptest::prelude::*;
 
     #[test]

@@ -4,24 +4,11 @@
 //! as a request or a response, and `search` finds the best path through all of them. Unambiguous traffic takes the fast path past the search.
 //! The bytes between frames are handed to `damage`: damaged frames where header or silences show them, noise elsewhere.
 
-pub(crate) mod announced_length;
-pub(crate) mod answerable;
 pub(crate) mod context_score;
-pub(crate) mod crc_scan;
-pub(crate) mod frame_bytes;
 pub(crate) mod frame_check;
 pub(crate) mod header_score;
-pub(crate) mod learned_lengths;
-pub(crate) mod log2;
 pub(crate) mod lone_frames;
-pub(crate) mod poll_cycle;
-pub(crate) mod prefilter;
-pub(crate) mod prefix_index;
-pub(crate) mod score;
-pub(crate) mod score_bounds;
 pub(crate) mod search;
-pub(crate) mod side;
-pub(crate) mod traffic_model;
 
 mod decided;
 mod single_frame;

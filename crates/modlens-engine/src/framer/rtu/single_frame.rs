@@ -2,14 +2,14 @@
 //! are familiar on this line, with the length that its header announces and a valid CRC. Nearly all traffic is of this
 //! kind, so that the speed of the framer depends on this file.
 
-use crate::framer::rtu::announced_length::EXCEPTION_RESPONSE_BYTES;
-use crate::framer::rtu::answerable::HeldRequest;
-use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
 use crate::framer::rtu::frame_check::{is_followed_by_copy, FrameCheck, FrameLength};
 use crate::framer::rtu::search::Search;
-use crate::framer::rtu::side::REQUEST;
 use crate::framer::FramerContext;
 use crate::input::Input;
+use crate::rtu_model::announced_length::EXCEPTION_RESPONSE_BYTES;
+use crate::rtu_model::answerable::AnswerableRequest;
+use crate::rtu_model::crc_scan::MAX_CANDIDATE_BYTES;
+use crate::rtu_model::side::REQUEST;
 use crate::weights::{MAX_POLL_REQUEST_BYTES, MAX_SKIPPED_STRAY_BYTES, RESPONSE_LOG_ODDS_BITS};
 use modlens_protocol::checksum::{crc_valid_at, CRC_BYTES};
 use modlens_protocol::direction::expected_data_bytes;
@@ -142,7 +142,7 @@ fn next_poll_length(search: &Search, bytes: &[u8], context: &FramerContext<'_>) 
 ///   agree with the request (`agrees_with_request`).
 /// - If it repeats its whole request, it may be a retry: see `mirrored_frame`. While that cannot be distinguished, the result is a length
 ///   of one byte more than there are, so that the caller waits for what follows.
-fn response_length(request: &HeldRequest, input: &Input, context: &FramerContext<'_>, at: usize) -> Option<FrameLength> {
+fn response_length(request: &AnswerableRequest, input: &Input, context: &FramerContext<'_>, at: usize) -> Option<FrameLength> {
     let bytes = &input.bytes()[at..];
     let (code, body) = (bytes[1], &bytes[2..]);
     if code & EXCEPTION_BIT != 0 {
@@ -171,7 +171,7 @@ fn rtu_frame_bytes(pdu: &[u8]) -> usize {
 /// Returns whether the body of a response agrees with its request, as far as its first bytes are there: its byte count is the one
 /// that the request determines; or, where the request determines none, the response repeats fields of the request and so its first
 /// four bytes. `row` is the request's.
-fn agrees_with_request(row: &FunctionRow, request: &HeldRequest, body: &[u8]) -> bool {
+fn agrees_with_request(row: &FunctionRow, request: &AnswerableRequest, body: &[u8]) -> bool {
     match expected_data_bytes(row, &request.pdu) {
         Some(block) => body.first().is_some_and(|&count| usize::from(count) == block),
         None => !row.echo.is_empty() && (body.len() < 4 || body.get(..4) == request.pdu.get(1..5)),
@@ -191,7 +191,7 @@ enum MirroredFrame {
 /// What the frame at index `at` of the input is, which repeats the whole outstanding request: the response, if the silence before
 /// it fits only a response (`RESPONSE_LOG_ODDS_BITS`). Without times, and at the first byte, it is the response if no third
 /// copy follows: that would show that the second one may be a retry. Doubtful in any case if the request is unconfirmed.
-fn mirrored_frame(request: &HeldRequest, input: &Input, context: &FramerContext<'_>, at: usize) -> MirroredFrame {
+fn mirrored_frame(request: &AnswerableRequest, input: &Input, context: &FramerContext<'_>, at: usize) -> MirroredFrame {
     if request.is_unconfirmed {
         return MirroredFrame::Doubtful;
     }

@@ -1,13 +1,13 @@
 //! The fast path of the framer: unambiguous frames, which the search commits without having looked for them.
 
 use crate::confidence::{self, Likeness};
-use crate::framer::rtu::answerable::copy_prefix;
 use crate::framer::rtu::frame_check::{FrameCheck, FrameLength};
 use crate::framer::rtu::search::Decision;
 use crate::framer::rtu::single_frame::{check_frame, check_frame_behind_strays};
 use crate::framer::rtu::RtuFramer;
 use crate::framer::{FrameResult, FramerContext};
 use crate::input::Input;
+use crate::rtu_model::answerable::copy_prefix;
 use crate::weights::CERTAIN_DIRECTION_BITS;
 use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::framing::{DelimitedBy, Verdict};

@@ -7,12 +7,12 @@ use crate::fast_path::plain_write::PlainWrite;
 use crate::fast_path::request_memo::RequestMemo;
 use crate::fast_path::rtu_exchange::{is_response, rtu_transaction_confidence, Answered};
 use crate::framer::rtu::search::SURE_SILENCE_SHARE;
-use crate::framer::rtu::side::REQUEST;
-use crate::framer::rtu::traffic_model::{LearningRun, RequestIdentity};
 use crate::framer::rtu::RtuFramer;
 use crate::framer::PauseEvidence;
 use crate::pairing::Pairing;
 use crate::records::Exchange;
+use crate::rtu_model::side::REQUEST;
+use crate::rtu_model::traffic_model::{LearningRun, RequestIdentity};
 use crate::session::profiles::{LearnOutcome, Profiles};
 use crate::stats::{RequestKey, Stats};
 use crate::weights::CERTAIN_DIRECTION_BITS;
@@ -57,7 +57,7 @@ impl<'a> RunBytes<'a> {
 
     /// What a request may be the response to, after an exchange at this index.
     #[inline]
-    fn answered_behind(&self, last: Option<usize>) -> Answered {
+    fn answered_after(&self, last: Option<usize>) -> Answered {
         last.map_or(self.answered_before, |at| Answered::by_exchange(self.bytes[at], self.bytes[at + 1]))
     }
 }
@@ -87,84 +87,84 @@ struct Decided {
 impl CompactRun {
     /// Takes exchanges at the head of these bytes until one does not qualify, and appends them to `exchanges`. Gives log2 of the
     /// odds of the direction of the last response.
-    pub(super) fn take(&mut self, mut known: RunContext<'_>, of: &RunBytes<'_>, exchanges: &mut Vec<Exchange>) -> f32 {
+    pub(super) fn take(&mut self, mut known: RunContext<'_>, block: &RunBytes<'_>, exchanges: &mut Vec<Exchange>) -> f32 {
         known.framer.search.model.begin_run(&mut self.learned);
         loop {
-            self.take_remembered_reads(&mut known, of, exchanges);
+            self.take_remembered_reads(&mut known, block, exchanges);
             if known.profiles.are_none() {
-                if let Some(write) = self.take_write(&mut known, of) {
+                if let Some(write) = self.take_write(&mut known, block) {
                     exchanges.push(write);
                     continue;
                 }
             }
-            let (rest, answered) = (&of.bytes[self.length..], of.answered_behind(self.last));
-            let Some(decided) = next_exchange(&known, rest, answered, of.pause) else { break };
-            let lesson = known.learn_points(&decided, rest);
-            if lesson == LearnOutcome::Refused {
+            let (rest, answered) = (&block.bytes[self.length..], block.answered_after(self.last));
+            let Some(decided) = next_exchange(&known, rest, answered, block.pause) else { break };
+            let outcome = known.learn_points(&decided, rest);
+            if outcome == LearnOutcome::Refused {
                 break;
             }
-            exchanges.push(self.take_decided(&mut known, &decided, of));
-            if lesson == LearnOutcome::Settled && !known.profiles.are_none() {
+            exchanges.push(self.take_decided(&mut known, &decided, block));
+            if outcome == LearnOutcome::Settled && !known.profiles.are_none() {
                 known.reads.settle(rest, known.profiles.generation());
             }
         }
         known.framer.learn_run(&mut self.learned);
-        self.silence_share.map_or(CERTAIN_DIRECTION_BITS, |share| known.framer.mirrored_response_odds(share, of.pause))
+        self.silence_share.map_or(CERTAIN_DIRECTION_BITS, |share| known.framer.mirrored_response_odds(share, block.pause))
     }
 
     /// Takes the reads that come next and are known by all of their bytes, and whose response follows without doubt, as
     /// `next_exchange` and `take_decided` would one by one; not those of which a profile may have something to learn.
-    fn take_remembered_reads(&mut self, known: &mut RunContext<'_>, of: &RunBytes<'_>, exchanges: &mut Vec<Exchange>) {
+    fn take_remembered_reads(&mut self, known: &mut RunContext<'_>, block: &RunBytes<'_>, exchanges: &mut Vec<Exchange>) {
         let (model, profiles) = (&mut known.framer.search.model, known.profiles.generation());
         let mut counts = known.stats.exchange_counts(known.counts);
-        let (mut rest, mut last, most) = (&of.bytes[self.length..], self.last, self.learned.left());
+        let (mut rest, mut last, most) = (&block.bytes[self.length..], self.last, self.learned.left());
         let mut taken = 0;
         while taken < most {
-            let Some((request, behind)) = rest.split_first_chunk() else { break };
+            let Some((request, after)) = rest.split_first_chunk() else { break };
             let Some(read) = known.reads.next(*request) else { break };
             let (Some(counters), length) = (read.counters, usize::from(read.exchange.lengths[1])) else { break };
-            let is_answered = behind.len() >= length
+            let is_answered = after.len() >= length
                 && read.settled == profiles
-                && !(read.expected.resembles_response && of.answered_behind(last).may_be_again(&read.expected))
+                && !(read.expected.resembles_response && block.answered_after(last).may_be_again(&read.expected))
                 && model.is_familiar(read.exchange.unit, read.exchange.function, REQUEST)
-                && read.expected.is_answered_by(request, behind)
-                && crc_valid_at(behind, length);
+                && read.expected.is_answered_by(request, after)
+                && crc_valid_at(after, length);
             if !is_answered {
                 break;
             }
-            let at = of.bytes.len() - rest.len();
-            exchanges.push(Exchange { start: (of.arena_start + at) as u32, ..read.exchange });
+            let at = block.bytes.len() - rest.len();
+            exchanges.push(Exchange { start: (block.arena_start + at) as u32, ..read.exchange });
             counts.count(counters);
             model.learn_request(&read.identity, request);
             last = Some(at);
-            rest = &behind[length..];
+            rest = &after[length..];
             taken += 1;
         }
         if let Some(exchange) = exchanges.last().filter(|_| taken > 0) {
             counts.note_last(key_of(exchange));
             (self.last, self.silence_share) = (last, None);
-            self.length = of.bytes.len() - rest.len();
+            self.length = block.bytes.len() - rest.len();
             self.learned.count(taken, taken);
         }
     }
 
     /// Takes the plain write that comes next, if its response follows without doubt, as `next_exchange` and `take_decided` would.
     #[inline]
-    fn take_write(&mut self, known: &mut RunContext<'_>, of: &RunBytes<'_>) -> Option<Exchange> {
-        let bytes = &of.bytes[self.length..];
+    fn take_write(&mut self, known: &mut RunContext<'_>, block: &RunBytes<'_>) -> Option<Exchange> {
+        let bytes = &block.bytes[self.length..];
         let write = PlainWrite::at(known.functions, bytes).filter(|_| self.learned.left() > 0)?;
         let PlainWrite { lengths, is_mirrored, address, quantity } = write;
         let (unit, function) = (bytes[0], bytes[1]);
-        let is_certain = !(is_mirrored && of.answered_behind(self.last).may_have_header(unit, function))
+        let is_certain = !(is_mirrored && block.answered_after(self.last).may_have_header(unit, function))
             && known.framer.search.model.is_familiar(unit, function, REQUEST)
             && write.is_answered(known.functions, bytes);
         if !is_certain {
             return None;
         }
         self.silence_share = None;
-        let response_bits = if is_mirrored { self.mirrored_bits(known, of, unit) } else { u8::MAX };
+        let response_bits = if is_mirrored { self.mirrored_bits(known, block, unit) } else { u8::MAX };
         let confidence = rtu_transaction_confidence(is_mirrored, response_bits);
-        let start = (of.arena_start + self.length) as u32;
+        let start = (block.arena_start + self.length) as u32;
         let request = &bytes[..lengths[0]];
         known.framer.search.model.learn_request(&RequestIdentity::of(request), request);
         self.learned.count(1, u32::from(!is_mirrored));
@@ -182,14 +182,14 @@ impl CompactRun {
 
     /// Returns the most that the confidence of an exchange may be, of which the response has the bytes of its request.
     #[inline]
-    fn mirrored_bits(&mut self, known: &mut RunContext<'_>, of: &RunBytes<'_>, unit: u8) -> u8 {
+    fn mirrored_bits(&mut self, known: &mut RunContext<'_>, block: &RunBytes<'_>, unit: u8) -> u8 {
         known.framer.learn_answers(&mut self.learned);
         let share = known.framer.search.silence_share(unit);
         self.silence_share = Some(share);
         if share <= SURE_SILENCE_SHARE {
             return u8::MAX;
         }
-        confidence::of_direction(known.framer.mirrored_response_odds(share, of.pause))
+        confidence::of_direction(known.framer.mirrored_response_odds(share, block.pause))
     }
 
     /// Takes an exchange that comes next and is no read known by all of its bytes.
@@ -197,16 +197,16 @@ impl CompactRun {
         &mut self,
         known: &mut RunContext<'_>,
         Decided { expected, exception }: &Decided,
-        of: &RunBytes<'_>,
+        block: &RunBytes<'_>,
     ) -> Exchange {
         let lengths = expected.rtu_lengths();
-        let (request, response) = of.bytes[self.length..].split_at(lengths[0]);
+        let (request, response) = block.bytes[self.length..].split_at(lengths[0]);
         self.silence_share = None;
         let is_mirrored = expected.echoes_request && *exception == 0;
-        let response_bits = if is_mirrored { self.mirrored_bits(known, of, expected.unit) } else { u8::MAX };
+        let response_bits = if is_mirrored { self.mirrored_bits(known, block, expected.unit) } else { u8::MAX };
         known.framer.learn_in_run(&mut self.learned, request, response, expected.echoes_request);
         self.mirrored += u32::from(expected.echoes_request);
-        let start = (of.arena_start + self.length) as u32;
+        let start = (block.arena_start + self.length) as u32;
         self.last = Some(self.length);
         self.length += lengths[0] + lengths[1];
         known.note_unit(expected.unit);

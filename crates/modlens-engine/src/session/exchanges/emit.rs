@@ -3,12 +3,12 @@
 use crate::findings::{words, REFUSED};
 use crate::records::{Exchange, ExchangeRun, ExchangeTiming, Frame, FrameRef, PacketPair, PacketsOfRun, Span, Transaction};
 use crate::session::bus::{learn_side, BusState, FROM_CLIENT, FROM_SERVER};
+use crate::session::decoder::Decoder;
 use crate::session::exchanges::matching::{MatchedExchange, LENGTH_AT};
 use crate::session::exchanges::run::Run;
 use crate::session::frame_timing::FrameTiming;
 use crate::session::held_exchanges::ExchangeStart;
 use crate::session::rows::{elapsed, FindingPlace};
-use crate::session::Session;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
 use modlens_protocol::status::Status;
@@ -22,7 +22,7 @@ pub(super) struct ExchangePlaces {
     pub pdus: Option<[Span; 2]>,
 }
 
-impl Session {
+impl Decoder {
     /// Emits a matched exchange, whose bytes are consumed; `timings` say when and where its frames were.
     ///
     /// The session then has the state in which the slow path would leave it: what the bus has learned (`learn_exchange`), the

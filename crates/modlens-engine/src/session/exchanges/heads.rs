@@ -2,18 +2,18 @@
 
 use crate::input::Input;
 use crate::session::bus::{declared_direction, BusState};
+use crate::session::decoder::Decoder;
 use crate::session::exchanges::emit::{adjacent_spans, ExchangePlaces};
 use crate::session::exchanges::matching::{match_ascii, match_rtu, MatchedExchange, RtuContext, RtuRun};
 use crate::session::exchanges::run::{BatchTotals, Run};
 use crate::session::frame_timing::{FrameTiming, TimingConfig};
 use crate::session::line::LineState;
-use crate::session::Session;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
 
-impl Session {
+impl Decoder {
     /// Emits the exchanges at the head of the only line of the bus with this index, until one does not match. `emit_exchanges`
     /// makes sure that nothing is open.
     ///

@@ -9,9 +9,9 @@ use crate::fast_path::request_memo::{MemoEntry, RequestMemo};
 use crate::fast_path::rtu_exchange::LastExchange;
 use crate::records::PacketPair;
 use crate::session::bus::{learn_sides, BusState};
+use crate::session::decoder::Decoder;
 use crate::session::exchanges::matching::confidence_by_id;
 use crate::session::exchanges::piece_run::PieceRun;
-use crate::session::Session;
 use crate::stats::RequestPlace;
 use crate::weights::CERTAIN_DIRECTION_BITS;
 use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
@@ -40,7 +40,7 @@ struct PairTotals {
     last: Option<MemoEntry>,
 }
 
-impl Session {
+impl Decoder {
     /// Emits the pairs at the head of these packets of which the request is a read that came before, and which are exchanges
     /// unambiguously; gives the packets after them. The run at hand has begun with another exchange.
     pub(super) fn match_known_reads<'a, 'b>(

@@ -2,7 +2,7 @@
 //!
 //! | where an exchange is found | file |
 //! |--|--|
-//! | in a block of an RTU line without a clock, compact | `rtu_compact` (`compact_run`) |
+//! | in a block of an RTU line without a clock, compact | `contiguous` (`compact_run`) |
 //! | at the head of any other RTU or ASCII line | `heads` |
 //! | in the packets of a connection or the lines of a log with times, as they come | `pieces` (`piece_run`; reads of the memo: `known_pairs`) |
 //!
@@ -11,20 +11,20 @@
 //! path, is described in `fast_path`.
 
 mod compact_run;
+mod contiguous;
 mod emit;
 mod heads;
 mod known_pairs;
 mod matching;
 pub(crate) mod piece_run;
 mod pieces;
-mod rtu_compact;
 mod run;
 
 use crate::framer::Framer;
-use crate::session::Session;
+use crate::session::decoder::Decoder;
 use modlens_protocol::framing::Mode;
 
-impl Session {
+impl Decoder {
     /// Emits the exchanges at the head of the only line of the bus with this index, as long as each of them qualifies for the
     /// fast path. The caller goes on frame by frame after them.
     ///
@@ -37,7 +37,7 @@ impl Session {
             return;
         }
         match line.framer.mode() {
-            Mode::Rtu if self.emits_compact(bus) => self.emit_compact_rtu_exchanges(bus),
+            Mode::Rtu if self.emits_compact(bus) => self.emit_contiguous(bus),
             mode @ (Mode::Rtu | Mode::Ascii) => self.emit_heads(bus, mode),
             Mode::Tcp => {}
         }

@@ -9,19 +9,19 @@
 
 use crate::fast_path::rtu_exchange::LastExchange;
 use crate::session::bus::{BusState, FROM_CLIENT, FROM_SERVER};
+use crate::session::decoder::Decoder;
 use crate::session::exchanges::emit::ExchangePlaces;
 use crate::session::exchanges::known_pairs::next_with_bytes;
 use crate::session::exchanges::matching::{match_rtu, match_tcp, plain_request, RtuContext};
 use crate::session::exchanges::piece_run::{Piece, PieceRun};
 use crate::session::line::LineState;
-use crate::session::Session;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::source::Place;
 use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Side, Times};
 use modlens_readers::pcap::PacketInTurn;
 
-impl Session {
+impl Decoder {
     /// Takes a chunk that is a packet of a connection or a line of a log, if it is a request to be kept pending, or the response
     /// to the pending one. `false` if it is neither: then it has to be fed, after the pending request (`end_pieces`). What a
     /// request finds without a response is decided before it.

@@ -3,17 +3,17 @@
 
 use std::ops::Range;
 
-use crate::framer::rtu::announced_length::announced_lengths;
-use crate::framer::rtu::answerable::Answerable;
-use crate::framer::rtu::crc_scan::MAX_CANDIDATE_SPAN;
-use crate::framer::rtu::frame_bytes::FrameBytes;
-use crate::framer::rtu::score;
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::placement::{Placement, ValidSubstring};
 use crate::framer::rtu::search::state::Search;
-use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
 use crate::framer::FramerContext;
 use crate::input::Input;
+use crate::rtu_model::announced_length::announced_lengths;
+use crate::rtu_model::answerable::Answerable;
+use crate::rtu_model::crc_scan::MAX_CANDIDATE_SPAN;
+use crate::rtu_model::frame_bytes::FrameBytes;
+use crate::rtu_model::score;
+use crate::rtu_model::side::{self, REQUEST, RESPONSE};
 use crate::weights;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};

@@ -1,7 +1,7 @@
 //! A frame hypothesis: what the lattice consists of.
 
-use crate::framer::rtu::answerable::Answerable;
-use crate::framer::rtu::side::RESPONSE;
+use crate::rtu_model::answerable::Answerable;
+use crate::rtu_model::side::RESPONSE;
 
 /// The root's index in the lattice.
 pub const ROOT: usize = 0;

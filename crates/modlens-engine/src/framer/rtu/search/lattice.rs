@@ -6,7 +6,7 @@
 use crate::framer::rtu::search::commit::Decision;
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::state::Search;
-use crate::framer::rtu::traffic_model::TrafficModel;
+use crate::rtu_model::traffic_model::TrafficModel;
 use crate::weights::{BEAM_BITS, BEAM_HYPOTHESES, BEAM_IN_NOISE_BITS, MIN_DAMAGED_FRAME_BYTES, UNANSWERED_BITS};
 
 /// The score in bits below which a new hypothesis is not added while there is none but the root (`Search::beam_floor`), once the

@@ -1,15 +1,15 @@
 //! Where in the lattice a frame hypothesis scores best: after which path, for each kind of path that matters.
 
-use crate::framer::rtu::answerable::Answerable;
 use crate::framer::rtu::context_score::{context_score, mirrors_request, ContextScore, FrameInPlace, Preceding};
-use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
-use crate::framer::rtu::frame_bytes::FrameBytes;
 use crate::framer::rtu::search::hypothesis::Hypothesis;
 use crate::framer::rtu::search::nested::Contents;
 use crate::framer::rtu::search::state::Search;
-use crate::framer::rtu::side::{REQUEST, RESPONSE};
 use crate::framer::{FramerContext, PauseEvidence};
 use crate::input::Input;
+use crate::rtu_model::answerable::Answerable;
+use crate::rtu_model::crc_scan::MAX_CANDIDATE_BYTES;
+use crate::rtu_model::frame_bytes::FrameBytes;
+use crate::rtu_model::side::{REQUEST, RESPONSE};
 use crate::weights::{DAMAGED_REQUEST_BITS, MAY_HIDE_FRAME_BYTES, ROUNDING_BITS};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::functions::EXCEPTION_BIT;

@@ -5,12 +5,12 @@
 //! explains nearly as well, and rise where the clock shows a response time from a pause of the master. Any other frame begins
 //! again.
 
-use crate::framer::rtu::answerable::{fingerprint, HeldRequest};
 use crate::framer::rtu::context_score::mirrors_request;
 use crate::framer::rtu::search::state::Search;
-use crate::framer::rtu::side::RESPONSE;
-use crate::framer::rtu::traffic_model::{EchoCosts, FramePosition, SilenceCosts};
 use crate::framer::{FramerContext, PauseEvidence};
+use crate::rtu_model::answerable::{fingerprint, AnswerableRequest};
+use crate::rtu_model::side::RESPONSE;
+use crate::rtu_model::traffic_model::{EchoCosts, FramePosition, SilenceCosts};
 use crate::weights;
 use modlens_protocol::checksum::CRC_BYTES;
 
@@ -95,7 +95,7 @@ impl Search {
         if is_unasked && mirrors_request(context, &frame[1..frame.len() - CRC_BYTES]) {
             return Some(PlaceInRun::Unasked);
         }
-        let equals = |request: &HeldRequest| request.unit == frame[0] && request.pdu == frame[1..frame.len() - CRC_BYTES];
+        let equals = |request: &AnswerableRequest| request.unit == frame[0] && request.pdu == frame[1..frame.len() - CRC_BYTES];
         let Some(outstanding) = requests.outstanding else {
             let (answered, last) = requests.last_answered.filter(|_| direction != RESPONSE)?;
             return (equals(answered) && last == fingerprint(frame)).then_some(PlaceInRun::Again);

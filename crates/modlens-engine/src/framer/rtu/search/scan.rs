@@ -1,8 +1,5 @@
 //! Scans the bytes that have come: finds the ends of frames, adds hypotheses, and asks whether something is final.
 
-use crate::framer::rtu::announced_length::announced_lengths;
-use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
-use crate::framer::rtu::score;
 use crate::framer::rtu::search::commit::Decision;
 use crate::framer::rtu::search::extend::first_damaged_end;
 use crate::framer::rtu::search::hypothesis::ROOT;
@@ -10,6 +7,9 @@ use crate::framer::rtu::search::lattice::root_floor;
 use crate::framer::rtu::search::state::Search;
 use crate::framer::FramerContext;
 use crate::input::Input;
+use crate::rtu_model::announced_length::announced_lengths;
+use crate::rtu_model::crc_scan::MAX_CANDIDATE_BYTES;
+use crate::rtu_model::score;
 use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::functions::Extent;
 use modlens_protocol::Ns;

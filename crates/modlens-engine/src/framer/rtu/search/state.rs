@@ -2,17 +2,17 @@
 
 use std::ops::Range;
 
-use crate::framer::rtu::answerable::{AnswerableRequests, Fingerprint, HeldRequest, RequestPool};
-use crate::framer::rtu::crc_scan::CrcScanner;
-use crate::framer::rtu::frame_bytes::FrameBytes;
 use crate::framer::rtu::frame_check::{expected_response, FrameLength};
 use crate::framer::rtu::lone_frames::LoneFrames;
 use crate::framer::rtu::search::commit::SkipAhead;
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::rejected::RejectedSubstrings;
-use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
-use crate::framer::rtu::traffic_model::{FramePosition, RequestCopy, TrafficModel};
 use crate::framer::FramerContext;
+use crate::rtu_model::answerable::{AnswerableRequest, AnswerableRequests, Fingerprint, RequestPool};
+use crate::rtu_model::crc_scan::CrcScanner;
+use crate::rtu_model::frame_bytes::FrameBytes;
+use crate::rtu_model::side::{self, REQUEST, RESPONSE};
+use crate::rtu_model::traffic_model::{FramePosition, RequestCopy, TrafficModel};
 use crate::weights::CERTAIN_DIRECTION_BITS;
 use modlens_protocol::direction::{Direction, RequestRef};
 use modlens_protocol::Ns;
@@ -107,7 +107,7 @@ impl Search {
 
     /// The outstanding request.
     #[inline]
-    pub fn outstanding_request(&self) -> Option<&HeldRequest> {
+    pub fn outstanding_request(&self) -> Option<&AnswerableRequest> {
         self.lattice[ROOT].answerable.outstanding.map(|id| self.requests.get(id))
     }
 

@@ -2,14 +2,14 @@
 
 use std::ops::Range;
 
-use crate::framer::rtu::announced_length::announced_lengths;
-use crate::framer::rtu::crc_scan::MAX_CANDIDATE_SPAN;
 use crate::framer::rtu::search::commit::state::{CommitState, Completion, Decision, Rival, RivalBar};
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::nested::Contents;
 use crate::framer::rtu::search::state::Search;
 use crate::framer::FramerContext;
 use crate::input::Input;
+use crate::rtu_model::announced_length::announced_lengths;
+use crate::rtu_model::crc_scan::MAX_CANDIDATE_SPAN;
 use crate::weights;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::functions::Extent;

@@ -1,17 +1,17 @@
 //! Commits a frame or unframed bytes: the root moves after them, and the model learns from them.
 
 use crate::confidence::{self, Likeness, Standing};
-use crate::framer::rtu::answerable::{fingerprint, AnswerableRequests, HeldRequest};
-use crate::framer::rtu::frame_bytes::FrameBytes;
 use crate::framer::rtu::lone_frames::{key_of, SURROUNDING_BYTES};
-use crate::framer::rtu::score;
 use crate::framer::rtu::search::commit::state::Decision;
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::state::Search;
-use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
-use crate::framer::rtu::traffic_model::{FramePosition, RequestCopy, TrafficModel};
 use crate::framer::FramerContext;
 use crate::input::Input;
+use crate::rtu_model::answerable::{fingerprint, AnswerableRequest, AnswerableRequests};
+use crate::rtu_model::frame_bytes::FrameBytes;
+use crate::rtu_model::score;
+use crate::rtu_model::side::{self, REQUEST, RESPONSE};
+use crate::rtu_model::traffic_model::{FramePosition, RequestCopy, TrafficModel};
 use crate::weights;
 use modlens_protocol::direction::{self, Direction, ResponseMatch};
 use modlens_protocol::functions::{Layout, EXCEPTION_BIT};
@@ -306,7 +306,7 @@ impl Search {
         if superseded.pdu == frame.pdu() {
             return;
         }
-        let is_retry = |request: &HeldRequest| (request.unit, &request.pdu) == (superseded.unit, &superseded.pdu);
+        let is_retry = |request: &AnswerableRequest| (request.unit, &request.pdu) == (superseded.unit, &superseded.pdu);
         let answers_retry = answers_outstanding && outstanding.is_some_and(is_retry);
         let is_late = outstanding.is_none() && answers_fully(context, superseded, frame);
         if answers_retry || is_late {
@@ -316,7 +316,7 @@ impl Search {
 }
 
 /// Whether a response fits this request in full.
-fn answers_fully(context: &FramerContext<'_>, request: &HeldRequest, response: FrameBytes<'_>) -> bool {
+fn answers_fully(context: &FramerContext<'_>, request: &AnswerableRequest, response: FrameBytes<'_>) -> bool {
     let (unit, pdu) = (response.unit(), response.pdu());
     direction::match_response(context.functions, request.as_request_ref(), unit, pdu) == ResponseMatch::Fully
 }
@@ -363,7 +363,7 @@ fn request_copy(context: &FramerContext<'_>, frame: &[u8], is_repeated: bool) ->
 
 /// Whether a response proves that its request is one. A response that equals its request proves nothing, because wrong bytes
 /// may come twice; neither does one that may have any length, because then any place may fit.
-fn vouches_for(context: &FramerContext<'_>, request: &HeldRequest, response: FrameBytes<'_>) -> bool {
+fn vouches_for(context: &FramerContext<'_>, request: &AnswerableRequest, response: FrameBytes<'_>) -> bool {
     let (&code, body) = request.pdu.split_first().unwrap_or((&0, &[]));
     let is_known = context.functions.row(code, body).is_some_and(|row| matches!(row.response, Layout::Body(_)));
     is_known && request.pdu != response.pdu()

@@ -1,8 +1,8 @@
 //! The bytes ahead of a frame that has begun, and whether it ends among them.
 
-use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
 use crate::framer::rtu::search::commit::state::Completion;
 use crate::input::Input;
+use crate::rtu_model::crc_scan::MAX_CANDIDATE_BYTES;
 use modlens_protocol::checksum::{crc_valid_at, first_valid_length};
 use modlens_protocol::functions::Extent;
 

@@ -5,18 +5,19 @@
 
 use std::ops::Range;
 
-use crate::framer::rtu::announced_length::{announced_lengths, EXCEPTION_RESPONSE_BYTES};
-use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
 use crate::framer::rtu::frame_check::{FrameCheck, FrameLength};
+use crate::framer::rtu::header_score;
 use crate::framer::rtu::search::commit::frame_ahead::{has_valid_length, max_frame_length, FrameAhead};
 use crate::framer::rtu::search::commit::rival::HeaderFilter;
 use crate::framer::rtu::search::commit::state::{Completion, Rival, RivalAt, RivalBar};
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::state::Search;
-use crate::framer::rtu::side::REQUEST;
-use crate::framer::rtu::{header_score, score, side};
 use crate::framer::FramerContext;
 use crate::input::Input;
+use crate::rtu_model::announced_length::{announced_lengths, EXCEPTION_RESPONSE_BYTES};
+use crate::rtu_model::crc_scan::MAX_CANDIDATE_BYTES;
+use crate::rtu_model::side::REQUEST;
+use crate::rtu_model::{score, side};
 use crate::weights;
 use modlens_protocol::checksum::{crc_valid_at, first_valid_length};
 use modlens_protocol::direction::Direction;
@@ -278,7 +279,7 @@ impl Search {
     /// `to_frame_end` are the bytes from `at` on to the end of that frame.
     fn is_rival_header(&self, context: &FramerContext<'_>, at: usize, to_frame_end: &[u8]) -> bool {
         // What a frame of open length contains may look like a frame, even where its function is new to this line.
-        let is_open = |of: Option<(Direction, Extent)>| matches!(of, Some((_, Extent::Open(_))));
+        let is_open = |frame: Option<(Direction, Extent)>| matches!(frame, Some((_, Extent::Open(_))));
         let is_known = context.known_units[usize::from(to_frame_end[0])];
         if is_known && announced_lengths(context, to_frame_end).into_iter().any(is_open) {
             return true;

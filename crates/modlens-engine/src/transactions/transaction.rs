@@ -49,16 +49,16 @@ pub struct ObservedFrame<'a> {
 }
 
 impl ObservedFrame<'_> {
-    pub(super) fn unit(&self) -> u8 {
+    pub(crate) fn unit(&self) -> u8 {
         self.adu.first().copied().unwrap_or(0)
     }
 
-    pub(super) fn pdu(&self) -> &[u8] {
+    pub(crate) fn pdu(&self) -> &[u8] {
         self.adu.get(1..).unwrap_or(&[])
     }
 
     /// The function code without the exception bit.
-    pub(super) fn function(&self) -> u8 {
+    pub(crate) fn function(&self) -> u8 {
         self.pdu().first().copied().unwrap_or(0) & !EXCEPTION_BIT
     }
 }
@@ -154,7 +154,7 @@ impl BufferedFrame {
         }
     }
 
-    pub(super) fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.number = 0;
         self.wire.clear();
         self.pdu = PduLocation::default();
@@ -162,7 +162,7 @@ impl BufferedFrame {
         (self.is_unconfirmed, self.is_good, self.side) = (false, false, None);
     }
 
-    pub(super) fn fill(&mut self, frame: &ObservedFrame<'_>) {
+    pub(crate) fn fill(&mut self, frame: &ObservedFrame<'_>) {
         self.number = frame.number;
         self.wire.clear();
         self.wire.extend_from_slice(frame.wire);
@@ -296,14 +296,14 @@ impl PendingTransaction {
     }
 
     /// Its request as far as a response of this unit is concerned: a broadcast is to every unit.
-    pub(super) fn request_to(&self, unit: u8) -> RequestRef<'_> {
+    pub(crate) fn request_to(&self, unit: u8) -> RequestRef<'_> {
         let unit = if self.status == Status::Broadcast { unit } else { self.unit };
         RequestRef { unit, pdu: self.request.pdu() }
     }
 
     /// Clears everything, as `new` does, but keeps the allocated buffers of both frames and of the findings, for the next
     /// transaction.
-    pub(super) fn reset(&mut self, mode: Mode) {
+    pub(crate) fn reset(&mut self, mode: Mode) {
         let (mut request, mut response) = (std::mem::take(&mut self.request), std::mem::take(&mut self.response));
         let mut findings = std::mem::take(&mut self.findings);
         request.reset();

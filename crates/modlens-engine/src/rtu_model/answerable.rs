@@ -4,13 +4,13 @@
 //! in a pool, and paths refer to them by number. Room of requests that no path refers to any more is used again: nothing is
 //! allocated while a line talks.
 
-use crate::framer::rtu::side::REQUEST;
+use crate::rtu_model::side::REQUEST;
 use modlens_protocol::direction::RequestRef;
 use modlens_protocol::framing::BROADCAST_UNIT;
 
 /// A request that may be answered.
 #[derive(Clone, Debug, Default)]
-pub struct HeldRequest {
+pub struct AnswerableRequest {
     /// The unit that it is addressed to.
     pub unit: u8,
     /// Its PDU.
@@ -25,7 +25,7 @@ pub struct HeldRequest {
     pub expected_response: Option<(u8, usize)>,
 }
 
-impl HeldRequest {
+impl AnswerableRequest {
     /// The request as other parts of the engine refer to it.
     pub fn as_request_ref(&self) -> RequestRef<'_> {
         RequestRef { unit: self.unit, pdu: &self.pdu }
@@ -77,11 +77,11 @@ impl Answerable {
 #[derive(Clone, Copy, Debug)]
 pub struct AnswerableRequests<'a> {
     /// The outstanding request.
-    pub outstanding: Option<&'a HeldRequest>,
+    pub outstanding: Option<&'a AnswerableRequest>,
     /// The request before the outstanding one, if it got no response.
-    pub superseded: Option<&'a HeldRequest>,
+    pub superseded: Option<&'a AnswerableRequest>,
     /// The request that was answered last, and its response.
-    pub last_answered: Option<(&'a HeldRequest, Fingerprint)>,
+    pub last_answered: Option<(&'a AnswerableRequest, Fingerprint)>,
 }
 
 impl AnswerableRequests<'_> {
@@ -115,20 +115,20 @@ pub fn copy_prefix(to: &mut Vec<u8>, bytes: &[u8], length: usize) {
 /// All requests that any path refers to.
 #[derive(Default)]
 pub struct RequestPool {
-    requests: Vec<HeldRequest>,
+    requests: Vec<AnswerableRequest>,
     free: Vec<RequestId>,
 }
 
 impl RequestPool {
     /// The request of this number.
     #[inline]
-    pub fn get(&self, id: RequestId) -> &HeldRequest {
+    pub fn get(&self, id: RequestId) -> &AnswerableRequest {
         &self.requests[usize::from(id)]
     }
 
     /// The request of this number, to be changed for all paths that refer to it.
     #[inline]
-    pub fn get_mut(&mut self, id: RequestId) -> &mut HeldRequest {
+    pub fn get_mut(&mut self, id: RequestId) -> &mut AnswerableRequest {
         &mut self.requests[usize::from(id)]
     }
 
@@ -159,7 +159,7 @@ impl RequestPool {
         if self.free.len() <= self.requests.len() / 2 {
             let more = self.requests.len()..2 * self.requests.len() + 8;
             self.free.extend(more.clone().map(|id| id as RequestId));
-            self.requests.resize_with(more.end, HeldRequest::default);
+            self.requests.resize_with(more.end, AnswerableRequest::default);
         }
     }
 
@@ -214,7 +214,7 @@ impl RequestPool {
     /// Adds an unconfirmed copy of a request. The original stays as it is for the paths that refer to it. `make_room` has to be
     /// called before.
     pub fn add_unconfirmed_copy(&mut self, id: RequestId) -> RequestId {
-        let unconfirmed = HeldRequest { is_unconfirmed: true, ..self.get(id).clone() };
+        let unconfirmed = AnswerableRequest { is_unconfirmed: true, ..self.get(id).clone() };
         let copy = self.add(unconfirmed.unit, &[]);
         *self.get_mut(copy) = unconfirmed;
         copy
@@ -264,7 +264,7 @@ impl RequestPool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::framer::rtu::side::RESPONSE;
+    use crate::rtu_model::side::RESPONSE;
 
     #[test]
     fn room_is_used_again_and_requests_referred_to_stay() {

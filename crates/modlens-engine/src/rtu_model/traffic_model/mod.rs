@@ -11,13 +11,13 @@ mod learning_run;
 pub use frame_costs::{EchoCosts, SilenceCosts};
 pub use learning_run::{LearningRun, RequestIdentity};
 
-use crate::damage::kind::DamageKind;
-use crate::framer::rtu::answerable::{fingerprint, Fingerprint};
-use crate::framer::rtu::learned_lengths::LearnedLengths;
-use crate::framer::rtu::log2::log2;
-use crate::framer::rtu::poll_cycle::PollCycle;
-use crate::framer::rtu::score_bounds::ScoreBounds;
-use crate::framer::rtu::side::{REQUEST, RESPONSE};
+use crate::rtu_model::answerable::{fingerprint, Fingerprint};
+use crate::rtu_model::damage_kind::DamageKind;
+use crate::rtu_model::learned_lengths::LearnedLengths;
+use crate::rtu_model::log2::log2;
+use crate::rtu_model::poll_cycle::PollCycle;
+use crate::rtu_model::score_bounds::ScoreBounds;
+use crate::rtu_model::side::{REQUEST, RESPONSE};
 use crate::weights::{self, usual_bits, PRIOR_WEIGHT_FRAMES};
 use modlens_protocol::functions::EXCEPTION_BIT;
 

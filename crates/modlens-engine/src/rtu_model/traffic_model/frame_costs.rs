@@ -1,8 +1,8 @@
 //! What units, functions, lengths and turns of frames cost on this line.
 
-use crate::framer::rtu::log2::log2;
-use crate::framer::rtu::side::{REQUEST, RESPONSE};
-use crate::framer::rtu::traffic_model::{FramePosition, LearnedShare, TrafficModel};
+use crate::rtu_model::log2::log2;
+use crate::rtu_model::side::{REQUEST, RESPONSE};
+use crate::rtu_model::traffic_model::{FramePosition, LearnedShare, TrafficModel};
 use crate::weights::{self, function_prior, unit_prior, PRIOR_WEIGHT_FRAMES};
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 

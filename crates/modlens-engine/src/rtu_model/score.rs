@@ -5,13 +5,13 @@
 //! or the outstanding request predict are worth their information content; what has to be chosen (unit, function, length)
 //! costs `-log2` of its learned share. A direction is given as its index, `REQUEST` or `RESPONSE`.
 
-use crate::framer::rtu::announced_length::EXCEPTION_RESPONSE_BYTES;
-use crate::framer::rtu::answerable::HeldRequest;
-use crate::framer::rtu::frame_bytes::FrameBytes;
-use crate::framer::rtu::log2::log2;
-use crate::framer::rtu::side::{REQUEST, RESPONSE};
-use crate::framer::rtu::traffic_model::TrafficModel;
-use crate::framer::FramerContext;
+use crate::frame_result::FramerContext;
+use crate::rtu_model::announced_length::EXCEPTION_RESPONSE_BYTES;
+use crate::rtu_model::answerable::AnswerableRequest;
+use crate::rtu_model::frame_bytes::FrameBytes;
+use crate::rtu_model::log2::log2;
+use crate::rtu_model::side::{REQUEST, RESPONSE};
+use crate::rtu_model::traffic_model::TrafficModel;
 use crate::weights;
 use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::direction::{counts_agree, expected_data_bytes};
@@ -221,7 +221,7 @@ pub fn field_score(model: &TrafficModel, permit: &FieldLimits, body: &[u8]) -> f
 pub fn damaged_frame_score(
     model: &TrafficModel,
     context: &FramerContext<'_>,
-    outstanding: Option<&HeldRequest>,
+    outstanding: Option<&AnswerableRequest>,
     frame: &[u8],
     direction: usize,
 ) -> Option<f32> {
@@ -254,7 +254,12 @@ fn damaged_request_score(
 /// Score in bits of a frame with an invalid CRC as the response to this outstanding request; `None` unless it has the request's
 /// unit and function code, and the byte count that the request determines, if it determines one. Unit and function cost
 /// nothing, because the request predicts them.
-fn damaged_response_score(model: &TrafficModel, row: &FunctionRow, frame: FrameBytes<'_>, request: &HeldRequest) -> Option<f32> {
+fn damaged_response_score(
+    model: &TrafficModel,
+    row: &FunctionRow,
+    frame: FrameBytes<'_>,
+    request: &AnswerableRequest,
+) -> Option<f32> {
     let (unit, code) = (frame.unit(), frame.code());
     if !request.matches(unit, code) {
         return None;

@@ -3,11 +3,11 @@
 //! Counts are floating-point numbers that are halved at times, so that their additions may be rounded. A run has to leave them
 //! as the same exchanges one by one would, to the bit.
 
-use crate::framer::rtu::answerable::{fingerprint, Fingerprint};
-use crate::framer::rtu::poll_cycle::RequestName;
-use crate::framer::rtu::side::{REQUEST, RESPONSE};
-use crate::framer::rtu::traffic_model::{LearnedShare, RequestCopy, TrafficModel};
 use crate::ones::add_ones;
+use crate::rtu_model::answerable::{fingerprint, Fingerprint};
+use crate::rtu_model::poll_cycle::RequestName;
+use crate::rtu_model::side::{REQUEST, RESPONSE};
+use crate::rtu_model::traffic_model::{LearnedShare, RequestCopy, TrafficModel};
 use crate::weights;
 use modlens_protocol::functions::EXCEPTION_BIT;
 

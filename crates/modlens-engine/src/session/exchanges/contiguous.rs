@@ -8,19 +8,19 @@ use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rtu_exchange::LastExchange;
 use crate::findings::{words, REFUSED};
 use crate::records::{ExchangeRun, Span};
+use crate::session::decoder::Decoder;
 use crate::session::exchanges::compact_run::{CompactRun, RunBytes, RunContext};
 use crate::session::exchanges::matching::RtuRun;
 use crate::session::exchanges::run::BatchTotals;
 use crate::session::rows::FindingPlace;
-use crate::session::Session;
 use modlens_protocol::framing::Mode;
 
-impl Session {
+impl Decoder {
     /// Emits the RTU exchanges at the head of the only line of the bus with this index as compact exchanges, until one does not
     /// qualify. The caller has made sure that `emits_compact` holds, and that nothing is open.
     ///
     /// The framer learns the units, functions and requests of a run one by one, and what is the same of all exchanges at once.
-    pub(super) fn emit_compact_rtu_exchanges(&mut self, bus: usize) {
+    pub(super) fn emit_contiguous(&mut self, bus: usize) {
         let state = &mut self.buses[bus];
         let line = &mut state.lines[0].1;
         let plain = line.input.plain_untimed_bytes(Mode::Rtu);
@@ -38,8 +38,8 @@ impl Session {
         };
         let (first, arena_start) = (self.batch.exchanges.len(), self.batch.arena.len());
         let mut run = CompactRun::default();
-        let of_run = RunBytes::new(&known, bytes, arena_start);
-        let odds = run.take(known, &of_run, &mut self.batch.exchanges);
+        let block = RunBytes::new(&known, bytes, arena_start);
+        let odds = run.take(known, &block, &mut self.batch.exchanges);
         let Some(at) = run.last else { return };
         let expected = ExpectedExchange::announced_by(&self.functions, Mode::Rtu, &bytes[at..]).expect("it was matched");
         let is_refused = self.batch.exchanges.last().is_some_and(|exchange| exchange.exception != 0);

@@ -1,7 +1,7 @@
 //! The information content of bytes, what the line's noise teaches of it, and the cost of bytes between frames.
 
-use crate::framer::rtu::log2::log2;
-use crate::framer::rtu::traffic_model::TrafficModel;
+use crate::rtu_model::log2::log2;
+use crate::rtu_model::traffic_model::TrafficModel;
 use crate::weights;
 
 /// From this many bytes on, four histograms are filled in turn: see `learn_noise`.

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use crate::framer::rtu::prefilter::{DamageCosts, Need, RequestPrefilter, MAX_LENGTHS};
-use crate::framer::rtu::prefix_index::{members, FrameSet, PrefixIndex, MAX_FRAMES};
+use crate::rtu_model::prefilter::{DamageCosts, Need, RequestPrefilter, MAX_LENGTHS};
+use crate::rtu_model::prefix_index::{members, FrameSet, PrefixIndex, MAX_FRAMES};
 use crate::weights::MAX_REQUEST_COUNT_FRAMES;
 
 /// Slots of the dictionary.
@@ -144,6 +144,13 @@ impl PollCycle {
     pub fn get_all(&self, set: FrameSet) -> impl Iterator<Item = &[u8]> {
         let by_age = members(set.rotate_right(self.oldest as u32));
         by_age.map(|age| bytes_of(&self.texts[usize::from(self.polled[(age + self.oldest) % MAX_FRAMES])]))
+    }
+
+    /// All requests of the poll cycle, in the same order.
+    #[cfg(test)]
+    pub fn all(&self) -> Vec<Vec<u8>> {
+        let set = FrameSet::MAX.checked_shr(MAX_FRAMES as u32 - self.polled.len() as u32).unwrap_or(0);
+        self.get_all(set).map(<[u8]>::to_vec).collect()
     }
 
     /// Whether no request came again yet.

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use crate::framer::rtu::prefix_index::{FrameSet, MAX_LOST_BYTES};
+use crate::rtu_model::prefix_index::{FrameSet, MAX_LOST_BYTES};
 use crate::weights::{LONG_REQUEST_PREFIX_BITS, MAX_HEADER_FLIPS, OTHER_BYTE_BITS, ROUNDING_BITS};
 
 /// The length of nearly all requests that are polled. Longer ones are judged by this many of their bytes.

@@ -1,6 +1,6 @@
 //! The frame lengths that a header announces, by the table of functions.
 
-use crate::framer::FramerContext;
+use crate::frame_result::FramerContext;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::functions::{Extent, Layout, EXCEPTION_BIT};
 

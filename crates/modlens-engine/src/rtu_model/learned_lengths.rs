@@ -3,7 +3,7 @@
 //! Vendors' frames mostly have one length per direction, or begin with a count of the bytes that follow. Once that has been
 //! seen, a length is evidence as good as a layout's, and it distinguishes requests from responses.
 
-use crate::framer::rtu::log2::log2;
+use crate::rtu_model::log2::log2;
 use crate::weights::{HALVE_LENGTHS_FRAMES, LENGTH_DISCOUNT_FRAMES, LENGTH_PRIOR_FRAMES, OPEN_LENGTH_BITS};
 
 /// Different lengths that are remembered of one function in one direction.
