@@ -1,4 +1,4 @@
-//! What a framer says of bytes, and what it knows beside them.
+//! What a framer returns about bytes, and what it knows beside them.
 
 use crate::input::Input;
 pub use crate::rtu_model::damage_kind::DamageKind;

@@ -252,12 +252,12 @@ impl Input {
 
     /// Whether packets may be passed by (`pass`): none is here, and those before them had times and several bytes, as all of a
     /// connection and lines of a log do, and no marks.
-    pub fn takes_pieces(&self) -> bool {
+    pub fn takes_messages(&self) -> bool {
         self.reads.is_empty() && self.has_times && self.has_multibyte_reads && !self.has_marks
     }
 
     /// What `push` and `consume` do with packets, of which the last one has this time and ends at this stream offset and the
-    /// longest one has so many bytes, where `takes_pieces` holds. Their bytes are no `consumed_bytes`.
+    /// longest one has so many bytes, where `takes_messages` holds. Their bytes are no `consumed_bytes`.
     pub fn pass(&mut self, end: u64, time: Ns, longest: usize) {
         (self.is_paused, self.is_closed, self.is_ended) = (false, false, false);
         self.longest_read_bytes = self.longest_read_bytes.max(longest);

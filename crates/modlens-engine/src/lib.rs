@@ -25,7 +25,8 @@
 //! weights and thresholds; `framer::rtu::search::commit` draws when a frame becomes final; `damage` decides between noise
 //! and a damaged frame; `fast_path` is the way of unambiguous traffic, with the slow path as its oracle; `pairing` lists
 //! what closes a transaction; `findings` is where each finding is made, and `findings::words` what it says;
-//! `session::two_lines` orders a four-wire bus.
+//! `session::decoder` has the buses and makes their rows, and `session` reads the sources; `session::two_lines` orders a four-wire bus.
+//! What an RTU line has shown is in `rtu_model`, which the framer and `damage` both score by.
 //!
 //! **What cannot be decided is not claimed.** Where neither the clock nor the habits of the line tell an echo from a
 //! retry, a request is called neither.

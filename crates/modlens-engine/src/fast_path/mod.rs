@@ -30,7 +30,7 @@
 //! |--|--|
 //! | blocks of an RTU line without a clock, of which frames are not wanted: a run in one loop over the bytes | `contiguous` (`compact_run`) |
 //! | any other block of an RTU or ASCII line: the head of the line, again and again | `heads` |
-//! | a packet of a connection or a line of a log with times each: the request is pending until the next one | `pieces` (`known_pairs`) |
+//! | a packet of a connection or a line of a log with times each: the request is pending until the next one | `messages` (`known_pairs`) |
 //!
 //! All three end in `emit`, but for the two short loops over reads of the memo and over writes, which learn by the run.
 //!

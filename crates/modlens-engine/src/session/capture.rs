@@ -157,7 +157,7 @@ impl Session {
     fn sweep_all_connections(&mut self, state: &mut CaptureState, now: Ns) {
         state.last_sweep = Some(now);
         // A request that is not decided yet has no deadline.
-        if self.decoder.piece_run.as_ref().is_some_and(|run| run.is_due(now)) {
+        if self.decoder.message_run.as_ref().is_some_and(|run| run.is_due(now)) {
             self.decoder.decide_waiting();
         }
         let is_due = |session: &Self, bus: usize| session.decoder.buses[bus].pairing.deadline().is_some_and(|due| due <= now);

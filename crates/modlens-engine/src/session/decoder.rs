@@ -7,7 +7,7 @@ use crate::findings::{self, Found};
 use crate::pairing::{Pairing, PendingTransaction};
 use crate::records::{Batch, Buses};
 use crate::session::bus::{BusOptions, BusState, FROM_CLIENT, FROM_SERVER};
-use crate::session::exchanges::piece_run::{PieceRun, PieceTries};
+use crate::session::exchanges::message_run::{MessageRun, MessageTries};
 use crate::session::held_rows::PendingRows;
 use crate::session::profiles::{Assignment, Profiles};
 use crate::session::rows::FindingPlace;
@@ -64,9 +64,9 @@ pub(crate) struct Decoder {
     /// Scratch: their codes.
     pub(super) codes: Vec<Finding>,
     /// The connection or log of which packets or lines are matched as they come.
-    pub(crate) piece_run: Option<Box<PieceRun>>,
+    pub(crate) message_run: Option<Box<MessageRun>>,
     /// When to look again whether the lines of a log may be.
-    pub(crate) piece_tries: PieceTries,
+    pub(crate) message_tries: MessageTries,
     /// The bus with bytes that `feed_later` has left undecided.
     pub(crate) waiting: Option<usize>,
 }
@@ -94,8 +94,8 @@ impl Decoder {
             done: Vec::new(),
             found: Vec::new(),
             codes: Vec::new(),
-            piece_run: None,
-            piece_tries: PieceTries::default(),
+            message_run: None,
+            message_tries: MessageTries::default(),
             waiting: None,
         }
     }
@@ -162,8 +162,8 @@ impl Decoder {
             origin: received.packet,
             ..Chunk::default()
         };
-        if !self.take_piece(bus, &chunk) {
-            self.feed_piece(bus, &chunk);
+        if !self.take_message(bus, &chunk) {
+            self.feed_message(bus, &chunk);
         }
     }
 

@@ -23,7 +23,7 @@ impl Decoder {
     /// decided first, and then those of the chunk at once.
     #[inline]
     pub(super) fn feed_later(&mut self, bus: usize, chunk: &Chunk<'_>) {
-        self.end_pieces();
+        self.end_messages();
         if self.waiting.is_some_and(|waiting| waiting != bus) {
             self.decide_waiting();
         }
@@ -39,7 +39,7 @@ impl Decoder {
     /// Decides the bytes that `feed_later` has left undecided, if there are any, as of the last chunk's time; and a request that
     /// is in hand for its response.
     pub(crate) fn decide_waiting(&mut self) {
-        self.end_pieces();
+        self.end_messages();
         if let Some(bus) = self.waiting.take() {
             self.decide(bus, self.buses[bus].newest);
         }

@@ -45,7 +45,7 @@ impl Session {
             self.decoder.describe_bus(to, entry.clock, Place::Line);
         }
         let chunk = chunk_of(entry, bytes);
-        if !self.decoder.take_piece(to, &chunk) {
+        if !self.decoder.take_message(to, &chunk) {
             self.decoder.feed_later(to, &chunk);
         }
     }

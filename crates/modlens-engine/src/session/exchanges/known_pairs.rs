@@ -1,4 +1,4 @@
-//! Reads that came before, matched in their packets one after the other (`pieces`): most exchanges of a master that polls.
+//! Reads that came before, matched in their packets one after the other (`messages`): most exchanges of a master that polls.
 //!
 //! All that follows from such a request is known by its bytes, so that little is left to do for each; the rest is done once for all
 //! of them.
@@ -11,7 +11,7 @@ use crate::records::PacketPair;
 use crate::session::bus::{learn_sides, BusState};
 use crate::session::decoder::Decoder;
 use crate::session::exchanges::matching::confidence_by_id;
-use crate::session::exchanges::piece_run::PieceRun;
+use crate::session::exchanges::message_run::MessageRun;
 use crate::stats::RequestPlace;
 use crate::weights::CERTAIN_DIRECTION_BITS;
 use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
@@ -45,7 +45,7 @@ impl Decoder {
     /// unambiguously; gives the packets after them. The run at hand has begun with another exchange.
     pub(super) fn match_known_reads<'a, 'b>(
         &mut self,
-        current: &mut PieceRun,
+        current: &mut MessageRun,
         mut packets: &'b [PacketInTurn<'a>],
         belongs: impl Fn(&PacketInTurn<'_>) -> bool,
     ) -> &'b [PacketInTurn<'a>] {

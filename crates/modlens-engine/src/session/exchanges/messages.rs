@@ -1,10 +1,10 @@
-//! Exchanges whose request and response come in a piece each, a packet of a connection or a line of a log with times: they are
+//! Exchanges whose request and response come in a message each, a packet of a connection or a line of a log with times: they are
 //! matched as they come, without the inputs and reads of their lines.
 //!
-//! A request stays pending until the next piece of its bus. If that is its response, the exchange is emitted. Once at the end of
-//! the run, the lines are left as if the pieces had come and been consumed, and framer and pairing learn what remains. In any
-//! other case both pieces are fed, in their order, as are all of a bus on which something is undecided. That a piece is decided
-//! earlier than there changes nothing: a block of the recording may end after any piece. Packets that came many at once are
+//! A request stays pending until the next message of its bus. If that is its response, the exchange is emitted. Once at the end of
+//! the run, the lines are left as if the messages had come and been consumed, and framer and pairing learn what remains. In any
+//! other case both messages are fed, in their order, as are all of a bus on which something is undecided. That a message is decided
+//! earlier than there changes nothing: a block of the recording may end after any message. Packets that came many at once are
 //! matched where they are (`match_pairs`).
 
 use crate::fast_path::rtu_exchange::LastExchange;
@@ -13,7 +13,7 @@ use crate::session::decoder::Decoder;
 use crate::session::exchanges::emit::ExchangePlaces;
 use crate::session::exchanges::known_pairs::next_with_bytes;
 use crate::session::exchanges::matching::{match_rtu, match_tcp, plain_request, RtuContext};
-use crate::session::exchanges::piece_run::{Piece, PieceRun};
+use crate::session::exchanges::message_run::{Message, MessageRun};
 use crate::session::line::LineState;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::source::Place;
@@ -23,29 +23,29 @@ use modlens_readers::pcap::PacketInTurn;
 
 impl Decoder {
     /// Takes a chunk that is a packet of a connection or a line of a log, if it is a request to be kept pending, or the response
-    /// to the pending one. `false` if it is neither: then it has to be fed, after the pending request (`end_pieces`). What a
+    /// to the pending one. `false` if it is neither: then it has to be fed, after the pending request (`end_messages`). What a
     /// request finds without a response is decided before it.
     #[inline]
-    pub(crate) fn take_piece(&mut self, bus: usize, chunk: &Chunk<'_>) -> bool {
+    pub(crate) fn take_message(&mut self, bus: usize, chunk: &Chunk<'_>) -> bool {
         let Times::Read(time) = chunk.times else { return false };
         let may_be_frame = chunk.line != 0 || chunk.proven_framing == Some(Mode::Rtu);
         if chunk.follows_loss || chunk.lacks_checksum || !may_be_frame {
             return false;
         }
-        let run = self.piece_run.as_ref().filter(|run| run.bus == bus);
+        let run = self.message_run.as_ref().filter(|run| run.bus == bus);
         let is_request = chunk.line == FROM_CLIENT || chunk.line == 0 && run.is_none_or(|run| run.request.is_none());
         if is_request && run.is_none_or(|run| run.ends_before_request_at(time)) {
             if run.is_some() {
-                self.end_pieces();
+                self.end_messages();
                 self.advance_pairing(bus, time);
             }
-            if !self.begin_pieces(bus, chunk, time) {
+            if !self.begin_messages(bus, chunk, time) {
                 return false;
             }
         } else if run.is_none() {
             return false;
         }
-        let Some(run) = self.piece_run.as_deref_mut() else { return false };
+        let Some(run) = self.message_run.as_deref_mut() else { return false };
         if is_request {
             run.takes_request_at(time) && run.request.take(chunk, time)
         } else {
@@ -55,34 +55,34 @@ impl Decoder {
 
     /// Begins a run on this bus with a request of this time, if nothing on it is undecided; that of another bus ends.
     #[cold]
-    fn begin_pieces(&mut self, bus: usize, chunk: &Chunk<'_>, time: Ns) -> bool {
+    fn begin_messages(&mut self, bus: usize, chunk: &Chunk<'_>, time: Ns) -> bool {
         let options = &self.buses[bus].options;
         let is_connection = options.bus.network.is_some();
         let may_begin = match chunk.line {
             FROM_CLIENT => is_connection && options.mode == Some(Mode::Tcp),
-            _ => !is_connection && options.bus.place == Place::Line && (self.waiting.is_none() || self.piece_tries.is_due()),
+            _ => !is_connection && options.bus.place == Place::Line && (self.waiting.is_none() || self.message_tries.is_due()),
         };
         if self.live || !may_begin {
             return false;
         }
         self.decide_waiting();
-        let is_compact = self.emits_compact_pieces(bus);
+        let is_compact = self.emits_compact_messages(bus);
         let state = &mut self.buses[bus];
         let run = if is_connection {
-            PieceRun::on_connection(bus, state, is_compact, (plain_request(&self.functions, chunk.bytes), time))
+            MessageRun::on_connection(bus, state, is_compact, (plain_request(&self.functions, chunk.bytes), time))
         } else {
-            PieceRun::on_line(bus, state, is_compact)
+            MessageRun::on_line(bus, state, is_compact)
         };
         if run.is_none() && !is_connection {
-            self.piece_tries.note_run(0);
+            self.message_tries.note_run(0);
         }
-        self.piece_run = run.map(Box::new);
-        self.piece_run.is_some()
+        self.message_run = run.map(Box::new);
+        self.message_run.is_some()
     }
 
-    /// Returns whether exchanges of this bus in a piece each are emitted compact: on a connection or in a log, in a recording of
+    /// Returns whether exchanges of this bus in a message each are emitted compact: on a connection or in a log, in a recording of
     /// which the frames are not wanted, and without profiles.
-    pub(super) fn emits_compact_pieces(&self, bus: usize) -> bool {
+    pub(super) fn emits_compact_messages(&self, bus: usize) -> bool {
         let state = &self.buses[bus];
         let place = if state.options.bus.network.is_some() { Place::Packet } else { Place::Line };
         !self.wanted.frames && !self.live && state.options.bus.place == place && state.profiles.are_none()
@@ -90,16 +90,16 @@ impl Decoder {
 
     /// Emits the exchange of the pending request and this chunk, if they are one unambiguously.
     fn take_response(&mut self, chunk: &Chunk<'_>, time: Ns) -> bool {
-        let Some(mut current) = self.piece_run.take() else { return false };
+        let Some(mut current) = self.message_run.take() else { return false };
         let asked = std::mem::take(&mut current.request);
-        let request = Piece { bytes: &asked.bytes, time: asked.time, number: asked.chunk.origin, side: asked.chunk.side };
-        let response = Piece { bytes: chunk.bytes, time, number: chunk.origin, side: chunk.side };
-        let is_taken = !asked.is_none() && self.match_pieces(&mut current, [request, response]);
+        let request = Message { bytes: &asked.bytes, time: asked.time, number: asked.chunk.origin, side: asked.chunk.side };
+        let response = Message { bytes: chunk.bytes, time, number: chunk.origin, side: chunk.side };
+        let is_taken = !asked.is_none() && self.match_messages(&mut current, [request, response]);
         current.request = asked;
         if is_taken {
             current.request.bytes.clear();
         }
-        self.piece_run = Some(current);
+        self.message_run = Some(current);
         is_taken
     }
 
@@ -107,8 +107,8 @@ impl Decoder {
     /// pending.
     #[inline]
     pub(crate) fn bus_of_pairs(&self) -> Option<usize> {
-        let takes_pairs = |run: &PieceRun| run.is_connection && run.run.is_compact && run.request.is_none();
-        self.piece_run.as_deref().filter(|run| takes_pairs(run)).map(|run| run.bus)
+        let takes_pairs = |run: &MessageRun| run.is_connection && run.run.is_compact && run.request.is_none();
+        self.message_run.as_deref().filter(|run| takes_pairs(run)).map(|run| run.bus)
     }
 
     /// Emits pairs of a request and its response at the head of these packets as compact exchanges of `bus_of_pairs`, as long as
@@ -119,7 +119,7 @@ impl Decoder {
         mut packets: &'b [PacketInTurn<'a>],
         belongs: impl Fn(&PacketInTurn<'_>) -> bool,
     ) -> &'b [PacketInTurn<'a>] {
-        let Some(mut current) = self.piece_run.take() else { return packets };
+        let Some(mut current) = self.message_run.take() else { return packets };
         let is_recorded = self.buses[current.bus].pairing.response_side_recorded;
         loop {
             if current.run.totals.exchanges > 0 {
@@ -132,28 +132,28 @@ impl Decoder {
             if !may_be_pair || !current.takes_request_at(request.time) {
                 break;
             }
-            let piece = |packet: &PacketInTurn<'a>, side| Piece {
+            let message = |packet: &PacketInTurn<'a>, side| Message {
                 bytes: packet.bytes,
                 time: packet.time,
                 number: packet.number,
                 side: Some(side),
             };
-            if !self.match_pieces(&mut current, [piece(request, Side::Sent), piece(response, Side::Received)]) {
+            if !self.match_messages(&mut current, [message(request, Side::Sent), message(response, Side::Received)]) {
                 break;
             }
             packets = behind.as_slice();
         }
-        self.piece_run = Some(current);
+        self.message_run = Some(current);
         packets
     }
 
-    /// Emits the exchange of these two pieces, if they are one unambiguously.
-    fn match_pieces(&mut self, current: &mut PieceRun, pieces: [Piece<'_>; 2]) -> bool {
+    /// Emits the exchange of these two messages, if they are one unambiguously.
+    fn match_messages(&mut self, current: &mut MessageRun, messages: [Message<'_>; 2]) -> bool {
         let state = &mut self.buses[current.bus];
         if !current.is_connection {
             current.open.request_timeout = current.run.request_timeout(state);
         }
-        let (bytes, times) = (pieces.map(|piece| piece.bytes), pieces.map(|piece| piece.time));
+        let (bytes, times) = (messages.map(|message| message.bytes), messages.map(|message| message.time));
         if !current.takes_response_at(times) {
             return false;
         }
@@ -174,26 +174,26 @@ impl Decoder {
             match_rtu(known, bytes[0], after, |_| Some(silence))
         };
         let Some(matched) = matched else { return false };
-        let timings = current.pass(&pieces);
+        let timings = current.pass(&messages);
         let places = ExchangePlaces { wires: bytes.map(|bytes| self.batch.store(bytes)), pdus: None };
         self.emit_exchange(current.bus, &matched, &places, timings, &mut current.run);
         true
     }
 
-    /// Ends the run of exchanges that are matched in their pieces, if there is one: its bus is brought up to date, and the
+    /// Ends the run of exchanges that are matched in their messages, if there is one: its bus is brought up to date, and the
     /// pending request, which has no response here, is fed.
     #[inline]
-    pub(crate) fn end_pieces(&mut self) {
-        if let Some(ended) = self.piece_run.take() {
-            self.end_run_of_pieces(*ended);
+    pub(crate) fn end_messages(&mut self) {
+        if let Some(ended) = self.message_run.take() {
+            self.end_run_of_messages(*ended);
         }
     }
 
     #[cold]
-    fn end_run_of_pieces(&mut self, mut ended: PieceRun) {
+    fn end_run_of_messages(&mut self, mut ended: MessageRun) {
         let mode = if ended.is_connection { Mode::Tcp } else { Mode::Rtu };
         if !ended.is_connection {
-            self.piece_tries.note_run(ended.run.totals.exchanges);
+            self.message_tries.note_run(ended.run.totals.exchanges);
         }
         if ended.run.totals.exchanges > 0 {
             ended.leave(&mut self.buses[ended.bus]);
@@ -201,13 +201,13 @@ impl Decoder {
             self.decide(ended.bus, ended.newest);
         }
         if !ended.request.is_none() {
-            self.feed_piece(ended.bus, &ended.request.as_chunk());
+            self.feed_message(ended.bus, &ended.request.as_chunk());
         }
     }
 
     /// Feeds a chunk that is no part of such an exchange: of a connection at once, so that the packets after it can be matched as
     /// they come, of a log together with what may follow.
-    pub(crate) fn feed_piece(&mut self, bus: usize, chunk: &Chunk<'_>) {
+    pub(crate) fn feed_message(&mut self, bus: usize, chunk: &Chunk<'_>) {
         if chunk.line == FROM_CLIENT || chunk.line == FROM_SERVER {
             self.decide_waiting();
             self.feed(bus, chunk);

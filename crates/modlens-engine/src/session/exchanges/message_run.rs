@@ -1,4 +1,4 @@
-//! Exchanges whose request and response came in a piece each (`pieces`): what is kept of a run of them until its end.
+//! Exchanges whose request and response came in a message each (`messages`): what is kept of a run of them until its end.
 
 use crate::fast_path::OpenRequests;
 use crate::framer::Framer;
@@ -18,7 +18,7 @@ const MAX_MESSAGE_BYTES: usize = MBAP_PREFIX_BYTES + MAX_LENGTH_FIELD;
 
 /// A packet of a connection or a line of a log.
 #[derive(Clone, Copy)]
-pub(super) struct Piece<'a> {
+pub(super) struct Message<'a> {
     pub bytes: &'a [u8],
     pub time: Ns,
     /// Number of the packet or line.
@@ -26,12 +26,12 @@ pub(super) struct Piece<'a> {
     pub side: Option<Side>,
 }
 
-/// A run of exchanges in a piece each. The lines of the bus are brought up to date at its end (`leave`).
-pub(crate) struct PieceRun {
+/// A run of exchanges in a message each. The lines of the bus are brought up to date at its end (`leave`).
+pub(crate) struct MessageRun {
     /// Index of the bus.
     pub(super) bus: usize,
-    /// Client and server of a connection, whose pieces have an MBAP header; else both are the only line, and the second is unused.
-    pub(super) sides: [PieceSide; 2],
+    /// Client and server of a connection, whose messages have an MBAP header; else both are the only line, and the second is unused.
+    pub(super) sides: [MessageSide; 2],
     pub(super) is_connection: bool,
     pub(super) run: Run,
     pub(super) rtu: RtuRun,
@@ -42,24 +42,24 @@ pub(crate) struct PieceRun {
     pub(super) newest: Option<Ns>,
 }
 
-/// A sender, whose pieces are taken without its line.
-pub(super) struct PieceSide {
+/// A sender, whose messages are taken without its line.
+pub(super) struct MessageSide {
     /// Index of its line.
     line: usize,
-    /// Stream offset after its last piece.
+    /// Stream offset after its last message.
     offset: u64,
-    /// Time of its last piece.
+    /// Time of its last message.
     pub(super) last: Option<Ns>,
     /// End of the last frame that was emitted.
     last_end: Option<Ns>,
     char_ns: Ns,
     /// So long a silence ends a frame.
     break_ns: Ns,
-    /// Bytes of its longest piece.
+    /// Bytes of its longest message.
     longest: usize,
 }
 
-impl PieceRun {
+impl MessageRun {
     /// Returns a run on a connection, of compact exchanges or of rows, that may begin with a request of this time; `asked` is its
     /// unit and PDU, if it is plain and whole. `None` if it may be a retry, if anything on the bus is undecided, or if that is no
     /// connection with a clock.
@@ -72,7 +72,7 @@ impl PieceRun {
         let [(first, _), _] = &state.lines[..] else { return None };
         let server_first = usize::from(*first == FROM_SERVER);
         // The times of a side are those of packets, which take none themselves.
-        let is_ready = |line: &LineState| line.input.char_ns.is_none() && takes_pieces(line, Mode::Tcp);
+        let is_ready = |line: &LineState| line.input.char_ns.is_none() && takes_messages(line, Mode::Tcp);
         let is_ready = state.lines.iter().all(|(_, line)| is_ready(line)) && state.pairing.is_idle_but_for_requests();
         if state.clock_jumped || !is_ready || state.latest.is_some_and(|latest| time <= latest) {
             return None;
@@ -81,7 +81,7 @@ impl PieceRun {
         if !run.has_clock() || !state.pairing.let_pass(asked, time) {
             return None;
         }
-        let sides = [server_first, 1 - server_first].map(|line| PieceSide::of(line, &state.lines[line].1));
+        let sides = [server_first, 1 - server_first].map(|line| MessageSide::of(line, &state.lines[line].1));
         let (open, newest) = (state.pairing.open_requests()?.passed(), state.latest);
         let (rtu, request) = (RtuRun::default(), PendingRequest::default());
         Some(Self { bus, sides, is_connection: true, run, rtu, open, request, newest })
@@ -89,7 +89,7 @@ impl PieceRun {
 
     /// Returns a run on the only line of a log, on which nothing is undecided; `None` if something is, or without a clock.
     pub(super) fn on_line(bus: usize, state: &mut BusState, is_compact: bool) -> Option<Self> {
-        let is_only_line = matches!(&state.lines[..], [(0, line)] if takes_pieces(line, Mode::Rtu));
+        let is_only_line = matches!(&state.lines[..], [(0, line)] if takes_messages(line, Mode::Rtu));
         if !is_only_line || state.clock_jumped || !state.pairing.is_idle() || state.options.rule().is_some() {
             return None;
         }
@@ -97,7 +97,7 @@ impl PieceRun {
         let (open, newest) = (state.pairing.open_requests()?, state.newest);
         let line = &mut state.lines[0].1;
         let rtu = RtuRun::after(line.framer.rtu_mut());
-        let sides = [0; 2].map(|_| PieceSide { break_ns: Ns::MAX, ..PieceSide::of(0, line) });
+        let sides = [0; 2].map(|_| MessageSide { break_ns: Ns::MAX, ..MessageSide::of(0, line) });
         Some(Self { bus, sides, is_connection: false, run, rtu, open, request: PendingRequest::default(), newest })
     }
 
@@ -129,15 +129,15 @@ impl PieceRun {
         !self.request.is_none() && now - self.request.time >= self.open.request_timeout
     }
 
-    /// Takes the two pieces of an exchange; returns when and where they were, as `FrameTiming::of_timed_read` has it.
+    /// Takes the two messages of an exchange; returns when and where they were, as `FrameTiming::of_timed_read` has it.
     #[inline]
-    pub(super) fn pass(&mut self, pieces: &[Piece<'_>; 2]) -> [FrameTiming; 2] {
-        self.newest = Some(pieces[1].time);
-        let request = self.sides[0].pass(&pieces[0], &self.run);
-        [request, self.sides[usize::from(self.is_connection)].pass(&pieces[1], &self.run)]
+    pub(super) fn pass(&mut self, messages: &[Message<'_>; 2]) -> [FrameTiming; 2] {
+        self.newest = Some(messages[1].time);
+        let request = self.sides[0].pass(&messages[0], &self.run);
+        [request, self.sides[usize::from(self.is_connection)].pass(&messages[1], &self.run)]
     }
 
-    /// Leaves the lines of the bus as if the pieces of all exchanges had come and been consumed.
+    /// Leaves the lines of the bus as if the messages of all exchanges had come and been consumed.
     pub(super) fn leave(&self, state: &mut BusState) {
         for side in &self.sides {
             let line = &mut state.lines[side.line].1;
@@ -149,19 +149,19 @@ impl PieceRun {
     }
 }
 
-/// Returns whether the framer of a line, of this framing, holds nothing back, and pieces may be taken without it.
-fn takes_pieces(line: &LineState, mode: Mode) -> bool {
-    line.input.takes_pieces() && line.is_settled() && line.framer.mode() == mode
+/// Returns whether the framer of a line, of this framing, holds nothing back, and messages may be taken without it.
+fn takes_messages(line: &LineState, mode: Mode) -> bool {
+    line.input.takes_messages() && line.is_settled() && line.framer.mode() == mode
 }
 
-impl PieceSide {
+impl MessageSide {
     fn of(line: usize, state: &LineState) -> Self {
         let input = &state.input;
         let (offset, last, break_ns) = (input.offset(), input.last_byte_time(), input.break_ns);
         Self { line, offset, last, last_end: state.last_end, char_ns: input.char_ns.unwrap_or(0), break_ns, longest: 0 }
     }
 
-    /// Takes pieces of so many bytes in all and in the longest of them, of which the last has this time.
+    /// Takes messages of so many bytes in all and in the longest of them, of which the last has this time.
     #[inline]
     pub(super) fn add(&mut self, bytes: usize, longest: usize, time: Ns) {
         self.offset += bytes as u64;
@@ -169,23 +169,23 @@ impl PieceSide {
         self.longest = self.longest.max(longest);
     }
 
-    /// Takes the side's next piece; returns when and where it was.
+    /// Takes the side's next message; returns when and where it was.
     #[inline(always)]
     #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
-    fn pass(&mut self, piece: &Piece<'_>, run: &Run) -> FrameTiming {
-        let started_at = piece.time - piece.bytes.len() as Ns * self.char_ns;
+    fn pass(&mut self, message: &Message<'_>, run: &Run) -> FrameTiming {
+        let started_at = message.time - message.bytes.len() as Ns * self.char_ns;
         let timing = FrameTiming {
             start: Some(self.last_end.map_or(started_at, |last| started_at.max(last))),
-            end: Some(piece.time),
+            end: Some(message.time),
             gap: self.last.and_then(|last| run.measurable_gap(started_at - last)),
             pauses: InnerPauses::default(),
             clean_start: true,
-            side: piece.side,
+            side: message.side,
             offset: self.offset,
-            origin: piece.number,
-            last_origin: piece.number,
+            origin: message.number,
+            last_origin: message.number,
         };
-        self.add(piece.bytes.len(), piece.bytes.len(), piece.time);
+        self.add(message.bytes.len(), message.bytes.len(), message.time);
         timing
     }
 }
@@ -228,14 +228,14 @@ impl PendingRequest {
 /// How long lines of a log take the slow path before a run is tried again: to begin one, what waits has to be decided, which is
 /// cheaper for many lines at once where none can begin.
 #[derive(Default)]
-pub(crate) struct PieceTries {
+pub(crate) struct MessageTries {
     /// Runs since the last exchange that could not begin, or had none.
     failures: u32,
     /// Lines that came since the last try while others were undecided.
     lines: u32,
 }
 
-impl PieceTries {
+impl MessageTries {
     /// Counts a line in front of which others are undecided; whether a run should be tried with it. After two failures it is
     /// tried after an odd number of lines, which is a request next time if it was a response.
     pub(super) fn is_due(&mut self) -> bool {
