@@ -71,10 +71,10 @@ fn observed<'a>(batch: &'a Batch, row: &Frame) -> ObservedFrame<'a> {
 
 /// The transaction of a row, as far as it is counted.
 fn closed(batch: &Batch, row: &Transaction) -> PendingTransaction {
-    let half = |of: &FrameRef| {
-        let mut half = BufferedFrame::new(of.frame, of.wire.of(&batch.arena), of.pdu.of(&batch.arena), of.start);
-        half.end = of.end;
-        half
+    let frame = |row: &FrameRef| {
+        let mut frame = BufferedFrame::new(row.frame, row.wire.of(&batch.arena), row.pdu.of(&batch.arena), row.start);
+        frame.end = row.end;
+        frame
     };
     PendingTransaction {
         txn: row.number,
@@ -82,8 +82,8 @@ fn closed(batch: &Batch, row: &Transaction) -> PendingTransaction {
         function: row.function,
         status: row.status,
         exception: row.exception,
-        request: half(&row.request),
-        response: half(&row.response),
+        request: frame(&row.request),
+        response: frame(&row.response),
         response_time: row.response_time,
         waited: row.waited,
         late_response: row.late_response,
