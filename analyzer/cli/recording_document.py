@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any, Literal
 
+from analyzer.bus_file import choose_bus
 from analyzer.cli.chosen_settings import settings
 from analyzer.cli.ignored import ignored_for
 from analyzer.cli.messages import Messages
@@ -38,6 +39,7 @@ class RecordingDocument:
         self._statuses: list[RecordingStatus] = []
         self._options = options
         self._settings = replace(settings(options), tables=("diagnoses",), overview=overview)
+        self._title = _title(options)
         self._messages = messages
         report_silence_limits(self._settings, messages)
         self._files = FileRun(
@@ -58,7 +60,8 @@ class RecordingDocument:
         """The document; docs/stats.schema.json describes it."""
         from analyzer.report.document import complete  # noqa: PLC0415
 
-        return complete(self.counted, self._statuses, self._settings.functions)
+        functions = self._settings.functions
+        return complete(self.counted, self._statuses, functions, title=self._title)
 
     @cached_property
     def counted(self) -> dict[str, Any]:
@@ -76,6 +79,12 @@ class RecordingDocument:
         if status.format and not status.ended:
             for text in ignored_for(self._options, status.format):
                 self._messages.info(f"{status.name}: {text}")
+
+
+def _title(options: argparse.Namespace) -> str | None:
+    """Returns the name of the plant or bus in the options: `--title`, or that of the bus file."""
+    title: str | None = getattr(options, "title", None)
+    return title or (None if options.bus is None else choose_bus(options.bus).name)
 
 
 def write_page(name: str, content: bytes) -> None:

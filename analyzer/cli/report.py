@@ -40,6 +40,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the page to write, such as report.html; - is standard output",
     )
     parser.add_argument(
+        "--title",
+        metavar="TEXT",
+        help="name of the plant or bus at the top of the page (default: the name in the bus file or"
+        " in the recording, else what the files' names have in common)",
+    )
+    parser.add_argument(
         "--viewer",
         action="store_true",
         help="write a page without data, on which documents of stats --to json can be dropped",

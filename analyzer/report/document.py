@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import _modlens
+from analyzer.report.summary import summary
 from analyzer.session import RecordingStatus
 from dissectors.describe import Piece, describe, pdu_of
 from dissectors.table import function
@@ -38,27 +39,32 @@ def complete(
     core: Mapping[str, Any],
     statuses: Sequence[RecordingStatus],
     functions: _modlens.Functions | None = None,
+    *,
+    title: str | None = None,
 ) -> dict[str, Any]:
     """The document.
 
     - `core`: doctor, statistics and overview (`Run.document`)
     - `statuses`: what was reported of the recordings, or of the ports of a tap
     - `functions`: the table of functions that decodes the examples
+    - `title`: the name of the plant or bus; else one is made of the names of buses or files
     """
     functions = functions or _modlens.Functions()
     statistics, overview = core["statistics"], core["overview"]
     codes = {row["function"] for bus in statistics["buses"] for row in bus["units"]}
     codes |= {row["function"] for row in overview["examples"]}
+    overview = {**overview, "buses": [bus for bus in overview["buses"] if bus is not None]}
+    sources = [_source(one, statistics, overview) for one in _last_of_each(statuses)]
     return {
         "format": FORMAT,
         "version": VERSION,
         "program": f"modlens {_modlens.__version__}",
-        "sources": [_source(one, statistics, overview) for one in _last_of_each(statuses)],
+        "summary": summary(sources, statistics, overview, title),
+        "sources": sources,
         "doctor": core["doctor"],
         "statistics": statistics,
         "overview": {
             **overview,
-            "buses": [bus for bus in overview["buses"] if bus is not None],
             "examples": [_annotated(row, functions) for row in overview["examples"]],
         },
         "functions": {str(code): _name(code, functions) for code in sorted(codes)},
@@ -96,7 +102,7 @@ def _source(
     status: RecordingStatus, statistics: Mapping[str, Any], overview: Mapping[str, Any]
 ) -> dict[str, Any]:
     details = status.details
-    buses = [bus for bus in overview["buses"] if bus is not None and bus["source"] == status.name]
+    buses = [bus for bus in overview["buses"] if bus["source"] == status.name]
     names = {bus["bus"] for bus in buses}
     frames = [bus["bytes"] for bus in statistics["buses"] if bus["bus"] in names]
     total = sum(sum(counts.values()) for counts in frames)

@@ -7,6 +7,7 @@ are dropped on a page; tests compare what the two show.
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
@@ -15,7 +16,21 @@ from typing import Any
 
 from analyzer.visible import visible
 
-__all__ = ["cell", "columns", "diagnoses", "examples", "layout", "matrix", "rows_at", "table"]
+__all__ = [
+    "URGENT",
+    "VERDICTS",
+    "cell",
+    "columns",
+    "diagnoses",
+    "examples",
+    "layout",
+    "matrix",
+    "percent",
+    "rows_at",
+    "sections",
+    "summary",
+    "table",
+]
 
 Row = dict[str, Any]
 
@@ -26,6 +41,10 @@ VERDICTS = {
     "unknown": "not enough to judge",
 }
 
+URGENT = 3
+"""Causes on the first page; the others are in the appendix."""
+
+_PRINTED = 2
 _SEVERITIES = ("error", "warning", "info")
 _FAILED = ("no_response", "bad_request", "bad_response")
 
@@ -34,6 +53,21 @@ _FAILED = ("no_response", "bad_request", "bad_response")
 def layout() -> dict[str, Any]:
     """The table of sections."""
     return tomllib.loads(Path(__file__).with_name("layout.toml").read_text("utf-8"))
+
+
+def summary(document: Mapping[str, Any]) -> dict[str, str]:
+    """Returns the name, the period and the sources; a document from elsewhere may have none."""
+    found = document.get("summary", {})
+    return {key: visible(found.get(key, "")) for key in ("name", "period", "sources")}
+
+
+def sections(document: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The sections that are shown: optional ones only where they have a row."""
+    return [
+        section
+        for section in layout()["section"]
+        if not section.get("optional") or rows_at(document, section["rows"])
+    ]
 
 
 def rows_at(document: Any, path: str) -> list[Row]:
@@ -58,11 +92,20 @@ def _is_nested(value: Any) -> bool:
     return isinstance(value, dict | list)
 
 
-def table(document: Mapping[str, Any], section: Mapping[str, Any]) -> list[list[str]]:
-    """The texts of the cells of a section's table."""
+def table(document: Mapping[str, Any], section: Mapping[str, Any]) -> dict[str, Any]:
+    """Titles, texts and alignment of a section's table; columns without any text are left out."""
     chosen = columns(document, section)
-    rows = rows_at(document, section["rows"])[: section.get("most", 500)]
-    return [[cell(document, column, row) for column in chosen] for row in rows]
+    found = rows_at(document, section["rows"])[: section.get("most", 500)]
+    texts = [[cell(document, column, row) for row in found] for column in chosen]
+    kept = [at for at, column in enumerate(chosen) if column["as"] == "plot" or any(texts[at])]
+    return {
+        "head": [chosen[at]["title"] for at in kept],
+        "rows": [[texts[at][number] for at in kept] for number in range(len(found))],
+        "right": [chosen[at]["as"] in _RIGHT for at in kept],
+    }
+
+
+_RIGHT = ("number", "int", "some", "ms", "seconds", "percent", "load", "share", "total")
 
 
 def columns(document: Mapping[str, Any], section: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -79,7 +122,7 @@ def cell(document: Mapping[str, Any], column: Mapping[str, Any], row: Row) -> st
     """The text of a cell; empty where there is no value.
 
     >>> cell({}, {"path": "time_us", "as": "ms"}, {"time_us": 12345.5})
-    '12.346'
+    '12.3'
     >>> cell({}, {"path": "a", "of": "b", "as": "share"}, {"a": 1, "b": 3})
     '33.3 %'
     """
@@ -94,7 +137,7 @@ def cell(document: Mapping[str, Any], column: Mapping[str, Any], row: Row) -> st
     match column["as"]:
         case "share":
             whole = _value(row, column["of"])
-            return _percent(value / whole) if whole else ""
+            return percent(value / whole) if whole else ""
         case "function":
             return visible(f"{value} {document['functions'].get(str(value), '')}".strip())
         case _:
@@ -129,26 +172,62 @@ def fixed(value: float, decimals: int, *, group: bool = True) -> str:
     return f"-{text}" if value < 0 and scaled else text
 
 
-def _percent(share: float) -> str:
-    """A share in per cent; 100 % is said of all only."""
-    return f"{fixed(min(share * 100, 99.9) if share < 1 else share * 100, 1)} %"
+def percent(share: float) -> str:
+    """A share in percent; 0 % and 100 % are shown for none and all only."""
+    if share in (0, 1):
+        return "100 %" if share else "0 %"
+    least, most = (0.1, 99.9) if 0 < share < 1 else (0.0, math.inf)
+    return f"{fixed(min(max(share * 100, least), most), 1)} %"
+
+
+def milliseconds(microseconds: float) -> str:
+    """Microseconds as milliseconds, with about three digits.
+
+    >>> [milliseconds(us) for us in (1, 150, 4694.56, 52_345, 59_752_048)]
+    ['0.001', '0.150', '4.69', '52.3', '59,752']
+    """
+    value = microseconds / 1000
+    return fixed(value, sum(value < limit for limit in (1, 10, 100)))
+
+
+_MOMENT = re.compile(r"(\d{4}-\d\d-\d\d)T(\d\d:\d\d:\d\d)(?:\.(\d+))?Z?")
+
+
+def moment(text: str) -> str:
+    """Writes a time as people do, to the millisecond; the zone is stated once, at the top.
+
+    >>> moment("2026-06-21T02:51:00.693962006Z"), moment("12.5 s")
+    ('2026-06-21 02:51:00.693', '12.5 s')
+    """
+    found = _MOMENT.fullmatch(text)
+    if found is None:
+        return visible(text)
+    return f"{found[1]} {found[2]}.{(found[3] or '').ljust(3, '0')[:3]}"
+
+
+def words(text: str) -> str:
+    """A name of the tables as words."""
+    return visible(text).replace("_", " ")
 
 
 def _counts_of(counts: Mapping[str, int]) -> str:
-    return ", ".join(f"{visible(key)} {fixed(count, 0)}" for key, count in counts.items() if count)
+    return ", ".join(f"{words(key)} {fixed(count, 0)}" for key, count in counts.items() if count)
 
 
 _WRITERS: dict[str, Callable[[Any], str]] = {
     "plot": lambda _: "",
     "int": lambda value: fixed(value, 0),
     "some": lambda value: fixed(value, 0) if value else "",
-    "ms": lambda value: fixed(value / 1000, 3),
+    "ms": milliseconds,
     "seconds": lambda value: fixed(value / 1e6, 1),
-    "percent": _percent,
+    "percent": percent,
     "counts": _counts_of,
     "total": lambda value: fixed(sum(value.values()), 0),
     "list": lambda value: visible(", ".join(map(str, value))),
+    "load": lambda value: percent(value) if value else "",
     "yes": lambda value: "yes" if value else "",
+    "words": words,
+    "time": lambda value: moment(str(value)),
 }
 """How a value is written that needs nothing but itself, by the word in the column's `as`."""
 
@@ -160,7 +239,7 @@ def diagnoses(document: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     for row in document["doctor"]["diagnoses"]:
         yield {
             "level": row["severity"] if row["severity"] in _SEVERITIES else "info",
-            "title": visible(f"{row['title'] or row['code']}"),
+            "title": _title(row),
             "code": visible(row["code"]),
             "facts": list(_facts(row, several=several)),
             "texts": [
@@ -172,6 +251,14 @@ def diagnoses(document: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         }
 
 
+def _title(row: Mapping[str, Any]) -> str:
+    """What is wrong, after the unit that it is about."""
+    title = visible(row["title"] or row["code"])
+    if row.get("unit") is None:
+        return title[:1].upper() + title[1:]
+    return f"Unit {row['unit']}: {title}"
+
+
 def _facts(row: Mapping[str, Any], *, several: bool) -> Iterator[list[str]]:
     if several:
         yield ["bus", plain(row["bus"])]
@@ -181,7 +268,9 @@ def _facts(row: Mapping[str, Any], *, several: bool) -> Iterator[list[str]]:
     yield ["seen in", f"{fixed(row['failed'], 0)} of {fixed(row['total'], 0)}"]
     for name in ("since", "until"):
         if row.get(name) is not None:
-            yield [name, plain(row[name])]
+            yield [name, moment(str(row[name]))]
+    if row.get("certainty", "diagnosed") != "diagnosed":
+        yield ["certainty", visible(row["certainty"])]
 
 
 def matrix(document: Mapping[str, Any], section: Mapping[str, Any]) -> dict[str, Any]:
@@ -196,7 +285,7 @@ def matrix(document: Mapping[str, Any], section: Mapping[str, Any]) -> dict[str,
     for bus, unit in units:
         name = f"{visible(bus)} {unit}".strip()
         body.append([name, *(_counts(counts.get((bus, unit, code))) for code in functions)])
-    return {"head": head, "rows": body}
+    return {"head": head, "rows": body, "right": [False] * len(head)}
 
 
 _FUNCTION = {"path": "function", "as": "function"}
@@ -214,26 +303,32 @@ def _counts(row: Mapping[str, Any] | None) -> str:
 
 
 def examples(document: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """The example transactions: title, findings, frames with their blocks as texts."""
+    """The example transactions: title, findings, frames with their blocks, whether it is printed.
+
+    Two of each of the first causes are; they come first.
+    """
     several = len(document["statistics"]["buses"]) > 1
-    for row in document["overview"]["examples"]:
+    urgent = document["doctor"]["diagnoses"][:URGENT]
+    named = {txn for row in urgent for txn in row["examples"][:_PRINTED]}
+    for row in sorted(document["overview"]["examples"], key=lambda row: row["txn"] not in named):
         function = cell(document, _FUNCTION, row)
-        words = [f"transaction {row['txn']}", f"unit {row['unit']}", f"function {function}"]
-        words.append(visible(row["status"]).replace("_", " "))
+        facts = [f"transaction {row['txn']}", f"unit {row['unit']}", f"function {function}"]
+        facts.append(words(row["status"]))
         if several:
-            words.insert(1, visible(row["bus"]))
+            facts.insert(1, visible(row["bus"]))
         for name, title in (("response_time_us", "answered after"), ("waited_us", "waited")):
             if row[name] is not None:
-                words.append(f"{title} {fixed(row[name] / 1000, 3)} ms")
+                facts.append(f"{title} {milliseconds(row[name])} ms")
         if row["time"] is not None:
-            words.append(visible(row["time"]))
+            facts.append(moment(row["time"]))
         frames = [
             {"title": visible(one["title"]), "rows": [_piece(piece) for piece in one["pieces"]]}
             for one in row.get("frames") or []
         ]
         yield {
             "txn": row["txn"],
-            "title": ", ".join(words),
+            "title": ", ".join(facts),
+            "named": row["txn"] in named,
             "findings": visible(", ".join(row["findings"])),
             "frames": frames,
         }

@@ -23,10 +23,16 @@ from analyzer.visible import visible
 __all__ = ["page", "viewer"]
 
 _STYLES = ("uPlot.min.css", "report.css")
-_SCRIPTS = ("uPlot.iife.min.js", "model.js", "render.js", "plots.js", "report.js")
-_URGENT = 3
-"""Diagnoses that are open; the others have to be opened."""
-
+_SCRIPTS = (
+    "uPlot.iife.min.js",
+    "model.js",
+    "render.js",
+    "buckets.js",
+    "charts.js",
+    "strips.js",
+    "sections.js",
+    "report.js",
+)
 _ICON = (
     "data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 16 16'%3E"
     "%3Cpath d='M1 8h3l2-5 3 10 2-5h4' fill='none' stroke='%232a78c8' stroke-width='2'/%3E"
@@ -36,8 +42,8 @@ _ICON = (
 
 def page(document: Mapping[str, Any]) -> bytes:
     """The report of a document (`document.complete`) as UTF-8."""
-    names = ", ".join(source["name"] for source in document["sources"]) or "Modbus"
-    return _whole(f"{names}: Modbus report", "".join(_body(document)), document)
+    name = model.summary(document)["name"]
+    return _whole(f"{name}: Modbus report", "".join(_body(document)), document)
 
 
 def viewer() -> bytes:
@@ -98,75 +104,85 @@ def _text(text: Any) -> str:
 
 
 def _body(document: Mapping[str, Any]) -> Iterator[str]:
-    """The sections: the verdict, the diagnoses, then those of the layout."""
-    names = ", ".join(source["name"] for source in document["sources"])
-    doctor = document["doctor"]
-    word = model.VERDICTS[doctor["verdict"]]
-    yield f'<header><h1>Modbus report</h1><p class="source">{_text(names)}</p>'
-    yield f'<p class="verdict {doctor["verdict"]}"><strong>{_text(word)}</strong> '
+    """The sections: name and verdict, the causes, those of the layout; then the appendix."""
+    top, doctor = model.summary(document), document["doctor"]
+    verdict = doctor["verdict"]
+    yield f'<header><h1>{escape(top["name"])}</h1><p class="period">{escape(top["period"])}</p>'
+    yield f'<p class="verdict {verdict}"><strong>{_text(model.VERDICTS[verdict])}</strong> '
     yield f"{_text(doctor['sentence'])}</p></header>\n"
-    yield from _diagnoses(document)
-    for section in model.layout()["section"]:
-        yield f'<section id="{section["id"]}"><h2>{section["title"]}</h2>'
-        if "text" in section:
-            yield f"<p>{_text(section['text'])}</p>"
-        if "plot" in section:
-            yield f'<div class="plot script-only" data-plot="{section["plot"]}"></div>'
-        yield from _content(document, section)
-        yield "</section>\n"
-
-
-def _diagnoses(document: Mapping[str, Any]) -> Iterator[str]:
-    cards = list(model.diagnoses(document))
-    yield '<section id="diagnoses"><h2>What to do first</h2>'
-    if not cards:
+    causes = list(model.diagnoses(document))
+    more = causes[model.URGENT :]
+    yield from _causes("diagnoses", "What to do first", causes[: model.URGENT], 1)
+    if not causes:
         yield '<p class="empty">No cause of trouble was found.</p>'
-    for number, card in enumerate(cards, 1):
-        is_open = " open" if number <= _URGENT else ""
-        yield f'<details class="card {card["level"]}"{is_open}>'
-        yield f'<summary><span class="level">{card["level"]}</span> '
-        yield f"<strong>{number}. {escape(card['title'])}</strong> "
-        yield f"<code>{escape(card['code'])}</code></summary>"
-        facts = "".join(
-            f"<div><dt>{name}</dt><dd>{escape(to)}</dd></div>" for name, to in card["facts"]
+    elif more:
+        yield f'<p class="more"><a href="#more-causes">{len(more)} more in the appendix</a></p>'
+    yield f'</section>\n<p class="basis">Based on {escape(top["sources"])}.</p>\n'
+    for section in model.sections(document):
+        if section.get("appendix"):
+            yield '<h2 class="part">Appendix</h2>\n'
+            if more:
+                yield from _causes("more-causes", "More causes", more, model.URGENT + 1)
+                yield "</section>\n"
+        yield from _section(document, section)
+
+
+def _section(document: Mapping[str, Any], section: Mapping[str, Any]) -> Iterator[str]:
+    has_rows = bool(model.rows_at(document, section["rows"]))
+    yield f'<section id="{section["id"]}"><h2>{section["title"]}</h2>'
+    if has_rows and "text" in section:
+        yield f"<p>{_text(section['text'])}</p>"
+    if has_rows and "hint" in section:
+        yield f'<p class="hint script-only">{_text(section["hint"])}</p>'
+    if "draw" in section or "plots" in section:
+        yield f'<div class="plot script-only" data-plot="{section["id"]}"></div>'
+    if has_rows and "legend" in section:
+        marks = (
+            f'<span><i class="swatch {colour}"></i>{_text(meaning)}</span>'
+            for colour, meaning in section["legend"]
         )
-        yield f"<dl>{facts}</dl>"
-        for name, text in card["texts"]:
-            head = f"<strong>{name}:</strong> " if name else ""
-            yield f"<p>{head}{escape(text)}</p>"
+        yield f'<p class="legend script-only">{"".join(marks)}</p>'
+    if has_rows:
+        yield from _content(document, section)
+    else:
+        yield f'<p class="empty">{section["empty"]}</p>'
+    yield "</section>\n"
+
+
+def _causes(name: str, title: str, cards: Sequence[Mapping[str, Any]], first: int) -> Iterator[str]:
+    yield f'<section id="{name}"><h2>{title}</h2>'
+    for number, card in enumerate(cards, first):
+        level = card["level"]
+        yield f'<article class="card {level}"><h3><span class="level">{level}</span> '
+        yield f"{number}. {escape(card['title'])} <code>{escape(card['code'])}</code></h3>"
+        for head, text in card["texts"]:
+            mark = f"<strong>{head}:</strong> " if head else ""
+            yield f"<p>{mark}{escape(text)}</p>"
+        facts = "".join(
+            f"<div><dt>{fact}</dt><dd>{escape(to)}</dd></div>" for fact, to in card["facts"]
+        )
         links = ", ".join(f'<a href="#txn-{txn}">{txn}</a>' for txn in card["examples"])
         if links:
-            yield f"<p>Example transactions: {links}</p>"
-        yield "</details>"
-    yield "</section>\n"
+            facts += f"<div><dt>example transactions</dt><dd>{links}</dd></div>"
+        yield f"<dl>{facts}</dl></article>"
 
 
 def _content(document: Mapping[str, Any], section: Mapping[str, Any]) -> Iterator[str]:
     if section.get("examples"):
-        yield from _examples(document, section)
+        yield from _examples(document)
         return
     if "matrix" in section:
-        found = model.matrix(document, section)
-        head, rows = found["head"], found["rows"]
-        right = [False] * len(head)
-    else:
-        columns = model.columns(document, section)
-        head, rows = [column["title"] for column in columns], model.table(document, section)
-        right = [column["as"] in _RIGHT for column in columns]
-    if not rows:
-        yield f'<p class="empty">{section["empty"]}</p>'
+        yield from _table(section["title"], **model.matrix(document, section))
         return
-    yield from _table(section["title"], head, right, rows)
-    total = len(model.rows_at(document, section["rows"]))
-    if "matrix" not in section and total > len(rows):
-        yield f'<p class="more">{total - len(rows):,} more are in the document.</p>'
-
-
-_RIGHT = ("number", "int", "some", "ms", "seconds", "percent", "share", "total")
+    found = model.table(document, section)
+    yield from _table(section["title"], **found)
+    more = len(model.rows_at(document, section["rows"])) - len(found["rows"])
+    if more > 0:
+        yield f'<p class="more">{more:,} more are in the document.</p>'
 
 
 def _table(
-    title: str, head: Sequence[str], right: Sequence[bool], rows: Sequence[Sequence[str]]
+    title: str, *, head: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[bool]
 ) -> Iterator[str]:
     yield f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(title)}">'
     yield "<table><thead><tr>"
@@ -181,12 +197,10 @@ def _table(
     yield "</tbody></table></div>"
 
 
-def _examples(document: Mapping[str, Any], section: Mapping[str, Any]) -> Iterator[str]:
-    found = list(model.examples(document))
-    if not found:
-        yield f'<p class="empty">{section["empty"]}</p>'
-    for one in found:
-        yield f'<details class="example" id="txn-{one["txn"]}">'
+def _examples(document: Mapping[str, Any]) -> Iterator[str]:
+    for one in model.examples(document):
+        kind = "example named" if one["named"] else "example"
+        yield f'<details class="{kind}" id="txn-{one["txn"]}">'
         yield f"<summary>{escape(one['title'])}</summary>"
         if one["findings"]:
             yield f"<p>{escape(one['findings'])}</p>"

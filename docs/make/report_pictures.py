@@ -12,7 +12,7 @@ from tests.support.browser import running
 
 ROOT = Path(__file__).parents[2]
 RECORDING = "captures/pymodbus_disturbed/recording.jsonl"
-LOOKS = ((1280, "light", ""), (1280, "dark", ""), (390, "light", ""), (1280, "light", "print"))
+LOOKS = ((1280, "light", ""), (1280, "dark", ""), (390, "light", ""), (703, "light", "print"))
 HEIGHT = 1500
 SECONDS_TO_DRAW = 0.5
 
@@ -21,13 +21,22 @@ def main() -> None:
     """Write a picture of each look."""
     with tempfile.TemporaryDirectory() as folder, running(Path(folder)) as browser:
         page = Path(folder) / "report.html"
-        words = ["report", RECORDING, "--line", "19200-8E1", "-o", str(page)]
+        words = [
+            "report",
+            RECORDING,
+            "--line",
+            "19200-8E1",
+            "--title",
+            "Pump station",
+            "-o",
+            str(page),
+        ]
         subprocess.run([sys.executable, "-m", "analyzer", *words], cwd=ROOT, check=True)
         for width, scheme, media in LOOKS:
             browser.shape(width, HEIGHT, scheme=scheme, media=media)
             browser.open(page)
             time.sleep(SECONDS_TO_DRAW)
-            name = f"report-{width}-{media or scheme}.png"
+            name = f"report-{media}.png" if media else f"report-{width}-{scheme}.png"
             browser.picture(ROOT / "docs" / "pictures" / name)
 
 

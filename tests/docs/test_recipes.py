@@ -119,6 +119,12 @@ def test_a_diagnosis_is_named_in_ordinary_traffic(tree: Path) -> None:
         assert name in out
 
 
+def test_a_plot_is_in_the_report(built: Path) -> None:
+    """It is drawn from ordinary traffic, with the sum of its series in the legend."""
+    words = ["pytest", "-q", "-p", "no:cacheprovider", "tests/analyzer/report/test_browser.py"]
+    assert "1 passed" in run([sys.executable, "-m", *words, "-k", "each_plot and heard"], built)
+
+
 def test_a_column_is_in_every_export(built: Path) -> None:
     """The new column is in every export, and can be used in filters."""
     words = ["decode", "captures/seed_rtu/recording.hex", "--table", "frames", "--to", "wiki"]

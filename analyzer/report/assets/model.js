@@ -4,6 +4,7 @@ const Model = (() => {
   const ESCAPED = /[\u0000-\u001f\u007f-\u009f\u00ad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]|[\u{e0000}-\u{e007f}]/gu;
   const SHORT = { "\t": "\\t", "\n": "\\n", "\r": "\\r" };
   const VERDICTS = { healthy: "healthy", trouble: "trouble", broken: "broken", unknown: "not enough to judge" };
+  const URGENT = 3, PRINTED = 2;
   const SEVERITIES = ["error", "warning", "info"];
   const FAILED = ["no_response", "bad_request", "bad_response"];
 
@@ -29,8 +30,28 @@ const Model = (() => {
     return BigInt(value).toString();
   }
 
-  // 100 % is said of all only.
-  const percent = (share) => fixed(share < 1 ? Math.min(share * 100, 99.9) : share * 100, 1) + " %";
+  // 0 % and 100 % are shown for none and all only.
+  function percent(share) {
+    if (share === 0 || share === 1) return share ? "100 %" : "0 %";
+    const [least, most] = share > 0 && share < 1 ? [0.1, 99.9] : [0, Infinity];
+    return fixed(Math.min(Math.max(share * 100, least), most), 1) + " %";
+  }
+
+  function milliseconds(us) {
+    const value = us / 1000;
+    return fixed(value, [1, 10, 100].filter((limit) => value < limit).length);
+  }
+
+  function moment(text) {
+    const found = /^(\d{4}-\d\d-\d\d)T(\d\d:\d\d:\d\d)(?:\.(\d+))?Z?$/.exec(text);
+    return found ? `${found[1]} ${found[2]}.${(found[3] || "").padEnd(3, "0").slice(0, 3)}` : visible(text);
+  }
+
+  const words = (text) => visible(text).replaceAll("_", " ");
+
+  const summary = (document) => Object.fromEntries(["name", "period", "sources"].map((key) => [key, visible(document.summary?.[key] || "")]));
+
+  const sections = (document, layout) => layout.section.filter((one) => !one.optional || rowsAt(document, one.rows).length);
 
   const isNested = (value) => typeof value === "object" && value !== null;
 
@@ -67,27 +88,41 @@ const Model = (() => {
       case "plot": return "";
       case "int": return fixed(value, 0);
       case "some": return value ? fixed(value, 0) : "";
-      case "ms": return fixed(value / 1000, 3);
+      case "ms": return milliseconds(value);
       case "seconds": return fixed(value / 1e6, 1);
       case "percent": return percent(value);
+      case "load": return value ? percent(value) : "";
       case "share": {
         const whole = valueAt(row, column.of);
         return whole ? percent(value / whole) : "";
       }
       case "counts": return Object.entries(value).filter(([, count]) => count)
-        .map(([key, count]) => `${visible(key)} ${fixed(count, 0)}`).join(", ");
+        .map(([key, count]) => `${words(key)} ${fixed(count, 0)}`).join(", ");
       case "total": return fixed(Object.values(value).reduce((sum, one) => sum + one, 0), 0);
       case "list": return visible(value.join(", "));
       case "function": return visible(`${value} ${document.functions[value] || ""}`.trim());
       case "yes": return value ? "yes" : "";
+      case "words": return words(value);
+      case "time": return moment(String(value));
       default: return plain(value);
     }
   }
 
+  const RIGHT = ["number", "int", "some", "ms", "seconds", "percent", "load", "share", "total"];
+
   function table(document, section) {
-    const chosen = columns(document, section);
-    const rows = rowsAt(document, section.rows).slice(0, section.most || 500);
-    return rows.map((row) => chosen.map((column) => cell(document, column, row)));
+    const chosen = columns(document, section), found = rowsAt(document, section.rows).slice(0, section.most || 500);
+    const texts = chosen.map((column) => found.map((row) => cell(document, column, row)));
+    const kept = chosen.map((_, at) => at).filter((at) => chosen[at].as === "plot" || texts[at].some(Boolean));
+    return {
+      head: kept.map((at) => chosen[at].title), rows: found.map((_, number) => kept.map((at) => texts[at][number])),
+      right: kept.map((at) => RIGHT.includes(chosen[at].as)),
+    };
+  }
+
+  function titleOf(row) {
+    const title = visible(row.title || row.code);
+    return row.unit === null || row.unit === undefined ? title.slice(0, 1).toUpperCase() + title.slice(1) : `Unit ${row.unit}: ${title}`;
   }
 
   function diagnoses(document) {
@@ -98,9 +133,10 @@ const Model = (() => {
         if (row[name] !== null && row[name] !== undefined) facts.push([name, plain(row[name])]);
       facts.push(["seen in", `${fixed(row.failed, 0)} of ${fixed(row.total, 0)}`]);
       for (const name of ["since", "until"])
-        if (row[name] !== null && row[name] !== undefined) facts.push([name, plain(row[name])]);
+        if (row[name] !== null && row[name] !== undefined) facts.push([name, moment(String(row[name]))]);
+      if ((row.certainty ?? "diagnosed") !== "diagnosed") facts.push(["certainty", visible(row.certainty)]);
       return {
-        level: SEVERITIES.includes(row.severity) ? row.severity : "info", title: visible(row.title || row.code), code: visible(row.code), facts,
+        level: SEVERITIES.includes(row.severity) ? row.severity : "info", title: titleOf(row), code: visible(row.code), facts,
         texts: [["", visible([row.sentence, row.evidence].filter(Boolean).join(" "))], ["Check", visible(row.advice)], ["Proof", visible(row.proof)]],
         examples: row.examples.filter((number) => known.has(number)),
       };
@@ -129,27 +165,30 @@ const Model = (() => {
       head: ["unit", ...functions.map(named)],
       rows: [...units.values()].map(([name, unit]) => [`${visible(name)} ${unit}`.trim(),
         ...functions.map((code) => counts(found.get(JSON.stringify([name, unit, code]))))]),
+      right: [],
     };
   }
 
   function examples(document) {
-    return document.overview.examples.map((row) => {
-      const words = [`transaction ${row.txn}`];
-      if (several(document)) words.push(visible(row.bus));
-      words.push(`unit ${row.unit}`, "function " + cell(document, { path: "function", as: "function" }, row));
-      words.push(visible(row.status).replaceAll("_", " "));
+    const named = new Set(document.doctor.diagnoses.slice(0, URGENT).flatMap((row) => row.examples.slice(0, PRINTED)));
+    const last = (row) => (named.has(row.txn) ? 0 : 1);
+    return [...document.overview.examples].sort((one, other) => last(one) - last(other)).map((row) => {
+      const facts = [`transaction ${row.txn}`];
+      if (several(document)) facts.push(visible(row.bus));
+      facts.push(`unit ${row.unit}`, "function " + cell(document, { path: "function", as: "function" }, row));
+      facts.push(words(row.status));
       for (const [name, title] of [["response_time_us", "answered after"], ["waited_us", "waited"]])
-        if (row[name] !== null) words.push(`${title} ${fixed(row[name] / 1000, 3)} ms`);
-      if (row.time !== null) words.push(visible(row.time));
+        if (row[name] !== null) facts.push(`${title} ${milliseconds(row[name])} ms`);
+      if (row.time !== null) facts.push(moment(row.time));
       const frames = (row.frames || []).map((one) => ({
         title: visible(one.title),
         rows: one.pieces.map(([offset, data, name, value, meaning, isValid]) => ({
           cells: [String(offset), visible(data), visible(name), visible(value), visible(meaning || "")], wrong: !isValid,
         })),
       }));
-      return { txn: row.txn, title: words.join(", "), findings: visible(row.findings.join(", ")), frames };
+      return { txn: row.txn, title: facts.join(", "), named: named.has(row.txn), findings: visible(row.findings.join(", ")), frames };
     });
   }
 
-  return { VERDICTS, visible, fixed, plain, rowsAt, columns, table, diagnoses, matrix, examples };
+  return { URGENT, VERDICTS, visible, fixed, milliseconds, percent, summary, sections, rowsAt, table, diagnoses, matrix, examples };
 })();

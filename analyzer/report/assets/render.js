@@ -1,8 +1,6 @@
 // The model as elements: what page.py writes as HTML. Text goes in as text only.
 const Render = (() => {
-  const RIGHT = ["number", "int", "some", "ms", "seconds", "percent", "share", "total"];
   const PIECES = ["offset", "bytes", "field", "value", "meaning"];
-  const URGENT = 3;
 
   function el(name, attributes, ...children) {
     const made = document.createElement(name);
@@ -12,58 +10,61 @@ const Render = (() => {
   }
 
   function body(data, layout) {
-    const names = data.sources.map((source) => source.name).join(", ");
+    const URGENT = Model.URGENT, top = Model.summary(data), found = Model.diagnoses(data), first = found.slice(0, URGENT), rest = found.slice(URGENT);
     const verdict = el("p", { class: `verdict ${data.doctor.verdict in Model.VERDICTS ? data.doctor.verdict : "unknown"}` },
       el("strong", {}, Model.VERDICTS[data.doctor.verdict] || "unknown"), " " + Model.visible(data.doctor.sentence));
-    const header = el("header", {}, el("h1", {}, "Modbus report"), el("p", { class: "source" }, Model.visible(names)), verdict);
-    return [header, diagnoses(data), ...layout.section.map((one) => section(data, one))];
+    const header = el("header", {}, el("h1", {}, top.name), el("p", { class: "period" }, top.period), verdict);
+    const now = causes("diagnoses", "What to do first", first, 1), parts = [header, now];
+    if (!found.length) now.append(el("p", { class: "empty" }, "No cause of trouble was found."));
+    if (rest.length) now.append(el("p", { class: "more" }, el("a", { href: "#more-causes" }, `${rest.length} more in the appendix`)));
+    parts.push(el("p", { class: "basis" }, `Based on ${top.sources}.`));
+    for (const one of Model.sections(data, layout)) {
+      if (one.appendix) {
+        parts.push(el("h2", { class: "part" }, "Appendix"));
+        if (rest.length) parts.push(causes("more-causes", "More causes", rest, URGENT + 1));
+      }
+      parts.push(section(data, one));
+    }
+    return parts;
   }
 
-  function diagnoses(data) {
-    const made = el("section", { id: "diagnoses" }, el("h2", {}, "What to do first"));
-    const cards = Model.diagnoses(data);
-    if (!cards.length) made.append(el("p", { class: "empty" }, "No cause of trouble was found."));
+  function causes(name, title, cards, first) {
+    const made = el("section", { id: name }, el("h2", {}, title));
     cards.forEach((card, at) => {
-      const details = el("details", { class: `card ${card.level}` });
-      details.open = at < URGENT;
-      details.append(el("summary", {}, el("span", { class: "level" }, card.level), " ",
-        el("strong", {}, `${at + 1}. ${card.title}`), " ", el("code", {}, card.code)));
-      details.append(el("dl", {}, ...card.facts.map(([name, to]) => el("div", {}, el("dt", {}, name), el("dd", {}, to)))));
-      for (const [name, text] of card.texts)
-        details.append(name ? el("p", {}, el("strong", {}, name + ":"), " " + text) : el("p", {}, text));
+      const article = el("article", { class: `card ${card.level}` }, el("h3", {}, el("span", { class: "level" }, card.level), " ",
+        `${first + at}. ${card.title} `, el("code", {}, card.code)));
+      for (const [head, text] of card.texts)
+        article.append(head ? el("p", {}, el("strong", {}, head + ":"), " " + text) : el("p", {}, text));
+      const facts = card.facts.map(([fact, to]) => el("div", {}, el("dt", {}, fact), el("dd", {}, to)));
       if (card.examples.length) {
-        const links = el("p", {}, "Example transactions: ");
+        const links = el("dd", {});
         card.examples.forEach((txn, number) => links.append(number ? ", " : "", el("a", { href: `#txn-${txn}` }, String(txn))));
-        details.append(links);
+        facts.push(el("div", {}, el("dt", {}, "example transactions"), links));
       }
-      made.append(details);
+      article.append(el("dl", {}, ...facts));
+      made.append(article);
     });
     return made;
   }
 
   function section(data, one) {
-    const made = el("section", { id: one.id }, el("h2", {}, one.title));
-    if (one.text) made.append(el("p", {}, one.text));
-    if (one.plot) made.append(el("div", { class: "plot script-only", "data-plot": one.plot }));
-    if (one.examples) {
-      const found = Model.examples(data);
-      made.append(...(found.length ? found.map(example) : [el("p", { class: "empty" }, one.empty)]));
-      return made;
+    const made = el("section", { id: one.id }, el("h2", {}, one.title)), count = Model.rowsAt(data, one.rows).length;
+    if (count && one.text) made.append(el("p", {}, one.text));
+    if (count && one.hint) made.append(el("p", { class: "hint script-only" }, one.hint));
+    if (one.draw || one.plots) made.append(el("div", { class: "plot script-only", "data-plot": one.id }));
+    if (count && one.legend) made.append(el("p", { class: "legend script-only" },
+      ...one.legend.map(([colour, meaning]) => el("span", {}, el("i", { class: `swatch ${colour}` }), meaning))));
+    if (!count) made.append(el("p", { class: "empty" }, one.empty));
+    else if (one.examples) made.append(...Model.examples(data).map(example));
+    else {
+      const found = one.matrix ? Model.matrix(data, one) : Model.table(data, one), more = one.matrix ? 0 : count - found.rows.length;
+      made.append(table(one.title, found));
+      if (more > 0) made.append(el("p", { class: "more" }, `${Model.fixed(more, 0)} more are in the document.`));
     }
-    const columns = one.matrix ? [] : Model.columns(data, one);
-    const found = one.matrix ? Model.matrix(data, one)
-      : { head: columns.map((column) => column.title), rows: Model.table(data, one) };
-    if (!found.rows.length) {
-      made.append(el("p", { class: "empty" }, one.empty));
-      return made;
-    }
-    made.append(table(one.title, found, columns.map((column) => RIGHT.includes(column.as))));
-    const more = one.matrix ? 0 : Model.rowsAt(data, one.rows).length - found.rows.length;
-    if (more > 0) made.append(el("p", { class: "more" }, `${Model.fixed(more, 0)} more are in the document.`));
     return made;
   }
 
-  function table(title, { head, rows }, right) {
+  function table(title, { head, rows, right }) {
     const names = el("tr", {}, ...head.map((name) => el("th", { scope: "col" }, name)));
     const cells = (row) => row.map((text, at) => el("td", right[at] ? { class: "n" } : {}, text));
     const all = el("table", {}, el("thead", {}, names), el("tbody", {}, ...rows.map((row) => el("tr", {}, ...cells(row)))));
@@ -71,7 +72,7 @@ const Render = (() => {
   }
 
   function example(one) {
-    const made = el("details", { class: "example", id: `txn-${one.txn}` }, el("summary", {}, one.title));
+    const made = el("details", { class: one.named ? "example named" : "example", id: `txn-${one.txn}` }, el("summary", {}, one.title));
     if (one.findings) made.append(el("p", {}, one.findings));
     for (const frame of one.frames) {
       const head = el("tr", {}, ...PIECES.map((name) => el("th", { scope: "col" }, name)));

@@ -14,7 +14,7 @@ const Report = (() => {
   }
 
   function draw(data) {
-    Plots.all(data);
+    Plots.all(data, layout);
     for (const section of layout.section) if (section.filter) addFilter(section);
     openTarget();
     document.documentElement.dataset.state = "drawn";
@@ -39,10 +39,11 @@ const Report = (() => {
 
   // A filter above a table: NAME=VALUE has to be in the column of that name, the words between somewhere in the row.
   function addFilter({ id, title, examples }) {
-    const section = document.getElementById(id), table = section.querySelector(":scope > .scroll > table");
+    const section = document.getElementById(id), table = section?.querySelector(":scope > .scroll > table");
+    if (!section) return;
     const rows = examples ? [...section.querySelectorAll(".example")] : table ? [...table.tBodies[0].rows] : [];
     section.querySelector(":scope > .filter")?.remove();
-    if (rows.length < MOST_AT_A_GLANCE) return;
+    if (rows.length <= MOST_AT_A_GLANCE) return;
     const names = examples ? [] : [...table.tHead.rows[0].cells].map((one) => one.textContent.toLowerCase());
     const name = names.includes("unit") || examples ? "unit" : names[0];
     const input = Render.el("input", { type: "search", id: `filter-${id}`, autocomplete: "off", placeholder: `words, or ${name}=…` });
@@ -90,11 +91,17 @@ const Report = (() => {
     drop();
     window.addEventListener("hashchange", openTarget);
     let waiting = 0;
-    window.addEventListener("resize", () => { clearTimeout(waiting); waiting = setTimeout(Plots.resize, 100); });
-    for (const query of ["(prefers-color-scheme: dark)", "print"]) matchMedia(query).addEventListener("change", Plots.redraw);
-    window.addEventListener("beforeprint", () => {
-      for (const one of document.querySelectorAll(".card")) one.open = true;
-    });
+    window.addEventListener("resize", () => { clearTimeout(waiting); waiting = setTimeout(() => Plots.resize(matchMedia("print").matches), 100); });
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", Plots.redraw);
+    // On paper: the width of a page, and the transactions that a cause names with their bytes. Before the event only the
+    // page's own width is known; after it only the colours of paper.
+    const paper = (isPaper) => {
+      for (const one of document.querySelectorAll(".example.named")) one.open = isPaper;
+      Plots.resize(isPaper);
+    };
+    window.addEventListener("beforeprint", () => paper(true));
+    window.addEventListener("afterprint", () => paper(false));
+    matchMedia("print").addEventListener("change", ({ matches }) => paper(matches));
     // Parsed when the page has been painted.
     requestAnimationFrame(() => setTimeout(async () => {
       try {

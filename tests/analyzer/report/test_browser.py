@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 import json
+import re
+import struct
+import subprocess
 import tomllib
 from collections.abc import Iterator
 from importlib import resources
@@ -11,8 +15,10 @@ from typing import Any
 
 import pytest
 
+from analyzer.report.model import layout
 from analyzer.report.page import page, viewer
-from tests.conftest import CAPTURES, Modlens, without
+from tests.conftest import CAPTURES, Modlens, need_program, without
+from tests.doctor.frames import rtu
 from tests.support.browser import Browser, running
 
 NAMES = sorted(path.parent.name for path in CAPTURES.glob("*/about.toml"))
@@ -20,6 +26,9 @@ NAMES = sorted(path.parent.name for path in CAPTURES.glob("*/about.toml"))
 TEXT = "return document.getElementById('report').innerText"
 
 WORDS = "return document.getElementById('report').textContent.replaceAll('\\n', '')"
+
+PCAP = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
+"""A capture without a packet."""
 
 IS_BLANK = """
 return [...document.querySelectorAll('canvas')].filter((canvas) => {
@@ -176,7 +185,7 @@ def test_strips_show_a_unit_over_time(opened: Browser) -> None:
         ".map((one) => one.getAttribute('aria-label'))"
     )
     assert labels[0] == "unit 1: answered share over time"
-    assert labels[1].startswith("unit 1: 95 % of the responses take up to 4.")
+    assert labels[1].startswith("unit 1: 95 % of the responses take up to ")
     assert labels[1].endswith(" ms, the timeout is 302.0 ms")
 
 
@@ -204,6 +213,191 @@ def test_the_viewer_shows_what_the_page_says(
     browser.wait("document.documentElement.dataset.state === 'drawn'")
     assert browser.run(WORDS) == text
     assert browser.log("browser") == []
+
+
+def test_the_name_and_period_come_first(browser: Browser, modlens: Modlens, tmp_path: Path) -> None:
+    """No file is named in the title or above the verdict; the zone is stated once, in one place."""
+    target = tmp_path / "report.html"
+    done = modlens("report", *words_of("pymodbus_disturbed"), "--title", "Pumps", "-o", target)
+    assert done.status == 0, done.err
+    browser.open(target)
+    assert browser.run("return document.title") == "Pumps: Modbus report"
+    name, period, verdict, *rest = browser.run(TEXT).replace("\n\n", "\n").splitlines()
+    time = r"\d\d:\d\d:\d\d\.\d{3}"
+    wanted = rf"2026-\d\d-\d\d {time} to {time} \(5\.1 s\)\. All times are UTC\."
+    assert re.fullmatch(wanted, period)
+    assert name == "Pumps"
+    assert verdict.startswith("Trouble")
+    text = "\n".join(rest)
+    assert "Based on 1 recording, 5.1 s, 19200-8E1, 98.4 % of the bytes are in frames." in text
+    assert text.index("recording.jsonl") > text.index("Appendix") > text.index("Timeline")
+    assert not re.search(r"\d\dT\d\d:|\d\.\d+Z", text)
+
+
+def test_the_name_is_that_of_the_bus_file(modlens: Modlens, tmp_path: Path) -> None:
+    """Without `--title`; without a bus file it is what the names of the files have in common."""
+    plant = tmp_path / "plant.toml"
+    plant.write_text('plant = 1\n[[bus]]\nname = "Boiler house"\nline = "19200-8E1"\n')
+    source = str(CAPTURES / "pymodbus_disturbed" / "recording.jsonl")
+    done = modlens("stats", source, "--bus", plant, "--to", "json")
+    assert json.loads(done.out)["summary"]["name"] == "Boiler house"
+    for day in ("monday-1", "monday-2"):
+        (tmp_path / f"{day}.jsonl").write_bytes(Path(source).read_bytes())
+    done = modlens(
+        "stats", *(str(tmp_path / f"monday-{day}.jsonl") for day in (1, 2)), "--to", "json"
+    )
+    summary = json.loads(done.out)["summary"]
+    assert summary["name"] == "monday"
+    assert summary["sources"].startswith("2 recordings, 10.2 s, ")
+
+
+@pytest.mark.parametrize("name", ["pymodbus_disturbed", "pymodbus_plant", "pymodbus_types"])
+def test_no_bucket_is_shorter_than_a_poll_cycle(
+    name: str, browser: Browser, modlens: Modlens, tmp_path: Path
+) -> None:
+    """The joined buckets hold the same counts, and begin at multiples of their width."""
+    document = document_of(modlens, name)
+    target = tmp_path / "report.html"
+    target.write_bytes(page(document))
+    browser.open(target)
+    for bus, counts in zip(
+        document["overview"]["buses"], document["statistics"]["buses"], strict=True
+    ):
+        steps, values, silence = browser.run(
+            "const [data, bus] = arguments;"
+            "const steps = Buckets.joined(bus.line, Buckets.least(data, bus));"
+            "return [steps, Buckets.join(bus.line.frames, steps, 'sum'),"
+            " bus.line.silence_us && Buckets.join(bus.line.silence_us, steps, 'max')]",
+            document,
+            bus,
+        )
+        assert steps["step"] >= counts["cycle"]["p50_us"]
+        assert steps["start"] / steps["step"] == pytest.approx(
+            round(steps["start"] / steps["step"]), abs=1e-3
+        )
+        assert steps["start"] <= bus["line"]["start"]
+        assert len(values) == steps["count"]
+        assert sum(values) == sum(bus["line"]["frames"])
+        if silence:
+            assert max(silence) == max(bus["line"]["silence_us"])
+
+
+def test_a_legend_has_values_at_rest(opened: Browser) -> None:
+    """The figures of a whole plot stand below it while the pointer is elsewhere."""
+    legends = opened.run(
+        "return [...document.querySelectorAll('#timeline .u-legend')].map((one) => one.innerText)"
+    )
+    assert any("11 in all" in one for one in legends)
+    assert not any(re.search(r":\s*$", line) for one in legends for line in one.splitlines())
+
+
+PLOTS = [
+    (section["id"], plot) for section in layout()["section"] for plot in section.get("plots", [])
+]
+
+
+@pytest.mark.parametrize(("section", "plot"), PLOTS, ids=[plot["title"] for _, plot in PLOTS])
+def test_each_plot_of_the_layout_is_drawn(
+    section: str, plot: dict[str, Any], browser: Browser, modlens: Modlens, tmp_path: Path
+) -> None:
+    """Of ordinary traffic: the sum of each count is in the legend, or its sentence is shown."""
+    source, target = tmp_path / "bus.jsonl", tmp_path / "report.html"
+    source.write_text("".join(ordinary_traffic(30)))
+    options = [] if plot.get("only_without") else ["--line", "19200-8N1"]
+    document = json.loads(modlens("stats", source, *options, "--to", "json").out)
+    target.write_bytes(page(document))
+    browser.open(target)
+    shown = browser.run(
+        "const head = [...document.querySelectorAll(`#${arguments[0]} h3`)]"
+        ".find((one) => one.textContent === arguments[1]);"
+        "return head && (head.parentElement.getAttribute('role') === 'group'"
+        " ? head.parentElement : head.nextElementSibling).innerText",
+        section,
+        plot["title"],
+    )
+    (bus,) = document["overview"]["buses"]
+    for series in plot["series"]:
+        if series["as"] == "count":
+            count = sum(bus["line"][series["path"]])
+            assert (f"{count:,} in all" if count else plot["empty"]) in shown
+        else:
+            assert re.search(rf"{series['name']}:?\s*[\d.,]+( to [\d.,]+)?\s", shown)
+
+
+def ordinary_traffic(count: int) -> Iterator[str]:
+    """Requests for two registers and their responses, ten a second."""
+    for number in range(count):
+        request, response = (
+            rtu(1, b"\x03\0\x10\0\x02"),
+            rtu(1, b"\x03\x04\0\x05" + bytes((0, number))),
+        )
+        for delay_s, frame in ((0.0, request), (0.03, response)):
+            line = {"t": round(1.8e9 + number / 10 + delay_s, 6), "hex": frame.hex()}
+            yield json.dumps(line) + "\n"
+
+
+def test_two_pages_for_a_manager_and_an_appendix(opened: Browser) -> None:
+    """Printed: the appendix begins on the third page at the latest; nothing is folded or blank."""
+    opened.shape(1280, media="print")
+    opened.run("window.dispatchEvent(new Event('beforeprint'))")
+    shown = "[...document.querySelectorAll('details')].filter((one) => one.checkVisibility())"
+    assert opened.run(f"return {shown}.filter((one) => !one.open).length") == 0
+    printed = opened.run("return document.querySelectorAll('.example.named').length")
+    assert opened.run(f"return {shown}.length") == printed > 0
+    found = opened.command("Page.printToPDF", preferCSSPageSize=True, printBackground=True)
+    pages = pages_of(base64.b64decode(found["data"]))
+    opened.shape(1280)
+    opened.run("window.dispatchEvent(new Event('afterprint'))")
+    appendix = next(number for number, text in enumerate(pages, 1) if "Appendix" in text)
+    assert appendix <= 3
+    for word in ("What to do first", "Units", "Timeline", "longest silence"):
+        assert any(word in text for text in pages[: appendix - 1])
+    assert all(len(text.split()) > 8 for text in pages)
+
+
+def pages_of(data: bytes) -> list[str]:
+    """The text of each page of a PDF, by pdftotext."""
+    need_program("pdftotext")
+    done = subprocess.run(
+        ["pdftotext", "-layout", "-", "-"], input=data, capture_output=True, check=True
+    )
+    return done.stdout.decode().split("\f")[:-1]
+
+
+NOISE = "".join(
+    json.dumps({"t": 1.8e9 + at, "hex": f"{at * 40503 % 2**64:016x}"}) + "\n" for at in range(300)
+)
+
+LITTLE = {
+    "noise.jsonl": (
+        NOISE.encode(),
+        ["Cannot be judged", "No unit was asked"],
+    ),
+    "quiet.pcap": (PCAP, ["Not Enough To Judge", "Nothing was recorded", "Without times"]),
+    "three.hex": (
+        b"010300000001840a\n0103020007f986\n" * 3,
+        ["3 requests are too few", "Without times", "No request failed"],
+    ),
+}
+"""Noise, a capture without packets, three transactions: what the page says of them."""
+
+
+@pytest.mark.parametrize("name", LITTLE)
+def test_little_or_nothing_was_recorded(
+    name: str, browser: Browser, modlens: Modlens, tmp_path: Path
+) -> None:
+    """It is told, and there are no tables of nothing."""
+    source, target = tmp_path / name, tmp_path / "report.html"
+    source.write_bytes(LITTLE[name][0])
+    done = modlens("report", source, "--mode", "rtu", "-o", target)
+    assert done.status == 0, done.err
+    browser.open(target)
+    text = browser.run(TEXT)
+    for word in LITTLE[name][1]:
+        assert word in text
+    assert browser.log("browser") == []
+    counts = "return [...document.querySelectorAll('tbody')].map((one) => one.rows.length)"
+    assert all(browser.run(counts))
 
 
 def test_what_is_no_document_is_refused(opened: Browser, modlens: Modlens, tmp_path: Path) -> None:
