@@ -36,12 +36,13 @@ _KEYS = (
     ("Up, Down", "a line back, a line on"),
     ("Home, End", "the oldest, the newest"),
     ("p, space", "pause the screen; decoding goes on"),
-    ("/", "filter the log: an expression as for --where; empty shows everything"),
+    ("/", "filter the log: an expression as for --where; empty shows everything; Ctrl-U clears it"),
     ("k", "put a mark into the log"),
     ("?", "these keys"),
     ("q", "quit"),
 )
 _TURNING = ("PageUp", "PageDown", "Up", "Down", "Home", "End", "n", "b")
+_CTRL_U = "\x15"
 _FAR = 1_000_000_000
 """Lines beyond any end."""
 
@@ -155,8 +156,9 @@ class LiveScreen:
         elapsed = int(self._state.elapsed)
         clock = f"{elapsed // 3600}:{elapsed // 60 % 60:02d}:{elapsed % 60:02d}"
         right = f" {count_of(self._state.seen, 'transaction')}  {clock}{state}"
-        left = f"modlens {self._view}  {buses}"
-        return [(fit(left, max(width - len(right), 0)), "head"), (right[-width:], "head")]
+        left = f"modlens {self._view}  {buses} "
+        room = min(max(width - len(right), 0), width_of(left))
+        return [(fit(left, room), "head"), (right[-width:], "head")]
 
     def _footer(self, width: int, pages: str) -> list[Part]:
         if self._filter_input is not None:
@@ -165,7 +167,8 @@ class LiveScreen:
             return [(fit(typed, min(width_of(typed), width)), "note"), (error, "bad")]
         if self._message:
             return [(fit(visible(self._message), width), "odd")]
-        wanted = self._state.history.filter
+        # The filter is that of the log: the other views show all transactions.
+        wanted = self._state.history.filter if self._view == LOG else None
         shown = f"filter: {wanted}  " if wanted else ""
         left = fit(f"{visible(shown)}{_FOOT}", max(width - len(pages), 0))
         return [(left, "dim"), (pages[-width:], "note")]
@@ -194,6 +197,8 @@ class LiveScreen:
             self._filter_input = None
         elif key in ("\x7f", "\b"):
             self._filter_input = text[:-1]
+        elif key == _CTRL_U:
+            self._filter_input = ""
         elif len(key) == 1 and key.isprintable():
             self._filter_input = text + key
 

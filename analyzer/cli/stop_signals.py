@@ -6,12 +6,15 @@ middle of a row: the loop that reads the input checks `received` between blocks.
 
 from __future__ import annotations
 
+import contextlib
+import os
 import signal
 from types import FrameType
 from typing import Self
 
 __all__ = ["StopSignals"]
 
+_STDIN, _STDERR = 0, 2
 _NAMES = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows has no SIGHUP
 
 
@@ -39,8 +42,20 @@ class StopSignals:
     def _remember(self, number: int, frame: FrameType | None) -> None:
         self.signal = number
         self._restore()
+        if number == signal.SIGINT:
+            _end_echoed_line()
 
     def _restore(self) -> None:
         for number, handler in self._previous_handlers.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
         self._previous_handlers.clear()
+
+
+def _end_echoed_line() -> None:
+    """Ends the line in which the terminal has echoed ^C, so that what follows begins its own."""
+    with contextlib.suppress(ImportError, OSError, ValueError):
+        import termios  # noqa: PLC0415 - Windows has none
+
+        flags = termios.tcgetattr(_STDIN)[3]
+        if flags & termios.ECHO and flags & termios.ECHOCTL and os.isatty(_STDERR):
+            os.write(_STDERR, b"\n")

@@ -40,6 +40,11 @@ def tap_sinks(
     sinks: list[OutputSink] = []
     if options.view is not None:
         screen = stdout()
+        if screen.is_dumb:
+            raise UsageError(
+                "tap: --view draws pages, which this terminal cannot show (TERM=dumb); without it,"
+                " each transaction is printed as a line"
+            )
         if not screen.is_terminal:
             raise UsageError(
                 "tap: --view needs a terminal; without it, each transaction is printed as a line"

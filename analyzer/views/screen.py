@@ -117,6 +117,11 @@ class Screen:
         return self._terminal is not None and self._terminal.is_terminal
 
     @property
+    def is_dumb(self) -> bool:
+        """Whether the terminal knows no control sequences (`TERM=dumb`, or not set)."""
+        return self._terminal is not None and self._terminal.is_dumb_terminal
+
+    @property
     def is_behind(self) -> bool:
         """Whether the terminal has not taken yet what was printed before."""
         return bool(getattr(self._stream, "is_behind", False))

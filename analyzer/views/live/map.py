@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from itertools import groupby
 
 from analyzer.addresses import SHORT, render
-from analyzer.views.live.state import LiveState, RegisterValue
+from analyzer.views.live.state import LiveState, LiveValue
 from analyzer.views.live.status import age
-from analyzer.views.screen import Part, fit, visible
+from analyzer.views.screen import Part, fit, visible, width_of
 
 __all__ = ["lines"]
 
@@ -29,19 +29,23 @@ def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
     if not found:
         return [[("no values seen yet", "dim")]]
     out: list[list[Part]] = []
+    shown: set[tuple[str, int]] = set()
     for (bus, unit, kind), group in groupby(found.items(), key=lambda item: item[0][:3]):
         name = f"{visible(bus)}: " if len(state.table_options.buses) > 1 else ""
         title = f"{name}unit {unit} {kind.replace('_', ' ')}s"
         dead = _dead(state, bus, unit)
         room = max(width - len(dead), 0)
         out.append([(fit(title, room), "head"), (fit(dead, width - room), "bad")])
+        if (bus, unit) not in shown:
+            shown.add((bus, unit))
+            out += _named(state.named(bus, unit), state.clock(), width)
         values = {place[3]: value for place, value in group}
         out += _block(values, kind, state, width)
     return out
 
 
 def _block(
-    values: dict[int, RegisterValue], kind: str, state: LiveState, width: int
+    values: dict[int, LiveValue], kind: str, state: LiveState, width: int
 ) -> Iterator[list[Part]]:
     """The lines of one unit and register type, with the age of the oldest value on each.
 
@@ -50,6 +54,8 @@ def _block(
     cell = _BIT_CELLS.get(kind, _REGISTER_CELL)
     per_line = _addresses_per_line((width - _LABEL - _AGE) // cell)
     now = state.clock()
+    if len(values) > 1:
+        yield _ruler(per_line, cell)
     for line in sorted({address // per_line for address in values}):
         first = line * per_line
         label = f"{SHORT.get(kind, '')} {render(first, kind, state.table_options.address)}"
@@ -65,7 +71,31 @@ def _block(
         yield [*parts, (fit(age(now - seen), _AGE, right=True), style)]
 
 
-def _style(value: RegisterValue, now: float) -> str:
+def _ruler(per_line: int, cell: int) -> list[Part]:
+    """The offsets above the columns; of bits the last digit, as no more has room."""
+    texts = (f"+{at}" if cell > len("+00") else str(at % 10) for at in range(per_line))
+    return [(" " * _LABEL + "".join(fit(text, cell, right=True) for text in texts), "dim")]
+
+
+def _named(values: dict[str, LiveValue], now: float, width: int) -> Iterator[list[Part]]:
+    """Names and scaled values side by side, in columns of equal width."""
+    if not values:
+        return
+    names = max(width_of(visible(name)) for name in values)
+    texts = {name: visible(str(one.value)) for name, one in values.items()}
+    numbers = max(map(width_of, texts.values()))
+    cell = names + numbers + 3
+    per_line = max((width - 2) // cell, 1)
+    items = list(values.items())
+    for at in range(0, len(items), per_line):
+        parts: list[Part] = [("  ", "")]
+        for name, value in items[at : at + per_line]:
+            parts.append((fit(visible(name), names) + " ", "note"))
+            parts.append((fit(texts[name], numbers, right=True) + "  ", _style(value, now)))
+        yield parts
+
+
+def _style(value: LiveValue, now: float) -> str:
     if value.is_highlighted(now):
         return "odd"
     return "dim" if now - value.seen >= _OLD_S else ""

@@ -17,7 +17,7 @@ from analyzer.views.live.activity import Activity
 from analyzer.views.live.history import History
 from analyzer.views.row_lines import TableOptions
 
-__all__ = ["LiveState", "RegisterValue", "UnitAge"]
+__all__ = ["LiveState", "LiveValue", "UnitAge"]
 
 MAX_REQUESTS = 4096
 HIGHLIGHT_S = 2.0
@@ -33,13 +33,13 @@ _UNANSWERED = ("no_response", "bad_response")
 
 
 @dataclass(slots=True)
-class RegisterValue:
-    """The value of a register or coil, when it last changed, and when it was last seen.
+class LiveValue:
+    """A register, a coil or a named value: when it last changed, and when it was last seen.
 
     Times are those of the state's clock.
     """
 
-    value: int
+    value: Any
     seen: float
     changed: float = float("-inf")
 
@@ -64,6 +64,9 @@ class UnitAge:
 RegisterKey = tuple[str, int, str, int]
 """Bus, unit, type of register, address."""
 
+NamedKey = tuple[str, int, str]
+"""Bus, unit, name of a value in its profile."""
+
 
 @dataclass
 class LiveState:
@@ -85,7 +88,8 @@ class LiveState:
     seen: int = 0
     started: float = 0.0
     _requests: dict[tuple[Any, ...], tuple[_modlens.Row, bool]] = field(default_factory=dict)
-    _values: dict[RegisterKey, RegisterValue] = field(default_factory=dict)
+    _values: dict[RegisterKey, LiveValue] = field(default_factory=dict)
+    _named: dict[NamedKey, LiveValue] = field(default_factory=dict)
     _ages: dict[tuple[str, int], UnitAge] = field(default_factory=dict)
     _stats: dict[str, Any] = field(default_factory=dict)
     _statuses: Sequence[BusStatus] = ()
@@ -153,9 +157,14 @@ class LiveState:
         """Seconds since the tap began."""
         return self.clock() - self.started
 
-    def values(self) -> dict[RegisterKey, RegisterValue]:
+    def values(self) -> dict[RegisterKey, LiveValue]:
         """Every register and coil that was seen, sorted."""
         return dict(sorted(self._values.items()))
+
+    def named(self, bus: str, unit: int) -> dict[str, LiveValue]:
+        """The named, scaled values of a unit with a profile, in the order they were first seen."""
+        found = self._named.items()
+        return {name: value for (on, number, name), value in found if (on, number) == (bus, unit)}
 
     def age(self, bus: str, unit: int) -> UnitAge:
         """When a unit last answered."""
@@ -191,10 +200,17 @@ class LiveState:
                 continue
             for address, value in enumerate(data, first):
                 place = (row.bus, row.unit, row.register_type, address)
-                known = self._values.get(place)
-                if known is None:
-                    self._values[place] = RegisterValue(value, now)
-                    continue
-                known.seen = now
-                if known.value != value:
-                    known.value, known.changed = value, now
+                _note(self._values, place, value, now)
+        for name, value in (row.readings or {}).items():
+            _note(self._named, (row.bus, row.unit, name), value, now)
+
+
+def _note(values: dict[Any, LiveValue], key: Any, value: Any, now: float) -> None:
+    """Notes that a value was seen, and whether it has changed."""
+    known = values.get(key)
+    if known is None:
+        values[key] = LiveValue(value, now)
+        return
+    known.seen = now
+    if known.value != value:
+        known.value, known.changed = value, now

@@ -6,11 +6,19 @@ from typing import Any
 
 from analyzer.views import cells
 from analyzer.views.grid import WIDE_COLUMNS, ColumnLayout, Grid, GridColumn, RegisterValues
+from analyzer.views.live.activity import FAILED, LATELY_S
 from analyzer.views.live.state import LiveState, UnitAge
 from analyzer.views.live.status import age
-from analyzer.views.screen import Part
+from analyzer.views.screen import Part, visible
 
 __all__ = ["lines"]
+
+_LATELY = f"{LATELY_S / 60:.0f} min"
+"""Title of the column with the errors of the last minutes."""
+
+_NARROW_COLUMNS = 60
+_LEFT_OUT = ("per s", "p50 ms", "max ms")
+"""Columns that a narrow terminal does without, so that errors and age stay."""
 
 _TROUBLE = ("no_response", "bad_request", "bad_response")
 
@@ -24,6 +32,7 @@ def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
             "bus": bus["bus"],
             "last": state.last(bus["bus"], row["unit"], row["function"]),
             "age": state.age(bus["bus"], row["unit"]),
+            "lately": state.activity.errors(bus["bus"], row["unit"], row["function"]),
         }
         for bus in stats.get("buses", ())
         for row in bus["units"]
@@ -31,6 +40,8 @@ def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
     if not rows:
         return [[("no traffic yet", "dim")]]
     chosen = _fields(state, is_wide=width >= WIDE_COLUMNS)
+    if width < _NARROW_COLUMNS:
+        chosen = [one for one in chosen if one.head.title not in _LEFT_OUT]
     if len(state.table_options.buses) > 1:
         chosen.insert(0, cells.bus_field(state.table_options.buses, lambda row: str(row["bus"])))
     grid = Grid(chosen, rows, width)
@@ -56,6 +67,7 @@ def _fields(state: LiveState, *, is_wide: bool) -> list[GridColumn]:
         ),
         GridColumn(ColumnLayout("per s", 5, align_right=True), rate),
         GridColumn(ColumnLayout("errors", 6, align_right=True), _wrong, _wrong_style),
+        GridColumn(ColumnLayout(_LATELY, 5, align_right=True), _wrong_lately, _lately_style),
     ]
     chosen += [
         GridColumn(ColumnLayout(f"{name} ms", 6, align_right=True), _time(f"{name}_us"))
@@ -75,11 +87,20 @@ def _fields(state: LiveState, *, is_wide: bool) -> list[GridColumn]:
 
 
 def _bad(row: Any) -> int:
-    return sum(row["statuses"].get(status, 0) for status in (*_TROUBLE, "exception"))
+    return sum(row["statuses"].get(status, 0) for status in FAILED)
 
 
 def _wrong(row: Any) -> str:
     return f"{_bad(row) / row['transactions']:.1%}" if _bad(row) else ""
+
+
+def _wrong_lately(row: Any) -> str:
+    lately = row["lately"]
+    return f"{lately.failed / lately.transactions:.0%}" if lately.failed else ""
+
+
+def _lately_style(row: Any) -> str:
+    return _wrong_style(row) if row["lately"].failed else ""
 
 
 def _wrong_style(row: Any) -> str:
@@ -98,4 +119,9 @@ def _age(found: UnitAge, now: float) -> str:
 
 
 def _last(row: Any, state: LiveState) -> RegisterValues | str:
-    return "" if row["last"] is None else RegisterValues(row["last"], state.table_options.address)
+    last = row["last"]
+    if last is None:
+        return ""
+    if last.readings:
+        return visible(", ".join(f"{name} {value}" for name, value in last.readings.items()))
+    return RegisterValues(last, state.table_options.address)

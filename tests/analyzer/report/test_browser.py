@@ -386,7 +386,7 @@ LITTLE = {
 def test_little_or_nothing_was_recorded(
     name: str, browser: Browser, modlens: Modlens, tmp_path: Path
 ) -> None:
-    """It is told, and there are no tables of nothing."""
+    """The page says so, and has no empty tables."""
     source, target = tmp_path / name, tmp_path / "report.html"
     source.write_bytes(LITTLE[name][0])
     done = modlens("report", source, "--mode", "rtu", "-o", target)

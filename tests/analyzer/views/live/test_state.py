@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,6 +12,9 @@ import pytest
 import _modlens
 from analyzer.filters import parse
 from analyzer.live_run import BusStatus
+from analyzer.profiles import parse_binding
+from analyzer.session import FileRun
+from analyzer.settings import Settings
 from analyzer.views.live import history as history_module
 from analyzer.views.live.activity import Activity
 from analyzer.views.live.health import lines as health
@@ -274,3 +278,52 @@ def test_advice_is_in_full_where_there_is_room() -> None:
     after = tall.index("findings, most urgent first (modlens explain NAME)")
     assert not any(one.endswith("…") for one in tall[after:])
     assert sum("…" in one for one in low)
+
+
+def test_errors_of_the_last_minutes_stand_beside_those_since_the_start() -> None:
+    """A unit that has worked for long and fails now shows 100 %."""
+    line = Line()
+    state = LiveState(TableOptions(buses=("bus",)), line.stats, clock=lambda: line.seconds)
+    for value in [7] * 300 + [None] * 300:
+        state.put(line.ask(1, 0, value))
+        line.now_ms += 1000
+        state.refresh()
+    found = state.activity.errors("bus", 1, 3)
+    assert 60 < found.transactions == found.failed < 180
+    head, row = (text(one) for one in table_lines(state, 80, 20))
+    since_start = row[: head.index("errors") + len("errors")].split()[-1]
+    lately = row[: head.index("2 min") + len("2 min")].split()[-1]
+    assert 45 < float(since_start.rstrip("%")) < 55
+    assert lately == "100%"
+
+
+def test_the_map_has_a_ruler() -> None:
+    """Offsets stand above the columns of registers."""
+    line = Line()
+    state = LiveState(TableOptions(buses=("bus",)), line.stats, clock=lambda: line.seconds)
+    for address in range(100, 105):
+        state.put(line.ask(1, address, address))
+    state.refresh()
+    title, ruler, values = (text(one) for one in map_lines(state, 80, 20))
+    assert title.strip() == "unit 1 holding registers"
+    for offset, value in (("+0", "100"), ("+1", "101"), ("+2", "102")):
+        assert values[: ruler.index(offset) + len(offset)].endswith(value)
+
+
+def test_named_values_are_scaled(tmp_path: Path) -> None:
+    """With a profile the map and the table show names and values, also names with blanks."""
+    profile = tmp_path / "meter.toml"
+    profile.write_text(
+        'profile = 1\n[[registers]]\nat = "hr:0"\nname = "Room temperature"\nscale = 0.1\n'
+    )
+    recording = tmp_path / "bus.hex"
+    frames = (framed("010300000001"), framed("01030200d7"))
+    recording.write_text("".join(f"{data.hex()}\n" for data in frames))
+    settings = Settings(profiles=(parse_binding(f"1={profile}"),))
+    run = FileRun([str(recording)], settings)
+    state = LiveState(TableOptions(buses=(str(recording),)), run.stats)
+    for batch in run.batches():
+        state.put(batch)
+    state.refresh()
+    assert "Room temperature 21.5" in text(map_lines(state, 80, 20)[1])
+    assert text(table_lines(state, 132, 20)[1]).rstrip().endswith("Room temperature 21.5")
