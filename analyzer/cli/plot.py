@@ -19,6 +19,7 @@ from analyzer.cli.stop_signals import StopSignals
 from analyzer.filters import Filter, parse
 from analyzer.session import FileRun
 from analyzer.views.plot import png, show_plot, svg
+from analyzer.views.plot_series import AXES, Axis, Plot, Series, seconds_of
 from analyzer.views.screen import stdout
 from dissectors.errors import CaptureError, FilterError, UsageError
 
@@ -29,15 +30,18 @@ MOST_SERIES = 8
 EPILOG = """\
 examples:
   modlens plot bus.jsonl 'unit == 1 and address == 107'
-  modlens plot bus.jsonl voltage --profile 1=meter.toml -o voltage.svg
+  modlens plot bus.jsonl "Room temperature" --profile 1=meter.toml -o room.svg
 
-Values are kept in memory, 16 bytes each and more. Where a recording has no
-times, values stand by the number of their transaction.
+Values are kept in memory, 16 bytes each and more. Times are UTC; a recording
+without a date has seconds from its start, one without times the numbers of
+its transactions. Lines have gaps where a value was not heard for three times
+its usual interval.
 """
 
-_COLUMNS = ("txn", "elapsed_us", "bus", "unit", "register_type", "address", "name", "value")
-
-Series = dict[str, list[tuple[float, float]]]
+_COLUMNS = (
+    *("txn", "time", "elapsed_us", "bus", "unit", "register_type", "address", "name"),
+    *("unit_of_measure", "value"),
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -70,22 +74,22 @@ def run(options: argparse.Namespace) -> int:
         options, replace(settings(options), tables=("transactions", "readings")), messages
     )
     with StopSignals() as stop_signals:
-        series, axis = _values(files, wanted, stop_signals)
-        if not series:
+        plot, axis = _values(files, wanted, stop_signals)
+        if not plot:
             raise UsageError(
                 f"plot: no reading with a number meets {options.expression!r};"
                 " modlens map lists what was read and written"
             )
         if draw is None:
-            show_plot(series, stdout(), axis)
+            show_plot(plot, stdout(), axis)
         else:
-            write_page(options.output, draw(series, axis))
+            write_page(options.output, draw(plot, axis))
         if stop_signals.signal is not None:
             return SIGNALLED + stop_signals.signal
     return CaptureError.exit_status if files.unreadable else 0
 
 
-def _picture(output: str | None) -> Callable[[Series, str], bytes] | None:
+def _picture(output: str | None) -> Callable[[Plot, Axis], bytes] | None:
     """What draws the picture of this name; none for the terminal."""
     if output is None:
         return None
@@ -93,9 +97,9 @@ def _picture(output: str | None) -> Callable[[Series, str], bytes] | None:
         case ".png":
             return png
         case ".svg":
-            return lambda series, axis: svg(series, axis).encode()
+            return lambda plot, axis: svg(plot, axis).encode()
         case _ if output == "-":
-            return lambda series, axis: svg(series, axis).encode()
+            return lambda plot, axis: svg(plot, axis).encode()
     raise UsageError(f"plot: -o {output}: pictures are SVG or PNG; name it .svg or .png")
 
 
@@ -138,30 +142,35 @@ class _Point:
         return f"{self.bus}: {label}" if any(one.bus != self.bus for one in others) else label
 
 
-def _values(files: FileRun, wanted: Filter, stop_signals: StopSignals) -> tuple[Series, str]:
-    """Seconds (or numbers of transactions) and values by the name of the reading."""
+def _values(files: FileRun, wanted: Filter, stop_signals: StopSignals) -> tuple[Plot, Axis]:
+    """The values by the name of the reading, by the finest axis that all of them have."""
     predicate = wanted.predicate()
-    by_time: dict[_Point, list[tuple[float, float]]] = {}
-    by_number: dict[_Point, list[tuple[float, float]]] = {}
+    found: dict[_Point, Series] = {}
+    at: dict[Axis, dict[_Point, list[float]]] = {axis: {} for axis in AXES}
     for batch in files.batches():
         rows = batch.readings.where(predicate)
-        for txn, elapsed, bus, unit, kind, address, name, value in rows.tuples(
+        for txn, time, elapsed, bus, unit, kind, address, name, measure, value in rows.tuples(
             _COLUMNS, 0, len(rows)
         ):
-            if isinstance(value, int | float):
-                place = f"{str(kind).replace('_', ' ')} {address}"
-                point = _Point(str(bus), int(unit or 0), place, None if name is None else str(name))
-                by_number.setdefault(point, []).append((float(txn or 0), float(value)))
-                if elapsed is not None:
-                    by_time.setdefault(point, []).append((float(elapsed) / 1e6, float(value)))
+            if not isinstance(value, int | float):
+                continue
+            place = f"{str(kind).replace('_', ' ')} {address}"
+            point = _Point(str(bus), int(unit or 0), place, None if name is None else str(name))
+            found.setdefault(point, Series(str(measure or ""))).values.append(float(value))
+            seconds = None if elapsed is None else float(elapsed) / 1e6
+            moments = (seconds_of(time), seconds, float(txn or 0))
+            for axis, moment in zip(AXES, moments, strict=True):
+                if moment is not None:
+                    at[axis].setdefault(point, []).append(moment)
         if stop_signals.received():
             break
-    has_times = sum(map(len, by_time.values())) == sum(map(len, by_number.values()))
-    points = by_time if has_times else by_number
-    if len(points) > MOST_SERIES:
+    if len(found) > MOST_SERIES:
         raise UsageError(
-            f"plot: {len(points)} registers meet the condition, {MOST_SERIES} at most are drawn;"
-            f" add a condition, such as address == {next(iter(points)).place.rpartition(' ')[2]}"
+            f"plot: {len(found)} registers meet the condition, {MOST_SERIES} at most are drawn;"
+            f" add a condition, such as address == {next(iter(found)).place.rpartition(' ')[2]}"
         )
-    series = {point.label(points): values for point, values in points.items()}
-    return series, "s" if has_times else "(transaction)"
+    count = sum(len(series.values) for series in found.values())
+    axis = next(one for one in AXES if sum(map(len, at[one].values())) == count)
+    for point, series in found.items():
+        series.at = at[axis].get(point, [])
+    return {point.label(found): series for point, series in found.items()}, axis

@@ -37,23 +37,30 @@ def _parts(values: Sequence[float | None], count: int) -> Iterator[float | None]
 
 
 def braille(
-    points: Sequence[tuple[float, float]], width: int, height: int, *, box: Sequence[float]
+    runs: Sequence[Sequence[tuple[float, float]]],
+    width: int,
+    height: int,
+    *,
+    box: Sequence[float],
 ) -> list[str]:
-    """Points, joined by lines, in so many characters; `box` is least x, greatest x, and so for y.
+    """Runs of points in so many characters, those of a run joined by lines.
 
-    >>> braille([(0, 0), (1, 1)], 2, 1, box=(0, 1, 0, 1))
+    `box` is least x, greatest x, and so for y.
+
+    >>> braille([[(0, 0), (1, 1)]], 2, 1, box=(0, 1, 0, 1))
     ['⡠⠊']
     """
     left, right, low, high = box
     columns, rows = 2 * width - 1, 4 * height - 1
     cells = [[0] * width for _ in range(height)]
-    last: tuple[int, int] | None = None
-    for x, y in points:
-        across = round((x - left) / ((right - left) or 1) * columns)
-        down = rows - round((y - low) / ((high - low) or 1) * rows)
-        for column, row in _line(last or (across, down), (across, down)):
-            cells[row // 4][column // 2] |= _DOTS[row % 4][column % 2]
-        last = across, down
+    for points in runs:
+        last: tuple[int, int] | None = None
+        for x, y in points:
+            across = round((x - left) / ((right - left) or 1) * columns)
+            down = rows - round((y - low) / ((high - low) or 1) * rows)
+            for column, row in _line(last or (across, down), (across, down)):
+                cells[row // 4][column // 2] |= _DOTS[row % 4][column % 2]
+            last = across, down
     return ["".join(chr(0x2800 + bits) for bits in row) for row in cells]
 
 

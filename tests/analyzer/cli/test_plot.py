@@ -43,7 +43,8 @@ def test_a_rising_value_rises(modlens: Modlens, tmp_path: Path) -> None:
     at = [max(i for i, one in enumerate(row) if one != "\u2800") for row in drawn]
     assert at == sorted(at, reverse=True)
     assert (rows[0].split()[0], rows[11].split()[0]) == ("30", "0")
-    assert rows[-1].split() == ["0.1", "3.1", "s"]  # of the answers, which carry the values
+    # Times of the answers, which carry the values.
+    assert rows[-1].split() == ["2023-11-14", "22:13:20.100", "22:13:23.100", "UTC"]
 
 
 def test_a_picture_has_a_line_for_each_value(modlens: Modlens, tmp_path: Path) -> None:
@@ -58,6 +59,30 @@ def test_a_picture_has_a_line_for_each_value(modlens: Modlens, tmp_path: Path) -
     assert pairs[0] == (80.0, 320.0)
     assert pairs[3] == (940.0, 20.0)
     assert pairs[1][0] == 366.7
+
+
+def test_names_with_blanks_units_and_gaps(modlens: Modlens, tmp_path: Path) -> None:
+    """A name with a blank is no condition; its unit is on the y axis, the clock on the x axis."""
+    path = write_series(tmp_path / "bus.jsonl")
+    lines = path.read_text("utf-8").splitlines()
+    # The same again an hour later: in between nothing was heard.
+    later = [line.replace("17000000", "17000036") for line in lines]
+    path.write_text("\n".join((*lines, *later)) + "\n", encoding="utf-8")
+    profile = tmp_path / "room.toml"
+    register = 'at = "hr:107"\nname = "Room temperature"\nunit = "degC"\nscale = 0.1\n'
+    profile.write_text(f"profile = 1\n[[registers]]\n{register}")
+    words = ("plot", path, "Room temperature", "--profile", profile)
+    assert modlens(*words).out.splitlines()[0] == "Room temperature (degC)"
+    target = tmp_path / "plot.svg"
+    done = modlens(*words, "-o", target)
+    assert done.status == 0, done.err
+    drawn = target.read_text("utf-8")
+    assert len(re.findall(r"<polyline", drawn)) == 2
+    texts = re.findall(r"<text[^>]*>([^<]*)</text>", drawn)
+    assert texts[:3] == ["3", "0", "degC"]
+    assert "22:30" in texts
+    assert "2023-11-14 UTC" in texts
+    assert texts[-1] == "Room temperature (degC)"
 
 
 def test_a_picture_as_pixels(modlens: Modlens, tmp_path: Path) -> None:
