@@ -379,7 +379,7 @@ LITTLE = {
         ["3 requests are too few", "Without times", "No request failed"],
     ),
 }
-"""Noise, a capture without packets, three transactions: what the page says of them."""
+"""Noise, a capture without packets, three transactions: what the page shows."""
 
 
 @pytest.mark.parametrize("name", LITTLE)
