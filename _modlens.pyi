@@ -7,6 +7,8 @@ are bytes.
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, final
 
+from typing_extensions import disjoint_base
+
 __version__: str
 
 def vocabulary(part: str) -> str:
@@ -513,8 +515,13 @@ class Inbox:
         `marked` takes the escapes of PARMRK apart (termios(3)). POSIX only (NotImplementedError);
         OSError for a descriptor that is not open.
         """
-    def put(self, port: int, data: bytes | None) -> None:
-        """Queue what somebody else has read just now; None is the end of the port."""
+    def put(self, port: int, data: bytes | None, time_ns: int | None = None) -> None:
+        """Queue what somebody else has read just now; None is the end of the port.
+
+        `time_ns` is the time (ns since 1970) that the source has given it; without it, it is now.
+        """
+    def tell(self, port: int, time_ns: int) -> None:
+        """Say that a source which gives times has queued all its reads before this one."""
     def take(self, timeout: float) -> list[tuple[int, int, bytes | None, list[int], bool, bool]]:
         """Return what has come in, waiting at most `timeout` seconds for the first of it.
 
@@ -569,8 +576,8 @@ class LiveRun:
         """
     def finish(self, session: Session) -> None:
         """Stop reading, decode what was read, and decide what is still open."""
-    def record(self, recorder: Recorder) -> None:
-        """Record all reads from now on, and those that are not decoded yet."""
+    def record(self, recorder: Recorder | None = None, server: Server | None = None) -> None:
+        """Record or serve all reads from now on, and those that are not decoded yet."""
     def take_messages(self) -> list[str]:
         """Sentences for the user since the last call."""
     def statuses(
@@ -586,15 +593,13 @@ class LiveRun:
     def close(self) -> None:
         """End all threads and close the ports."""
 
-@final
-class Tty:
-    """A serial port of this machine, opened for this program alone, for reading only. Linux only.
+@disjoint_base
+class CorePort:
+    """A port that the core has opened; an `analyzer.sources.schemes.LivePort`."""
 
-    It is set raw and DTR and RTS are lowered before anything else is done with it
-    (modlens-recorder/src/tty.rs). OSError with the reason if it cannot be opened.
-    """
-
-    def __new__(cls, name: str, line: str | None = None) -> Tty: ...
+    @property
+    def line(self) -> str | None:
+        """The line settings, where another program reads the line and reports them."""
     @property
     def takes_line_settings(self) -> bool: ...
     @property
@@ -602,7 +607,7 @@ class Tty:
         """Whether bytes with line errors are marked (PARMRK, termios(3))."""
     @property
     def advice(self) -> str:
-        """What limits the resolution of its times; empty where nothing does."""
+        """What limits the port, or the resolution of its times; empty where nothing does."""
     def listen(self, inbox: Inbox, number: int) -> None:
         """Start to read the port into the inbox, under this number."""
     def set_line(self, line: str) -> None:
@@ -610,15 +615,54 @@ class Tty:
     def counters(self) -> dict[str, int]:
         """The driver's error counters since the system started; empty where it has none."""
     def stop(self) -> None:
-        """Do nothing: the inbox ends the thread."""
+        """End a thread of its own, if it has one."""
     def close(self) -> None:
         """Close the port."""
+
+@final
+class Tty(CorePort):
+    """A serial port of this machine, opened for this program alone, for reading only. Linux only.
+
+    It is set raw and DTR and RTS are lowered before anything else is done with it
+    (modlens-recorder/src/tty.rs). OSError with the reason if it cannot be opened.
+    """
+
+    def __new__(cls, name: str, line: str | None = None) -> Tty: ...
+
+@final
+class Remote(CorePort):
+    """A line that another tap serves, `modlens://host:port/BUS` (modlens-recorder/src/remote.rs).
+
+    `token` is that of the other tap. OSError with the reason if it cannot be reached, or has no
+    such bus.
+    """
+
+    def __new__(cls, name: str, token: str | None = None) -> Remote: ...
 
 def port_advice(number: int, line: str | None = None) -> str | None:
     """Return what the user can do about an error of the system at a port, by its `errno`."""
 
 def latency_timer(name: str) -> int | None:
     """Return the milliseconds for which an adapter may hold bytes back; None without a timer."""
+
+@final
+class Server:
+    """Serves the reads of a live run at `[HOST:]PORT`, in a thread (modlens-recorder/src/serve).
+
+    `memory` is that of what clients have not got yet, in bytes. ValueError for an address that
+    means nothing, or one that other computers can reach without a token; OSError if it is in use.
+    """
+
+    def __new__(
+        cls, place: str, *, token: str | None = None, memory: int | None = None
+    ) -> Server: ...
+    @property
+    def address(self) -> str:
+        """The address and port that it listens at."""
+    def take_messages(self) -> list[str]:
+        """Sentences for the user since the last call: clients that have come and gone."""
+    def close(self) -> None:
+        """Give clients a second to take the rest, and end all connections."""
 
 @final
 class Recorder:

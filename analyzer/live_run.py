@@ -118,15 +118,17 @@ class LiveRun:
                 idle_ns=settings.timeout_ns or 0,
             )
 
-    def record(self, recorder: _modlens.Recorder) -> None:
-        """Record all reads from now on, and those that are not decoded yet.
+    def record(
+        self, recorder: _modlens.Recorder | None, server: _modlens.Server | None = None
+    ) -> None:
+        """Record or serve all reads from now on, and those that are not decoded yet.
 
         A bus whose settings are searched is recorded when they are found, with the reads that were
         made with these. At the end of each port comes an empty read with a hole, so that a replay
         of the recording decides the last rows at the same moment.
         """
         with self._turn:
-            self._run.record(recorder)
+            self._run.record(recorder, server)
 
     def batches(self) -> Iterator[_modlens.Batch]:
         """The rows as they are decided, by reads or by time that has passed; ends when closed."""

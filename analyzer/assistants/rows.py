@@ -15,6 +15,8 @@ __all__ = ["answer"]
 
 LIMIT = 20
 
+_WRITES = {"write_address", "write_quantity", "write_data"}
+
 _DEFAULT = {
     "transactions": "txn,time,elapsed_us,bus,client,server,unit,function,address,quantity,data,"
     "write_address,write_data,fields,readings,status,exception,exception_name,response_time_us,"
@@ -37,7 +39,10 @@ def answer(fence: Fence, arguments: Mapping[str, Any]) -> str:
         if missing and start < len(rows):
             found += _objects(rows.slice(start, missing), columns)
         total += len(rows)
-    head = reading.head | {"table": table} | _common_bus(found)
+    head = reading.head | {"table": table}
+    if wanted is not None:
+        head |= _empty(columns, found)
+    head |= _common_bus(found)
     return page(head, [("rows", row) for row in found], offset=offset, total=total)
 
 
@@ -49,6 +54,16 @@ def _objects(rows: Any, columns: tuple[str, ...]) -> list[dict[str, Any]]:
     """The rows as objects of the columns that have a value."""
     lines = b"".join(rows.lines("jsonl", columns)).splitlines()
     return [{k: v for k, v in json.loads(line).items() if v not in ([], {})} for line in lines]
+
+
+def _empty(columns: tuple[str, ...], rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """The columns that were asked for and have no value in any row; rows leave them out."""
+    if not rows:
+        return {}
+    empty = [column for column in columns if not any(column in row for row in rows)]
+    writes = {f"write_{column}" for column in empty} & _WRITES
+    hint = {"hint": f"writes have {', '.join(sorted(writes))}"} if writes else {}
+    return {"empty_columns": empty} | hint if empty else {}
 
 
 def _common_bus(rows: list[dict[str, Any]]) -> dict[str, str]:

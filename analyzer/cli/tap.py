@@ -18,6 +18,7 @@ from analyzer.cli.standard_streams import report
 from analyzer.cli.stop_signals import StopSignals
 from analyzer.cli.tap_messages import TapMessages
 from analyzer.cli.tap_recording import TapRecording
+from analyzer.cli.tap_server import TapServer
 from analyzer.cli.tap_sinks import take_event_files, tap_sinks, troubles
 from analyzer.cli.triggers import (
     HourlySummary,
@@ -49,6 +50,8 @@ examples:
   modlens tap --bus plant.toml
   modlens tap socket://192.168.1.50:4001 --mqtt mqtt://localhost/plant
   modlens tap /dev/ttyUSB0 -o events:log.jsonl --notify https://ntfy.sh/plant
+  modlens tap /dev/ttyUSB0 --serve 4010
+  modlens tap modlens://127.0.0.1:4010 --view health
 
 If no line settings are given, all are detected from the traffic. PORT PORT
 taps two separate buses; PORT+PORT taps one bus with one port per direction;
@@ -165,6 +168,16 @@ def _add_feeds(parser: argparse.ArgumentParser) -> None:
         help="with --mqtt: publish Home Assistant discovery messages",
     )
     group.add_argument(
+        "--serve",
+        metavar="[HOST:]PORT",
+        help="pass the raw bytes on to Wireshark or another modlens tap, as pcapng over TCP",
+    )
+    group.add_argument(
+        "--serve-token-file",
+        metavar="FILE",
+        help="file with the token that clients have to send (default: $MODLENS_SERVE_TOKEN)",
+    )
+    group.add_argument(
         "--metrics", metavar="[HOST:]PORT", help="serve Prometheus metrics over HTTP"
     )
     group.add_argument(
@@ -197,6 +210,7 @@ def _tap(options: argparse.Namespace, stop_signals: StopSignals) -> int:
     stop_conditions = StopConditions(options.count, _seconds(options.duration), options.stop_on)
     report_silence_limits(settings, messages)
     recording = TapRecording(options, tap_messages)
+    server = TapServer(options, tap_messages)
     live = LiveRun(
         taps,
         settings,
@@ -219,6 +233,7 @@ def _tap(options: argparse.Namespace, stop_signals: StopSignals) -> int:
         )
         outputs.add_observers(
             recording,
+            server,
             *[stop_conditions] * stop_conditions.any_set,
             HourlySummary(live.stats, tap_messages.info),
             SettingsDoubt(live.stats, tap_messages.info),
@@ -230,7 +245,9 @@ def _tap(options: argparse.Namespace, stop_signals: StopSignals) -> int:
         tap_messages.info(f"listening to {ports}{at}; nothing is sent; Ctrl-C stops")
         # The recording begins only when the ports are open, so that no empty file is left where
         # they fail.
-        recording.open(opened, live)
+        recording.open(opened)
+        server.open(opened)
+        live.record(recording.core, server.core)
         limited = LimitedRun(live, options.count, lambda: stop_conditions.reached)
         try:
             with tap_messages.use_screen():
@@ -244,6 +261,7 @@ def _tap(options: argparse.Namespace, stop_signals: StopSignals) -> int:
                 )
         finally:
             recording.close()
+            server.close()
             outputs.close()
             stats, doctor = limited.stats(), limited.doctor()
             if not outputs.reader_gone:

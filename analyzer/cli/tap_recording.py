@@ -15,7 +15,6 @@ from analyzer.exports.recorder import (
     parse_retention,
     parse_rotation,
 )
-from analyzer.live_run import LiveRun
 from dissectors.errors import SourceError, UsageError
 
 __all__ = ["TapRecording"]
@@ -46,14 +45,18 @@ class TapRecording:
         has_failed = self.status is not None and (self.status.had_trouble or self.status.lost)
         return SourceError.exit_status if has_failed else 0
 
-    def open(self, opened: ExitStack, live: LiveRun) -> None:
+    def open(self, opened: ExitStack) -> None:
         """Begin to record, if that is wanted; `opened` ends it."""
         if self._path is None:
             return
         self._recorder = Recorder(self._path, rotate=self._rotate, keep=self._keep)
         opened.callback(self.close)
-        live.record(self._recorder.core)
         self._report()
+
+    @property
+    def core(self) -> _modlens.Recorder | None:
+        """What takes the reads; None where nothing is recorded."""
+        return None if self._recorder is None else self._recorder.core
 
     def put(self, batch: _modlens.Batch) -> None:
         """Tell what has happened to the recording since the last batch."""

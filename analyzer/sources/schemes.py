@@ -96,6 +96,20 @@ SCHEMES = {
             takes_line_settings=False,
             module="analyzer.sources.udp",
         ),
+        Scheme(
+            "wb-mge",
+            "wb-mge://192.168.1.50/1",
+            "the sniffer of a WB-MGE v3 gateway",
+            takes_line_settings=False,
+            module="analyzer.sources.wb_mge",
+        ),
+        Scheme(
+            "modlens",
+            "modlens://192.168.1.50:4010",
+            "what another modlens tap serves",
+            takes_line_settings=False,
+            module="analyzer.sources.remote",
+        ),
     )
 }
 """The part of a port's name before `://` -> its type."""

@@ -161,11 +161,18 @@ class _Fields(dict[str, str]):
         if key in _TIMES:
             return self._entry.time(*_TIMES[key])
         if key == "ms":
-            return str(self._entry.ns // 1_000_000 % 10**9)
+            return str(self._entry.ns // _MS % 10**9)
+        if key == "us":
+            return str(self._entry.ns // _US % 10**12)
         return _NOTATIONS[key](self._entry.data)
 
 
 _MINIMAL = "MinimalModbus debug mode. "
+_WB_MGE = (
+    '{{"type":"packet","id":1,"port":1,"timestamp_us":{us},"sender":"WHO","slave_id":5,"function":3'
+    ',"crc_valid":true,"raw":"{PLAIN}","size":{count}}}'
+)
+
 _LINES: dict[str, tuple[str, str]] = {
     "hex": ("{iso} Tx: {HEX}", "{iso} Rx: {HEX}"),
     "chunks": ('{{"t": {epoch}, "hex": "{plain}"}}',) * 2,
@@ -223,6 +230,11 @@ _LINES: dict[str, tuple[str, str]] = {
     "modbus-serial-monitor": ("DATE={isoT};ERR=NO;FRAME={dashes};SLAVE=5;",) * 2,
     "mdbus": ("{month} G  TX {HEX} ", "{month} G  RX {HEX} "),
     "libmodbuspp": ("Tx-> {HEX}", "Rx-> {HEX}"),
+    "wb-mge": (_WB_MGE.replace("WHO", "master"), _WB_MGE.replace("WHO", "slave")),
+    "wb-mge-csv": (
+        '1,{day},+2 ms,MASTER,0x05,"Read Holding Regs","{HEX}",{count},OK',
+        '2,{day},+21 ms,SLAVE,0x05,"Read Holding Regs","{HEX}",{count},OK',
+    ),
     "words": (
         "{iso} INFO meter/port1 request >> {HEX}",
         "{iso} INFO meter/port1 response << {HEX}",
@@ -460,8 +472,10 @@ RESOLUTION = {
     **dict.fromkeys(("umodbus", "j2mod", "docklight", "sscom", "modbus-serial-monitor"), _MS),
     **dict.fromkeys(("mdbus", "words", "escaped", "base64", "ascii-lines", "serial-hexdump"), _MS),
     "proved": _MS,
-    **dict.fromkeys(("esp-idf", "pyserial-spy", "epics", "serialtool"), _MS),
-    **dict.fromkeys(("chunks", "strace", "text2pcap", "tcpdump", "socat", "jpnevulator"), _US),
+    **dict.fromkeys(("wb-mge-csv", "esp-idf", "pyserial-spy", "epics", "serialtool"), _MS),
+    **dict.fromkeys(
+        ("wb-mge", "chunks", "strace", "text2pcap", "tcpdump", "socat", "jpnevulator"), _US
+    ),
     **dict.fromkeys(
         ("mbusd", "goburrow", "esphome-uart", "esphome-modbus", "eltima", "ser2net"), 1000 * _MS
     ),

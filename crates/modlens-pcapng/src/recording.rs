@@ -15,7 +15,7 @@
 //!   these; 8 if the receiver reported errors for some of them (parity, framing, break); 6, without bytes, if the port
 //!   disappeared or the tap ended. Our custom option of the packet lists the positions of the bytes with errors, as
 //!   `errors=3,7`. Event 0, without bytes, is a clock that somebody has set: our custom option is `clock_step=NS`, by which
-//!   the times of the port jump from here on. The direction is not recorded: event 2 is "received" because a tap only receives.
+//!   the times of the port jump from here on; without the option it is a moment of a silent line, in streams only. The direction is not recorded: event 2 is "received" because a tap only receives.
 //!
 //! Blocks are self-contained: a file that was cut off anywhere can be read up to its last complete block.
 
@@ -101,6 +101,13 @@ pub fn clock_step(interface: u32, time: Ns, step: Ns, out: &mut Vec<u8>) {
     blocks::end_bytes(start, out);
     blocks::custom(out, |out| out.extend_from_slice(format!("clock_step={step}").as_bytes()));
     blocks::end_options(out);
+    blocks::end_block(start, out);
+}
+
+/// Appends a packet without bytes, which only says that time has come so far. Streams of a tap have it, recordings do not.
+pub fn time(interface: u32, time: Ns, out: &mut Vec<u8>) {
+    let start = begin(interface, time, STATUS, out);
+    blocks::end_bytes(start, out);
     blocks::end_block(start, out);
 }
 

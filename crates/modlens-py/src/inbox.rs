@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use modlens_pcapng::recording::PortRead;
 use modlens_recorder::{Inbox as Reads, Read};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -46,8 +47,16 @@ impl Inbox {
         Err(pyo3::exceptions::PyNotImplementedError::new_err("descriptors can be read on POSIX only"))
     }
 
-    fn put(&self, port: usize, data: Option<Vec<u8>>) {
-        self.reads.put(port, data);
+    #[pyo3(signature = (port, data, time_ns=None))]
+    fn put(&self, port: usize, data: Option<Vec<u8>>, time_ns: Option<i64>) {
+        match data.as_ref().zip(time_ns) {
+            Some((bytes, time)) => self.reads.put_dated(port, &PortRead { time, bytes, ..PortRead::default() }),
+            None => self.reads.put(port, data),
+        }
+    }
+
+    fn tell(&self, port: usize, time_ns: i64) {
+        self.reads.tell(port, time_ns);
     }
 
     fn hole(&self, port: usize) {

@@ -20,6 +20,7 @@ mod output_file;
 mod profile;
 mod read_ahead;
 mod recorder;
+mod server;
 mod session;
 mod stream;
 mod table;
@@ -143,7 +144,9 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<stream::ArrowStream>()?;
     module.add_class::<inbox::Inbox>()?;
     module.add_class::<live::LiveRun>()?;
+    module.add_class::<live::CorePort>()?;
     module.add_class::<live::Tty>()?;
+    module.add_class::<live::Remote>()?;
     module.add_function(wrap_pyfunction!(live::port_advice, module)?)?;
     module.add_function(wrap_pyfunction!(live::latency_timer, module)?)?;
     module.add_class::<line_search::LineSearch>()?;
@@ -157,6 +160,7 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(words::parse_broker, module)?)?;
     module.add_function(wrap_pyfunction!(words::topic_level, module)?)?;
     module.add_class::<recorder::Recorder>()?;
+    module.add_class::<server::Server>()?;
     module.add_class::<view::Lines>()?;
     module.add_class::<watch::Watch>()?;
     module.add_function(wrap_pyfunction!(view::carried, module)?)?;

@@ -9,7 +9,7 @@ use modlens_engine::session::BusOptions;
 use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::{Clock, Place};
 use modlens_recorder::{
-    advice, Counts, Inbox as Reads, LiveOptions, LiveRun as Core, LiveStatus, Opener, Port, PortError, TappedBus,
+    advice, Counts, Feed, Inbox as Reads, LiveOptions, LiveRun as Core, LiveStatus, Opener, Port, PortError, TappedBus,
 };
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
@@ -17,6 +17,7 @@ use pyo3::prelude::*;
 use crate::arguments::{line_settings, value_error, SettingsTuple};
 use crate::inbox::Inbox;
 use crate::recorder::Recorder;
+use crate::server::Server;
 use crate::session::{framing, Session};
 
 /// A bus as Python names it: name, source, ports, framing, line settings, silences of 3.5 and 1.5 characters in ns.
@@ -62,6 +63,11 @@ impl Port for PythonPort {
 
     fn advice(&self) -> String {
         self.with(|port| port.getattr("advice")?.extract()).unwrap_or_default()
+    }
+
+    fn line(&self) -> Option<LineSettings> {
+        let line: Option<String> = self.with(|port| port.getattr("line")?.extract()).ok()?;
+        line?.parse().ok()
     }
 
     fn stop(&mut self) {
@@ -136,8 +142,11 @@ impl LiveRun {
         session.note_buses(&statuses);
     }
 
-    fn record(&self, py: Python<'_>, recorder: &Recorder) {
-        self.with(py, |core| core.record(recorder.feed()));
+    #[pyo3(signature = (recorder=None, server=None))]
+    fn record(&self, py: Python<'_>, recorder: Option<&Recorder>, server: Option<&Server>) {
+        let feeds = recorder.map(Recorder::feed).into_iter().chain(server.map(Server::feed));
+        let feed = Feed::join(feeds);
+        self.with(py, |core| core.record(feed));
     }
 
     fn take_messages(&self, py: Python<'_>) -> Vec<String> {
@@ -182,65 +191,95 @@ fn port_error(error: PortError) -> PyErr {
     PyOSError::new_err((error.port, error.reason))
 }
 
-/// A serial port of this machine, for reading only. Linux only; elsewhere Python opens them.
-#[pyclass(module = "_modlens")]
-pub struct Tty {
-    #[cfg(target_os = "linux")]
-    port: Option<modlens_recorder::Tty>,
+/// A port that the core has opened (`analyzer.sources.schemes.LivePort`).
+#[pyclass(subclass, module = "_modlens")]
+pub struct CorePort {
+    port: Mutex<Option<Box<dyn Port>>>,
 }
 
-#[cfg(target_os = "linux")]
 #[pymethods]
-impl Tty {
-    #[new]
-    #[pyo3(signature = (name, line=None))]
-    fn new(py: Python<'_>, name: &str, line: Option<&str>) -> PyResult<Self> {
-        let line = line.map(str::parse).transpose().map_err(value_error)?;
-        let port = py.detach(|| modlens_recorder::Tty::open(name, line)).map_err(PyOSError::new_err)?;
-        Ok(Self { port: Some(port) })
+impl CorePort {
+    fn listen(&self, inbox: &Inbox, number: usize) -> PyResult<()> {
+        self.with(|port| port.listen(&inbox.reads, number))?.map_err(PyOSError::new_err)
     }
 
-    fn listen(&mut self, inbox: &Inbox, number: usize) -> PyResult<()> {
-        self.open()?.listen(&inbox.reads, number).map_err(PyOSError::new_err)
-    }
-
-    fn set_line(&mut self, line: &str) -> PyResult<()> {
+    fn set_line(&self, line: &str) -> PyResult<()> {
         let line = line.parse().map_err(value_error)?;
-        self.open()?.set_line(line).map_err(PyOSError::new_err)
+        self.with(|port| port.set_line(line))?.map_err(PyOSError::new_err)
+    }
+
+    #[getter]
+    fn line(&self) -> Option<String> {
+        Some(self.with(|port| port.line()).ok()??.to_string())
     }
 
     #[getter]
     fn takes_line_settings(&self) -> bool {
-        self.port.as_ref().is_some_and(Port::takes_line_settings)
+        self.with(|port| port.takes_line_settings()).unwrap_or_default()
     }
 
     #[getter]
     fn marks_errors(&self) -> bool {
-        self.port.as_ref().is_some_and(Port::marks_errors)
+        self.with(|port| port.marks_errors()).unwrap_or_default()
     }
 
     #[getter]
     fn advice(&self) -> String {
-        self.port.as_ref().map(Port::advice).unwrap_or_default()
+        self.with(|port| port.advice()).unwrap_or_default()
     }
 
     fn counters(&self) -> Counts {
-        self.port.as_ref().map(Port::counters).unwrap_or_default()
+        self.with(|port| port.counters()).unwrap_or_default()
     }
 
-    fn stop(&mut self) {
-        self.port.iter_mut().for_each(Port::stop);
+    fn stop(&self, py: Python<'_>) {
+        py.detach(|| self.with(|port| port.stop()).unwrap_or_default());
     }
 
-    fn close(&mut self) {
-        self.port = None;
+    fn close(&self, py: Python<'_>) {
+        py.detach(|| *self.port.lock().unwrap_or_else(PoisonError::into_inner) = None);
     }
 }
 
-#[cfg(target_os = "linux")]
+impl CorePort {
+    fn new(port: impl Port + 'static) -> Self {
+        Self { port: Mutex::new(Some(Box::new(port))) }
+    }
+
+    /// Uses the port; an error if it is closed.
+    fn with<T>(&self, use_port: impl FnOnce(&mut dyn Port) -> T) -> PyResult<T> {
+        let mut port = self.port.lock().unwrap_or_else(PoisonError::into_inner);
+        Ok(use_port(port.as_deref_mut().ok_or_else(|| PyOSError::new_err("the port is closed"))?))
+    }
+}
+
+/// A serial port of this machine, for reading only. Linux only; elsewhere Python opens them.
+#[pyclass(extends = CorePort, module = "_modlens")]
+pub struct Tty;
+
+#[pymethods]
 impl Tty {
-    fn open(&mut self) -> PyResult<&mut modlens_recorder::Tty> {
-        self.port.as_mut().ok_or_else(|| PyOSError::new_err("the port is closed"))
+    #[cfg(target_os = "linux")]
+    #[new]
+    #[pyo3(signature = (name, line=None))]
+    fn new(py: Python<'_>, name: &str, line: Option<&str>) -> PyResult<PyClassInitializer<Self>> {
+        let line = line.map(str::parse).transpose().map_err(value_error)?;
+        let port = py.detach(|| modlens_recorder::Tty::open(name, line)).map_err(PyOSError::new_err)?;
+        Ok(PyClassInitializer::from(CorePort::new(port)).add_subclass(Self))
+    }
+}
+
+/// A line that another tap serves.
+#[pyclass(extends = CorePort, module = "_modlens")]
+pub struct Remote;
+
+#[pymethods]
+impl Remote {
+    #[new]
+    #[pyo3(signature = (name, token=None))]
+    fn new(py: Python<'_>, name: &str, token: Option<&str>) -> PyResult<PyClassInitializer<Self>> {
+        let port = py.detach(|| modlens_recorder::Remote::open(name, token)).map_err(PyOSError::new_err)?;
+        Ok(PyClassInitializer::from(CorePort::new(port)).add_subclass(Self))
     }
 }
 

@@ -51,7 +51,7 @@ impl Recorder {
     #[pyo3(signature = (name, bus, line=None, settings=None))]
     fn add_port(&self, name: String, bus: String, line: Option<String>, settings: Option<String>) -> PyResult<u32> {
         let settings = settings.as_deref().map(str::parse::<LineSettings>).transpose().map_err(value_error)?;
-        Ok(self.feed.add_port(RecordedPort { name, bus, line, settings }))
+        Ok(self.feed.add_port(&RecordedPort { name, bus, line, settings }))
     }
 
     #[pyo3(signature = (port, time_ns, data, *, errors=None, hole=false))]

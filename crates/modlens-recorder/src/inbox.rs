@@ -9,11 +9,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use modlens_pcapng::recording::PortRead;
 use modlens_protocol::Ns;
 
 use crate::clock::ClockChange;
+use crate::feed::Feed;
 use crate::queue::{Arrived, Read, Shared};
-use crate::recorder::Feed;
 
 /// The thread of one port.
 struct Listener {
@@ -58,6 +59,25 @@ impl Inbox {
     pub fn put(&self, port: usize, bytes: Option<Vec<u8>>) {
         let arrived = bytes.map_or(Arrived::End(0), |bytes| Arrived::Bytes { bytes, errors: Vec::new(), reader_sleeps: false });
         self.shared.push(port, crate::clock::monotonic_ns(), arrived);
+    }
+
+    /// Queues a read of another program, with the time that this has given it.
+    pub fn put_dated(&self, port: usize, read: &PortRead<'_>) {
+        let (bytes, errors) = (read.bytes.to_vec(), read.errors.to_vec());
+        let arrived = Arrived::Dated { time: read.time, bytes, errors, follows_loss: read.hole };
+        self.shared.push(port, crate::clock::monotonic_ns(), arrived);
+    }
+
+    /// Notes that the source of a port has queued all reads before this time.
+    pub fn tell(&self, port: usize, time: Ns) {
+        let mut queue = self.shared.queue();
+        let told = &mut queue.port(port).told;
+        *told = (*told).max(Some(time));
+    }
+
+    /// Up to which time each port that dates its reads has queued them.
+    pub fn told_ns(&self) -> Vec<Ns> {
+        self.shared.queue().ports.iter().filter_map(|port| port.told).collect()
     }
 
     /// Ends the thread of a port; what it has read stays in the queue.

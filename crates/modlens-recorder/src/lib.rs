@@ -8,6 +8,9 @@
 //!   rotation and retention. The inbox hands it every read before the loop can see it. While the disk is full or the folder
 //!   is gone, reads wait in its memory; what does not fit is counted, and the place is marked in the recording.
 //!
+//! - [`Server`] passes the same reads on to other programs over TCP, as a stream of pcapng, and [`Remote`] is the port that
+//!   reads such a stream.
+//!
 //! So bytes are on their way to the disk before anything is decoded, and a loop that stands still costs rows, not bytes.
 //!
 //! ```no_run
@@ -50,6 +53,7 @@
 pub mod clock;
 #[cfg(target_os = "linux")]
 mod driver;
+mod feed;
 mod inbox;
 mod live;
 mod port;
@@ -59,7 +63,9 @@ mod queue;
 #[cfg(unix)]
 mod reader;
 mod recorder;
+mod remote;
 mod segments;
+mod serve;
 #[cfg(target_os = "linux")]
 mod tty;
 mod writer;
@@ -67,11 +73,14 @@ mod writer;
 pub use clock::{Clock, ClockChange};
 #[cfg(target_os = "linux")]
 pub use driver::latency_timer;
+pub use feed::{Feed, ReadSink};
 pub use inbox::Inbox;
 pub use live::{LiveOptions, LiveRun, LiveStatus, Origin, TappedBus, IDLE_NS};
 pub use port::{advice, Counts, Opener, Port, PortError};
 pub use queue::Read;
-pub use recorder::{Feed, Recorder, RecorderOptions, RecorderStatus};
+pub use recorder::{Recorder, RecorderOptions, RecorderStatus};
+pub use remote::{Remote, SCHEME as REMOTE_SCHEME};
 pub use segments::{RecordedPort, Retention, Rotation};
+pub use serve::{Server, ServerOptions};
 #[cfg(target_os = "linux")]
 pub use tty::Tty;

@@ -30,6 +30,11 @@ pub trait Port: Send {
         false
     }
 
+    /// The line settings, where the port knows them because another program reads the line.
+    fn line(&self) -> Option<LineSettings> {
+        None
+    }
+
     /// The driver's counts of damaged and lost bytes since the system started; empty where it has none.
     fn counters(&self) -> Counts {
         Counts::new()

@@ -8,7 +8,7 @@ use modlens_pcapng::recording::PortRead;
 use modlens_protocol::Ns;
 
 use crate::clock::{Clock, ClockChange, Moment};
-use crate::recorder::Feed;
+use crate::feed::Feed;
 
 /// What a queued read counts towards the limit of the queue beside its bytes.
 const READ_OVERHEAD_BYTES: usize = 96;
@@ -46,6 +46,14 @@ pub enum Arrived {
         /// The reader sleeps after this read, so that reads are rare and each may wake the caller.
         reader_sleeps: bool,
     },
+    /// A read of another program, with the time that this has given it.
+    Dated {
+        time: Ns,
+        bytes: Vec<u8>,
+        errors: Vec<u32>,
+        /// Bytes were lost before these.
+        follows_loss: bool,
+    },
     /// The port has ended with this error.
     End(u32),
 }
@@ -63,6 +71,8 @@ pub struct Port {
     pub recorder: Option<(Feed, u32)>,
     /// Bytes were lost since its last recorded read.
     pub has_recorded_loss: bool,
+    /// All its reads before this time are queued, where its source dates them.
+    pub told: Option<Ns>,
 }
 
 /// The reads that have not been taken yet.
@@ -213,12 +223,21 @@ impl Shared {
         let mut read = Read { port, time: queue.clock.utc(monotonic), ..Read::default() };
         match arrived {
             Arrived::End(error) => {
-                queue.port(port).reader_sleeps = false;
+                let port = queue.port(port);
+                // No read comes before the end, whatever clock dates it.
+                read.time = read.time.max(port.told.take().unwrap_or(read.time));
+                port.reader_sleeps = false;
                 read.error = error;
             }
             Arrived::Bytes { bytes, errors, reader_sleeps } => {
                 queue.port(port).reader_sleeps = reader_sleeps;
                 (read.bytes, read.errors) = (Some(bytes), errors);
+            }
+            Arrived::Dated { time, bytes, errors, follows_loss } => {
+                if follows_loss {
+                    queue.lose(port);
+                }
+                (read.time, read.bytes, read.errors) = (time, Some(bytes), errors);
             }
         }
         let length = read.bytes.as_ref().map_or(0, Vec::len);

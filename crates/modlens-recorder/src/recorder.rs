@@ -7,9 +7,10 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use modlens_pcapng::recording::{self, PortRead};
+use modlens_pcapng::recording::PortRead;
 use modlens_protocol::Ns;
 
+use crate::feed::{Feed, ReadSink};
 use crate::segments::{Names, RecordedPort, Retention, Rotation};
 use crate::writer::{Block, Item, Place, Writer};
 
@@ -94,12 +95,6 @@ impl Shared {
     }
 }
 
-/// Where reads go that are to be recorded; copies lead to the same recording.
-#[derive(Clone)]
-pub struct Feed {
-    shared: Arc<Shared>,
-}
-
 /// Writes reads of ports to a raw recording, in a thread of its own. Nothing here waits for the disk but `flush` and
 /// `close`.
 pub struct Recorder {
@@ -124,7 +119,7 @@ impl Recorder {
 
     /// Where its reads go.
     pub fn feed(&self) -> Feed {
-        Feed { shared: Arc::clone(&self.shared) }
+        Feed::from(self.shared.clone() as Arc<dyn ReadSink>)
     }
 
     /// How the recording is going.
@@ -182,10 +177,9 @@ impl Drop for Recorder {
     }
 }
 
-impl Feed {
-    /// Adds a port; returns its number in the recording.
-    pub fn add_port(&self, port: RecordedPort) -> u32 {
-        let mut state = self.shared.state();
+impl ReadSink for Shared {
+    fn add_port(&self, port: RecordedPort) -> u32 {
+        let mut state = self.state();
         state.items.push_back(Item::Port(port));
         state.ports += 1;
         state.ports - 1
@@ -193,19 +187,12 @@ impl Feed {
 
     /// Records a read of a port. Where memory is full, its bytes are counted as lost, and the next block of the port says
     /// that bytes are missing before it.
-    pub fn write(&self, port: u32, read: &PortRead<'_>) {
-        let mut state = self.shared.state();
-        let mut bytes = Vec::with_capacity(read.bytes.len() + 96);
+    fn write(&self, port: u32, read: &PortRead<'_>) {
+        let mut state = self.state();
         let lost = state.ports_with_loss.iter().position(|&one| one == port);
-        let hole = read.hole || lost.is_some();
-        if hole && !read.bytes.is_empty() {
-            // An empty read closes what came before: the engine learns of the loss first (`modlens-py/src/inbox.rs`).
-            recording::read(port, &PortRead { time: read.time, hole, ..PortRead::default() }, &mut bytes);
-        }
-        recording::read(port, &PortRead { hole, ..*read }, &mut bytes);
-        let block = Block { bytes, line_bytes: read.bytes.len() as u64, time: read.time };
+        let block = Block::of(port, &PortRead { hole: read.hole || lost.is_some(), ..*read });
         let cost = cost_of(&block);
-        if state.has_ended || state.status.waiting + cost > self.shared.memory {
+        if state.has_ended || state.status.waiting + cost > self.memory {
             state.status.lost += read.bytes.len() as u64;
             if lost.is_none() {
                 state.ports_with_loss.push(port);
@@ -218,19 +205,18 @@ impl Feed {
         self.push(state, block);
     }
 
-    /// Marks that the times of a port jump by `step` from now on, because the wall clock was set.
-    pub fn mark_clock_step(&self, port: u32, time: Ns, step: Ns) {
-        let mut bytes = Vec::new();
-        recording::clock_step(port, time, step, &mut bytes);
-        self.push(self.shared.state(), Block { bytes, line_bytes: 0, time });
+    fn mark_clock_step(&self, port: u32, time: Ns, step: Ns) {
+        self.push(self.state(), Block::of_clock_step(port, time, step));
     }
+}
 
+impl Shared {
     fn push(&self, mut state: MutexGuard<'_, State>, block: Block) {
         state.status.waiting += cost_of(&block);
         state.items.push_back(Item::Block(block));
         if std::mem::take(&mut state.has_waiter) {
             drop(state);
-            self.shared.changed.notify_all();
+            self.changed.notify_all();
         }
     }
 }
@@ -293,9 +279,7 @@ impl Worker {
             let ports = state.ports;
             drop(state);
             for port in (0..ports).rev() {
-                let (mut bytes, time) = (Vec::new(), self.last_time);
-                recording::read(port, &PortRead { time, hole: true, ..PortRead::default() }, &mut bytes);
-                let block = Block { bytes, line_bytes: 0, time };
+                let block = Block::of(port, &PortRead { time: self.last_time, hole: true, ..PortRead::default() });
                 self.shared.state().status.waiting += cost_of(&block);
                 self.pending.push_front(Item::Block(block));
             }

@@ -200,7 +200,7 @@ fn session_of(path: &Path) -> Option<String> {
 }
 
 /// Sixteen hex digits that no other start has: the keys of Rust's hash tables are random.
-fn new_session() -> String {
+pub fn new_session() -> String {
     use std::hash::{BuildHasher, Hasher, RandomState};
     let mut hasher = RandomState::new().build_hasher();
     let now = Moment::now();

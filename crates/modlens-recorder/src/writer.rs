@@ -6,7 +6,7 @@ use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use modlens_pcapng::recording;
+use modlens_pcapng::recording::{self, PortRead};
 use modlens_protocol::Ns;
 
 use crate::segments::{Names, RecordedPort, Retention, Rotation};
@@ -32,6 +32,26 @@ pub struct Block {
     pub line_bytes: u64,
     /// Their time.
     pub time: Ns,
+}
+
+impl Block {
+    /// The blocks of one read of a port.
+    pub fn of(port: u32, read: &PortRead<'_>) -> Self {
+        let mut bytes = Vec::with_capacity(read.bytes.len() + 96);
+        if read.hole && !read.bytes.is_empty() {
+            // An empty read closes what came before: the engine learns of the loss first (`modlens-py/src/inbox.rs`).
+            recording::read(port, &PortRead { time: read.time, hole: true, ..PortRead::default() }, &mut bytes);
+        }
+        recording::read(port, read, &mut bytes);
+        Self { bytes, line_bytes: read.bytes.len() as u64, time: read.time }
+    }
+
+    /// The block of a clock that was set.
+    pub fn of_clock_step(port: u32, time: Ns, step: Ns) -> Self {
+        let mut bytes = Vec::new();
+        recording::clock_step(port, time, step, &mut bytes);
+        Self { bytes, line_bytes: 0, time }
+    }
 }
 
 /// The file that is being written.
@@ -233,7 +253,7 @@ impl Segment {
 }
 
 /// Appends the description of a port that follows these.
-fn describe(port: &RecordedPort, before: &[RecordedPort], out: &mut Vec<u8>) {
+pub fn describe(port: &RecordedPort, before: &[RecordedPort], out: &mut Vec<u8>) {
     let mut buses: Vec<&str> = Vec::new();
     for bus in before.iter().chain([port]).map(|one| &*one.bus) {
         if !buses.contains(&bus) {

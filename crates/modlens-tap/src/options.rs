@@ -5,14 +5,14 @@ use std::str::FromStr;
 
 use modlens_protocol::framing::Mode;
 use modlens_protocol::line::LineSettings;
-use modlens_recorder::{Retention, Rotation};
+use modlens_recorder::{Retention, Rotation, ServerOptions};
 
 use crate::broker::Broker;
 
 const HELP: &str = "\
 usage: modlens-tap [BUS=]PORT [OPTIONS]
 
-Listens to a serial port and decodes its Modbus traffic; it never sends.
+Listens to a serial port, or to what another tap serves (modlens://host:port), and decodes its Modbus traffic; it never sends.
 
   --line 19200-8E1      line settings (default: found by listening)
   --mode rtu|ascii      framing (default: detected)
@@ -21,6 +21,8 @@ Listens to a serial port and decodes its Modbus traffic; it never sends.
   --record FILE         save the raw bytes with timestamps as pcapng, for modlens decode
   --rotate N            start a new file every so often, or at this size: 1h, 64MB
   --keep N              keep the newest N files, or at most this size: 168, 2GB
+  --serve [HOST:]PORT   pass the raw bytes on to Wireshark or another modlens, as pcapng over TCP
+  --serve-token-file FILE     file with the token of its clients (default: $MODLENS_SERVE_TOKEN)
   --mqtt URL            publish to mqtt://[user@]host[:port]/prefix, or mqtts:// for TLS
   --mqtt-password-file FILE   file with the password (default: $MODLENS_MQTT_PASSWORD)
   --mqtt-ca FILE        CA certificates (PEM) to trust (default: those of the system)
@@ -58,6 +60,10 @@ pub struct Options {
     pub rotation: Rotation,
     /// Which segments stay.
     pub retention: Retention,
+    /// Where the reads are served.
+    pub serve: Option<ServerOptions>,
+    /// The token of servers, ours and that of the tap that is listened to.
+    pub serve_token: Option<String>,
     /// Where to publish.
     pub broker: Option<Broker>,
     /// Transactions after which the tap ends.
@@ -76,10 +82,13 @@ pub fn parse(words: &[String]) -> Result<Wanted, String> {
         record: None,
         rotation: Rotation::Never,
         retention: Retention::All,
+        serve: None,
+        serve_token: None,
         broker: None,
         count: None,
     };
     let (mut url, mut password_file, mut authorities) = (None, None, None);
+    let (mut serve, mut token_file) = (None, None);
     let mut rest = words.iter();
     while let Some(word) = rest.next() {
         let mut value = || rest.next().ok_or(format!("{word}: a value is missing"));
@@ -93,6 +102,8 @@ pub fn parse(words: &[String]) -> Result<Wanted, String> {
             "--record" => found.record = Some(value()?.into()),
             "--rotate" => found.rotation = told(word, value()?)?,
             "--keep" => found.retention = told(word, value()?)?,
+            "--serve" => serve = Some(value()?),
+            "--serve-token-file" => token_file = Some(value()?),
             "--mqtt" => url = Some(value()?.clone()),
             "--mqtt-password-file" => password_file = Some(value()?.clone()),
             "--mqtt-ca" => authorities = Some(PathBuf::from(value()?)),
@@ -108,10 +119,22 @@ pub fn parse(words: &[String]) -> Result<Wanted, String> {
     if found.retention != Retention::All && found.rotation == Rotation::Never {
         return Err("--keep is for segments; add --rotate, as --rotate 1h".into());
     }
+    found.serve_token = token(token_file)?;
+    if let Some(place) = serve {
+        let token = found.serve_token.clone();
+        found.serve = Some(ServerOptions::parse(place, token).map_err(|why| format!("--serve {place}: {why}"))?);
+    }
     if let Some(url) = url {
         found.broker = Some(Broker::parse(&url, password_file.as_deref(), authorities)?);
     }
     Ok(Wanted::Tap(Box::new(found)))
+}
+
+/// The token in this file, or else in the environment.
+fn token(file: Option<&String>) -> Result<Option<String>, String> {
+    let Some(path) = file else { return Ok(std::env::var("MODLENS_SERVE_TOKEN").ok().filter(|token| !token.is_empty())) };
+    let text = std::fs::read_to_string(path).map_err(|error| format!("--serve-token-file {path}: {error}"))?;
+    Ok(Some(text.trim().to_owned()))
 }
 
 /// What the value of an option means.

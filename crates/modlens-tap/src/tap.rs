@@ -8,7 +8,9 @@ use std::time::Duration;
 use modlens_engine::records::Bus;
 use modlens_engine::session::{BusOptions, Session, WantedTables};
 use modlens_protocol::source::{Clock, Place};
-use modlens_recorder::{LiveOptions, LiveRun, PortError, Recorder, RecorderOptions, TappedBus, Tty};
+use modlens_recorder::{
+    Feed, LiveOptions, LiveRun, Opener, PortError, Recorder, RecorderOptions, Remote, Server, TappedBus, Tty, REMOTE_SCHEME,
+};
 
 use crate::options::Options;
 use crate::outlet::{drain_messages, say};
@@ -65,12 +67,13 @@ fn tap(options: &Options, stop: &AtomicBool) -> Result<u8, Trouble> {
     // The row of the day counts frames, too.
     let wanted = WantedTables { frames: options.broker.is_some(), transactions: true, findings: false };
     let mut session = Session::new(Arc::default(), wanted, true, None);
-    let opener = Box::new(|name: &str, line| Ok(Box::new(Tty::open(name, line)?) as _));
     let live_options = LiveOptions { queue_bytes: QUEUE_BYTES, ..LiveOptions::default() };
-    let mut run = LiveRun::open(vec![tapped(options)], opener, live_options, &mut session).map_err(lost)?;
+    let mut run = LiveRun::open(vec![tapped(options)], opener(options), live_options, &mut session).map_err(lost)?;
     let mut rows = Rows::open(options).map_err(|error| failed("output", &error))?;
     // The recording begins only when the port is open, so that no empty file is left where that fails.
-    let mut recorder = record(options, &mut run).map_err(|error| failed("--record", &error))?;
+    let mut recorder = record(options).map_err(|error| failed("--record", &error))?;
+    let mut server = serve(options).map_err(|error| failed("--serve", &error))?;
+    run.record(Feed::join(recorder.iter().map(Recorder::feed).chain(server.iter().map(Server::feed))));
     let at = options.line.map_or(String::new(), |line| format!(" at {line}"));
     say(&format!("{}: listening to {}{at}; nothing is sent", options.bus, options.port));
     let mut ended = Ok(());
@@ -80,11 +83,13 @@ fn tap(options: &Options, stop: &AtomicBool) -> Result<u8, Trouble> {
         run.take_messages()
             .iter()
             .chain(&recorder.iter().flat_map(Recorder::take_messages).collect::<Vec<_>>())
+            .chain(&server.iter().flat_map(Server::take_messages).collect::<Vec<_>>())
             .for_each(|text| say(text));
     }
     run.finish(&mut session);
     rows.put(session.take());
     run.take_messages().iter().for_each(|text| say(text));
+    server.iter_mut().for_each(Server::close);
     let is_recorded = recorder.as_mut().is_none_or(|recorder| close_recording(options, recorder));
     say(&format!("{}: {} transactions", options.bus, rows.count));
     let is_delivered = rows.close(stop);
@@ -101,12 +106,29 @@ fn tapped(options: &Options) -> TappedBus {
 }
 
 /// Begins the recording, if there is to be one.
-fn record(options: &Options, run: &mut LiveRun) -> io::Result<Option<Recorder>> {
+fn record(options: &Options) -> io::Result<Option<Recorder>> {
     let Some(path) = &options.record else { return Ok(None) };
     let (rotation, retention) = (options.rotation, options.retention);
-    let recorder = Recorder::start(RecorderOptions { rotation, retention, ..RecorderOptions::new(path) })?;
-    run.record(recorder.feed());
-    Ok(Some(recorder))
+    Recorder::start(RecorderOptions { rotation, retention, ..RecorderOptions::new(path) }).map(Some)
+}
+
+/// Begins to serve the reads, if that is wanted.
+fn serve(options: &Options) -> io::Result<Option<Server>> {
+    let Some(wanted) = &options.serve else { return Ok(None) };
+    let server = Server::start(wanted.clone())?;
+    say(&format!("{}: serving at {}", options.bus, server.address()));
+    Ok(Some(server))
+}
+
+/// Opens a serial port, or a line that another tap serves.
+fn opener(options: &Options) -> Opener {
+    let token = options.serve_token.clone();
+    Box::new(move |name, line| {
+        if name.starts_with(REMOTE_SCHEME) {
+            return Ok(Box::new(Remote::open(name, token.as_deref())?));
+        }
+        Ok(Box::new(Tty::open(name, line)?))
+    })
 }
 
 /// Completes the recording; whether nothing went wrong with it at any time.

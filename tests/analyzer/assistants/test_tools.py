@@ -92,6 +92,15 @@ def test_rows_are_counted_and_chosen() -> None:
     assert frames["rows_in_all"] == 6
 
 
+def test_columns_without_a_value_are_named() -> None:
+    """Rows leave them out, so that an answer without them would look as if nothing was there."""
+    answer = ask("rows", file=DISTURBED, where="write", columns="txn,address,data", limit=1)
+    assert answer["rows"][0].keys() == {"txn"}
+    assert answer["empty_columns"] == ["address", "data"]
+    assert answer["hint"] == "writes have write_address, write_data"
+    assert "empty_columns" not in ask("rows", file=DISTURBED, columns="txn,unit")
+
+
 def test_show_has_bytes_and_meaning() -> None:
     """A transaction with its finding; a packet; pasted text."""
     found = ask("show", file=DISTURBED, txn=2)

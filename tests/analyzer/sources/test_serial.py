@@ -114,12 +114,17 @@ def test_nothing_is_ever_sent(wire: tuple[int, str]) -> None:
 
 
 def test_there_is_no_way_to_send(wire: tuple[int, str]) -> None:
-    """No call in the sources package writes, and the port offers none."""
+    """No call in the sources package writes, and the port offers none.
+
+    But for the commands that start and stop the sniffer of a gateway (test_wb_mge.py sees them).
+    """
     folder = Path(serial_module.__file__).parent
     forbidden = {"write", "writelines", "send", "sendall", "sendto", "send_break", "sendfile"}
     for path in folder.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Attribute):
+                if (path.name, node.attr) == ("wb_mge.py", "send"):
+                    continue
                 assert node.attr not in forbidden, f"{path}:{node.lineno}: {node.attr}"
     with closing(open_port(wire[1], str(LINE))) as port:
         assert not forbidden.intersection(dir(port))

@@ -34,7 +34,8 @@ enum Element {
     HexDigits,
     Word,
     Time,
-    Milliseconds,
+    /// A number of such parts of a second, in ns and in decimals.
+    Count(Ns, u32),
     /// The offset at the start of a dump line, in this radix.
     Offset(u32),
     /// The name of a device, up to this character or else to the next space.
@@ -217,7 +218,7 @@ fn inside_word(line: &[u8], start: usize) -> bool {
 
 /// All placeholders, for the error message about an unknown one.
 fn placeholders() -> String {
-    let plain = ["any", "n", "x", "word", "time", "ms", "offset", "octal offset", "key", "front", "chunk", "proved"];
+    let plain = ["any", "n", "x", "word", "time", "ms", "us", "offset", "octal offset", "key", "front", "chunk", "proved"];
     plain.into_iter().chain(Notation::PLACEHOLDERS.iter().map(|(word, _)| *word)).collect::<Vec<_>>().join(" ")
 }
 
@@ -229,7 +230,8 @@ fn parse_element(word: &str) -> Option<Element> {
         "x" => Element::HexDigits,
         "word" => Element::Word,
         "time" => Element::Time,
-        "ms" => Element::Milliseconds,
+        "ms" => Element::Count(1_000_000, 3),
+        "us" => Element::Count(1000, 6),
         "offset" => Element::Offset(16),
         "octal offset" => Element::Offset(8),
         "key" => Element::Key(None),
@@ -321,9 +323,9 @@ fn match_elements(
                 found.time = Some(time?);
                 rest.len() - behind.len()
             }
-            Element::Milliseconds => {
+            Element::Count(unit, decimals) => {
                 let length = count_some(rest, |b| b.is_ascii_digit())?;
-                found.time = Some(scratch.timestamps.milliseconds(&rest[..length])?);
+                found.time = Some(scratch.timestamps.count(&rest[..length], *unit, *decimals)?);
                 length
             }
             Element::Offset(radix) => parse_offset(rest, *radix, found)?,

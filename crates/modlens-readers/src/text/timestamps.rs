@@ -142,10 +142,10 @@ impl TimestampParser {
         Some(ns)
     }
 
-    /// Parses a number of milliseconds since any start.
-    pub fn milliseconds(&mut self, text: &[u8]) -> Option<Ns> {
-        let value = number(text)?.checked_mul(1_000_000)?;
-        self.note_clock(ClockKind::Relative, 3);
+    /// Parses a number of milliseconds or other parts of a second, since any start or since 1970.
+    pub fn count(&mut self, text: &[u8], unit: Ns, decimals: u32) -> Option<Ns> {
+        let value = number(text)?.checked_mul(unit)?;
+        self.note_clock(if value >= LEAST_EPOCH_NS { ClockKind::Utc } else { ClockKind::Relative }, decimals);
         Some(value)
     }
 

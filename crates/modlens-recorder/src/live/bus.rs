@@ -12,8 +12,8 @@ use modlens_readers::chunk::{Chunk, Times};
 
 use super::options::{LiveStatus, Origin};
 use super::ports::Ports;
+use crate::feed::Feed;
 use crate::port::Counts;
-use crate::recorder::Feed;
 use crate::segments::RecordedPort;
 
 /// The letters of the two lines of a bus that is tapped on both.
@@ -58,7 +58,7 @@ impl LiveBus {
 
     /// Begins to decode with settings that are known, or to search them.
     pub(super) fn begin(&mut self, ports: &mut Ports, session: &mut Session, detect: bool) {
-        let line = self.template.line;
+        let line = ports.line(self.ports.start);
         let takes_settings = ports.takes_line_settings(self.ports.start);
         if takes_settings && (detect || line.is_none()) {
             return self.begin_search(ports);
@@ -211,7 +211,7 @@ impl LiveBus {
         let has_sides = self.ports.len() > 1;
         self.recorded_as.clear();
         for (port, letter) in self.ports.clone().zip(LETTERS) {
-            self.recorded_as.push(recorder.add_port(RecordedPort {
+            self.recorded_as.push(recorder.add_port(&RecordedPort {
                 name: ports.name(port).to_owned(),
                 bus: self.template.bus.name.clone(),
                 line: has_sides.then(|| letter.to_owned()),

@@ -14,9 +14,9 @@ use modlens_engine::line_search::SearchRead;
 use modlens_engine::session::Session;
 use modlens_protocol::Ns;
 
+use crate::feed::Feed;
 use crate::port::{Opener, PortError};
 use crate::queue::Read;
-use crate::recorder::Feed;
 use bus::LiveBus;
 pub use options::{LiveOptions, LiveStatus, Origin, TappedBus, IDLE_NS};
 use ports::Ports;
@@ -31,13 +31,15 @@ pub struct LiveRun {
     buses: Vec<LiveBus>,
     detect: bool,
     next_check: Ns,
+    /// Where reads go besides the engine.
+    feed: Option<Feed>,
 }
 
 impl LiveRun {
     /// Opens all ports; a bus whose settings are known is added to the session.
     pub fn open(buses: Vec<TappedBus>, opener: Opener, options: LiveOptions, session: &mut Session) -> Result<Self, PortError> {
         let detect = options.detect;
-        let mut run = Self { ports: Ports::new(opener, options), buses: Vec::new(), detect, next_check: 0 };
+        let mut run = Self { ports: Ports::new(opener, options), buses: Vec::new(), detect, next_check: 0, feed: None };
         for tapped in buses {
             let first = run.ports.count();
             let has_sides = tapped.ports.len() > 1;
@@ -86,12 +88,13 @@ impl LiveRun {
         session.flush();
     }
 
-    /// Records all reads from now on, and those that are not decoded yet. A bus whose settings are searched is recorded when
-    /// they are found, with the reads that were made with these.
-    pub fn record(&mut self, recorder: Feed) {
+    /// Records or serves all reads from now on, and those that are not decoded yet. A bus whose settings are searched is
+    /// recorded when they are found, with the reads that were made with these.
+    pub fn record(&mut self, feed: Feed) {
         for bus in &mut self.buses {
-            bus.record(recorder.clone(), &self.ports);
+            bus.record(feed.clone(), &self.ports);
         }
+        self.feed = Some(feed);
     }
 
     /// Sentences for the user since the last call.
@@ -131,7 +134,10 @@ impl LiveRun {
 
     /// Reports engine and searches what time it is.
     fn advance(&mut self, session: &mut Session) {
-        let now = self.ports.now_ns() - READ_LAG_NS;
+        let now = self.ports.told_ns(READ_LAG_NS);
+        if let Some(feed) = &self.feed {
+            feed.advance(now);
+        }
         for bus in &mut self.buses {
             bus.advance(&mut self.ports, session, now);
         }

@@ -58,6 +58,7 @@ impl Ports {
         let now = Instant::now();
         let error = |reason| PortError { port: name.to_owned(), reason };
         let port = (self.opener)(name, line).map_err(error)?;
+        let line = line.or_else(|| port.line());
         self.slots.push(Slot {
             name: name.to_owned(),
             bus,
@@ -248,6 +249,12 @@ impl Ports {
     pub(super) fn lost(&self, number: usize) -> Option<Duration> {
         let slot = &self.slots[number];
         slot.port.is_none().then(|| slot.lost_at.elapsed())
+    }
+
+    /// The time before which all reads have come, where reads take `lag` to the queue; ports with a clock of their
+    /// own report it themselves.
+    pub(super) fn told_ns(&self, lag: Ns) -> Ns {
+        self.inbox.told_ns().into_iter().fold(self.now_ns() - lag, Ns::min)
     }
 
     /// The present time on the clock of the reads.

@@ -44,6 +44,8 @@ complete -c modlens -n '__fish_seen_subcommand_from tap' -l mqtt-cert -r -d 'cli
 complete -c modlens -n '__fish_seen_subcommand_from tap' -l mqtt-key -r -d 'private key of --mqtt-cert (PEM)'
 complete -c modlens -n '__fish_seen_subcommand_from tap' -l mqtt-spool -r -d 'file that buffers messages until the broker acknowledges them'
 complete -c modlens -n '__fish_seen_subcommand_from tap' -l home-assistant -d 'with --mqtt: publish Home Assistant discovery messages'
+complete -c modlens -n '__fish_seen_subcommand_from tap' -l serve -x -d 'pass the raw bytes on to Wireshark or another modlens tap, as pcapng over TCP'
+complete -c modlens -n '__fish_seen_subcommand_from tap' -l serve-token-file -r -d 'file with the token that clients have to send (default: $MODLENS_SERVE_TOKEN)'
 complete -c modlens -n '__fish_seen_subcommand_from tap' -l metrics -x -d 'serve Prometheus metrics over HTTP'
 complete -c modlens -n '__fish_seen_subcommand_from tap' -l notify -x -d 'run this command, or POST to this URL, when a trouble begins, changes or ends; the event is JSON on standard input or in the body (repeatable)'
 complete -c modlens -n '__fish_seen_subcommand_from tap' -l line -x -d 'all line settings at once: baud rate, data bits, parity, stop bits'

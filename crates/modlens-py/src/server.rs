@@ -1,0 +1,49 @@
+//! The server of a tap, which a thread of the recorder's crate runs.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use modlens_recorder::{Feed, Server as Core, ServerOptions};
+use pyo3::prelude::*;
+
+use crate::arguments::value_error;
+
+/// Serves the reads of a live run.
+#[pyclass(frozen, module = "_modlens")]
+pub struct Server {
+    core: Mutex<Core>,
+}
+
+#[pymethods]
+impl Server {
+    #[new]
+    #[pyo3(signature = (place, *, token=None, memory=None))]
+    fn new(place: &str, token: Option<String>, memory: Option<usize>) -> PyResult<Self> {
+        let mut options = ServerOptions::parse(place, token).map_err(value_error)?;
+        options.memory = memory.unwrap_or(options.memory);
+        Ok(Self { core: Mutex::new(Core::start(options)?) })
+    }
+
+    #[getter]
+    fn address(&self) -> String {
+        self.core().address().to_string()
+    }
+
+    fn take_messages(&self) -> Vec<String> {
+        self.core().take_messages()
+    }
+
+    fn close(&self, py: Python<'_>) {
+        py.detach(|| self.core().close());
+    }
+}
+
+impl Server {
+    /// Where reads go that are served.
+    pub(crate) fn feed(&self) -> Feed {
+        self.core().feed()
+    }
+
+    fn core(&self) -> MutexGuard<'_, Core> {
+        self.core.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
