@@ -13,6 +13,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import re
 import threading
 from collections.abc import Mapping
 from typing import Any
@@ -207,4 +208,6 @@ def _advice(error: Exception) -> str:
         return f"the connection is encrypted: put the key of the device's API into {KEY}"
     if isinstance(error, TimeoutError):
         return "no answer; check the address, and that the device has api: in its configuration"
-    return f"cannot be reached: {error}"
+    # The client's text has its whole list of addresses.
+    number = re.search(r"\[Errno (\d+)\]", str(error))
+    return f"cannot be reached: {error if number is None else os.strerror(int(number[1]))}"

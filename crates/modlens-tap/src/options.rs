@@ -183,6 +183,18 @@ mod tests {
     }
 
     #[test]
+    fn the_line_is_served_on_loopback_unless_there_is_a_token() {
+        let served = |words: &[&str]| tap(&[&["a"], words].concat()).map(|found| found.serve.unwrap().address.to_string());
+        assert_eq!(served(&["--serve", "4010"]), Ok("127.0.0.1:4010".into()));
+        assert!(served(&["--serve", "0.0.0.0:4010"]).unwrap_err().contains("set a token"));
+        let token = std::env::temp_dir().join(format!("modlens_token_{}", std::process::id()));
+        std::fs::write(&token, "a-token-of-sixteen\n").unwrap();
+        let words = ["--serve", "0.0.0.0:4010", "--serve-token-file", token.to_str().unwrap()];
+        assert_eq!(served(&words), Ok("0.0.0.0:4010".into()));
+        std::fs::remove_file(token).unwrap();
+    }
+
+    #[test]
     fn wrong_use_is_told() {
         for words in [
             &["--line"][..],
@@ -192,6 +204,8 @@ mod tests {
             &["a", "--keep", "x"],
             &["a", "--keep", "2"],
             &["a", "--what"],
+            &["a", "--serve", "gateway"],
+            &["a", "--serve-token-file", "/no/such/file"],
         ] {
             assert!(tap(words).is_err(), "{words:?}");
         }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 import importlib
 import sys
 import threading
@@ -19,7 +20,7 @@ from aioesphomeapi.core import MESSAGE_TYPE_TO_PROTO
 from analyzer import PortError, UsageError
 from analyzer.live_run import LiveRun
 from analyzer.settings import Settings
-from analyzer.sources.esphome import open_port
+from analyzer.sources.esphome import KEY, open_port
 
 messages: Any = importlib.import_module("aioesphomeapi.api_pb2")
 NUMBERS = {kind.__name__: number for number, kind in MESSAGE_TYPE_TO_PROTO.items()}
@@ -31,10 +32,75 @@ PASSIVE = {
 """What a listener may send: nothing that writes, sets modem pins or the mode."""
 
 
-class Device:
-    """The plain-text API of a device on loopback, in a thread; it notes every message it gets."""
+class Plain:
+    """How messages are framed on a connection without encryption."""
 
-    def __init__(self, *, names: tuple[str, ...] = ("meter",), status: int = 0) -> None:
+    async def greet(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Nothing comes before the messages."""
+
+    async def read(self, reader: asyncio.StreamReader) -> tuple[int, bytes]:
+        """Number and content of the next message."""
+        await reader.readexactly(1)
+        length, number = await varint(reader), await varint(reader)
+        return number, await reader.readexactly(length)
+
+    def pack(self, number: int, data: bytes) -> bytes:
+        """A message as it is sent."""
+        return b"\0" + as_varint(len(data)) + as_varint(number) + data
+
+
+class Noise(Plain):
+    """The device's side of ESPHome's encryption: Noise_NNpsk0_25519_ChaChaPoly_SHA256."""
+
+    def __init__(self, key: str) -> None:
+        kind = importlib.import_module("noise.connection").NoiseConnection
+        self._noise: Any = kind.from_name(b"Noise_NNpsk0_25519_ChaChaPoly_SHA256")
+        self._noise.set_as_responder()
+        self._noise.set_psks(base64.b64decode(key))
+        self._noise.set_prologue(b"NoiseAPIInit\0\0")
+        self._noise.start_handshake()
+
+    async def greet(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """The handshake; a client with another key is refused as the firmware does."""
+        try:
+            await self._frame(reader)
+        except AssertionError as error:
+            writer.write(self._framed(b"\1Bad indicator byte"))
+            raise ConnectionError from error
+        writer.write(self._framed(b"\1meter\0"))
+        try:
+            self._noise.read_message((await self._frame(reader))[1:])
+        except importlib.import_module("cryptography.exceptions").InvalidTag as error:
+            writer.write(self._framed(b"\1Handshake MAC failure"))
+            raise ConnectionError from error
+        writer.write(self._framed(b"\0" + bytes(self._noise.write_message())))
+
+    async def read(self, reader: asyncio.StreamReader) -> tuple[int, bytes]:
+        """Number and content of the next message."""
+        data = bytes(self._noise.decrypt(await self._frame(reader)))
+        return int.from_bytes(data[:2], "big"), data[4:]
+
+    def pack(self, number: int, data: bytes) -> bytes:
+        """A message as it is sent."""
+        head = number.to_bytes(2, "big") + len(data).to_bytes(2, "big")
+        return self._framed(bytes(self._noise.encrypt(head + data)))
+
+    async def _frame(self, reader: asyncio.StreamReader) -> bytes:
+        assert await reader.readexactly(1) == b"\1"
+        return await reader.readexactly(int.from_bytes(await reader.readexactly(2), "big"))
+
+    def _framed(self, data: bytes) -> bytes:
+        return b"\1" + len(data).to_bytes(2, "big") + data
+
+
+class Device:
+    """The API of a device on loopback, in a thread; it notes every message it gets."""
+
+    def __init__(
+        self, *, names: tuple[str, ...] = ("meter",), status: int = 0, key: str | None = None
+    ) -> None:
+        self._key = key
+        self._framing: dict[asyncio.StreamWriter, Plain] = {}
         self.got: list[tuple[str, Any]] = []
         self._names, self._status = names, status
         self._writers: list[asyncio.StreamWriter] = []
@@ -79,16 +145,20 @@ class Device:
         task = asyncio.current_task()
         assert task is not None
         self._tasks.append(task)
+        framing = Plain() if self._key is None else Noise(self._key)
         try:
-            while await reader.readexactly(1):
-                length, number = await varint(reader), await varint(reader)
+            await framing.greet(reader, writer)
+            self._framing[writer] = framing
+            while True:
+                number, data = await framing.read(reader)
                 kind = MESSAGE_TYPE_TO_PROTO[number]
-                message = kind.FromString(await reader.readexactly(length))
+                message = kind.FromString(data)
                 self.got.append((kind.__name__, message))
                 for answer in self._answers(kind.__name__, message):
                     self._write(answer)
         except (asyncio.IncompleteReadError, ConnectionError, asyncio.CancelledError):
             writer.close()
+            self._framing.pop(writer, None)
             self._writers.remove(writer)
 
     def _answers(self, kind: str, message: Any) -> Iterator[Any]:
@@ -109,10 +179,9 @@ class Device:
             yield messages.DisconnectResponse()
 
     def _write(self, message: Any) -> None:
-        data = message.SerializeToString()
-        head = b"\0" + as_varint(len(data)) + as_varint(NUMBERS[type(message).__name__])
-        for writer in self._writers:
-            writer.write(head + data)
+        data, number = message.SerializeToString(), NUMBERS[type(message).__name__]
+        for writer, framing in self._framing.items():
+            writer.write(framing.pack(number, data))
 
 
 async def varint(reader: asyncio.StreamReader) -> int:
@@ -178,6 +247,23 @@ def test_rows_are_decoded_and_nothing_is_written(device: Device) -> None:
     ] * 3
 
 
+def test_an_encrypted_connection_needs_the_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without it, and with a wrong one, the error says where it goes; with it rows come."""
+    keys = [base64.b64encode(bytes([number]) * 32).decode() for number in (1, 2)]
+    device = Device(key=keys[0])
+    name = f"esphome://127.0.0.1:{device.port}/meter"
+    for wrong in ("", keys[1]):
+        monkeypatch.setenv(KEY, wrong)
+        with pytest.raises(PortError, match=KEY):
+            open_port(name, None)
+    monkeypatch.setenv(KEY, keys[0])
+    with closing(LiveRun([f"{name}@9600-8N1"], Settings())) as run:
+        (row,) = rows_until(run, 1, lambda: device.send(b"".join(EXCHANGE)))
+        assert (row.unit, row.status, row.data) == (1, "ok", [7])
+    device.close()
+    assert {kind for kind, _ in device.got} <= PASSIVE
+
+
 def test_settings_are_left_alone_unless_they_are_given(device: Device) -> None:
     """Nor is the name needed where there is one proxy only."""
     open_port(f"esphome://127.0.0.1:{device.port}", None).close()
@@ -206,7 +292,7 @@ def test_the_names_of_proxies_are_told(names: tuple[str, ...], wanted: str, word
 def test_a_device_that_is_not_there_is_an_error() -> None:
     device = Device()
     device.close()
-    with pytest.raises(PortError, match=r"cannot be reached|no answer"):
+    with pytest.raises(PortError, match=r"cannot be reached: [A-Z]|no answer"):
         open_port("esphome://127.0.0.1:1/meter", None)
 
 
