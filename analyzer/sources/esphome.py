@@ -52,9 +52,9 @@ class _ProxyPort:
 
     takes_line_settings = True
     marks_errors = False
-    advice = ""
 
     def __init__(self, name: str, settings: str | None) -> None:
+        self.advice = ""
         self._name = name
         self._lock = threading.Lock()
         self._heard: list[bytes | None] = []
@@ -131,7 +131,13 @@ class _ProxyPort:
         self._instance = self._instance_of(unquote(place.path.strip("/")), about.serial_proxies)
         self._client.subscribe_serial_proxy_data(self._on_data)
         answer = await self._client.serial_proxy_subscribe_await_response(self._instance)
-        if answer is None or answer.status in (
+        if answer is None:  # firmware before API 1.16 does not answer
+            self.advice = (
+                "this ESPHome does not report a refused subscription, and allows one; if nothing is"
+                " received, stop the other client, such as Home Assistant's integration"
+            )
+            return
+        if answer.status in (
             SerialProxyStatus.OK,
             SerialProxyStatus.ASSUMED_SUCCESS,
         ):

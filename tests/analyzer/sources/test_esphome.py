@@ -97,9 +97,14 @@ class Device:
     """The API of a device on loopback, in a thread; it notes every message it gets."""
 
     def __init__(
-        self, *, names: tuple[str, ...] = ("meter",), status: int = 0, key: str | None = None
+        self,
+        *,
+        names: tuple[str, ...] = ("meter",),
+        status: int = 0,
+        key: str | None = None,
+        api: int = 18,
     ) -> None:
-        self._key = key
+        self._key, self._api = key, api
         self._framing: dict[asyncio.StreamWriter, Plain] = {}
         self.got: list[tuple[str, Any]] = []
         self._names, self._status = names, status
@@ -163,7 +168,9 @@ class Device:
 
     def _answers(self, kind: str, message: Any) -> Iterator[Any]:
         if kind == "HelloRequest":
-            yield messages.HelloResponse(api_version_major=1, api_version_minor=18, name="meter")
+            yield messages.HelloResponse(
+                api_version_major=1, api_version_minor=self._api, name="meter"
+            )
         elif kind == "AuthenticationRequest":
             yield messages.AuthenticationResponse()
         elif kind == "DeviceInfoRequest":
@@ -275,6 +282,14 @@ def test_a_second_subscriber_is_told_why_it_is_refused() -> None:
     device = Device(status=5)
     with pytest.raises(PortError, match="another client is subscribed, and ESPHome allows one"):
         open_port(f"esphome://127.0.0.1:{device.port}/meter", None)
+    device.close()
+
+
+def test_old_firmware_refuses_in_silence_so_a_note_says_what_to_try() -> None:
+    """A host build of ESPHome 2026.6 ignored the second subscriber."""
+    device = Device(api=14)
+    with closing(open_port(f"esphome://127.0.0.1:{device.port}/meter", None)) as port:
+        assert "stop the other client" in port.advice
     device.close()
 
 
