@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 	$(shell find $(filter-out crates/modlens-bench crates/modlens-tap,$(wildcard crates/*)) dissectors analyzer -name '*.rs' -o -name '*.toml')
 
-.PHONY: demo check test lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak openings settings bench bench-memory bench-captures bench-text bench-readings bench-exports bench-threads speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
+.PHONY: demo check test lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak openings settings bench bench-memory bench-captures bench-text bench-readings bench-exports bench-threads false-alarms speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
 
 demo: export PAGER := cat
 demo: $(VENV)/.installed
@@ -84,6 +84,11 @@ gateway: $(VENV)/.release
 
 deb: $(VENV)/.release
 	$(BIN)/python -m release.gateways --deb $(MACHINE)
+
+# Alerts on an ordinary day of 24 hours, and what diff finds between pairs of days (HOURS each).
+false-alarms: $(VENV)/.installed
+	$(BIN)/python -m tests.support.usual_days alarms --days 3
+	$(BIN)/python -m tests.support.usual_days diff --hours $(or $(HOURS),24)
 
 try-gateway: $(VENV)/.release $(VENV)/.installed
 	$(BIN)/python -m release.try_gateway $(MACHINE)

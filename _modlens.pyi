@@ -245,27 +245,52 @@ class Watch:
 
     `rules` is a JSON list of {code, table, tree, pdu, per, distinct, count, within_s, only_once};
     `tree` is a filter as `analyzer.filters` compiles it. `ValueError` names the rule and the key.
+    With `usual`, a usage as JSON, `news` also has the deviations from it as they begin.
     """
 
-    def __new__(cls, rules: str = "[]") -> Watch: ...
+    def __new__(cls, rules: str = "[]", usual: str | None = None) -> Watch: ...
     def add(self, batch: Batch) -> None:
         """Look at the rows of a batch."""
     def finish(self) -> None:
         """Decide what waits for more rows."""
     def alerts(self) -> str:
-        """JSON: {"alerts": [...], "not_judged": [code, ...]}.
+        """JSON: {"alerts": [...], "not_judged": [code, ...], "not_kept": number}.
 
         An alert is {code, bus, client, unit, function, address, count, items, since_ns, until_ns,
         examples}.
         """
+    def news(self) -> str:
+        """The alerts and deviations that have begun since the last call, as a JSON list."""
     def usage(self) -> str:
         """What was asked, by bus, as JSON: what `compare` takes, and what a baseline holds."""
     def compare(self, usual: str, *, values: bool = False) -> str:
         """The differences from a usage, as a JSON list; `ValueError` if `usual` is none.
 
         A difference is {code, bus, client, unit, function, address, quantity, usual, now, count,
-        since_ns, examples}. With `values`, it also lists registers that began or stopped to change.
+        since_ns, examples, requests}. With `values`, it also lists registers that began or stopped to change.
         """
+
+@final
+class Join:
+    """Both sides of a gateway: transactions on the network matched with those on its serial line.
+
+    `filter` is a filter of transactions as `analyzer.filters` compiles it; `ValueError` if not.
+    `side` is network or line.
+    """
+
+    def __new__(cls, filter: str | None = None) -> Join: ...
+    def add(self, side: str, batch: Batch) -> None:
+        """Take the transactions of a batch; `ValueError` for another side."""
+    def end(self, side: str) -> None:
+        """Note that the recording of one side has ended."""
+    def wants(self) -> str | None:
+        """The side of which more is needed; None when both have ended."""
+    def is_aligned(self) -> bool | None:
+        """Whether the two have traffic in common; None while that is not known."""
+    def rows(self) -> str:
+        """The rows that are certain by now, as a JSON list."""
+    def summary(self) -> str:
+        """What was found about the gateway, as JSON: clocks, units, outcomes, timeouts."""
 
 def bus_day_columns() -> list[tuple[str, str]]:
     """Key and meaning of each column of `bus_day_row`, in order."""

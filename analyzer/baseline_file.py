@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from dissectors.errors import ProfileError
@@ -72,47 +72,38 @@ def loads(text: str, path: str) -> dict[str, Any]:
     return table
 
 
-def merge(usual: Mapping[str, Any], seen: Mapping[str, Any], codes: set[str]) -> dict[str, Any]:
-    """The baseline with what was seen, as far as findings with these codes are about it.
+def merge(
+    usual: Mapping[str, Any], seen: Mapping[str, Any], accepted: Iterable[Mapping[str, Any]]
+) -> dict[str, Any]:
+    """The baseline with what was seen, as far as accepted deviations are about it.
 
-    Codes that begin with `new_` and `value_never_written` add requests and values of `seen`;
-    `missing_request` and `missing_bus` take away what `seen` lacks; all others replace what is
-    known of a request by what was seen of it.
+    `accepted` are the facts of findings. The requests that they name are added, or replaced by
+    what was seen of them, or removed where nothing was; nothing else changes.
     """
+    facts = list(accepted)
     buses = {bus["name"]: bus for bus in usual["bus"]}
     is_one_line = len(buses) == len(seen["bus"]) == 1
-    merged = []
+    new = {one["bus"] for one in facts if one["code"] == "new_bus"}
+    gone = {one["bus"] for one in facts if one["code"] == "missing_bus"}
+    merged = {name: bus for name, bus in buses.items() if name not in gone}
     for bus in seen["bus"]:
-        known = next(iter(buses.values())) if is_one_line else buses.get(bus["name"])
-        if known is not None:
-            merged.append({**known, "request": _requests(known["request"], bus["request"], codes)})
-        elif "new_bus" in codes:
-            merged.append(bus)
-    names = {bus["name"] for bus in merged}
-    kept = [bus for name, bus in buses.items() if name not in names]
-    return {"bus": merged if "missing_bus" in codes else [*kept, *merged]}
+        name = next(iter(buses)) if is_one_line else bus["name"]
+        if name in merged:
+            keys = [one.get("requests", ()) for one in facts if one["bus"] == bus["name"]]
+            wanted = {tuple(key) for some in keys for key in some}
+            known = merged[name]
+            merged[name] = {**known, "request": _requests(known["request"], bus["request"], wanted)}
+        elif name in new:
+            merged[name] = bus
+    return {"bus": list(merged.values())}
 
 
 def _requests(
-    usual: list[dict[str, Any]], seen: list[dict[str, Any]], codes: set[str]
+    usual: list[dict[str, Any]], seen: list[dict[str, Any]], wanted: set[tuple[object, ...]]
 ) -> list[dict[str, Any]]:
     keys = ("client", "unit", "function", "writes", "address", "quantity")
     known = {tuple(row.get(key) for key in keys): row for row in usual}
     now = {tuple(row.get(key) for key in keys): row for row in seen}
-    adds = {
-        "new_client",
-        "new_writer",
-        "new_unit",
-        "new_function",
-        "new_request",
-        "new_write_range",
-    }
-    replaces = codes - adds - {"missing_request", "new_bus", "missing_bus"}
-    merged = {
-        key: now[key] if key in now and replaces else row
-        for key, row in known.items()
-        if key in now or "missing_request" not in codes
-    }
-    if codes & adds:
-        merged |= {key: row for key, row in now.items() if key not in known}
-    return list(merged.values())
+    kept = {key: now.get(key) if key in wanted else row for key, row in known.items()}
+    added = {key: row for key, row in now.items() if key in wanted and key not in known}
+    return [row for row in (kept | added).values() if row is not None]

@@ -128,12 +128,17 @@ def _condition(name: str, row: Mapping[str, Any], path: str) -> dict[str, Any]:
 
 
 class Watch:
-    """What the rules, and a baseline, find in batches of rows."""
+    """What the rules, and a baseline, find in batches of rows.
 
-    def __init__(self, table: Sequence[Rule]) -> None:
+    With `usual`, a result of `usage`, `news` also has the deviations from it. `ValueError` names
+    what is wrong in `usual`.
+    """
+
+    def __init__(self, table: Sequence[Rule], usual: Mapping[str, Any] | None = None) -> None:
         self._rules = {rule.code: rule for rule in table}
         conditions = [rule.condition for rule in table if rule.condition]
-        self._core = _modlens.Watch(json.dumps(conditions))
+        known = None if usual is None else json.dumps(usual, default=str)
+        self._core = _modlens.Watch(json.dumps(conditions), known)
 
     def add(self, batch: _modlens.Batch) -> None:
         """Look at the transactions, frames and connections of a batch."""
@@ -146,6 +151,10 @@ class Watch:
     def alerts(self) -> list[Finding]:
         """What the rules have found, the most severe first."""
         return self._findings(json.loads(self._core.alerts())["alerts"])
+
+    def news(self) -> list[Finding]:
+        """What has begun since the last call, the most severe first."""
+        return self._findings(json.loads(self._core.news()))
 
     def not_judged(self) -> list[str]:
         """The codes of rules that need times, where the recordings have none."""

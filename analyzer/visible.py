@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import functools
 
-__all__ = ["for_terminal", "visible"]
+__all__ = ["for_terminal", "spreadsheet_cell", "visible"]
 
 
 @functools.cache
@@ -57,3 +57,17 @@ def for_terminal(lines: str) -> str:
     if lines.replace("\n", "").replace("\t", "").isprintable():
         return lines
     return "\r\n".join(part.translate(_line_escapes()) for part in lines.split("\r\n"))
+
+
+def spreadsheet_cell(value: object) -> object:
+    """Return a cell for CSV or Markdown that a spreadsheet does not take for a formula.
+
+    >>> spreadsheet_cell("=1+1"), spreadsheet_cell([1, 2]), spreadsheet_cell(None)
+    ("'=1+1", '1 2', '')
+    """
+    if isinstance(value, list):
+        return " ".join(map(str, value))
+    if isinstance(value, str):
+        shown = visible(value)
+        return f"'{shown}" if shown.startswith(("=", "+", "-", "@", "\t", "\r")) else shown
+    return "" if value is None else value

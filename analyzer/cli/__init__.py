@@ -40,6 +40,7 @@ COMMANDS = {
     "security": "say who does on the bus what nobody should, and what is not usual",
     "baseline": "describe what is usual on the bus, to compare with later",
     "diff": "say what differs between two recordings",
+    "join": "say which client of a gateway caused what on its serial line",
     "report": "write one page: what is on the bus, whether it is healthy, what to do",
     "plot": "draw readings over time, in the terminal or as a picture",
     "ports": "list this computer's serial ports",

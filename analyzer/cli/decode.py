@@ -6,6 +6,7 @@ import argparse
 from itertools import islice
 
 from analyzer.cli.chosen_settings import settings
+from analyzer.cli.live_watch import add_watch
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import TABLE, run_files
 from analyzer.cli.parser import add_decoding, add_input, add_line, add_rows
@@ -45,6 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_rows(parser)
     add_decoding(parser)
     add_line(parser)
+    add_watch(parser)
     parser.add_argument(
         "--replay",
         action="store_true",

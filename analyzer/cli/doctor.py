@@ -10,6 +10,7 @@ from typing import Any
 
 from analyzer.cli.chosen_settings import settings
 from analyzer.cli.file_input import file_run
+from analyzer.cli.live_watch import add_watch, live_watch, with_watched_tables
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import DAMAGED, SIGNALLED
 from analyzer.cli.parser import add_archive, add_decoding, add_input, add_line
@@ -20,6 +21,7 @@ from analyzer.cli.stop_signals import StopSignals
 from analyzer.views.health import show_health
 from analyzer.views.health_markdown import markdown
 from analyzer.views.screen import stdout
+from analyzer.views.security import render, show_findings
 from dissectors.errors import CaptureError
 
 __all__ = ["add_arguments", "run"]
@@ -42,6 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_selection(parser)
     add_decoding(parser)
     add_line(parser)
+    add_watch(parser)
     add_archive(parser, "buses examined side by side with --to csv")
     parser.add_argument(
         "--to",
@@ -66,16 +69,22 @@ def run(options: argparse.Namespace) -> int:
         from analyzer.cli.archive_days import run_bus_days  # noqa: PLC0415
 
         return run_bus_days(options, messages)
-    chosen = replace(settings(options), tables=("diagnoses",))
+    chosen = with_watched_tables(options, replace(settings(options), tables=("diagnoses",)))
+    watch = live_watch(options, lambda text: None)
     report_silence_limits(chosen, messages)
     files = file_run(options, chosen, messages)
     with StopSignals() as stop_signals:
-        for _ in files.batches():
+        for batch in files.batches():
+            if watch is not None:
+                watch.put(batch)
             if stop_signals.received():
                 files.finish()
                 break
         check_selected(options, files.stats(), messages)
         found = files.doctor()
+        if watch is not None:
+            watch.finish()
+            found["security"] = [one.row() for one in watch.found]
         _print(options.to, found)
         if stop_signals.signal is not None:
             return SIGNALLED + stop_signals.signal
@@ -95,7 +104,11 @@ def _print(form: str | None, found: Mapping[str, Any]) -> None:
     """Print the judgement in a format; as text if there is none."""
     if form is None:
         show_health(found, stdout())
+        if "security" in found:
+            stdout().line("Security: " + ("no finding." if not found["security"] else ""), "head")
+            show_findings(found["security"], stdout())
     elif form == "json":
         print_text(json.dumps(found, indent=2, ensure_ascii=False) + "\n")
     else:
-        print_text("".join(markdown(found)))
+        security = "\n" + render(found["security"], "md") if "security" in found else ""
+        print_text("".join(markdown(found)) + security)

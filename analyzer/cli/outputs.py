@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 from analyzer.cli.chosen_settings import settings
 from analyzer.cli.file_input import file_run
 from analyzer.cli.ignored import ignored_in
+from analyzer.cli.live_watch import live_watch, with_watched_tables
 from analyzer.cli.messages import Messages
 from analyzer.cli.segmentation import report_silence_limits
 from analyzer.cli.standard_streams import STDOUT, discard_output
@@ -75,7 +76,8 @@ def run_files(
         rows_on_terminal=to is not None and sys.stdout.isatty(),
         timezone=options.timezone,
     )
-    settings = run_settings(options)
+    settings = with_watched_tables(options, run_settings(options))
+    watch = live_watch(options, messages.info)
     report_silence_limits(settings, messages)
     pool = None if follow else _pool(options)
     run = file_run(options, settings, messages, follow=follow, pool=pool)
@@ -83,8 +85,11 @@ def run_files(
         StopSignals() as stop_signals,
         Outputs(options, messages, to=to, names=options.files) as outputs,
     ):
+        outputs.add_observers(*() if watch is None else (watch,))
         with pool or nullcontext():
             outputs.pump(run, stop_signals.received, pool=pool)
+        if watch is not None:
+            watch.finish()
         signal = stop_signals.signal
         # A signal is the only way to end `--follow`, whose outputs are complete then.
         outputs.close(interrupted=signal is not None and not follow)

@@ -6,6 +6,7 @@ import argparse
 
 from analyzer.baseline_file import dumps, merge
 from analyzer.cli.import_ import write_text
+from analyzer.cli.live_watch import check_codes
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import DAMAGED
 from analyzer.cli.parser import add_decoding, add_input, add_line
@@ -69,10 +70,7 @@ def run(options: argparse.Namespace) -> int:
     table = [*rules(), *(rule for path in options.rules for rule in _rules_of(path))]
     if options.accept and options.baseline is None:
         raise UsageError("security: --accept needs --baseline")
-    known = {rule.code for rule in table if not rule.condition}
-    for code in options.accept:
-        if code not in known:
-            raise UsageError(f"security: --accept {code}: it is one of {', '.join(sorted(known))}")
+    check_codes(set(options.accept))
     usual = None if options.baseline is None else read_baseline(options.baseline)
     messages = Messages(quiet=options.to is not None, timezone=options.timezone)
     watch, status = watched(options, table, messages)
@@ -83,7 +81,8 @@ def run(options: argparse.Namespace) -> int:
         except ValueError as error:
             raise ProfileError(str(error), path=options.baseline) from error
         if options.accept:
-            text = dumps(merge(usual, watch.usage(), set(options.accept)))
+            accepted = [one.facts for one in found if one.rule.code in options.accept]
+            text = dumps(merge(usual, watch.usage(), accepted))
             write_text(text, options.baseline)
             found = [one for one in found if one.rule.code not in options.accept]
     found.sort(key=lambda one: SEVERITIES.index(one.rule.severity))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from analyzer.bus_file import choose_buses
 from analyzer.cli.detached_streams import DetachedStreams, write_failure
 from analyzer.cli.limited_run import LimitedRun
+from analyzer.cli.live_watch import add_watch, live_watch, with_watched_tables
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import DAMAGED, TABLE, Outputs, run_settings
 from analyzer.cli.parser import add_decoding, add_line, add_rows
@@ -94,6 +95,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_recording(parser)
     _add_triggers(parser)
     _add_feeds(parser)
+    add_watch(parser)
     add_line(parser)
     parser.add_argument(
         "--detect",
@@ -201,12 +203,15 @@ def run(options: argparse.Namespace) -> int:
     return status
 
 
-def _tap(options: argparse.Namespace, stop_signals: StopSignals) -> int:
+def _tap(  # noqa: PLR0915 - in the order in which a tap begins and ends
+    options: argparse.Namespace, stop_signals: StopSignals
+) -> int:
     take_event_files(options)
     taps, bound = _taps(options)
-    settings = _settings(options, bound)
+    settings = with_watched_tables(options, _settings(options, bound))
     messages = Messages(quiet=False)
     tap_messages = TapMessages(messages)
+    watch = live_watch(options, tap_messages.info)
     stop_conditions = StopConditions(options.count, _seconds(options.duration), options.stop_on)
     report_silence_limits(settings, messages)
     recording = TapRecording(options, tap_messages)
@@ -234,6 +239,7 @@ def _tap(options: argparse.Namespace, stop_signals: StopSignals) -> int:
         outputs.add_observers(
             recording,
             server,
+            *([] if watch is None else [watch]),
             *[stop_conditions] * stop_conditions.any_set,
             HourlySummary(live.stats, tap_messages.info),
             SettingsDoubt(live.stats, tap_messages.info),
@@ -263,6 +269,8 @@ def _tap(options: argparse.Namespace, stop_signals: StopSignals) -> int:
             recording.close()
             server.close()
             outputs.close()
+            if watch is not None:
+                watch.finish()
             stats, doctor = limited.stats(), limited.doctor()
             if not outputs.reader_gone:
                 messages.statistics(stats, doctor)

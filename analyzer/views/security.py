@@ -11,6 +11,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from analyzer.views.screen import Screen, visible
+from analyzer.visible import spreadsheet_cell
 
 __all__ = ["FORMATS", "render", "show_findings"]
 
@@ -19,7 +20,6 @@ FORMATS = ("jsonl", "csv", "md")
 _STYLES = {"high": "bad", "medium": "odd", "low": "note", "info": "dim"}
 _WIDEST = 100
 _ONE_YEAR_NS = 31_536_000_000_000_000
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 def show_findings(rows: Sequence[Mapping[str, Any]], screen: Screen) -> None:
@@ -85,18 +85,8 @@ def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(keys)
     for row in rows:
-        writer.writerow([_cell(row[key]) for key in keys])
+        writer.writerow([spreadsheet_cell(row[key]) for key in keys])
     return text.getvalue()
-
-
-def _cell(value: object) -> object:
-    """A cell that a spreadsheet does not take for a formula."""
-    if isinstance(value, list):
-        return " ".join(map(str, value))
-    if isinstance(value, str):
-        shown = visible(value)
-        return f"'{shown}" if shown.startswith(_FORMULA) else shown
-    return "" if value is None else value
 
 
 def _markdown(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:

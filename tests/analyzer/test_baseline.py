@@ -27,6 +27,7 @@ SECONDS = 1800
 class Plant:
     """What happens on a day; the values are those of an ordinary one."""
 
+    seconds: int = SECONDS
     period: float = 2.0
     response_s: float = 0.02
     refused: float = 0.0
@@ -51,7 +52,7 @@ def exchanges(
     if plant.extra is not None:
         polls.append((*plant.extra, 1))
     level = 500
-    for number in range(int(SECONDS / plant.period)):
+    for number in range(int(plant.seconds / plant.period)):
         level += chance.randint(-5, 5)
         for place, (unit, function, address, quantity) in enumerate(polls):
             time = number * plant.period + place * 0.2 + chance.uniform(0, 0.05)

@@ -67,7 +67,8 @@ def _blocks(text: str) -> Iterator[Block]:
 
 def shell_environment(home: Path) -> dict[str, str]:
     """`modlens` is this checkout's, called from another folder, which has the recordings."""
-    (home / "captures").symlink_to(ROOT / "captures")
+    for folder in ("captures", "docs"):
+        (home / folder).symlink_to(ROOT / folder)
     programs = home / "bin"
     programs.mkdir()
     command = programs / "modlens"

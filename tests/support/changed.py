@@ -22,7 +22,12 @@ TESTS_OF_CRATES = {
     "modlens-engine": ("tests/border/test_decoder.py", "tests/captures/test_decode.py"),
     "modlens-diagnosis": ("tests/doctor", "tests/conformance/test_diagnoses.py"),
     "modlens-tables": ("tests/analyzer/test_filters.py", "tests/analyzer/test_columns.py"),
-    "modlens-watch": ("tests/analyzer/test_security.py", "tests/analyzer/test_baseline.py"),
+    "modlens-watch": (
+        "tests/analyzer/test_security.py",
+        "tests/analyzer/test_baseline.py",
+        "tests/analyzer/test_joining.py",
+        "tests/analyzer/test_live_watch.py",
+    ),
     "modlens-writers": (
         "tests/analyzer/exports/test_sink.py",
         "tests/analyzer/exports/test_types.py",

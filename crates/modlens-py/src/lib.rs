@@ -162,6 +162,7 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<recorder::Recorder>()?;
     module.add_class::<server::Server>()?;
     module.add_class::<view::Lines>()?;
+    module.add_class::<watch::Join>()?;
     module.add_class::<watch::Watch>()?;
     module.add_function(wrap_pyfunction!(view::carried, module)?)?;
     module.add_class::<batch::Batch>()?;

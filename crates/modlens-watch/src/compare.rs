@@ -8,6 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use modlens_protocol::Ns;
 use serde_json::{json, Value as Json};
 
+use crate::chance::{at_least, rank_deviation};
 use crate::histogram::rounded;
 use crate::usage::{BusUsage, Habit, RequestKey, Usage, Values};
 use crate::usual::{Usual, UsualBus, UsualRequest, UsualValues};
@@ -18,6 +19,9 @@ const MISSING_SECONDS: f64 = 60.0;
 
 /// A poll: at least so many requests.
 const POLL_COUNT: u64 = 10;
+
+/// And it goes on for this share of the time at least.
+const POLL_SHARE: f64 = 0.1;
 
 /// A median interval outside of all usual ones by this factor has moved.
 const PERIOD_FACTOR: f64 = 1.25;
@@ -31,8 +35,17 @@ const RESPONSE_SHARE: f64 = 0.75;
 /// Response times on each side without which nothing is said.
 const RESPONSE_COUNT: u64 = 20;
 
-/// Standard deviations by which the shares of an outcome have to differ.
-const OUTCOME_DEVIATIONS: f64 = 4.0;
+/// Standard deviations by which ranks have to differ. Comparisons are many: one for each request, each second of a tap.
+const RESPONSE_DEVIATIONS: f64 = 5.0;
+
+/// Intervals without which a period has not moved.
+const PERIOD_COUNT: u64 = 20;
+
+/// The share of intervals that are longer (or shorter) than all usual ones where a period has moved.
+const PERIOD_SHARE: f64 = 0.75;
+
+/// An outcome is as frequent as before if chance brings the difference about more often than this.
+const OUTCOME_CHANCE: f64 = 1e-7;
 
 /// And by how much: one in a hundred.
 const OUTCOME_SHARE: f64 = 0.01;
@@ -41,7 +54,8 @@ const OUTCOME_SHARE: f64 = 0.01;
 const MOVING_CHANGES: u64 = 20;
 
 /// Compares a recording with what is usual; a list of `{code, bus, client, unit, function, address, quantity, usual, now,
-/// count, since_ns, examples}` as JSON. `usual` and `now` are texts.
+/// count, since_ns, examples, requests}` as JSON. `usual` and `now` are texts; `requests` are the rows of a baseline that the
+/// difference is about.
 ///
 /// With `values`, registers that began or stopped to change are listed, too.
 pub fn compare(usual: &Usual, seen: &Usage, values: bool) -> Json {
@@ -55,10 +69,32 @@ pub fn compare(usual: &Usual, seen: &Usage, values: bool) -> Json {
             None => found.push(json!({"code": "new_bus", "bus": name, "now": requests_text(bus.requests.len())})),
         }
     }
+    let times = seen.buses.values().filter_map(|bus| bus.times);
+    let times = times.reduce(|one, other| (one.0.min(other.0), one.1.max(other.1)));
+    let silent = times.map_or(0.0, |(first, last)| (last - first) as f64 / 1e9);
+    let is_late =
+        |bus: &UsualBus| bus.requests.values().filter_map(|known| patience(bus, known)).any(|patience| silent >= patience);
     for (name, bus) in usual.buses.iter().filter(|(name, _)| !is_one_line && !seen.buses.contains_key(*name)) {
+        if !is_late(bus) {
+            continue;
+        }
         found.push(json!({"code": "missing_bus", "bus": name, "usual": requests_text(bus.requests.len())}));
     }
     Json::Array(found)
+}
+
+/// A request as the rows of a baseline name it: client, unit, function, whether it writes, address, quantity.
+fn key_json(key: &RequestKey) -> Json {
+    let writes = if key.writes { json!(true) } else { Json::Null };
+    json!([key.client, key.unit, key.function, writes, key.range.map(|range| range.0), key.range.map(|range| range.1)])
+}
+
+/// For how many seconds a poll can be silent before it is missing; `None` where it is no poll, but what somebody asked for a
+/// while.
+fn patience(bus: &UsualBus, known: &UsualRequest) -> Option<f64> {
+    let longest = known.periods.iter().map(|period| period[1]).reduce(f64::max).filter(|_| known.count >= POLL_COUNT)?;
+    let is_poll = known.count as f64 * longest >= POLL_SHARE * bus.hours.unwrap_or(0.0) * 3600.0;
+    is_poll.then_some((longest * MISSING_PERIODS).max(MISSING_SECONDS))
 }
 
 fn requests_text(count: usize) -> String {
@@ -96,7 +132,7 @@ impl Comparison<'_> {
             "address": key.range.map(|range| range.0), "quantity": key.range.map(|range| range.1),
             "usual": usual, "now": now, "count": habit.map(|habit| habit.count),
             "since_ns": habit.and_then(|habit| habit.times).map(|times| times.0),
-            "examples": habit.map_or_else(Vec::new, |habit| vec![habit.first_txn]),
+            "examples": habit.map_or_else(Vec::new, |habit| vec![habit.first_txn]), "requests": [key_json(key)],
         }));
     }
 
@@ -135,6 +171,7 @@ impl Comparison<'_> {
                 "quantity": first.range.filter(|_| is_one).map(|range| range.1),
                 "usual": "", "now": now_text(members.len(), count, writes), "count": count, "since_ns": since,
                 "examples": [habit.first_txn], "keys": members.len(),
+                "requests": members.iter().map(|(key, _)| key_json(key)).collect::<Vec<_>>(),
             }));
         }
     }
@@ -142,12 +179,12 @@ impl Comparison<'_> {
     fn missing_requests(&mut self) {
         let (usual, seen) = (self.usual, self.seen);
         let Some((begin, end)) = seen.times else { return };
-        for (key, known) in usual.requests.iter().filter(|(_, known)| known.count >= POLL_COUNT) {
-            let Some(longest) = known.periods.iter().map(|period| period[1]).reduce(f64::max) else { continue };
+        for (key, known) in &usual.requests {
+            let Some(patience) = patience(usual, known) else { continue };
             let habit = seen.requests.get(key);
             let last = habit.and_then(|habit| habit.times).map_or(begin, |times| times.1);
             let silent = (end - last) as f64 / 1e9;
-            if silent < (longest * MISSING_PERIODS).max(MISSING_SECONDS) {
+            if silent < patience {
                 continue;
             }
             let usual = format!("every {}", period_text(&known.periods));
@@ -171,28 +208,35 @@ impl Comparison<'_> {
     }
 
     fn period(&mut self, key: &RequestKey, usual: &UsualRequest, habit: &Habit) {
-        let Some(median) = habit.intervals.quantile(0.5) else { return };
-        let is_poll = usual.count >= POLL_COUNT && habit.count >= POLL_COUNT && !usual.periods.is_empty();
+        let share = |share| habit.intervals.quantile(share);
+        let (Some(most), Some(least), Some(median)) = (share(1.0 - PERIOD_SHARE), share(PERIOD_SHARE), share(0.5)) else {
+            return;
+        };
+        if usual.count < POLL_COUNT || habit.intervals.total() < PERIOD_COUNT || usual.periods.is_empty() {
+            return;
+        }
         let is_usual = |period: &[f64; 2]| (period[0] / PERIOD_FACTOR..=period[1] * PERIOD_FACTOR).contains(&median);
-        if is_poll && !usual.periods.iter().any(is_usual) {
+        let is_longer = usual.periods.iter().all(|period| most > period[1] * PERIOD_FACTOR || period[0] > median);
+        let is_shorter = usual.periods.iter().all(|period| least < period[0] / PERIOD_FACTOR || period[1] < median);
+        if !usual.periods.iter().any(is_usual) && is_longer && is_shorter {
             self.push("period_moved", key, Some(habit), &period_text(&usual.periods), &seconds_text(median));
         }
     }
 
     fn outcomes(&mut self, key: &RequestKey, usual: &UsualRequest, habit: &Habit) {
-        let [before, now] = [&usual.outcomes, &habit.outcomes].map(|counts| counts.values().sum::<u64>() as f64);
-        if before < 1.0 || now < 1.0 {
+        let [before, now] = [&usual.outcomes, &habit.outcomes].map(|counts| counts.values().sum::<u64>());
+        if before == 0 || now == 0 {
             return;
         }
         let names: BTreeSet<&String> = usual.outcomes.keys().chain(habit.outcomes.keys()).filter(|name| *name != "ok").collect();
         for name in names {
-            let count = |counts: &BTreeMap<String, u64>| counts.get(name).copied().unwrap_or(0) as f64;
+            let count = |counts: &BTreeMap<String, u64>| counts.get(name).copied().unwrap_or(0);
             let (a, b) = (count(&usual.outcomes), count(&habit.outcomes));
+            let share = |count: u64, total: u64| count as f64 / total as f64;
             // One more on each side keeps shares of few requests from being certain.
-            let share = (a + b + 1.0) / (before + now + 2.0);
-            let deviation = (share * (1.0 - share) * (1.0 / before + 1.0 / now)).sqrt();
-            let difference = (b / now - a / before).abs();
-            if difference > OUTCOME_SHARE && difference > OUTCOME_DEVIATIONS * deviation {
+            let expected = share(a + 1, before + 2);
+            let chance = at_least(b, now, expected).min(at_least(now - b, now, 1.0 - expected));
+            if (share(b, now) - share(a, before)).abs() > OUTCOME_SHARE && chance < OUTCOME_CHANCE {
                 self.push("outcome_changed", key, Some(habit), &share_text(name, a, before), &share_text(name, b, now));
             }
         }
@@ -205,6 +249,9 @@ impl Comparison<'_> {
         }
         let (before, Some(now)) = (deciles[4], habit.responses.quantile(0.5)) else { return };
         let above = habit.responses.above(deciles);
+        if rank_deviation(above, habit.responses.total(), *count).abs() < RESPONSE_DEVIATIONS {
+            return;
+        }
         let is_slower = above > RESPONSE_SHARE && now > before * RESPONSE_FACTOR;
         let is_faster = above < 1.0 - RESPONSE_SHARE && now < before / RESPONSE_FACTOR;
         if is_slower || is_faster {
@@ -248,6 +295,9 @@ impl Comparison<'_> {
     fn register(&mut self, code: &str, key: &RequestKey, at: usize, habit: &Habit, usual: &str, now: &str) {
         let range = key.range.map(|(address, _)| (address.saturating_add(at as u16), 1));
         self.push(code, &RequestKey { range, ..key.clone() }, Some(habit), usual, now);
+        if let Some(found) = self.found.last_mut() {
+            found["requests"] = json!([key_json(key)]);
+        }
     }
 }
 
@@ -285,8 +335,8 @@ fn now_values(seen: &Values) -> String {
     }
 }
 
-fn share_text(name: &str, count: f64, total: f64) -> String {
-    format!("{name} {count:.0} of {total:.0}")
+fn share_text(name: &str, count: u64, total: u64) -> String {
+    format!("{name} {count} of {total}")
 }
 
 fn period_text(periods: &[[f64; 2]]) -> String {

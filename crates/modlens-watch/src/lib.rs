@@ -16,8 +16,11 @@
 //! **Memory is bounded**: at most [`MAX_BUSES`] buses, [`usage::MAX_REQUESTS`] distinct requests on each, and
 //! [`rules::MAX_SUBJECTS`] open subjects for each rule. What does not fit is counted.
 
+pub mod chance;
 pub mod compare;
 pub mod histogram;
+pub mod join;
+pub mod live;
 pub mod rules;
 pub mod usage;
 pub mod usual;

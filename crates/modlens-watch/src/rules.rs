@@ -15,6 +15,9 @@ pub const MAX_SUBJECTS: usize = 4096;
 /// An alert that goes on after a pause of more than this is another one.
 const EPISODE_NS: Ns = 300_000_000_000;
 
+/// Alerts that are kept; with more, the rules report nothing new.
+const MAX_ALERTS: usize = 10_000;
+
 /// Transactions named as examples.
 const MAX_EXAMPLES: usize = 4;
 
@@ -123,6 +126,10 @@ pub struct Rules {
     sightings: Vec<HashMap<Subject, Sighting>>,
     alerts: Vec<Alert>,
     lacked_clock: bool,
+    /// Alerts that were one too many.
+    not_kept: u64,
+    /// Alerts that `begun` has returned.
+    told: usize,
 }
 
 impl Rules {
@@ -167,6 +174,18 @@ impl Rules {
     /// The alerts so far, as JSON, in the order in which they began.
     pub fn alerts(&self) -> Json {
         self.alerts.iter().map(Alert::json).collect()
+    }
+
+    /// The alerts that have begun since the last call, as JSON.
+    pub fn begun(&mut self) -> Vec<Json> {
+        let found = self.alerts[self.told..].iter().map(Alert::json).collect();
+        self.told = self.alerts.len();
+        found
+    }
+
+    /// How many alerts were not kept because there were too many.
+    pub fn not_kept(&self) -> u64 {
+        self.not_kept
     }
 
     /// The codes of the rules that need times, where transactions had none.
@@ -256,6 +275,10 @@ impl Rules {
             alert.items = items.max(alert.items);
             let missing = MAX_EXAMPLES.saturating_sub(alert.examples.len());
             alert.examples.extend(seen.iter().map(|(_, txn)| *txn).filter(|txn| *txn > 0).take(missing));
+            return;
+        }
+        if self.alerts.len() >= MAX_ALERTS {
+            self.not_kept += 1;
             return;
         }
         sighting.alert = Some(self.alerts.len());

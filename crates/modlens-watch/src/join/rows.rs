@@ -1,0 +1,127 @@
+//! The joined rows, and what is counted over them.
+
+use std::collections::BTreeMap;
+
+use modlens_protocol::status::Status;
+use modlens_protocol::Ns;
+use serde_json::{json, Map, Value as Json};
+
+use super::exchange::Exchange;
+use super::verdict::Verdict;
+use super::{Join, Request};
+use crate::histogram::Histogram;
+
+/// Rows that are ready, by time on the network, and counts.
+#[derive(Debug, Default)]
+pub(super) struct Rows {
+    ready: BTreeMap<(Ns, u64), Json>,
+    made: u64,
+    outcomes: BTreeMap<&'static str, u64>,
+    /// From the end of the request on the line to the gateway's exception.
+    gateway_timeouts: Histogram,
+    /// From an unanswered request on the network to the client's next one.
+    client_timeouts: Histogram,
+    matched: u64,
+}
+
+impl Rows {
+    /// Adds a request of the line that no request of the network caused.
+    pub fn add_own(&mut self, one: &Exchange, time: Ns, is_covered: bool) {
+        let outcome = if is_covered { "own_request" } else { "not_covered" };
+        *self.outcomes.entry(outcome).or_default() += 1;
+        let mut row = Map::new();
+        row.insert("txn".into(), json!(one.number));
+        row.insert("time_ns".into(), json!(time));
+        row.insert("unit".into(), json!(one.unit));
+        row.insert("status".into(), json!(one.status.text()));
+        row.insert("outcome".into(), json!(outcome));
+        self.push(time, one, row);
+    }
+
+    /// Adds a request of the network: a row for each of its requests on the line, or one where there is none.
+    pub fn add_request(&mut self, request: &Request, verdict: &Verdict, offset: Ns) {
+        *self.outcomes.entry(verdict.outcome).or_default() += 1;
+        self.matched += request.attempts.len() as u64;
+        self.measure_timeouts(request, offset);
+        let Some((last, earlier)) = request.attempts.split_last() else {
+            let above = &request.exchange;
+            return self.push(above.start, above, upstream(above, verdict));
+        };
+        for below in earlier {
+            *self.outcomes.entry("repeated").or_default() += 1;
+            let row = joined(request, below, &Verdict { outcome: "repeated", ..Verdict::default() }, offset);
+            self.push(request.exchange.start, below, row);
+        }
+        self.push(request.exchange.start, last, joined(request, last, verdict, offset));
+    }
+
+    fn measure_timeouts(&mut self, request: &Request, offset: Ns) {
+        let above = &request.exchange;
+        if let (true, Some(end), Some(first)) = (above.is_gateway_exception(), above.end, request.attempts.last()) {
+            self.gateway_timeouts.add(end + offset - first.request_end);
+        }
+        if let (Status::NoResponse, Some(waited)) = (above.status, above.waited) {
+            self.client_timeouts.add(waited);
+        }
+    }
+
+    fn push(&mut self, time: Ns, one: &Exchange, mut row: Map<String, Json>) {
+        if one.is_wanted {
+            self.made += 1;
+            row.extend(one.cells.clone());
+            self.ready.insert((time, self.made), Json::Object(row));
+        }
+    }
+
+    /// Takes the rows before a time; all without one.
+    pub fn take(&mut self, until: Option<Ns>) -> Json {
+        let later = until.map(|until| self.ready.split_off(&(until, 0))).unwrap_or_default();
+        std::mem::replace(&mut self.ready, later).into_values().collect()
+    }
+
+    /// See `Join::summary`.
+    pub fn summary(&self, join: &Join) -> Json {
+        let millis = |times: &Histogram, share| times.quantile(share).map(|seconds| seconds * 1e3);
+        let found = join.alignment.as_ref();
+        let units: BTreeMap<String, u8> = join.units.iter().map(|(above, below)| (above.to_string(), *below)).collect();
+        let rival = found.and_then(|found| found.rival).map(|rival| rival as f64 / 1e9);
+        json!({
+            "server": found.map(|found| &*found.server),
+            "network_transactions": join.network.count, "line_transactions": join.line.count, "line_matched": self.matched,
+            "clocks": join.clocks.json(), "rival_offset_s": rival, "units": units, "outcomes": self.outcomes,
+            "gateway_timeout_ms": millis(&self.gateway_timeouts, 0.5), "client_timeout_ms": millis(&self.client_timeouts, 0.0),
+            "has_dates": join.network.has_dates,
+        })
+    }
+}
+
+/// The columns of the request on the network.
+fn upstream(above: &Exchange, verdict: &Verdict) -> Map<String, Json> {
+    let mut row = Map::new();
+    row.insert("time_ns".into(), json!(above.start));
+    row.insert("upstream_txn".into(), json!(above.number));
+    row.insert("upstream_client".into(), json!(above.client.as_deref()));
+    row.insert("upstream_unit".into(), json!(above.unit));
+    row.insert("upstream_status".into(), json!(above.status.text()));
+    row.insert("outcome".into(), json!(verdict.outcome));
+    row.insert("belongs_to".into(), json!(verdict.belongs_to));
+    row.insert("cache_age_us".into(), micros(verdict.cache_age));
+    row
+}
+
+/// The columns of a request on the network and one of its requests on the line.
+fn joined(request: &Request, below: &Exchange, verdict: &Verdict, offset: Ns) -> Map<String, Json> {
+    let above = &request.exchange;
+    let mut row = upstream(above, verdict);
+    row.insert("txn".into(), json!(below.number));
+    row.insert("unit".into(), json!(below.unit));
+    row.insert("status".into(), json!(below.status.text()));
+    row.insert("gateway_delay_us".into(), micros(Some(below.start - above.start - offset)));
+    let back = above.end.zip(below.end).filter(|_| verdict.outcome == "forwarded");
+    row.insert("return_delay_us".into(), micros(back.map(|(above, below)| above + offset - below)));
+    row
+}
+
+fn micros(duration: Option<Ns>) -> Json {
+    duration.map_or(Json::Null, |duration| json!(duration as f64 / 1e3))
+}

@@ -1,0 +1,405 @@
+"""Real gateways between clients and a serial line, recorded on both sides.
+
+    python -m tests.support.gateways pymodbus
+    python -m tests.support.gateways mbusd --program build/mbusd
+    python -m tests.support.gateways modbus-proxy --program bin/modbus-proxy
+
+Each runs clients for some seconds, joins the two recordings with `modlens join`, and prints how
+many transactions of the line were matched, and how many with the wrong request. The clock of the
+line's recording is 3 s ahead and gains 50 ppm. modbus-proxy has no serial line: its device is
+reached by Modbus/TCP, and a capture of that side takes the place of the line's recording.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import json
+import os
+import socket
+import struct
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import tty
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from pymodbus.client import AsyncModbusSerialClient
+from pymodbus.datastore import ModbusDeviceContext, ModbusServerContext
+from pymodbus.framer import FramerType
+from pymodbus.server import ModbusTcpServer
+
+from tests.support.gateway_model import crc
+from tests.support.packets import Packet, write_capture
+from tests.support.ptybus import ChunkLogRecorder, PtyBus
+from tests.support.pymodbus_server import serving
+
+__all__ = ["GATEWAYS", "Score", "score"]
+
+SERVER = "10.0.0.3"
+SHIFT_S, DRIFT_PPM = 3.0, 50.0
+CLIENTS = 3
+QUANTITY = 4
+
+
+def free_port() -> int:
+    """A port that nobody uses."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        found: int = listener.getsockname()[1]
+        return found
+
+
+class Relay:
+    """Hands bytes on between clients and a server, and notes each read as a packet."""
+
+    def __init__(self, server: int, names: str = "10.0.0.{}") -> None:
+        """Listen at once; the n-th connection is that of client `names`, from 21 on."""
+        self.packets: list[Packet] = []
+        self.port = free_port()
+        self._server, self._names = server, names
+        self._listener = socket.create_server(("127.0.0.1", self.port))
+        self._lock = threading.Lock()
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def close(self) -> None:
+        """No further connections."""
+        with contextlib.suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+
+    def _accept(self) -> None:
+        number = 21
+        with contextlib.suppress(OSError):
+            while True:
+                client, _ = self._listener.accept()
+                server = socket.create_connection(("127.0.0.1", self._server))
+                name = self._names.format(number)
+                number += 1
+                for source, target, to_server in ((client, server, True), (server, client, False)):
+                    arguments = (source, target, name, to_server)
+                    threading.Thread(target=self._copy, args=arguments, daemon=True).start()
+
+    def _copy(self, source: socket.socket, target: socket.socket, name: str, there: bool) -> None:
+        with contextlib.suppress(OSError):
+            while data := source.recv(4096):
+                now = time.time()
+                ends = (name, SERVER) if there else (SERVER, name)
+                with self._lock:
+                    self.packets.append(Packet(now, *ends, data, there))
+                target.sendall(data)
+            target.shutdown(socket.SHUT_WR)
+
+
+class Device:
+    """Units of which every register has its address as value; the last of four counts the reads."""
+
+    def __init__(self) -> None:
+        self.reads = 0
+
+    def response(self, pdu: bytes) -> bytes:
+        """The response to a request of function 3 or 6."""
+        if pdu[0] == 6:
+            return pdu
+        _, address, quantity = struct.unpack(">BHH", pdu)
+        self.reads += 1
+        values = [address + place for place in range(quantity - 1)]
+        # Shared registers count, those of one client are constant.
+        values.append(self.reads & 0xFFFF if address >= 1000 else address)
+        return struct.pack(f">BB{quantity}H", 3, 2 * quantity, *values)
+
+
+def serve_line(path: str, device: Device, stop: threading.Event) -> None:
+    """A device on a serial line: requests have 8 bytes."""
+    port = os.open(path, os.O_RDWR | os.O_NOCTTY)
+    tty.setraw(port)
+    os.set_blocking(port, False)
+    held = b""
+    while not stop.is_set():
+        with contextlib.suppress(BlockingIOError):
+            held += os.read(port, 256)
+        if len(held) >= 8:
+            frame, held = held[:8], held[8:]
+            if crc(frame[:6]) == frame[6:]:
+                time.sleep(0.003)
+                answer = frame[:1] + device.response(frame[1:6])
+                os.write(port, answer + crc(answer))
+            else:
+                held = b""
+        else:
+            time.sleep(0.0005)
+    os.close(port)
+
+
+def serve_network(listener: socket.socket, device: Device) -> None:
+    """The same device on the network, for a gateway without a serial line."""
+    with contextlib.suppress(OSError):
+        while True:
+            client, _ = listener.accept()
+            while len(head := client.recv(7, socket.MSG_WAITALL)) == 7:
+                number, _, length, unit = struct.unpack(">HHHB", head)
+                pdu = device.response(client.recv(length - 1, socket.MSG_WAITALL))
+                time.sleep(0.003)
+                client.sendall(struct.pack(">HHHB", number, 0, len(pdu) + 1, unit) + pdu)
+
+
+class Forwarding(ModbusServerContext):
+    """A pymodbus server whose registers are those of a device on a serial line.
+
+    The pty has no parity: parity bits are the line's.
+    """
+
+    def __init__(self, path: str) -> None:
+        super().__init__(devices=ModbusDeviceContext())
+        # With a context of the new kind the server would not ask this object.
+        self.old_simulator, self.simdevices = True, []
+        self._path = path
+        self._client: AsyncModbusSerialClient | None = None
+        self._lock = asyncio.Lock()
+
+    async def async_getValues(  # noqa: N802 - pymodbus's name
+        self, device_id: int, func_code: int, address: int, count: int = 1
+    ) -> list[int]:
+        """Ask on the line; one request at a time."""
+        async with self._lock:
+            if self._client is None:
+                self._client = AsyncModbusSerialClient(
+                    self._path, framer=FramerType.RTU, baudrate=19200, timeout=1
+                )
+                await self._client.connect()
+            found = await self._client.read_holding_registers(
+                address, count=count, device_id=device_id
+            )
+            return list(found.registers)
+
+
+@contextlib.contextmanager
+def pymodbus_gateway(path: str, program: str | None) -> Iterator[int]:
+    """A gateway of pymodbus's server and client."""
+    port = free_port()
+    with serving(lambda: ModbusTcpServer(Forwarding(path), address=("127.0.0.1", port))):
+        yield port
+
+
+@contextlib.contextmanager
+def mbusd(path: str, program: str | None) -> Iterator[int]:
+    """The gateway of github.com/3cky/mbusd."""
+    port = free_port()
+    command = [
+        *(program or "mbusd", "-d", "-L", "-", "-v", "0", "-p", path, "-s", "19200", "-m", "8e1"),
+        *("-A", "127.0.0.1", "-P", str(port), "-R", "5", "-W", "500", "-N", "0"),
+    ]
+    running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        wait_for(port)
+        yield port
+    finally:
+        running.terminate()
+        running.wait()
+
+
+@contextlib.contextmanager
+def modbus_proxy(path: str, program: str | None) -> Iterator[int]:
+    """The gateway of the package modbus-proxy; `path` is the port of the device."""
+    port = free_port()
+    command = [program or "modbus-proxy", "-b", f"tcp://127.0.0.1:{port}"]
+    command += ["--modbus", f"tcp://127.0.0.1:{path}"]
+    running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        wait_for(port)
+        yield port
+    finally:
+        running.terminate()
+        running.wait()
+
+
+GATEWAYS = {"pymodbus": pymodbus_gateway, "mbusd": mbusd, "modbus-proxy": modbus_proxy}
+
+
+def wait_for(port: int) -> None:
+    """Wait until a server listens; `TimeoutError` after ten seconds."""
+    end = time.monotonic() + 10
+    while time.monotonic() < end:
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port)):
+            return
+        time.sleep(0.05)
+    raise TimeoutError(f"nothing listens on port {port}")
+
+
+def ask(port: int, place: int, seconds: float) -> None:
+    """A client: its own registers in turn, and those that all clients read."""
+    end = time.monotonic() + seconds
+    with socket.create_connection(("127.0.0.1", port), timeout=5) as line:
+        number = 0
+        while time.monotonic() < end:
+            number += 1
+            address = 1000 if number % 3 == 0 else 100 * (place + 1) + number % 4 * 10
+            pdu = struct.pack(">BHH", 3, address, QUANTITY)
+            line.sendall(struct.pack(">HHHB", number, 0, 6, 1) + pdu)
+            answer = line.recv(7 + 2 + 2 * QUANTITY, socket.MSG_WAITALL)
+            assert answer[7] == 3, answer.hex()
+            time.sleep(0.05 + 0.01 * place)
+
+
+@dataclass
+class Score:
+    """How many transactions of the line there are, how many were matched, how many wrongly."""
+
+    line: int
+    matched: int
+    wrong: int
+    said: str
+
+
+def score(name: str, folder: Path, *, seconds: float = 10, program: str | None = None) -> Score:
+    """Run a gateway and join what was recorded."""
+    record = record_network if name == "modbus-proxy" else record_line
+    network, line = record(name, folder, seconds, program)
+    command = [sys.executable, "-m", "analyzer", "join", str(network), str(line)]
+    done = subprocess.run(
+        [*command, "--line", "19200-8E1", "--to", "jsonl"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    rows = [json.loads(text) for text in done.stdout.splitlines()]
+    shown = [*command, "--line", "19200-8E1", "-o", str(folder / "joined.csv")]
+    said = subprocess.run(shown, capture_output=True, text=True, check=True).stderr
+    return judge(rows, transactions(network), transactions(line), said)
+
+
+def transactions(path: Path) -> dict[int, tuple[str | None, bytes, bytes]]:
+    """Client, request and response of each transaction, by its number."""
+    command = [sys.executable, "-m", "analyzer", "export", str(path), "--line", "19200-8E1"]
+    done = subprocess.run([*command, "--to", "jsonl"], capture_output=True, text=True, check=True)
+    rows = [json.loads(text) for text in done.stdout.splitlines()]
+    return {
+        row["txn"]: (
+            row.get("client"),
+            _pdu(row.get("request_hex", ""), row["mode"]),
+            _pdu(row.get("response_hex", ""), row["mode"]),
+        )
+        for row in rows
+    }
+
+
+def _pdu(text: str, mode: str) -> bytes:
+    frame = bytes.fromhex(text)
+    return frame[1:-2] if mode == "rtu" else frame[7:]
+
+
+def judge(
+    rows: list[dict[str, object]],
+    above: dict[int, tuple[str | None, bytes, bytes]],
+    below: dict[int, tuple[str | None, bytes, bytes]],
+    said: str,
+) -> Score:
+    """Compare with what must be: the n-th request for a client's own registers is the n-th there.
+
+    Registers that all clients read count, so the response says which request it was.
+    """
+    seen: dict[tuple[str, bytes], int] = {}
+
+    def names(side: dict[int, tuple[str | None, bytes, bytes]]) -> dict[int, object]:
+        seen.clear()
+        found: dict[int, object] = {}
+        for number, (_, request, response) in side.items():
+            if request[1:3] >= (1000).to_bytes(2, "big"):
+                found[number] = response
+            else:
+                seen["", request] = seen.get(("", request), 0) + 1
+                found[number] = (request, seen["", request])
+        return found
+
+    truth_above, truth_below = names(above), names(below)
+    pairs = [(row["txn"], row.get("upstream_txn")) for row in rows if row.get("txn")]
+    joined = [(one, other) for one, other in pairs if other is not None] if pairs else []
+    wrong = sum(truth_below[one] != truth_above[other] for one, other in joined)  # type: ignore[index]
+    return Score(len(below), len(joined), wrong, said)
+
+
+def run_clients(port: int, seconds: float) -> None:
+    """Run all clients to their end."""
+    clients = [threading.Thread(target=ask, args=(port, n, seconds)) for n in range(CLIENTS)]
+    for client in clients:
+        client.start()
+    for client in clients:
+        client.join()
+    time.sleep(0.2)
+
+
+def shifted(seconds: float, start: float) -> float:
+    """A time by the clock of the line's recording."""
+    return seconds + SHIFT_S + (seconds - start) * DRIFT_PPM / 1e6
+
+
+def record_line(name: str, folder: Path, seconds: float, program: str | None) -> tuple[Path, Path]:
+    """Record a gateway with a serial line."""
+    log, network, line = folder / "tap.jsonl", folder / "network.pcap", folder / "line.jsonl"
+    stop, device, start = threading.Event(), Device(), time.time()
+    with PtyBus(["gateway", "unit", "tap"], 19200, 11) as bus:
+        arguments = (bus.path("unit"), device, stop)
+        unit = threading.Thread(target=serve_line, args=arguments)
+        unit.start()
+        try:
+            with (
+                ChunkLogRecorder(bus.path("tap"), log),
+                GATEWAYS[name](bus.path("gateway"), program) as port,
+            ):
+                relay = Relay(port)
+                run_clients(relay.port, seconds)
+                relay.close()
+        finally:
+            stop.set()
+            unit.join()
+    rows = [json.loads(text) for text in log.read_text().splitlines()]
+    lines = [json.dumps({**row, "t": round(shifted(row["t"], start), 6)}) for row in rows]
+    line.write_text("\n".join(lines) + "\n")
+    write_capture(network, relay.packets, start=0)
+    return network, line
+
+
+def record_network(
+    name: str, folder: Path, seconds: float, program: str | None
+) -> tuple[Path, Path]:
+    """Record a gateway whose device is on the network."""
+    network, line = folder / "network.pcap", folder / "device.pcap"
+    start = time.time()
+    listener = socket.create_server(("127.0.0.1", 0))
+    threading.Thread(target=serve_network, args=(listener, Device()), daemon=True).start()
+    below = Relay(listener.getsockname()[1], "10.0.1.{}")
+    with GATEWAYS[name](str(below.port), program) as port:
+        above = Relay(port)
+        run_clients(above.port, seconds)
+        above.close()
+    below.close()
+    listener.close()
+    write_capture(network, above.packets, start=0)
+    packets = [
+        Packet(shifted(one.time, start), one.source, one.destination, one.data, one.to_server)
+        for one in below.packets
+    ]
+    write_capture(line, packets, start=0)
+    return network, line
+
+
+def main() -> None:
+    """Run one gateway and print the score."""
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
+    parser.add_argument("gateway", choices=GATEWAYS)
+    parser.add_argument("--program", help="the gateway's program, if it is not on the path")
+    parser.add_argument("--seconds", type=float, default=60)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        found = score(
+            options.gateway, Path(folder), seconds=options.seconds, program=options.program
+        )
+    share = 100 * found.matched / max(found.line, 1)
+    print(found.said)  # noqa: T201 - the output of this program
+    print(f"{found.matched} of {found.line} matched ({share:.2f} %), {found.wrong} wrongly")  # noqa: T201
+
+
+if __name__ == "__main__":
+    main()
