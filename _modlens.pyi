@@ -214,7 +214,10 @@ class Survey:
 
         {unit, register_type, space, blocks: [{first, count, reads, writes, exceptions}],
         registers: [{address, samples, changes, distinct, min, max, looks, read, written, values}],
-        points: [{address, count, type, order, bits, sure, reason, rivals}], together: [[a, b]]}.
+        points: [{address, count, type, order, bits, sure, reason, rivals}], answers: [{address,
+        count, type, order, layout_bits, role, role_bits, scale, unit_symbol, scale_bits, quantity,
+        quantity_bits, min, max, reason, scale_reason}], together: [[a, b]]}. An answer is null
+        where the data do not say.
         """
 
 @final

@@ -5,6 +5,7 @@ The survey is made by `_modlens.Survey`.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,9 +13,10 @@ from typing import Any
 from dissectors.importers.profile_builder import REGISTERS_OF_TYPE
 from dissectors.profile import Profile
 
-__all__ = ["ProfileScore", "evidence_lines", "profile_skeleton", "score_profile"]
+__all__ = ["ProfileScore", "answer_lines", "evidence_lines", "profile_skeleton", "score_profile"]
 
 Tables = Sequence[Mapping[str, Any]]
+Registers = Mapping[tuple[str, int], Sequence[Mapping[str, Any]]]
 
 _SMALLEST, _LARGEST = 127 - 20, 127 + 40
 """The exponents of float32 of 1e-6 and of 1e12."""
@@ -24,6 +26,22 @@ _LARGE = 0x2000
 
 MIN_PERCENT = 60
 """A profile with at least so many per cent fits."""
+
+
+ANSWERS = (
+    "unit", "register_type", "address", "count", "type", "order", "layout_bits", "role",
+    "role_bits", "scale", "unit_symbol", "scale_bits", "quantity", "quantity_bits",
+)  # fmt: skip
+"""The keys of a line of `answer_lines`."""
+
+
+def answer_lines(tables: Tables) -> str:
+    """What was learned as JSON lines, an object per value; null where the data do not say."""
+    rows = [
+        {"unit": table["unit"], "register_type": table["register_type"], **answer}
+        for table in tables for answer in table["answers"]
+    ]  # fmt: skip
+    return "".join(json.dumps({key: row[key] for key in ANSWERS}) + "\n" for row in rows)
 
 
 def profile_skeleton(tables: Tables, source: str) -> dict[str, Any]:
@@ -39,12 +57,16 @@ def profile_skeleton(tables: Tables, source: str) -> dict[str, Any]:
         taken = {
             address + offset for address, point in sure.items() for offset in range(point["count"])
         }
+        answers = {answer["address"]: answer for answer in table["answers"]}
         for register in table["registers"]:
             address = register["address"]
             if address in sure:
-                registers.append(_typed_point(table, sure[address], register))
+                point = _typed_point(table, sure[address], register)
             elif address not in taken:
-                registers.append(_single_register(table, register, guesses.get(address)))
+                point = _single_register(table, register, guesses.get(address))
+            else:
+                continue
+            registers.append({**point, **_scaled(answers.get(address), point["note"])})
     device = {"source": f"learned from {source}", "address_base": 0}
     return {"profile": 1, "device": device, "registers": registers}
 
@@ -61,6 +83,11 @@ def evidence_lines(tables: Tables) -> Iterator[str]:
                 f"{head} {point['address']}: {sure}{point['type']} {point['order']} "
                 f"(evidence {point['bits']:.0f} bits): {point['reason']}"
             )
+        for answer in table["answers"]:
+            if answer["unit_symbol"] is not None:
+                scale = f"{answer['unit_symbol']} x {answer['scale']:g}"
+                why = f"{scale}: {answer['scale_reason']}"
+                yield f"{head} {answer['address']}: {answer['role']}, {why}"
         for first, second in table["together"]:
             yield f"{head}: {first} and {second} change together"
 
@@ -98,6 +125,21 @@ def _single_register(
         note = f"constant {register['min']}"
     if guess is not None:
         note += f"; perhaps {guess['type']} {guess['order']}: {guess['reason']}"
+    return {**found, "note": note}
+
+
+def _scaled(answer: Mapping[str, Any] | None, note: str) -> dict[str, Any]:
+    """Scale and unit of a point, and its role in the note, where they are known."""
+    if answer is None:
+        return {}
+    found: dict[str, Any] = {}
+    if answer["scale"] not in (None, 1.0):
+        found["scale"] = answer["scale"]
+    if answer["unit_symbol"] is not None:
+        found["unit"] = answer["unit_symbol"]
+        note = f"{note}; {answer['scale_reason']}"
+    if answer["role"] is not None and answer["role"] not in note:
+        note = f"{note}; {answer['role']}"
     return {**found, "note": note}
 
 
@@ -155,9 +197,11 @@ def score_profile(tables: Tables, profile: Profile) -> ProfileScore:
         block["reads"] + block["writes"] for table in tables for block in table["blocks"]
         if _addresses(table, block) & known
     )  # fmt: skip
+    registers = _registers(tables, known)
     split_by_requests = [point.name for point in points if _is_split_by_requests(point, tables)]
-    with_unknown_values = [point.name for point in points if point.has_unknown_values(tables)]
-    unlikely = [point.name for point in points if point.is_implausible(tables)]
+    with_unknown_values = [point.name for point in points if point.has_unknown_values(registers)]
+    unlikely = [point.name for point in points if point.is_implausible(registers)]
+    other = [point.name for point in points if point.is_learned_otherwise(tables)]
     reasons = [f"{len(covered)} of {len(requested)} requested addresses are in this profile"]
     total = coverage
     if answered and refused:
@@ -167,6 +211,7 @@ def score_profile(tables: Tables, profile: Profile) -> ProfileScore:
         (split_by_requests, "only partly covered by requests"),
         (with_unknown_values, "with values outside its labels"),
         (unlikely, "with registers that are no such number"),
+        (other, "with registers that the values show to be another number"),
     ):
         if names:
             total *= 0.5 ** min(len(names), 3)
@@ -202,7 +247,7 @@ class _Point:
     def addresses(self) -> Iterable[tuple[str, int]]:
         return [(self.space, self.address + offset) for offset in range(self.width)]
 
-    def is_implausible(self, tables: Tables) -> bool:
+    def is_implausible(self, registers: Registers) -> bool:
         """Whether the upper register of a 32-bit number had values that such numbers hardly have.
 
         A float beyond 1e-6 to 1e12, an integer above half a thousand million.
@@ -211,21 +256,48 @@ class _Point:
             return False
         return any(
             not _is_likely_upper(self.kind, register[end])
-            for table in tables if table["space"] == self.space
-            for register in table["registers"] if register["address"] == self.high
+            for register in registers.get((self.space, self.high), ())
             for end in ("min", "max")
-        )  # fmt: skip
+        )
 
-    def has_unknown_values(self, tables: Tables) -> bool:
-        """Whether a register with labels had a value that has no label."""
-        registers = [
-            register for table in tables if table["space"] == self.space
-            for register in table["registers"] if register["address"] == self.address
+    def is_learned_otherwise(self, tables: Tables) -> bool:
+        """Whether the values show a number in these registers that the profile does not have.
+
+        One that begins elsewhere or is longer, or a float instead of an integer. Longer points of
+        the profile, such as texts and arrays, are not compared.
+        """
+        if self.width > REGISTERS_OF_TYPE["f64"]:
+            return False
+        end = self.address + self.width
+        learned = [
+            point for table in tables if table["space"] == self.space
+            for point in table["points"]
+            if point["sure"] and point["type"] != "str"
+            and point["address"] < end and self.address < point["address"] + point["count"]
         ]  # fmt: skip
+        return any(
+            (point["address"], point["count"]) != (self.address, self.width)
+            or point["type"].startswith("f") != self.kind.startswith("f")
+            for point in learned
+        )
+
+    def has_unknown_values(self, registers: Registers) -> bool:
+        """Whether a register with labels had a value that has no label."""
         return bool(self.labels) and any(
             register["min"] not in self.labels or register["max"] not in self.labels
-            for register in registers
+            for register in registers.get((self.space, self.address), ())
         )
+
+
+def _registers(tables: Tables, known: set[tuple[str, int]]) -> Registers:
+    """Looks up what was seen of the registers of a profile, by space and address."""
+    found: dict[tuple[str, int], list[Mapping[str, Any]]] = {}
+    for table in tables:
+        for register in table["registers"]:
+            place = (table["space"], register["address"])
+            if place in known:
+                found.setdefault(place, []).append(register)
+    return found
 
 
 def _is_likely_upper(kind: str, word: int) -> bool:

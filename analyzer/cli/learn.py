@@ -12,7 +12,7 @@ from analyzer.cli.selection import add_selection
 from dissectors.errors import UsageError
 from dissectors.importers.toml import dumps
 from dissectors.profile import from_model
-from dissectors.profile_learning import evidence_lines, profile_skeleton
+from dissectors.profile_learning import answer_lines, evidence_lines, profile_skeleton
 
 __all__ = ["add_arguments", "run"]
 
@@ -20,9 +20,11 @@ EPILOG = """\
 examples:
   modlens learn bus.bin --unit 3 -o device.toml
   modlens learn bus.bin
+  modlens learn bus.bin --to jsonl
 
 The profile goes to standard output, the evidence to standard error. Registers
-are combined into 32-bit or longer types only where the data support it.
+are combined into 32-bit or longer types only where the data support it, and
+role, scale and quantity are given only where the data decide them.
 """
 
 
@@ -36,6 +38,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", dest="output", metavar="OUT", help="TOML file to write (default: standard output)"
     )
     add_selection(parser)
+    parser.add_argument(
+        "--to",
+        choices=("toml", "jsonl"),
+        default="toml",
+        help="toml: a profile (default); jsonl: an object per value, each answer with its odds",
+    )
     add_decoding(parser)
     add_line(parser)
     parser.epilog = EPILOG
@@ -44,6 +52,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Learn; gives the exit status."""
     tables = survey(options)
+    if options.to == "jsonl":
+        chosen = [table for table in tables if options.unit in (None, table["unit"])]
+        write_text(answer_lines(chosen), options.output)
+        return 0
     unit_tables = tables_of_unit(tables, options.unit, "learn")
     model = profile_skeleton(unit_tables, options.files[0])
     from_model(model, options.files[0])

@@ -3,7 +3,8 @@
 //!
 //! - `profile` parses and checks profiles: which point (named value) stands at which address, with type, order and scale.
 //! - `points` compiles a profile to a plan. The plan splits a block of registers into points and converts them; this is
-//!   the only place where registers become values. It also follows `SunSpec` models and checks the order of registers.
+//!   the only place where registers become values. It also follows `SunSpec` models.
+//! - `order_check` watches whether values make sense in the order that a profile gives.
 //! - `find` holds every reading of every register against what is known of a value, such as what a display showed.
 //! - `learn` ranks the types and orders that some registers may have, by how their values move over time.
 //!
@@ -12,5 +13,6 @@
 
 pub mod find;
 pub mod learn;
+pub mod order_check;
 pub mod points;
 pub mod profile;

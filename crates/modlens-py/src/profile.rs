@@ -116,7 +116,7 @@ impl Survey {
 pub fn judge(rows: Vec<Vec<u16>>) -> String {
     let rows: Vec<&[u16]> = rows.iter().map(Vec::as_slice).collect();
     let claim = |claim: &learn::TypeHypothesis| json!({"type": claim.kind.word(), "order": claim.order.word(), "bits": claim.bits, "sure": claim.is_certain, "reason": claim.reason});
-    learn::rank_types(&rows, 0.0, None).iter().map(claim).collect::<Json>().to_string()
+    learn::rank_types(&rows, &vec![true; rows.len()], &learn::Habits::default()).iter().map(claim).collect::<Json>().to_string()
 }
 
 /// The shipped `SunSpec` models, as (number, TOML text).

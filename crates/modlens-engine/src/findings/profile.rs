@@ -2,7 +2,7 @@
 
 use crate::findings::{words, Found};
 use crate::transactions::transaction::PendingTransaction;
-use modlens_profiles::points::order_check::Mismatch;
+use modlens_profiles::order_check::Mismatch;
 use modlens_profiles::points::Plan;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::status::Status;

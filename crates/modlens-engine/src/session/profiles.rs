@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::findings::{self, Found};
 use crate::pairing::PendingTransaction;
-use modlens_profiles::points::order_check::OrderCheck;
+use modlens_profiles::order_check::OrderCheck;
 use modlens_profiles::points::sunspec::{marker, Chain};
 use modlens_profiles::points::{Plan, PlanInstance, UnitPlans};
 use modlens_protocol::functions::{Functions, Operation};

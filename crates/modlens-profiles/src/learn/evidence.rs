@@ -19,6 +19,8 @@ pub struct TypeHypothesis {
     pub reason: String,
     /// Whether no other hypothesis comes close.
     pub is_certain: bool,
+    /// Whether the numbers only rise.
+    pub(super) is_rising: bool,
     /// Mean absolute difference between consecutive samples. A wrong order makes it larger.
     pub(super) mean_step: f64,
 }
@@ -45,6 +47,11 @@ pub(super) fn coupling_bits(movement: &Movement, reason: &mut String) -> f64 {
     if movement.high_changes > 0 && movement.carries == movement.high_changes {
         bits += (CARRY_BITS * f64::from(movement.carries)).min(24.0);
         let _ = write!(reason, "the upper register steps as the lower one wraps around ({} times); ", movement.carries);
+    } else if movement.carries >= 4 && movement.carries * 4 >= movement.high_changes * 3 {
+        // By chance, a step of the upper register is a carry in one of four cases.
+        let misses = movement.high_changes - movement.carries;
+        bits += (2.0 * f64::from(movement.carries) - 3.0 * f64::from(misses)).clamp(0.0, 24.0);
+        let _ = write!(reason, "the upper register mostly steps as the lower one wraps around; ");
     }
     if movement.low_step > WILD_STEP {
         bits += movement.fit;
@@ -60,15 +67,6 @@ pub(super) fn coupling_bits(movement: &Movement, reason: &mut String) -> f64 {
         }
     }
     bits
-}
-
-/// The evidence, in bits, of the master's requests: a master that reads exactly these registers reads one value.
-pub(super) fn request_bits(exact_request_share: f64, reason: &mut String) -> f64 {
-    if exact_request_share < 0.5 {
-        return 0.0;
-    }
-    reason.push_str("the master requests exactly these registers; ");
-    6.0
 }
 
 /// Appends the range of the numbers to the reason.

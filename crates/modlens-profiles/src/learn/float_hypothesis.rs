@@ -1,17 +1,26 @@
 //! The evidence that registers are a float.
 
-use crate::learn::evidence::{
-    coupling_bits, push_range, request_bits, TypeHypothesis, MIN_HYPOTHESIS_BITS, PLAUSIBLE_MAGNITUDES, WILD_STEP,
-};
+use crate::learn::evidence::{coupling_bits, push_range, TypeHypothesis, MIN_HYPOTHESIS_BITS, PLAUSIBLE_MAGNITUDES, WILD_STEP};
+use crate::learn::habits::Habits;
 use crate::learn::movement::Movement;
+use crate::learn::sequence::Sequence;
 use crate::points::Value;
 use crate::profile::{Order, Type};
 
-/// Penalty in bits for bits that only rise: that is a counter rather than a measured value.
-const RISING_PENALTY_BITS: f64 = 8.0;
+/// Penalty in bits for negative numbers that only fall.
+const FALLING_PENALTY_BITS: f64 = 8.0;
 
-/// Evidence in bits for a constant that is a round number as a float.
-const ROUND_CONSTANT_BITS: f64 = 6.0;
+/// Penalty in bits for a float that only rises where totals are integers.
+const INTEGER_TOTAL_PENALTY_BITS: f64 = 8.0;
+
+/// Totals that are floats are larger than this.
+const LEAST_TOTAL: f64 = 0.01;
+
+/// Evidence in bits for a constant that is a round number.
+const ROUND_CONSTANT_BITS: f64 = 5.0;
+
+/// Constants that people set.
+const ROUND_NUMBERS: std::ops::Range<f32> = 0.01..100_000.0;
 
 /// The bits of the samples as floating point numbers.
 fn as_floats(values: &[u64], words: usize) -> Vec<f64> {
@@ -34,40 +43,52 @@ fn magnitude_range(numbers: &[f64]) -> Option<(f64, f64)> {
 
 /// The hypothesis that the registers are a float in the order that `values` were loaded with; `None` if the evidence is
 /// too weak.
-pub fn float_hypothesis(values: &[u64], words: usize, order: Order, exact_request_share: f64) -> Option<TypeHypothesis> {
+pub fn float_hypothesis(sequence: &Sequence<'_, u64>, words: usize, order: Order, habits: &Habits) -> Option<TypeHypothesis> {
     let kind = if words == 2 { Type::F32 } else { Type::F64 };
+    let values = sequence.values;
     let numbers = as_floats(values, words);
     magnitude_range(&numbers)?;
     let mut reason = String::new();
-    let movement = Movement::of(values, words, true);
-    let mut bits = 2.0 + coupling_bits(&movement, &mut reason) + request_bits(exact_request_share, &mut reason);
+    let movement = Movement::of(sequence, words, true);
+    let mut bits = 2.0 + coupling_bits(&movement, &mut reason);
     if words == 4 && (movement.low_step < WILD_STEP || movement.next_step < WILD_STEP) {
         bits = 0.0;
     } else if words == 4 {
         let halves: Vec<u64> = values.iter().map(|value| value >> 32).collect();
-        bits += coupling_bits(&Movement::of(&halves, 2, true), &mut String::new());
+        bits +=
+            coupling_bits(&Movement::of(&Sequence { values: &halves, follows: sequence.follows }, 2, true), &mut String::new());
     }
-    let short_decimal_bits = short_decimals(values, words);
+    let short_decimal_bits = short_decimals(values, words).max(round_constant(values, words, habits.has_floats(order)));
     if short_decimal_bits > 0.0 {
         bits += short_decimal_bits;
         reason.push_str("plausible round values; ");
     }
-    bits -= 12.0 * (movement.disorder - 0.15).max(0.0);
-    // If the bits rise while the sign bit is set, the float falls; so this looks at the bits.
-    if movement.distinct > 16 && values.windows(2).all(|pair| pair[0] <= pair[1]) && short_decimal_bits == 0.0 {
-        bits -= RISING_PENALTY_BITS;
+    // A negative number whose bits only rise is a counter rather than a measured value that only falls.
+    let negative = values.iter().all(|bits| bits >> (16 * words - 1) == 1);
+    if negative && movement.distinct > 16 && values.windows(2).all(|pair| pair[0] <= pair[1]) {
+        bits -= FALLING_PENALTY_BITS;
     }
-    if words == 2 && !order.swaps_bytes() && is_round_constant(values) {
-        bits += ROUND_CONSTANT_BITS;
-        reason.push_str("a constant that is a round number as a float; ");
+    // Of a total, its size and the other totals of the device say whether it is an integer.
+    let is_small = numbers.iter().all(|number| number.abs() < LEAST_TOTAL);
+    if words == 2 && movement.is_rising && movement.distinct > 16 && (is_small || habits.has_integer_totals()) {
+        bits -= INTEGER_TOTAL_PENALTY_BITS;
     }
+    bits -= 12.0 * (movement.disorder - 0.15).max(0.0) + movement.stillness;
     if bits < MIN_HYPOTHESIS_BITS {
         return None;
     }
     push_range(kind, &numbers, &mut reason);
     // Floats with plausible exponents are a small part of all bit patterns, so a float is preferred to an integer with
     // the same evidence.
-    Some(TypeHypothesis { kind, order, bits: bits + 3.0, reason, is_certain: false, mean_step: movement.step })
+    Some(TypeHypothesis {
+        kind,
+        order,
+        bits: bits + 3.0,
+        reason,
+        is_certain: false,
+        is_rising: movement.is_rising,
+        mean_step: movement.step,
+    })
 }
 
 /// Evidence in bits for numbers that are short in decimal although their low bits are not zero, as if somebody had
@@ -86,12 +107,17 @@ fn short_decimals(values: &[u64], words: usize) -> f64 {
     (bits_each * short as f64).min(24.0)
 }
 
-/// Whether the value is a constant with a zero lower register that has at most four decimal digits, as people set them.
-/// One in 25 of all registers is the upper half of such a number, and few of these are followed by a zero.
-fn is_round_constant(values: &[u64]) -> bool {
-    let constant = values.iter().all(|&bits| bits == values[0]);
-    let size = f32::from_bits(values[0] as u32).abs();
-    constant && values[0].trailing_zeros() >= 16 && (1e-3..1e6).contains(&size) && significant_digits(values[0], 2) <= 4
+/// Evidence in bits for a constant that is a round number, in a device with other floats of this order. Without these,
+/// parts of other numbers look like it too often.
+fn round_constant(values: &[u64], words: usize, has_floats: bool) -> f64 {
+    let number = f32::from_bits(values[0] as u32);
+    let is_constant = values.iter().all(|&value| value == values[0]);
+    let is_round = words == 2 && ROUND_NUMBERS.contains(&number) && significant_digits(values[0], words) <= 4;
+    if has_floats && is_constant && is_round {
+        ROUND_CONSTANT_BITS
+    } else {
+        0.0
+    }
 }
 
 /// The number of significant decimal digits of the shortest text of a float.

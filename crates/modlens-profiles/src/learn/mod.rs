@@ -1,11 +1,30 @@
-//! Infers the type and the order of registers from the values that they had over time.
+//! Learns what registers are from the values that they had over time: which belong together, with type and order; what
+//! each is for; its scale and quantity.
 
+mod calibration;
+mod conclude;
 mod evidence;
 mod float_hypothesis;
+mod grid;
+mod habits;
 mod integer_hypothesis;
+mod layout;
+mod layout_point;
 mod movement;
+mod observed;
 mod ranking;
+mod relations;
+mod role;
+mod scale;
+mod sequence;
 pub mod text;
 
+pub use conclude::{conclude, Learned};
 pub use evidence::{TypeHypothesis, MIN_MARGIN_BITS};
+pub use habits::Habits;
+pub use layout_point::LayoutPoint;
+pub use observed::{Counts, ObservedBlock, ObservedTable, Samples};
 pub use ranking::{is_plausible_float, rank_types};
+pub use role::Role;
+pub use scale::Scale;
+pub use sequence::Sequence;

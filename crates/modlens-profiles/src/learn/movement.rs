@@ -1,9 +1,14 @@
 //! How numbers made of several registers move from sample to sample. Related registers move together, unrelated ones do
 //! not.
 
+use crate::learn::sequence::Sequence;
+
 /// Bounds in bits of the evidence in `Movement::fit`.
 const MAX_PENALTY_BITS: f64 = 8.0;
 const MAX_EVIDENCE_BITS: f64 = 16.0;
+
+/// Bound in bits of `Movement::stillness`.
+const MOST_STILLNESS_BITS: f64 = 24.0;
 
 /// The movement of the values, taken as numbers in one order.
 pub(super) struct Movement {
@@ -24,20 +29,30 @@ pub(super) struct Movement {
     pub disorder: f64,
     /// Mean absolute step of the number.
     pub step: f64,
+    /// Whether the values only rise.
+    pub is_rising: bool,
+    /// Evidence in bits against one number: the lower register jumps as far as a number that would have moved its upper
+    /// register more often.
+    pub stillness: f64,
     /// Evidence in bits that the lower half continues the upper one as its digits.
     pub fit: f64,
 }
 
 impl Movement {
     /// Measures the movement of the values of `words` registers.
-    pub fn of(values: &[u64], words: usize, float: bool) -> Self {
-        let numbers: Vec<i128> = values.iter().map(|&bits| sortable(bits, words, float)).collect();
-        let steps = |of: &dyn Fn(u64) -> i64| {
-            let sum: u64 = values.windows(2).map(|pair| (of(pair[1]) - of(pair[0])).unsigned_abs()).sum();
-            sum as f64 / values.len().saturating_sub(1).max(1) as f64
+    pub fn of(sequence: &Sequence<'_, u64>, words: usize, float: bool) -> Self {
+        let steps: Vec<(u64, u64)> = sequence.steps().collect();
+        let count = steps.len().max(1) as f64;
+        let numbers: Vec<(i128, i128)> =
+            steps.iter().map(|&(from, to)| (sortable(from, words, float), sortable(to, words, float))).collect();
+        let mean_step = |of: &dyn Fn(u64) -> i64| {
+            let sum: u64 = steps.iter().map(|&(from, to)| (of(to) - of(from)).unsigned_abs()).sum();
+            sum as f64 / count
         };
         let word = |bits: u64, at: usize| (bits >> (16 * at)) as u16;
-        let low = |at: usize| steps(&|bits| i64::from(word(bits, at))).min(steps(&|bits| i64::from(word(bits, at).swap_bytes())));
+        let low = |at: usize| {
+            mean_step(&|bits| i64::from(word(bits, at))).min(mean_step(&|bits| i64::from(word(bits, at).swap_bytes())))
+        };
         // The sign bit of a float does not belong to its magnitude; an integer crosses zero as a signed number.
         let high = |bits: u64| {
             let top = word(bits, words - 1);
@@ -47,28 +62,59 @@ impl Movement {
                 i64::from(top as i16)
             }
         };
-        let steps_of_number: Vec<i128> = numbers.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        let upper_steps: Vec<i128> = numbers.windows(2).map(|pair| (pair[1] >> 16) - (pair[0] >> 16)).collect();
-        let (usual, usual_upper) = (median(&steps_of_number), median(&upper_steps));
-        let unusual_steps = || steps_of_number.iter().zip(&upper_steps).filter(|(_, upper)| **upper != usual_upper);
-        let carries = unusual_steps().filter(|(delta, _)| (**delta - usual).abs() < 0x4000).count();
-        let mut distinct = values.to_vec();
+        let steps_of_number: Vec<i128> = numbers.iter().map(|(from, to)| to - from).collect();
+        // Over the gaps of a long recording, too: carries are rare.
+        let gaps: Vec<(i128, i128)> =
+            sequence.gaps().map(|(from, to)| (sortable(from, words, float), sortable(to, words, float))).collect();
+        let (changes, carries) =
+            [&numbers, &gaps].map(|pairs| carries(pairs)).into_iter().fold((0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1));
+        let mut distinct = sequence.values.to_vec();
         distinct.sort_unstable();
         distinct.dedup();
-        let step =
-            steps_of_number.iter().map(|delta| delta.unsigned_abs() as f64).sum::<f64>() / steps_of_number.len().max(1) as f64;
+        let step = steps_of_number.iter().map(|delta| delta.unsigned_abs() as f64).sum::<f64>() / count;
         Self {
             low_step: low(0),
             next_step: low(words / 2 - 1),
-            high_step: steps(&high),
-            high_changes: unusual_steps().count() as u32,
-            carries: carries as u32,
+            high_step: mean_step(&high),
+            high_changes: changes,
+            carries,
             distinct: distinct.len(),
-            disorder: disorder(values, words),
+            disorder: disorder(&steps, words),
             step,
+            is_rising: sequence.values.windows(2).all(|pair| pair[0] <= pair[1])
+                && sequence.values.first() != sequence.values.last(),
+            stillness: stillness(&steps),
             fit: fit(&numbers, 8 * words as u32),
         }
     }
+}
+
+/// Of pairs of numbers: how often the part above the lowest register moved differently from its median step, and how
+/// many of these steps were carries out of the lowest register.
+fn carries(pairs: &[(i128, i128)]) -> (u32, u32) {
+    let steps: Vec<i128> = pairs.iter().map(|(from, to)| to - from).collect();
+    let upper: Vec<i128> = pairs.iter().map(|(from, to)| (to >> 16) - (from >> 16)).collect();
+    let (usual, usual_upper) = (median(&steps), median(&upper));
+    let unusual = || steps.iter().zip(&upper).filter(|(_, upper)| **upper != usual_upper);
+    let carries = unusual().filter(|(step, _)| (**step - usual).abs() < 0x4000).count();
+    (unusual().count() as u32, carries as u32)
+}
+
+/// Evidence in bits against the lowest register as part of a larger number.
+///
+/// A number that moves by a share of 65,536 moves its upper part in at least that share of the steps. Its shortest way
+/// is at most half of the range. If the upper part changes less often, the two are separate.
+fn stillness(steps: &[(u64, u64)]) -> f64 {
+    let way = |from: u64, to: u64| f64::from((to as u16).wrapping_sub(from as u16) as i16).abs() / 65_536.0;
+    let expected = steps.iter().map(|&(from, to)| way(from, to)).sum::<f64>() / steps.len().max(1) as f64;
+    let changed = steps.iter().filter(|(from, to)| from >> 16 != to >> 16).count() as f64;
+    let all = steps.len() as f64;
+    if expected < 0.01 || changed >= expected * all {
+        return 0.0;
+    }
+    let bits = |count: f64, expected: f64, seen: f64| if count > 0.0 { count * (seen / expected).log2() } else { 0.0 };
+    let seen = changed / all;
+    (bits(changed, expected, seen) + bits(all - changed, 1.0 - expected, 1.0 - seen)).min(MOST_STILLNESS_BITS)
 }
 
 /// Evidence in bits that the steps of a number are smoother than those of its upper half alone.
@@ -76,11 +122,11 @@ impl Movement {
 /// They are if the lower half holds its lower digits: cutting these off adds the variance of rounding twice, 1/6. If
 /// the lower half belongs to something else, it is noise, and the number as a whole has more variance than its upper
 /// half.
-fn fit(numbers: &[i128], below: u32) -> f64 {
+fn fit(numbers: &[(i128, i128)], below: u32) -> f64 {
     // Counters wrap at zero, and so do their upper halves.
     let wrapped = |step: i128, width: u32| (step + (1 << (width - 1))).rem_euclid(1 << width) - (1 << (width - 1));
     let variance = |of: &dyn Fn(i128, i128) -> f64| {
-        let steps: Vec<f64> = numbers.windows(2).map(|pair| of(pair[0], pair[1])).collect();
+        let steps: Vec<f64> = numbers.iter().map(|&(from, to)| of(from, to)).collect();
         let count = steps.len().max(1) as f64;
         let mean = steps.iter().sum::<f64>() / count;
         steps.iter().map(|step| (step - mean) * (step - mean)).sum::<f64>() / count
@@ -112,15 +158,15 @@ fn median(numbers: &[i128]) -> i128 {
 }
 
 /// The largest difference between the change rates of a more significant and a less significant byte.
-fn disorder(values: &[u64], words: usize) -> f64 {
+fn disorder(steps: &[(u64, u64)], words: usize) -> f64 {
     let mut moves = vec![0.0; 2 * words];
-    for pair in values.windows(2) {
+    for (from, to) in steps {
         for (i, count) in moves.iter_mut().enumerate() {
             let shift = 8 * (2 * words - 1 - i);
-            *count += f64::from(u8::from(pair[0] >> shift & 0xFF != pair[1] >> shift & 0xFF));
+            *count += f64::from(u8::from(from >> shift & 0xFF != to >> shift & 0xFF));
         }
     }
-    let steps = values.len().saturating_sub(1).max(1) as f64;
+    let steps = steps.len().max(1) as f64;
     let mut worst = 0.0f64;
     for i in 0..moves.len() {
         for j in i + 1..moves.len() {
@@ -128,4 +174,19 @@ fn disorder(values: &[u64], words: usize) -> f64 {
         }
     }
     worst
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wild_register_beside_a_still_one_is_no_part_of_its_number() {
+        let wild: Vec<u64> = (0..100u64).map(|i| i * 24_593 % 65_536).collect();
+        let beside_constant: Vec<u64> = wild.iter().map(|low| 7 << 16 | low).collect();
+        let number: Vec<u64> = (0..100u64).map(|i| (7 << 16) + i * 24_593).collect();
+        let bits = |values: &[u64]| stillness(&values.windows(2).map(|pair| (pair[0], pair[1])).collect::<Vec<_>>());
+        assert!(bits(&beside_constant) > 10.0);
+        assert!(bits(&number) < 1.0);
+    }
 }

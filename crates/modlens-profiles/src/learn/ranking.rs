@@ -1,29 +1,24 @@
 //! Ranks the types and orders that two or four registers may have, by the values that they had over time.
 //!
 //! Evidence, in bits: a lower register that jumps over its whole range while the upper one hardly moves; carries, where
-//! the upper register steps as the lower one wraps; numbers that are short in decimal, as people and sensors make them;
-//! and a master that requests exactly these registers. Where an upper register never moves, the order that the device
+//! the upper register steps as the lower one wraps; and numbers that are short in decimal, as people and sensors make
+//! them. Where an upper register never moves, the order that the device
 //! uses elsewhere decides. Without any such evidence the registers are reported as separate 16-bit values.
 
 use crate::learn::evidence::{TypeHypothesis, MIN_HYPOTHESIS_BITS, MIN_MARGIN_BITS, PLAUSIBLE_MAGNITUDES};
 use crate::learn::float_hypothesis::float_hypothesis;
+use crate::learn::habits::Habits;
 use crate::learn::integer_hypothesis::integer_hypothesis;
+use crate::learn::sequence::Sequence;
 use crate::points::Conversion;
 use crate::profile::{Order, Type};
 
-/// Bonus in bits for the order that the device uses elsewhere; most devices use only one.
-const DEVICE_ORDER_BITS: f64 = 3.0;
-
-/// Penalty in bits for an order with the low byte first, which hardly any device uses.
-const SWAPPED_BYTES_PENALTY_BITS: f64 = 4.0;
-
-/// Ranks the hypotheses for two or four consecutive registers, best first. `rows` has one sample per row. `exact_request_share` is
-/// the share of requests for these registers that asked for exactly them, `device_order` the order that the device uses
-/// elsewhere.
+/// Ranks the hypotheses for two or four consecutive registers, best first. `rows` has one sample per row,
+/// `follows` says which of them directly follow the row before; `habits` are what the device does elsewhere.
 ///
 /// Hypotheses of one kind (floats or integers) are compared by how smoothly the number moves: each doubling of the mean
 /// step costs a bit.
-pub fn rank_types(rows: &[&[u16]], exact_request_share: f64, device_order: Option<Order>) -> Vec<TypeHypothesis> {
+pub fn rank_types(rows: &[&[u16]], follows: &[bool], habits: &Habits) -> Vec<TypeHypothesis> {
     let words = rows.first().map_or(0, |row| row.len());
     if !matches!(words, 2 | 4) || rows.iter().all(|row| row.iter().all(|&word| word == 0)) {
         return Vec::new();
@@ -31,8 +26,9 @@ pub fn rank_types(rows: &[&[u16]], exact_request_share: f64, device_order: Optio
     let mut hypotheses: Vec<TypeHypothesis> = Vec::new();
     for (order, _) in Order::ALL {
         let values = bits_of(rows, words, order);
-        hypotheses.extend(float_hypothesis(&values, words, order, exact_request_share));
-        hypotheses.extend(integer_hypothesis(&values, words, order, exact_request_share));
+        let sequence = Sequence { values: &values, follows };
+        hypotheses.extend(float_hypothesis(&sequence, words, order, habits));
+        hypotheses.extend(integer_hypothesis(&sequence, words, order, habits));
     }
     for is_float in [false, true] {
         let is_of_kind = |hypothesis: &TypeHypothesis| matches!(hypothesis.kind, Type::F32 | Type::F64) == is_float;
@@ -47,11 +43,7 @@ pub fn rank_types(rows: &[&[u16]], exact_request_share: f64, device_order: Optio
         }
     }
     for hypothesis in &mut hypotheses {
-        if Some(hypothesis.order) == device_order {
-            hypothesis.bits += DEVICE_ORDER_BITS;
-        } else if matches!(hypothesis.order, Order::Badc | Order::Dcba) {
-            hypothesis.bits -= SWAPPED_BYTES_PENALTY_BITS;
-        }
+        hypothesis.bits += habits.order_bits(hypothesis.order);
     }
     hypotheses.retain(|hypothesis| hypothesis.bits > 0.0);
     hypotheses.sort_by(|a, b| b.bits.total_cmp(&a.bits));
@@ -92,7 +84,7 @@ mod tests {
     /// The best hypothesis, if it is certain.
     fn best(rows: &[[u16; 2]]) -> Option<(Type, Order)> {
         let rows: Vec<&[u16]> = rows.iter().map(|row| &row[..]).collect();
-        let hypotheses = rank_types(&rows, 0.0, None);
+        let hypotheses = rank_types(&rows, &vec![true; rows.len()], &Habits::default());
         hypotheses.first().filter(|hypothesis| hypothesis.is_certain).map(|hypothesis| (hypothesis.kind, hypothesis.order))
     }
 
@@ -119,7 +111,8 @@ mod tests {
 
     fn best_with_device_order(rows: &[[u16; 2]], device_order: Option<Order>) -> Option<(Type, Order)> {
         let rows: Vec<&[u16]> = rows.iter().map(|row| &row[..]).collect();
-        rank_types(&rows, 0.0, device_order)
+        let habits = device_order.map_or_else(Habits::default, |order| Habits::with_votes(order, 5.0));
+        rank_types(&rows, &vec![true; rows.len()], &habits)
             .first()
             .filter(|hypothesis| hypothesis.is_certain)
             .map(|hypothesis| (hypothesis.kind, hypothesis.order))
@@ -128,7 +121,7 @@ mod tests {
     #[test]
     fn a_constant_upper_register_needs_the_order_of_the_device() {
         let total: Vec<_> = (0..60u32).map(|i| words(0x0007_1234 + 3 * i, Order::Cdab)).collect();
-        let debt: Vec<_> = (0..60u32).map(|i| words((-300_000i32 - 7 * (i % 13) as i32) as u32, Order::Cdab)).collect();
+        let debt: Vec<_> = (0..60u32).map(|i| words((-3_000_000i32 - 7 * (i % 13) as i32) as u32, Order::Cdab)).collect();
         for (rows, kind) in [(total, Type::U32), (debt, Type::S32)] {
             assert_eq!(best_with_device_order(&rows, Some(Order::Cdab)), Some((kind, Order::Cdab)));
             assert_eq!(best_with_device_order(&rows, Some(Order::Abcd)), None);
@@ -142,11 +135,10 @@ mod tests {
     }
 
     #[test]
-    fn round_constants_are_recognised_as_floats() {
-        // 12.25 and 100.0 (IEEE 754).
-        assert_eq!(best(&[[0x4144, 0]; 40]), Some((Type::F32, Order::Abcd)));
-        assert_eq!(best(&[[0, 0x42C8]; 40]), Some((Type::F32, Order::Cdab)));
-        assert_eq!(best(&[[4711, 0]; 40]), None);
+    fn a_round_constant_alone_is_no_float() {
+        // 12.25 and 100.0 as floats (IEEE 754); without the order of the device and other floats they are two numbers.
+        assert_eq!(best(&[[0x4144, 0]; 40]), None);
+        assert_eq!(best(&[[0, 0x42C8]; 40]), None);
     }
 
     #[test]

@@ -27,14 +27,14 @@ pub fn runs(constant: &BTreeMap<u16, u16>) -> Vec<TextRun> {
         let is_adjacent = run.last().is_none_or(|(last, _)| u32::from(*last) + 1 == u32::from(address));
         let ended = run.last().is_some_and(|(_, last)| last.to_be_bytes().contains(&0));
         if !(is_adjacent && !ended && holds_letters(word)) {
-            found.extend(finish(&run));
+            found.extend(finish(&run, Some(word).filter(|_| is_adjacent)));
             run.clear();
         }
         if holds_letters(word) {
             run.push((address, word));
         }
     }
-    found.extend(finish(&run));
+    found.extend(finish(&run, None));
     found
 }
 
@@ -46,7 +46,8 @@ fn holds_letters(word: u16) -> bool {
 }
 
 /// The text of a run of registers, if it looks like one, in the byte order that makes it look more like a text.
-fn finish(run: &[(u16, u16)]) -> Option<TextRun> {
+fn finish(run: &[(u16, u16)], next: Option<u16>) -> Option<TextRun> {
+    let is_ended = next == Some(0) || run.last().is_some_and(|(_, word)| word.to_be_bytes().contains(&0));
     let run = &run[run.iter().position(|(_, word)| !word.to_be_bytes().contains(&0))?..];
     let straight: Vec<u8> = run.iter().flat_map(|(_, word)| word.to_be_bytes()).collect();
     let swapped: Vec<u8> = run.iter().flat_map(|(_, word)| word.to_le_bytes()).collect();
@@ -56,7 +57,11 @@ fn finish(run: &[(u16, u16)]) -> Option<TextRun> {
     let letters = bytes.iter().filter(|byte| byte.is_ascii_alphabetic()).count();
     let printable_bytes = bytes.iter().filter(|byte| byte.is_ascii_alphanumeric() || b" -_./\0".contains(byte)).count();
     let is_long_text = letters * 2 >= MIN_LETTERS && bytes.len() >= LONG_TEXT_BYTES && printable_bytes == bytes.len();
-    if !(letters >= MIN_LETTERS || is_long_text) || printable_bytes * 10 < bytes.len() * 9 {
+    // A short one, such as the number of a version, ends with zeros.
+    let digits = bytes.iter().filter(|byte| byte.is_ascii_alphanumeric()).count();
+    let least = if is_swapped { 4 } else { 3 };
+    let is_short_text = is_ended && printable_bytes == bytes.len() && digits >= least && bytes.len() >= 4;
+    if !(letters >= MIN_LETTERS || is_long_text || is_short_text) || printable_bytes * 10 < bytes.len() * 9 {
         return None;
     }
     let text = String::from_utf8_lossy(bytes).trim_end_matches(['\0', ' ']).to_owned();

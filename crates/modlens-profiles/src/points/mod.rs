@@ -6,14 +6,13 @@
 //! device may have changed it in between.
 //!
 //! Scale factors that are points themselves are read here (`with_factors_from`) and applied in `conversion` and
-//! `fast_decoder`; `sunspec` finds the models of a device, and `order_check` watches whether an order makes sense.
+//! `fast_decoder`; `sunspec` finds the models of a device.
 
 mod block_plan;
 mod conversion;
 mod fast_decoder;
 mod layout;
 mod number_groups;
-pub mod order_check;
 pub mod sunspec;
 mod unit_plans;
 mod value;

@@ -1,7 +1,7 @@
 //! Checks whether the values of a profile's points make sense in the register and byte order that the profile gives.
 //! The result becomes the finding `order_mismatch`.
 
-use crate::learn::{is_plausible_float, rank_types};
+use crate::learn::{is_plausible_float, rank_types, Habits};
 use crate::points::{MultiRegisterPoint, Plan};
 use crate::profile::{Order, Type};
 use modlens_protocol::register_type::Space;
@@ -209,7 +209,7 @@ impl Samples {
         let enough = self.registers.len() >= EARLY[0] * usize::from(wide_point.width);
         let rows: Vec<&[u16]> = self.registers.chunks_exact(usize::from(wide_point.width)).filter(|_| enough).collect();
         let point = plan.point(plan.compiled_point(wide_point.compiled_index));
-        let hypotheses = rank_types(&rows, 0.0, None);
+        let hypotheses = rank_types(&rows, &vec![true; rows.len()], &Habits::default());
         let best = hypotheses.first().filter(|hypothesis| hypothesis.is_certain && hypothesis.order != point.order)?;
         // The profile's type is taken for granted; only the order is judged. So a float is not compared with readings
         // as an integer.

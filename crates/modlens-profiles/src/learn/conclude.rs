@@ -1,0 +1,159 @@
+//! All that is learnt about the registers of a table: layout, role, scale and quantity, each with its evidence.
+
+use std::collections::BTreeSet;
+
+use crate::learn::calibration::{layout_bits, role_bits};
+use crate::learn::grid;
+use crate::learn::layout::{best_blocks, layout, BestBlocks};
+use crate::learn::layout_point::LayoutPoint;
+use crate::learn::observed::ObservedTable;
+use crate::learn::relations::relate;
+use crate::learn::role::{role, Course, Role};
+use crate::learn::scale::{scales, Scale};
+use crate::points::{Conversion, Value};
+use crate::profile::{Order, Type};
+
+/// What is learnt about one point.
+#[derive(Clone, Debug)]
+pub struct Learned {
+    /// Its registers, type and order.
+    pub layout: LayoutPoint,
+    /// What it is for, with the evidence in bits.
+    pub role: Option<(Role, f64)>,
+    /// Its scale, unit and quantity.
+    pub scale: Option<Scale>,
+    /// The smallest and the largest raw number among the samples.
+    pub range: Option<(f64, f64)>,
+}
+
+/// Learns about all registers of a table, in the order of their addresses.
+pub fn conclude(table: &ObservedTable) -> Vec<Learned> {
+    let best = best_blocks(table);
+    let mut points = layout(table, &best);
+    grid::fill(table, &mut points);
+    add_single_registers(table, &mut points);
+    let upper_halves = possible_upper_halves(table, &points);
+    let courses: Vec<(Course<'_>, Option<Role>)> = points
+        .iter()
+        .map(|point| {
+            let course = course(table, &best, point);
+            let role = role(&course).filter(|role| *role != Role::Constant || !upper_halves.contains(&point.address));
+            (course, role)
+        })
+        .collect();
+    let ranges: Vec<_> = courses.iter().map(|(course, _)| (!course.numbers.is_empty()).then(|| course.range())).collect();
+    let roles: Vec<_> = courses.iter().map(|(_, role)| role.map(|role| (role, role_bits(role)))).collect();
+    let mut scales = scales(&courses);
+    relate(&courses, &mut scales);
+    let rest = roles.into_iter().zip(scales).zip(ranges);
+    let learned = |(mut layout, ((role, scale), range)): (LayoutPoint, _)| {
+        layout.bits = layout_bits(layout.bits);
+        Learned { layout, role, scale, range }
+    };
+    points.into_iter().zip(rest).map(learned).collect()
+}
+
+/// Constant registers beside one that only rises or jumps over its whole range: they may be its upper half.
+fn possible_upper_halves(table: &ObservedTable, points: &[LayoutPoint]) -> BTreeSet<u16> {
+    let single: BTreeSet<u16> = points.iter().filter(|point| point.count == 1).map(|point| point.address).collect();
+    let is_lower = |at: &u16| {
+        let counts = table.registers.get(at);
+        counts.is_some_and(|counts| counts.changes() > 0 && (counts.downs == 0 || counts.max - counts.min > 0x6000))
+    };
+    let beside = |at: u16| [at.checked_sub(1), at.checked_add(1)];
+    single.iter().filter(|at| is_lower(at)).flat_map(|&at| beside(at)).flatten().collect()
+}
+
+/// Adds a point for each register that belongs to no certain point.
+fn add_single_registers(table: &ObservedTable, points: &mut Vec<LayoutPoint>) {
+    points.retain(|point| point.is_certain);
+    let taken: BTreeSet<u16> = points.iter().flat_map(|point| (0..point.count).map(|i| point.address.wrapping_add(i))).collect();
+    for (&address, counts) in table.registers.iter().filter(|(address, _)| !taken.contains(address)) {
+        // A signed quantity that crosses zero jumps between 65535 and 0.
+        let crosses = counts.max >= 0xFF00 && counts.min < 0x0100 && counts.reversals > 0 && counts.changes() > 2;
+        let below = counts.min >= 0xF000 && counts.max < 0xFFFF && counts.changes() > 2;
+        let kind = if crosses || below { Type::S16 } else { Type::U16 };
+        let bits = if kind == Type::S16 { 5.0 } else { 0.0 };
+        let reason = if kind == Type::S16 { "the sign changes where the value crosses zero" } else { "" };
+        points.push(LayoutPoint {
+            address,
+            count: 1,
+            kind,
+            order: Order::Abcd,
+            bits,
+            is_certain: false,
+            is_rising: false,
+            reason: reason.to_owned(),
+            rivals: Vec::new(),
+        });
+    }
+    points.sort_by_key(|point| point.address);
+}
+
+/// The numbers of a point over time.
+fn course<'a>(table: &'a ObservedTable, best: &BestBlocks<'a>, point: &LayoutPoint) -> Course<'a> {
+    let registers = (0..point.count).filter_map(|i| table.registers.get(&point.address.wrapping_add(i)));
+    let mut found = Course { kind: point.kind, numbers: Vec::new(), seconds: Vec::new(), counts: registers.collect() };
+    if let Some((samples, at)) = best.get(&(point.address, point.count)).filter(|_| point.kind != Type::Str) {
+        let conversion = Conversion::of_type(point.kind, point.order);
+        for (row, time) in samples.rows(*at, at + usize::from(point.count)).into_iter().zip(samples.times()) {
+            let bytes: Vec<u8> = row.iter().flat_map(|word| word.to_be_bytes()).collect();
+            let value: Value<'_> = conversion.value(&bytes, None);
+            if let Some(number) = value.number() {
+                found.numbers.push(number);
+                found.seconds.push(*time as f64 / 1e9);
+            }
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A day of polls each minute: three voltages of the mains, a state, a counter of seconds, and three small numbers of
+    /// two registers.
+    fn table() -> ObservedTable {
+        let mut table = ObservedTable::default();
+        for i in 0..1440i64 {
+            let wave = |phase: f64| (2300.0 + 25.0 * (i as f64 / 30.0 + phase).sin() + 3.0 * (i as f64 * 1.7).cos()) as u16;
+            let small = |step: i64| (i * step % 977) as u16;
+            let seconds = (1_000_000 + 60 * i) as u32;
+            let state = 1 + u16::from(i % 300 > 200);
+            let words = [
+                wave(0.0),
+                wave(2.0),
+                wave(4.0),
+                state,
+                (seconds >> 16) as u16,
+                seconds as u16,
+                0,
+                small(5),
+                0,
+                small(7),
+                0,
+                small(11),
+            ];
+            table.put(0, &words, i * 60_000_000_000, false);
+        }
+        table
+    }
+
+    #[test]
+    fn layout_role_scale_and_quantity() {
+        let learned = conclude(&table());
+        let at = |address: u16| learned.iter().find(|one| one.layout.address == address).unwrap();
+        for phase in 0..3 {
+            let (one, scale) = (at(phase), at(phase).scale.unwrap());
+            assert_eq!((one.layout.kind, one.role.unwrap().0), (Type::U16, Role::Measurement));
+            assert_eq!((scale.factor, scale.unit, scale.quantity), (0.1, Some("V"), Some("voltage")));
+        }
+        assert_eq!(at(3).role.unwrap().0, Role::Enum);
+        let counter = at(4);
+        assert_eq!((counter.layout.kind, counter.layout.order, counter.role.unwrap().0), (Type::U32, Order::Abcd, Role::Counter));
+        assert_eq!(counter.scale.unwrap().quantity, Some("duration"));
+        assert!([6, 8, 10].iter().all(|&pair| at(pair).layout.kind == Type::U32), "{learned:?}");
+        assert!(learned.iter().all(|one| one.layout.bits < 10.0));
+    }
+}
