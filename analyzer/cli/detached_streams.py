@@ -10,120 +10,23 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
 import sys
-import threading
-from collections import deque
 from collections.abc import Callable
 from typing import Any, Self, cast
 
 from analyzer.cli.standard_streams import STDERR, STDOUT, report
 from analyzer.counts import count_of
+from analyzer.exports.detached_pipe import DetachedPipe
 from dissectors.errors import SourceError
 
 __all__ = ["DetachedStreams", "write_failure"]
 
-LIMIT_BYTES = 1 << 26
-"""Memory of what nobody has read; what is written beyond it is dropped and counted."""
-
-PATIENCE_S = 1.0
-"""After a signal, a reader that takes nothing for so long gets no more."""
-
-WRITE_BYTES = 1 << 16
-
-
-class _Pipe(io.RawIOBase):
-    """A binary stream whose bytes a thread writes to a descriptor.
-
-    Errors of the thread are raised by a later `write`, each once.
-    """
-
-    def __init__(self, descriptor: int) -> None:
-        super().__init__()
-        self.dropped = 0
-        self._written = 0
-        self._descriptor = descriptor
-        self._blocks: deque[bytes] = deque()
-        self._size = 0
-        self._changed = threading.Condition()
-        self._error: OSError | None = None
-        thread = threading.Thread(target=self._run, name=f"output {descriptor}", daemon=True)
-        thread.start()
-
-    @property
-    def is_behind(self) -> bool:
-        """Whether something is waiting to be written."""
-        return self._size > 0
-
-    def take_error(self) -> OSError | None:
-        """The error of the thread that nobody has heard of yet."""
-        error, self._error = self._error, None
-        return error
-
-    def wait_for_progress(self, seconds: float) -> bool:
-        """Whether bytes were written within that time, or none are left."""
-        with self._changed:
-            before = self._written
-            return self._changed.wait_for(
-                lambda: self._written != before or not self.is_behind, seconds
-            )
-
-    def write(self, data: Any) -> int:
-        """Leave bytes to the thread."""
-        error = self.take_error()
-        if error is not None:
-            raise error
-        block = bytes(data)
-        with self._changed:
-            if self._size + len(block) > LIMIT_BYTES:
-                self.dropped += len(block)
-            elif block:
-                self._blocks.append(block)
-                self._size += len(block)
-                self._changed.notify_all()
-        return len(block)
-
-    def writable(self) -> bool:
-        """It is."""
-        return True
-
-    def fileno(self) -> int:
-        """The descriptor."""
-        return self._descriptor
-
-    def isatty(self) -> bool:
-        """Whether the descriptor is that of a terminal."""
-        return os.isatty(self._descriptor)
-
-    def _run(self) -> None:
-        while True:
-            with self._changed:
-                while not self._blocks:
-                    self._changed.wait()
-                block = b"".join(self._blocks)
-                self._blocks.clear()
-            self._write_out(memoryview(block))
-
-    def _write_out(self, left: memoryview) -> None:
-        """Writes a block in parts; the rest of it is dropped after an error."""
-        while left:
-            try:
-                count = os.write(self._descriptor, left[:WRITE_BYTES])
-            except OSError as error:
-                self._error = error
-                count = len(left)
-            left = left[count:]
-            with self._changed:
-                self._written += count
-                self._size -= count
-                self._changed.notify_all()
-
 
 class _DetachedStream(io.TextIOWrapper):
-    """A text stream on a `_Pipe`."""
+    """A text stream on a `DetachedPipe`."""
 
     def __init__(self, descriptor: int, original: Any) -> None:
-        self.pipe = _Pipe(descriptor)
+        self.pipe = DetachedPipe(descriptor)
         super().__init__(
             cast(Any, self.pipe),
             encoding=original.encoding,
@@ -177,9 +80,7 @@ class DetachedStreams:
     def _drain(self) -> None:
         """Wait until everything is written, or nothing more is to be expected."""
         for stream in self._streams:
-            while stream.pipe.is_behind:
-                if not stream.pipe.wait_for_progress(PATIENCE_S) and self._is_stopping():
-                    break
+            stream.pipe.drain(self._is_stopping)
 
 
 def _is_descriptor(stream: Any, descriptor: int) -> bool:

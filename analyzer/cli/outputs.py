@@ -83,7 +83,9 @@ def run_files(
     run = file_run(options, settings, messages, follow=follow, pool=pool)
     with (
         StopSignals() as stop_signals,
-        Outputs(options, messages, to=to, names=options.files) as outputs,
+        Outputs(
+            options, messages, to=to, names=options.files, stopping=stop_signals.received
+        ) as outputs,
     ):
         outputs.add_observers(*() if watch is None else (watch,))
         with pool or nullcontext():
@@ -165,7 +167,8 @@ class Outputs:
     """All sinks of a run; use it in `with`, which rolls back the sinks that have not been closed.
 
     `to` says what goes to standard output: `TABLE`, an export format, or None for nothing. `names`
-    are the names of the buses, `extra_sinks` are sinks that the caller has made. `status` is the
+    are the names of the buses, `extra_sinks` are sinks that the caller has made, `stopping` says
+    whether a signal has asked the program to end. `status` is the
     exit status for what went wrong in the sinks; `partial` are the files of an interrupted run;
     `reader_gone` is True when standard output was the only sink and its reader has closed the pipe.
     """
@@ -179,6 +182,7 @@ class Outputs:
         names: Sequence[str],
         growing: bool = False,
         extra_sinks: Sequence[OutputSink] = (),
+        stopping: Callable[[], bool] | None = None,
     ) -> None:
         self.status = 0
         self.reader_gone = False
@@ -225,6 +229,7 @@ class Outputs:
                 address=options.address,
                 times=options.times,
                 buses=tuple(names),
+                stopping=stopping,
             )
             for one in wanted:
                 sink = ExportSink(

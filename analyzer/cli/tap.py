@@ -233,7 +233,13 @@ def _tap(  # noqa: PLR0915 - in the order in which a tap begins and ends
         to = None if silent else options.to or TABLE
         outputs = opened.enter_context(
             Outputs(
-                options, messages, to=to, names=live.buses, growing=True, extra_sinks=extra_sinks
+                options,
+                messages,
+                to=to,
+                names=live.buses,
+                growing=True,
+                extra_sinks=extra_sinks,
+                stopping=stop_signals.received,
             )
         )
         outputs.add_observers(

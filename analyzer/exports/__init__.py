@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, cast
 
 from analyzer.columns import TABLES
-from analyzer.exports.output import NewAtomicFile, Output, open_output
+from analyzer.exports.output import NewAtomicFile, Output, is_fifo, open_output
 from dissectors.errors import UsageError
 
 if TYPE_CHECKING:
@@ -64,6 +64,7 @@ class ExportOptions:
     - `context`: captures only: further frames before and after those that a filter keeps
     - `address`, `times`, `buses`: tables for people only, see
       `analyzer.views.row_lines.TableOptions`
+    - `stopping`: whether a signal asks the program to end, so that nothing waits for a reader
     """
 
     table: str
@@ -74,6 +75,7 @@ class ExportOptions:
     address: str = "wire"
     times: str = "utc"
     buses: Sequence[str] = ()
+    stopping: Callable[[], bool] | None = None
 
 
 class Format:
@@ -130,9 +132,9 @@ class Format:
 
         A `growing` file is that of a live tap, and must be new.
         """
-        if growing and not self.readable_while_written and path is not None:
+        if growing and not self.readable_while_written and path is not None and not is_fifo(path):
             return NewAtomicFile(path)
-        return open_output(path, growing=growing)
+        return open_output(path, growing=growing, stopping=self.options.stopping)
 
     def closing_remark(self) -> str:
         """A remark for the user about the complete file; mostly empty."""

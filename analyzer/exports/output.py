@@ -3,7 +3,8 @@
 No export is left incomplete under its name: a file is written under a temporary name beside its
 place and renamed at the end, to `NAME.partial` where a signal has interrupted the export, so that
 an older file of the name stays. A live tap can end at any moment, so its file grows in place, block
-by block, and never replaces an existing file.
+by block, and never replaces an existing file. Its FIFOs are written by threads, which wait for
+readers.
 """
 
 from __future__ import annotations
@@ -13,10 +14,13 @@ import errno
 import os
 import stat
 import sys
+import time
 from collections.abc import Callable, Iterable
 from typing import Protocol, TypeVar
 
 import _modlens
+from analyzer.counts import count_of
+from analyzer.exports.detached_pipe import DetachedPipe
 from analyzer.visible import for_terminal
 from dissectors.errors import SourceError
 
@@ -26,14 +30,19 @@ __all__ = [
     "NewAtomicFile",
     "Output",
     "StandardOutput",
+    "TappedFifo",
     "append_pieces",
     "as_source_error",
+    "is_fifo",
     "is_special",
     "open_output",
     "partial_name",
 ]
 
 T = TypeVar("T")
+
+LOOK_S = 0.05
+"""So often an export looks whether its FIFO has a reader, or the user has stopped it."""
 
 
 class Output(Protocol):
@@ -43,6 +52,8 @@ class Output(Protocol):
     """
 
     name: str
+    remark: str
+    """What the user should know of the complete output; mostly empty."""
 
     def append(self, data: bytes) -> None:
         """Append these bytes."""
@@ -60,6 +71,8 @@ class Output(Protocol):
 
 class _File:
     """A file that is open for writing; `way` is that of `_modlens.OutputFile`."""
+
+    remark = ""
 
     def __init__(self, name: str, path: str, way: str) -> None:
         self.name = name
@@ -116,16 +129,20 @@ class _File:
 class AtomicFile(_File):
     """A file that appears under its name when it is complete, replacing an existing one.
 
-    Special files (a device, a named pipe) are written directly.
+    Special files (a device, a named pipe) are written directly. To open a FIFO waits for its
+    reader, until `stopping` is true.
     """
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, stopping: Callable[[], bool] | None = None) -> None:
         self._path = os.path.realpath(path)
         self._writes_directly = is_special(self._path)
         folder, base = os.path.split(self._path)
         self._temporary_path = os.path.join(folder, f".{base}.{os.getpid()}")
         if self._writes_directly:
-            super().__init__(path, self._path, "special")
+            with contextlib.ExitStack() as opened:
+                if stopping is not None and is_fifo(self._path):
+                    opened.callback(os.close, _opened_with_reader(path, stopping))
+                super().__init__(path, self._path, "special")
         else:
             super().__init__(path, self._temporary_path, "whole")
 
@@ -166,6 +183,40 @@ class GrowingFile(_File):
         super().__init__(path, path, "special" if is_special(path) else "growing")
 
 
+class TappedFifo:
+    """A FIFO that a live tap writes: a thread waits for its reader, nothing else does.
+
+    After a signal, which `stopping` reports, what nobody reads is dropped and counted in `remark`.
+    """
+
+    def __init__(self, path: str, stopping: Callable[[], bool]) -> None:
+        self.name = path
+        self.remark = ""
+        self._stopping = stopping
+        self._pipe = DetachedPipe(path)
+
+    def append(self, data: bytes) -> None:
+        """Leave these bytes to the thread; `BrokenPipeError` when the reader has gone."""
+        try:
+            self._pipe.write(data)
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            raise as_source_error(self.name, error) from error
+
+    def close(self, *, interrupted: bool = False) -> None:
+        """Wait for the reader, unless a signal has ended the tap."""
+        self._pipe.drain(self._stopping)
+        error = self._pipe.take_error()
+        if error is not None and not isinstance(error, BrokenPipeError):
+            raise as_source_error(self.name, error)
+        if unread := self._pipe.dropped + self._pipe.unwritten:
+            self.remark = f"{count_of(unread, 'byte')} dropped: nobody read them"
+
+    def rollback(self) -> None:
+        """Nothing to do: bytes that were written cannot be taken back."""
+
+
 class StandardOutput:
     """Standard output, flushed after each `append`; `BrokenPipeError` when its reader has gone.
 
@@ -174,6 +225,7 @@ class StandardOutput:
     """
 
     name = "standard output"
+    remark = ""
 
     def __init__(self) -> None:
         self._is_terminal = sys.stdout.isatty()
@@ -197,11 +249,18 @@ class StandardOutput:
         """Nothing to do: bytes that were written cannot be taken back."""
 
 
-def open_output(path: str | None, *, growing: bool) -> Output:
-    """Open the output of a path; None is standard output. `SourceError` if that fails."""
+def open_output(
+    path: str | None, *, growing: bool, stopping: Callable[[], bool] | None = None
+) -> Output:
+    """Open the output of a path; None is standard output. `SourceError` if that fails.
+
+    `stopping` says whether a signal asks the program to end.
+    """
     if path is None:
         return StandardOutput()
-    return GrowingFile(path) if growing else AtomicFile(path)
+    if growing and is_fifo(path):
+        return TappedFifo(path, stopping or (lambda: False))
+    return GrowingFile(path) if growing else AtomicFile(path, stopping)
 
 
 def append_pieces(output: Output, pieces: Iterable[bytes]) -> None:
@@ -229,6 +288,26 @@ def is_special(path: str) -> bool:
         return not stat.S_ISREG(os.stat(path).st_mode)
     except OSError:
         return False
+
+
+def is_fifo(path: str) -> bool:
+    """Whether a path is a named pipe."""
+    with contextlib.suppress(OSError):
+        return stat.S_ISFIFO(os.stat(path).st_mode)
+    return False
+
+
+def _opened_with_reader(path: str, stopping: Callable[[], bool]) -> int:
+    """A descriptor of a FIFO, as soon as it has a reader; `KeyboardInterrupt` after a signal."""
+    while True:
+        try:
+            return os.open(path, os.O_WRONLY | os.O_NONBLOCK)
+        except OSError as error:
+            if error.errno != errno.ENXIO:
+                raise as_source_error(path, error) from error
+        if stopping():
+            raise KeyboardInterrupt
+        time.sleep(LOOK_S)
 
 
 def as_source_error(name: str, error: OSError) -> SourceError:

@@ -99,6 +99,8 @@ class _PartitionedOutput:
     It is made under a temporary name and renamed when it is complete.
     """
 
+    remark = ""
+
     def __init__(self, path: str, new_file: Callable[[], _modlens.RowFile]) -> None:
         self.name = path
         self._new_file = new_file

@@ -202,7 +202,7 @@ class ExportSink:
 
     def closing_remark(self) -> str:
         """A remark for the user about the complete output; mostly empty."""
-        return self._format.closing_remark()
+        return self._format.closing_remark() or self._output.remark
 
     def empty_columns(self) -> Sequence[str]:
         """A remark for each column of `--columns` that was empty in all rows."""

@@ -67,7 +67,7 @@ class Format(exports.MultiTableFormat):
 
     def __init__(self, options: exports.ExportOptions) -> None:
         super().__init__(options)
-        self.name = ""
+        self.name = self.remark = ""
         self._database: sqlite3.Connection | None = None
         self._path = self._temporary_path = ""
         self._filtered = False

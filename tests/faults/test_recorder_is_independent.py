@@ -12,8 +12,10 @@ import os
 import pty
 import re
 import resource
+import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +26,7 @@ if sys.platform != "linux":
     pytest.skip("the line is one of Linux' ptys", allow_module_level=True)
 
 from analyzer.exports.recorder import RecordedPort, Recorder, Retention, Rotation
-from tests.conftest import ROOT, environment
+from tests.conftest import ROOT, command, environment
 from tests.support.raw_recording import bytes_of, packets
 from tests.support.tapped_line import TappedLine
 
@@ -68,6 +70,61 @@ def test_a_pipe_that_nobody_reads(tmp_path: Path) -> None:
     os.close(reader)
     os.close(writer)
     assert bytes_of((tmp_path / "f.pcapng").read_bytes()) == line.sent
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_fifo_without_a_reader_obeys_the_first_signal(
+    number: signal.Signals, tmp_path: Path
+) -> None:
+    """The tap listens and records meanwhile, and says how much nobody has read."""
+    os.mkfifo(tmp_path / "rows.csv")
+    with TappedLine("--record", tmp_path / "f.pcapng", "-o", tmp_path / "rows.csv") as line:
+        process = line.start()
+        line.wait_for("recording to")
+        line.send(1.0)
+        assert wait_for_bytes(tmp_path / "f.pcapng", line.sent) == line.sent
+        assert line.end(number) < PROMPT_S
+        assert process.returncode == 0
+    assert "dropped: nobody read them" in line.said
+
+
+def test_a_fifo_gets_every_row_once_it_has_a_reader(tmp_path: Path) -> None:
+    """It may come late."""
+    os.mkfifo(tmp_path / "rows.csv")
+    rows: list[bytes] = []
+    with TappedLine(
+        "-o", tmp_path / "rows.csv", "--columns", "status", "--record", tmp_path / "f.pcapng"
+    ) as line:
+        line.start()
+        line.wait_for("recording to")
+        line.send(1.0)
+        with subprocess.Popen(["cat", tmp_path / "rows.csv"], stdout=subprocess.PIPE) as reader:
+            reading = threading.Thread(target=lambda: rows.extend(reader.communicate()[0].split()))
+            reading.start()
+            line.end()
+            reading.join()
+    assert "dropped" not in line.said
+    assert len(rows) > 10
+    assert f"{len(rows) - 1} transactions written" in line.said
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_export_to_a_fifo_without_a_reader_obeys_the_first_signal(
+    number: signal.Signals, tmp_path: Path
+) -> None:
+    """It waits for its reader, and other outputs of it leave nothing."""
+    os.mkfifo(tmp_path / "rows.csv")
+    recording = ROOT / "captures" / "pymodbus_two_units" / "recording.jsonl"
+    outputs = ("-o", tmp_path / "other.csv", "-o", tmp_path / "rows.csv")
+    words = command("export", recording, *outputs)
+    running = subprocess.Popen(words, cwd=tmp_path, env=environment())
+    until = time.monotonic() + SETTLE_S
+    while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < until:
+        time.sleep(0.05)
+    time.sleep(0.2)
+    running.send_signal(number)
+    assert running.wait(PROMPT_S) == 130
+    assert [path.name for path in tmp_path.iterdir()] == ["rows.csv"]
 
 
 @pytest.mark.parametrize("view", [(), ("--view", "log"), ("--view", "table"), ("--to", "jsonl")])

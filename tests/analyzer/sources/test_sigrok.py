@@ -95,6 +95,20 @@ def test_no_line_and_no_session(tmp_path: Path, modlens: Modlens) -> None:
         list(decode(path))
 
 
+@pytest.mark.parametrize("names", [[], ["CLK"]])
+def test_fewer_names_than_wires(names: list[str], tmp_path: Path, modlens: Modlens) -> None:
+    """A session names one of two wires, or none; a wire without a name has its number."""
+    line = parse_line("9600-8N1")
+    wire = [*spaced(REQUEST, 0.01, line), *spaced(RESPONSE, 0.05, line)]
+    path = tmp_path / "few.sr"
+    path.write_bytes(session(samples(line, [[(0.0, 0xFF)], wire]), names))
+    for command in ("decode", "doctor", "stats"):
+        done = modlens(command, path)
+        assert (done.status, "Traceback" in done.err) == (0, False), done.err
+    rows = modlens("export", path, "--to", "csv", "--columns", "status").out.splitlines()
+    assert rows == ["status", "ok"]
+
+
 def test_standard_input(tmp_path: Path, modlens: Modlens) -> None:
     """A session from standard input is kept in memory, as it is read twice."""
     line = parse_line("9600-8N1")
