@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import tomllib
@@ -12,7 +13,7 @@ import pytest
 from ruamel.yaml import YAML
 
 import _modlens
-from release import rust
+from release import rust, sbom
 from release.licences import OUTPUT, document
 from release.targets import GATEWAYS, TARGETS
 from tests.conftest import ROOT
@@ -63,6 +64,19 @@ def test_the_changelog_begins_with_this_version() -> None:
 def test_the_licences_are_those_of_the_locked_crates() -> None:
     """Where a crate has come or gone: make licences."""
     assert OUTPUT.read_text(encoding="utf-8") == document()
+
+
+def test_the_list_of_crates_is_that_of_the_locked_ones() -> None:
+    """It is the same on every machine, and names none. Where a crate has come: make licences."""
+    text = sbom.document()
+    assert sbom.OUTPUT.read_text(encoding="utf-8") == text
+    assert "file:" not in text
+    assert str(ROOT) not in text
+    content = json.loads(text)
+    refs = {one["bom-ref"] for one in content["components"]}
+    refs.add(content["metadata"]["component"]["bom-ref"])
+    assert {one["ref"] for one in content["dependencies"]} == refs
+    assert all(set(one["dependsOn"]) <= refs for one in content["dependencies"])
 
 
 @pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.name)

@@ -166,6 +166,14 @@ def test_the_wheel_holds_the_licences_of_what_is_in_it(wheel: Path) -> None:
             assert archive.read(found) == (ROOT / name).read_bytes()
 
 
+def test_the_wheel_holds_the_list_of_what_is_compiled_in(wheel: Path) -> None:
+    """And no other one, in which folders of the machine that built it are named."""
+    with zipfile.ZipFile(wheel) as archive:
+        (name,) = (one for one in archive.namelist() if "/sboms/" in one)
+        found = archive.read(name)
+    assert found == (ROOT / "release" / "modlens.cyclonedx.json").read_bytes()
+
+
 def test_nothing_under_the_gpl_is_in_the_wheel(wheel: Path) -> None:
     """Scapy (GPL-2.0) is installed beside modlens; no file of it is in the wheel."""
     names = contents(wheel)
