@@ -160,7 +160,7 @@ class _TemporaryOutput:
     """An output whose rollback also deletes the temporary files of the workbook."""
 
     def __init__(self, inner: Output, discard: Callable[[], None]) -> None:
-        self.name = inner.name
+        self.name, self.remark = inner.name, inner.remark
         self._inner = inner
         self._discard = discard
 
@@ -171,7 +171,7 @@ class _TemporaryOutput:
     def close(self, *, interrupted: bool = False) -> None:
         """Complete the file."""
         self._inner.close(interrupted=interrupted)
-        self.name = self._inner.name
+        self.name, self.remark = self._inner.name, self._inner.remark
 
     def rollback(self) -> None:
         """Discard the file and the temporary ones."""
