@@ -6,17 +6,29 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 # What the extension is made of: sources, and the tables that are embedded in it.
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
-	$(shell find $(filter-out crates/modlens-bench crates/modlens-tap,$(wildcard crates/*)) dissectors analyzer -name '*.rs' -o -name '*.toml')
+	$(shell find $(filter-out crates/modlens-bench crates/modlens-tap crates/modlens-web,$(wildcard crates/*)) dissectors analyzer -name '*.rs' -o -name '*.toml')
 
-.PHONY: demo check test lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak openings settings bench bench-memory bench-captures bench-text bench-readings bench-exports bench-threads false-alarms speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
+# The core of the page, compiled for WebAssembly.
+PAGE_CORE := analyzer/page/modlens.wasm.gz
+
+.PHONY: demo check test page lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak openings settings bench bench-memory bench-captures bench-text bench-readings bench-exports bench-threads false-alarms speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
 
 demo: export PAGER := cat
 demo: $(VENV)/.installed
 	$(BIN)/modlens decode captures/pymodbus_disturbed/recording.jsonl --line 19200-8E1
 
-test: $(VENV)/.tested
+test: $(VENV)/.tested $(PAGE_CORE)
 	cargo test --release --locked --workspace
 	$(BIN)/python -m pytest
+
+# The page that decodes recordings in a browser, as modlens.html.
+page: $(VENV)/.installed $(PAGE_CORE)
+	$(BIN)/modlens page -o modlens.html
+
+$(PAGE_CORE): $(SOURCES) $(shell find crates/modlens-web -name '*.rs' -o -name '*.toml')
+	rustup target list --installed | grep -qx wasm32-unknown-unknown || rustup target add wasm32-unknown-unknown
+	cargo build --profile web --locked --package modlens-web --target wasm32-unknown-unknown
+	gzip -9nc target/wasm32-unknown-unknown/web/modlens_web.wasm > $@
 
 # The inner loop: the linters, and the tests of what changed since main.
 check: $(VENV)/.tested

@@ -28,6 +28,12 @@ def crc16(data: bytes) -> int:
 def lrc(data: bytes) -> int:
     """LRC of `data`, the binary bytes of an ASCII frame (serial line specification, 6.2.1)."""
 
+def is_text(sample: bytes) -> bool:
+    """Whether these bytes can be text: hardly any control characters, UTF-8 or mostly ASCII.
+
+    A bell, an end-of-file mark or the zeros after a log that lost power do not make it binary.
+    """
+
 def line_timing(baud: int, data_bits: int, parity: str, stop_bits: float) -> tuple[int, int, int]:
     """Character time, t1.5 and t3.5 in nanoseconds (serial line specification, 2.5.1.1)."""
 
@@ -138,6 +144,12 @@ class Dialects:
 
         A format is `raw`, or the names of rows joined by `+`. Never empty. `name` is the file's
         name: its suffix counts as evidence.
+        """
+    def decide(self, sample: bytes, name: str, forced: str | None = None) -> tuple[str, float, str]:
+        """The format that is chosen: its name, the confidence (0 to 1), the reason.
+
+        `LookupError` with the name of a `forced` format that does not exist; `ValueError` where no
+        format fits, or the forced one cannot be right: why, and what to do.
         """
 
 def profile_schema() -> str:

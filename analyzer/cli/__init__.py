@@ -42,6 +42,7 @@ COMMANDS = {
     "diff": "say what differs between two recordings",
     "join": "say which client of a gateway caused what on its serial line",
     "report": "write one page: what is on the bus, whether it is healthy, what to do",
+    "page": "write a page that decodes recordings in a browser, with nothing installed",
     "plot": "draw readings over time, in the terminal or as a picture",
     "ports": "list this computer's serial ports",
     "explain": "explain a function code, exception code, finding or status",

@@ -20,7 +20,7 @@ from typing import Any
 from analyzer.report import model
 from analyzer.visible import visible
 
-__all__ = ["page", "viewer"]
+__all__ = ["asset", "html_head", "page", "sha256_source", "viewer"]
 
 _STYLES = ("uPlot.min.css", "report.css")
 _SCRIPTS = (
@@ -53,21 +53,17 @@ def viewer() -> bytes:
 
 
 def _whole(title: str, body: str, document: Mapping[str, Any] | None) -> bytes:
-    style, script = _asset(_STYLES), _asset(_SCRIPTS)
+    style, script = asset(_STYLES), asset(_SCRIPTS)
     policy = (
-        f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}';"
+        f"default-src 'none'; script-src '{sha256_source(script)}';"
+        f" style-src '{sha256_source(style)}';"
         " img-src data:; base-uri 'none'; form-action 'none'"
     )
     data = "" if document is None else _packed(document)
     layout = escape(json.dumps(model.layout(), separators=(",", ":")), quote=False)
     return "".join(
         (
-            '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n',
-            f'<meta http-equiv="Content-Security-Policy" content="{escape(policy)}">\n',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">\n',
-            '<meta name="color-scheme" content="light dark">\n',
-            f'<link rel="icon" href="{_ICON}">\n',
-            f"<title>{_text(title)}</title>\n<style>{style}</style>\n</head>\n<body>\n",
+            html_head(title, policy, style),
             '<a class="skip" href="#report">To the report</a>\n',
             f'<main id="report">\n{body}</main>\n',
             '<footer><p id="said" role="status" aria-live="polite"></p>',
@@ -82,6 +78,20 @@ def _whole(title: str, body: str, document: Mapping[str, Any] | None) -> bytes:
     ).encode()
 
 
+def html_head(title: str, policy: str, style: str) -> str:
+    """The beginning of a page, up to its body; `policy` is its content security policy."""
+    return "".join(
+        (
+            '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n',
+            f'<meta http-equiv="Content-Security-Policy" content="{escape(policy)}">\n',
+            '<meta name="viewport" content="width=device-width, initial-scale=1">\n',
+            '<meta name="color-scheme" content="light dark">\n',
+            f'<link rel="icon" href="{_ICON}">\n',
+            f"<title>{_text(title)}</title>\n<style>{style}</style>\n</head>\n<body>\n",
+        )
+    )
+
+
 def _packed(document: Mapping[str, Any]) -> str:
     text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
     # Level 9 would take twice the time for 2 % less.
@@ -90,12 +100,14 @@ def _packed(document: Mapping[str, Any]) -> str:
 
 
 @cache
-def _asset(names: Sequence[str]) -> str:
+def asset(names: Sequence[str]) -> str:
+    """The text of these style sheets or scripts, one after the other."""
     folder = Path(__file__).with_name("assets")
     return "\n".join(folder.joinpath(name).read_text("utf-8") for name in names)
 
 
-def _hash(text: str) -> str:
+def sha256_source(text: str) -> str:
+    """The hash by which a policy allows this style or script."""
     return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
 
 

@@ -57,6 +57,15 @@ class Browser:
         body = {"script": script, "args": list(arguments)}
         return self._call("POST", f"{self._session}/execute/sync", body)
 
+    def ask(self, promise: str, *arguments: Any) -> Any:
+        """What a promise of the page is fulfilled with; the script is an expression."""
+        script = (
+            "const done = arguments[arguments.length - 1];"
+            f"Promise.resolve({promise}).then(done, (error) => done('error: ' + error.message));"
+        )
+        body = {"script": script, "args": list(arguments)}
+        return self._call("POST", f"{self._session}/execute/async", body)
+
     def wait(self, condition: str, seconds: float = 20) -> None:
         """Wait until an expression is true; `AssertionError` where it never is."""
         end = time.monotonic() + seconds

@@ -22,6 +22,8 @@ TESTS_OF_CRATES = {
     "modlens-engine": ("tests/border/test_decoder.py", "tests/captures/test_decode.py"),
     "modlens-diagnosis": ("tests/doctor", "tests/conformance/test_diagnoses.py"),
     "modlens-tables": ("tests/analyzer/test_filters.py", "tests/analyzer/test_columns.py"),
+    "modlens-recording": ("tests/analyzer/sources", "tests/analyzer/page"),
+    "modlens-web": ("tests/analyzer/page",),
     "modlens-watch": (
         "tests/analyzer/test_security.py",
         "tests/analyzer/test_baseline.py",

@@ -4,6 +4,8 @@ use std::sync::Arc;
 
 use modlens_readers::chunk::Side;
 use modlens_readers::text::{detect, Dialects as Core, Reader};
+use modlens_recording::format;
+use pyo3::exceptions::PyLookupError;
 use pyo3::prelude::*;
 use serde_json::{json, Value as Json};
 
@@ -77,5 +79,17 @@ impl Dialects {
 
     fn detect(&self, py: Python<'_>, sample: &[u8], name: &str) -> Vec<detect::FormatGuess> {
         py.detach(|| detect::detect(sample, name, || self.core()))
+    }
+
+    /// The format that is chosen: its name, the confidence, the reason. `LookupError` with the name of a format that does not
+    /// exist, `ValueError` where the recording does not fit.
+    #[pyo3(signature = (sample, name, forced=None))]
+    fn decide(&self, py: Python<'_>, sample: &[u8], name: &str, forced: Option<&str>) -> PyResult<detect::FormatGuess> {
+        let decided = py.detach(|| format::decide(sample, name, forced, || self.core()));
+        let found = decided.map_err(|refusal| match refusal {
+            format::Refusal::NoSuchFormat(part) => PyLookupError::new_err(part),
+            format::Refusal::Unfit(why) => value_error(why),
+        })?;
+        Ok((found.format, found.confidence, found.reason))
     }
 }

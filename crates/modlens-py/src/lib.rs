@@ -111,6 +111,12 @@ fn line_timing(baud: u32, data_bits: u8, parity: &str, stop_bits: f64) -> PyResu
     Ok((line.char_ns(), line.t15_ns(), line.t35_ns()))
 }
 
+/// Whether these bytes can be text.
+#[pyfunction]
+fn is_text(sample: &[u8]) -> bool {
+    modlens_recording::format::is_text(sample)
+}
+
 #[pymodule]
 fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
@@ -118,6 +124,7 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(crc16, module)?)?;
     module.add_function(wrap_pyfunction!(lrc, module)?)?;
     module.add_function(wrap_pyfunction!(line_timing, module)?)?;
+    module.add_function(wrap_pyfunction!(is_text, module)?)?;
     module.add_function(wrap_pyfunction!(profile::profile_schema, module)?)?;
     module.add_function(wrap_pyfunction!(profile::shipped_profiles, module)?)?;
     module.add_function(wrap_pyfunction!(profile::convert, module)?)?;

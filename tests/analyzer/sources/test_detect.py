@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from analyzer.sources.detect import detect_format, is_text
+from _modlens import is_text
+from analyzer.sources.detect import detect_format
 
 REQUEST, RESPONSE = "0103006b00037417", "010306022b0000006405 7a".replace(" ", "")
 

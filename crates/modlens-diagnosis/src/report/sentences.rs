@@ -31,8 +31,8 @@ pub(super) fn row(bus: &str, contrast: &BusContrast, claim: &Claim, rest: Rest) 
         since: time(claim.first),
         until: time(claim.last).filter(|_| claim.has_ended),
         certainty: claim.certainty.text(),
-        chance: Some(claim.chance).filter(|_| !is_sight),
-        odds: claim.odds.map(|(odds, _)| odds),
+        chance: Some(three_digits(claim.chance)).filter(|_| !is_sight),
+        odds: claim.odds.map(|(odds, _)| three_digits(odds)),
         share: claim.explains.map(|explains| (explains as f64 / rest.odd.max(1) as f64).min(1.0)),
         episodes: super::episodes::intervals(contrast, claim),
         sentence: filled(if is_sight { "{sight}" } else { &known.sentence }, contrast, claim),
@@ -40,6 +40,11 @@ pub(super) fn row(bus: &str, contrast: &BusContrast, claim: &Claim, rest: Rest) 
         proof: filled(at_sight(&known.sight_proof, &known.proof), contrast, claim),
         examples: claim.examples.clone(),
     }
+}
+
+/// A figure of three digits: those behind them differ between machines, whose logarithms do.
+fn three_digits(figure: f64) -> f64 {
+    format!("{figure:.2e}").parse().expect("a number in its own words")
 }
 
 fn least(one: Severity, other: Severity) -> Severity {

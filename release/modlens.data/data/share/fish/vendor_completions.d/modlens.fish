@@ -10,6 +10,7 @@ complete -c modlens -n __fish_use_subcommand -a baseline -d 'describe what is us
 complete -c modlens -n __fish_use_subcommand -a diff -d 'say what differs between two recordings'
 complete -c modlens -n __fish_use_subcommand -a join -d 'say which client of a gateway caused what on its serial line'
 complete -c modlens -n __fish_use_subcommand -a report -d 'write one page: what is on the bus, whether it is healthy, what to do'
+complete -c modlens -n __fish_use_subcommand -a page -d 'write a page that decodes recordings in a browser, with nothing installed'
 complete -c modlens -n __fish_use_subcommand -a plot -d 'draw readings over time, in the terminal or as a picture'
 complete -c modlens -n __fish_use_subcommand -a ports -d 'list this computer\'s serial ports'
 complete -c modlens -n __fish_use_subcommand -a explain -d 'explain a function code, exception code, finding or status'
@@ -365,6 +366,9 @@ complete -c modlens -n '__fish_seen_subcommand_from report' -l baud -x -d 'baud 
 complete -c modlens -n '__fish_seen_subcommand_from report' -l bits -x -d 'with --baud: data bits (default: 8, or 7 with --mode ascii)'
 complete -c modlens -n '__fish_seen_subcommand_from report' -l parity -x -d 'with --baud: parity, N none, E even, O odd, M mark, S space (default: E)'
 complete -c modlens -n '__fish_seen_subcommand_from report' -l stop -x -d 'with --baud: stop bits, 1, 1.5 or 2 (default: 1)'
+complete -c modlens -n '__fish_seen_subcommand_from page' -f
+complete -c modlens -n '__fish_seen_subcommand_from page' -s h -l help -d 'show this help message and exit'
+complete -c modlens -n '__fish_seen_subcommand_from page' -s o -r -d 'the page to write, such as modlens.html; - is standard output'
 complete -c modlens -n '__fish_seen_subcommand_from plot' -s h -l help -d 'show this help message and exit'
 complete -c modlens -n '__fish_seen_subcommand_from plot' -l from -x -d 'format of the files, instead of detecting it (modlens formats lists them)'
 complete -c modlens -n '__fish_seen_subcommand_from plot' -l timezone -x -d 'time zone of timestamps that do not state one: local, Europe/Berlin or +01:00 (without it, such a recording has only times since its start)'

@@ -1,0 +1,328 @@
+// The page: takes recordings, has the worker decode them, shows causes, tables, and the row that is looked at.
+const Page = (() => {
+  const SMALL = 24 << 20;
+  const layout = JSON.parse(document.getElementById("layout").content.textContent);
+  const $ = (id) => document.getElementById(id);
+  const el = Render.el;
+  const FAILED = ["no_response", "bad_request", "bad_response"];
+  const worker = {};
+  let words = null, recordings = [], recording = null, data = null, grid = null, table = "transactions", hasFrames = true;
+
+  const say = (text) => { $("said").textContent = text; };
+
+  // ---- the worker
+
+  async function start() {
+    const text = $("wasm").content.textContent;
+    $("wasm").remove();
+    const packed = Uint8Array.from(atob(text), (one) => one.charCodeAt(0));
+    const bytes = await new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
+    const module = await WebAssembly.compile(bytes);
+    worker.port = new Worker(URL.createObjectURL(new Blob([$("worker").content.textContent], { type: "text/javascript" })));
+    worker.waiting = new Map();
+    worker.port.onmessage = ({ data: found }) => {
+      const asked = worker.waiting.get(found.id);
+      if (found.progress) return asked?.progress?.(found.progress);
+      worker.waiting.delete(found.id);
+      if ("error" in found) asked?.reject(new Error(found.error));
+      else asked?.resolve(found.value);
+    };
+    const memoryLimit = navigator.deviceMemory && navigator.deviceMemory <= 4 ? 300 << 20 : 1 << 30;
+    words = await request("start", { module, memoryLimit });
+    $("version").textContent = `modlens ${words.version}`;
+    document.documentElement.dataset.state = "ready";
+  }
+
+  let next = 0;
+  function request(call, content = {}, progress = null) {
+    return new Promise((resolve, reject) => {
+      const id = ++next;
+      worker.waiting.set(id, { resolve, reject, progress });
+      worker.port.postMessage({ id, call, ...content });
+    });
+  }
+  const ask = (question) => request("ask", { question });
+
+  // ---- recordings
+
+  async function take(files) {
+    recordings = [];
+    const troubles = [];
+    for (const file of files) {
+      try {
+        recordings.push(...await Unpack.recordings(file.name, file));
+      } catch (error) {
+        troubles.push(error.message);
+      }
+    }
+    if (troubles.length) refuse(troubles.join("; "));
+    $("which").replaceChildren(...recordings.map((one, at) => el("option", { value: String(at) }, Model.visible(one.name))));
+    $("which-label").hidden = recordings.length < 2;
+    if (recordings.length) await open(recordings[0]);
+  }
+
+  function refuse(why) {
+    document.documentElement.dataset.state = "refused";
+    $("progress").hidden = true;
+    $("trouble").hidden = false;
+    $("trouble").textContent = Model.visible(why);
+  }
+
+  const settings = () => ({
+    name: recording.name, format: $("format").value.trim(), mode: $("mode").value, line: $("line").value.trim(),
+    ports: $("ports").value.trim() ? $("ports").value.split(/[\s,]+/).map(Number).filter((one) => one > 0 && one < 65536) : undefined,
+  });
+
+  async function decode(purpose, title) {
+    const found = await request("decode", { blob: recording.blob, settings: { ...settings(), purpose } }, ({ done, total, rows }) => {
+      $("bar").value = done / total;
+      $("done").textContent = `${title}: ${Math.floor((100 * done) / total)} %, ${Model.fixed(rows, 0)} transactions`;
+    });
+    if (found.cancelled) throw new Error("cancelled");
+    return found;
+  }
+
+  async function open(one) {
+    recording = one;
+    document.documentElement.dataset.state = "decoding";
+    document.body.classList.add("opened");
+    $("trouble").hidden = $("welcome").hidden = true;
+    $("progress").hidden = false;
+    $("results").hidden = true;
+    try {
+      const began = performance.now();
+      hasFrames = one.blob.size <= SMALL;
+      let found = await decode(hasFrames ? "all" : "causes", "decoding");
+      data = complete(await ask({ call: "document" }), found.status);
+      showReport();
+      if (!hasFrames) found = await decode("rows", "collecting rows");
+      await showTables(found);
+      $("progress").hidden = true;
+      const seconds = (performance.now() - began) / 1000;
+      say(`${one.name}: ${Model.fixed(found.rows, 0)} transactions in ${Model.fixed(seconds, 1)} s. Nothing left this computer.`);
+      document.documentElement.dataset.state = "shown";
+    } catch (error) {
+      if (error.message !== "cancelled") return refuse(`${one.name}: ${error.message}`);
+      refuse(`${one.name}: cancelled`);
+    }
+  }
+
+  // ---- what is shown
+
+  // The document that a report shows, of what the core has counted; analyzer/report/document.py has the same.
+  function complete(core, status) {
+    const { doctor, statistics, overview } = core, reading = status?.reading || {};
+    const notes = Object.entries(reading.dropped || {}).map(([what, count]) => ({ what, count }));
+    if (reading.unparsed) notes.push({ what: "lines that could not be parsed", count: reading.unparsed });
+    for (const [number, text] of reading.unparsed_examples || []) notes.push({ what: `line ${number}: ${text}`, count: null });
+    const order = ["error", "warning", "info"];
+    const findings = Object.entries(statistics.findings).filter(([code]) => words.findings[code])
+      .map(([code, count]) => ({ code, count, ...words.findings[code] }))
+      .sort((a, b) => order.indexOf(a.severity) - order.indexOf(b.severity) || b.count - a.count);
+    const source = { name: recording.name, format: status?.format || "", reason: status?.reason || "", confidence: status?.confidence ?? null,
+      clock: reading.clock || null, resolution_us: null, line: null, bytes_in_frames: null, notes };
+    const seconds = Math.max(0, ...statistics.buses.map((bus) => bus.duration_us || 0)) / 1e6;
+    const summary = {
+      name: recording.name.replace(/^.*[/\\]/, ""), period: seconds ? `${Model.fixed(seconds, 1)} s` : "Without times.",
+      sources: `${recording.name}, ${Model.fixed(recording.blob.size, 0)} bytes, read as ${source.format}`,
+    };
+    return {
+      summary, format: "modlens report", version: 1, program: `modlens ${words.version}`, sources: [source], doctor, statistics,
+      overview: { ...overview, buses: overview.buses.filter(Boolean), examples: overview.examples.map((row) => ({ ...row, frames: [] })) },
+      functions: core.functions, findings,
+    };
+  }
+
+  function showReport() {
+    $("results").hidden = false;
+    const own = { ...layout, section: layout.section.filter((one) => !one.examples) };
+    const [verdict, causes, ...rest] = Render.body(data, own);
+    $("verdict").replaceChildren(verdict, causes);
+    $("report").replaceChildren(...rest);
+    Plots.all(data, own);
+  }
+
+  const COLUMNS = {
+    transactions: "txn elapsed_us bus client unit function_name address quantity data write_address write_data status response_time_us findings",
+    frames: "frame elapsed_us bus unit function_name direction verdict confidence hex findings",
+    findings: "elapsed_us txn frame bus unit code severity detail",
+    connections: "connection client server requests answered refused reset in_flight_max findings",
+  };
+  // In characters; what is left of the width is shared out in these proportions.
+  const WIDTHS = { bus: 14, client: 15, server: 21, unit: 4, address: 7, quantity: 4, function_name: 25, data: 24, write_data: 12, status: 12, findings: 20, hex: 50, detail: 60, code: 20, elapsed_us: 14, direction: 9 };
+
+  function columnsOf(name) {
+    const buses = data.statistics.buses.length, ofNetwork = data.statistics.buses.some((bus) => bus.mode === "tcp" || /:\d+$/.test(bus.bus));
+    const known = Object.fromEntries(words.columns[name].map((one) => [one.key, one]));
+    return COLUMNS[name].split(" ").filter((key) => key in known && (buses > 1 || key !== "bus") && (ofNetwork || key !== "client" || name === "connections")).map((key) => {
+      const { title, type, help } = known[key];
+      const isDuration = type === "us";
+      return {
+        key, title: isDuration ? `${title} ${key === "elapsed_us" ? "s" : "ms"}` : title, help,
+        least: WIDTHS[key] || 9, width: `minmax(${WIDTHS[key] || 9}ch, ${WIDTHS[key] || 9}fr)`, right: ["int", "us", "float"].includes(type),
+        show: key === "elapsed_us" ? (text) => text && Model.fixed(Number(text) / 1e6, 6) : isDuration ? (text) => text && Model.fixed(Number(text) / 1000, 3) : null,
+        mark: key === "status" || key === "verdict" || key === "severity" ? (text) => [`is-${text}`] : null,
+      };
+    });
+  }
+
+  async function showTables(found) {
+    const counts = {};
+    for (const name of Object.keys(COLUMNS)) {
+      if (name === "frames" && !hasFrames) continue;
+      counts[name] = (await ask({ call: "rows", table: name, columns: [], where: null, from: 0, count: 0 })).total;
+    }
+    $("tabs").replaceChildren(...Object.entries(counts).filter(([name, count]) => count || name !== "connections").map(([name, count]) =>
+      el("button", { role: "tab", id: `tab-${name}`, "data-table": name, "aria-controls": "table" }, `${name[0].toUpperCase()}${name.slice(1)} (${Model.fixed(count, 0)})`)));
+    const notes = [];
+    if (!hasFrames) notes.push(`Frames are listed of recordings up to ${SMALL >> 20} MB.`);
+    if (found.isCut) notes.push(`The first ${Model.fixed(found.rows, 0)} transactions are listed: more are too big for this tab. Causes and statistics are those of all.`);
+    $("limits").textContent = notes.join(" ");
+    await choose("transactions");
+  }
+
+  async function choose(name) {
+    table = name;
+    for (const tab of $("tabs").children) tab.setAttribute("aria-selected", String(tab.dataset.table === name));
+    fillFilters();
+    const columns = columnsOf(name);
+    grid = new Grid($("table"), {
+      label: name, columns, open: (row) => detail(row),
+      fetch: (from, count) => ask({ call: "rows", table: name, columns: columns.map((one) => one.key), where: filter(), from, count }),
+    });
+    $("detail").replaceChildren();
+    await refresh();
+  }
+
+  // Shows the rows of the filter from the first one on.
+  async function refresh() {
+    const { total } = await ask({ call: "rows", table, columns: [], where: filter(), from: 0, count: 0 });
+    $("shown").textContent = `${Model.fixed(total, 0)} rows`;
+    grid.at = 0;
+    await grid.show(total, 0);
+  }
+
+  function fillFilters() {
+    const units = [...new Set(data.statistics.buses.flatMap((bus) => bus.units.map((one) => one.unit)))].sort((a, b) => a - b);
+    const fill = (id, texts, all) => {
+      const before = $(id).value;
+      $(id).replaceChildren(el("option", { value: "" }, all), ...texts.map((one) => el("option", { value: String(one) }, String(one))));
+      if (texts.map(String).includes(before)) $(id).value = before;
+    };
+    fill("unit", units, "all units");
+    fill("finding", Object.keys(data.statistics.findings), "all findings");
+    $("failed-label").hidden = table !== "transactions";
+    $("unit-label").hidden = table === "connections";
+    $("finding-label").hidden = table === "connections";
+  }
+
+  // The filter as a tree of the core.
+  function filter() {
+    const column = (name) => ["col", name], parts = [];
+    if ($("unit").value && table !== "connections") parts.push(["cmp", "==", column("unit"), ["num", Number($("unit").value)]]);
+    if ($("failed").checked && table === "transactions") parts.push(["in", column("status"), ["list", FAILED.map((one) => ["text", one])]]);
+    if ($("finding").value && table === "findings") parts.push(["cmp", "==", column("code"), ["text", $("finding").value]]);
+    else if ($("finding").value && table !== "connections") parts.push(["in", ["text", $("finding").value], column("findings")]);
+    return parts.length ? parts.reduce((left, right) => ["and", left, right]) : null;
+  }
+
+  // A row: all its columns that have a value, its bytes, and what its findings mean.
+  async function detail(at) {
+    const row = await ask({ call: "row", table, where: filter(), at });
+    if (!row) return;
+    const spaced = (text) => text.replace(/(..)(?=.)/g, "$1 ");
+    const known = words.columns[table].filter((one) => row[one.key]);
+    const list = known.map((one) => el("div", {}, el("dt", { title: one.help }, one.title),
+      el("dd", { class: one.type === "hex" ? "hex" : "" }, Model.visible(one.type === "hex" ? spaced(row[one.key]) : row[one.key]))));
+    const codes = (row.findings || row.code || "").split(/[\s,;|\[\]"]+/).filter((code) => words.findings[code]);
+    const meaning = codes.flatMap((code) => {
+      const { title, why, advice } = words.findings[code];
+      return [el("h3", {}, title), el("p", {}, why), el("p", {}, el("strong", {}, "Check: "), advice)];
+    });
+    $("detail").replaceChildren(el("h2", {}, `${table.slice(0, -1)} ${row.txn || row.frame || row.connection || at + 1}`), ...meaning, el("dl", {}, ...list));
+    document.documentElement.dataset.detail = String(at);
+  }
+
+  // Shows a transaction in the table of all.
+  async function showTransaction(number) {
+    $("unit").value = $("finding").value = "";
+    $("failed").checked = false;
+    await choose("transactions");
+    const { at } = await ask({ call: "find", table, where: null, column: "txn", value: number });
+    $("rows").scrollIntoView();
+    if (at !== null) await grid.choose(at, true);
+  }
+
+  // ---- exports
+
+  async function save(format) {
+    try {
+      say(`making ${format}…`);
+      const blob = format === "pcapng" ? await capture() : await request("save", { question: { table, where: filter(), format } });
+      const name = `${recording.name.replace(/^.*[/\\]/, "").replace(/\.[^.]*$/, "")}-${format === "pcapng" ? "modlens" : table}.${format}`;
+      const link = el("a", { href: URL.createObjectURL(blob), download: name });
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+      document.documentElement.dataset.saved = `${name} ${blob.size}`;
+      say(`${name}: ${Model.fixed(blob.size, 0)} bytes`);
+    } catch (error) {
+      say(error.message);
+    }
+  }
+
+  // Frames are needed for a capture: the recording is decoded once more, and then again for the rows.
+  async function capture() {
+    const { pieces } = await decode("capture", "writing a capture");
+    await decode(hasFrames ? "all" : "rows", "collecting rows");
+    return pieces;
+  }
+
+  // ---- hands
+
+  function listen() {
+    const body = document.body;
+    body.addEventListener("dragover", (event) => { event.preventDefault(); body.classList.add("dropping"); });
+    body.addEventListener("dragleave", () => body.classList.remove("dropping"));
+    body.addEventListener("drop", (event) => {
+      event.preventDefault();
+      body.classList.remove("dropping");
+      if (event.dataTransfer.files.length) take([...event.dataTransfer.files]);
+    });
+    document.addEventListener("paste", (event) => {
+      if (/^(INPUT|TEXTAREA)$/.test(event.target.tagName)) return;
+      const text = event.clipboardData.getData("text");
+      const files = [...event.clipboardData.files];
+      if (files.length) take(files);
+      else if (text) take([new File([text], "pasted text")]);
+    });
+    $("file").addEventListener("change", ({ target }) => {
+      const files = [...target.files];
+      // So that the same file can be chosen again.
+      target.value = "";
+      if (files.length) take(files);
+    });
+    $("decode-text").addEventListener("click", () => { if ($("text").value.trim()) take([new File([$("text").value], "pasted text")]); });
+    $("which").addEventListener("change", () => open(recordings[Number($("which").value)]));
+    $("again").addEventListener("click", () => { if (recording) open(recording); });
+    $("cancel").addEventListener("click", () => request("cancel"));
+    $("tabs").addEventListener("click", (event) => { if (event.target.dataset.table) choose(event.target.dataset.table); });
+    for (const id of ["unit", "failed", "finding"]) $(id).addEventListener("change", refresh);
+    for (const format of ["csv", "jsonl", "pcapng"]) $(`save-${format}`).addEventListener("click", () => save(format));
+    let waiting = 0;
+    window.addEventListener("resize", () => { clearTimeout(waiting); waiting = setTimeout(() => data && Plots.resize(false), 100); });
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => data && Plots.redraw());
+    // The examples of a cause are rows of the table.
+    $("verdict").addEventListener("click", (event) => {
+      const link = event.target.closest("a[href^='#txn-']");
+      if (!link) return;
+      event.preventDefault();
+      showTransaction(link.hash.slice(5));
+    });
+  }
+
+  document.body.classList.add("scripted");
+  listen();
+  start().catch((error) => refuse(`This browser cannot run the decoder: ${error.message}`));
+  // Tests ask the core by the same way as the page.
+  return { ask, take, request, get recording() { return recording; } };
+})();

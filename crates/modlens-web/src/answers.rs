@@ -1,0 +1,75 @@
+//! What the page may ask about a recording.
+
+use modlens_tables::cell_text::cell_text;
+use modlens_tables::columns::{Table, TableKind};
+use serde_json::{json, Value as Json};
+
+use crate::export::Export;
+use crate::Decoding;
+
+/// Rows in one answer.
+const MAX_ROWS: u64 = 1000;
+
+/// Answers a question of the page. The message says what is wrong with it.
+///
+/// | `call` | with | answer |
+/// |--|--|--|
+/// | `rows` | `table`, `columns`, `where` (tree or null), `from`, `count` | `total`, `rows` (texts of the cells) |
+/// | `row` | `table`, `where`, `at` | texts of all its columns by name |
+/// | `find` | `table`, `where`, `column`, `value` | `at`, the first row with this text in the column, or null |
+/// | `export` | `table`, `where`, `format` | null; `export_more` then gives the bytes |
+/// | `document` | | doctor, statistics, overview |
+/// | `status` | | how the recording was read |
+pub fn answer(decoding: &mut Decoding, question: &Json) -> Result<Json, String> {
+    match question["call"].as_str().unwrap_or_default() {
+        "rows" => rows(decoding, question),
+        "row" => row(decoding, question),
+        "find" => find(decoding, question),
+        "export" => {
+            let view = decoding.views.of(table_name(question), &question["where"])?;
+            decoding.export = Some(Export::new(view, question["format"].as_str().unwrap_or_default())?);
+            Ok(Json::Null)
+        }
+        "document" => Ok(decoding.document()),
+        "status" => Ok(decoding.status()),
+        other => Err(format!("no call {other:?}")),
+    }
+}
+
+fn table_name(question: &Json) -> &str {
+    question["table"].as_str().unwrap_or("transactions")
+}
+
+fn number(question: &Json, key: &str) -> usize {
+    question[key].as_u64().unwrap_or_default() as usize
+}
+
+fn rows(decoding: &mut Decoding, question: &Json) -> Result<Json, String> {
+    let view = decoding.views.of(table_name(question), &question["where"])?;
+    let keys = question["columns"].as_array().map(Vec::as_slice).unwrap_or_default();
+    let columns = keys.iter().map(|key| view.kind().column(key.as_str().unwrap_or_default()));
+    let columns = columns.collect::<Result<Vec<usize>, String>>()?;
+    let count = question["count"].as_u64().unwrap_or_default().min(MAX_ROWS) as usize;
+    let texts = |(table, row): (&Table, usize)| -> Json {
+        columns.iter().map(|&column| Json::from(&*cell_text(&table.cell(row, column)))).collect()
+    };
+    let rows: Vec<Json> = view.window(number(question, "from"), count).map(texts).collect();
+    Ok(json!({"total": view.len(), "rows": rows}))
+}
+
+fn row(decoding: &mut Decoding, question: &Json) -> Result<Json, String> {
+    let view = decoding.views.of(table_name(question), &question["where"])?;
+    let kind: TableKind = view.kind();
+    let Some((table, row)) = view.window(number(question, "at"), 1).next() else { return Ok(Json::Null) };
+    let columns = kind.columns().iter().enumerate();
+    let texts = columns.map(|(i, column)| (column.key.clone(), Json::from(&*cell_text(&table.cell(row, i)))));
+    Ok(Json::Object(texts.collect()))
+}
+
+fn find(decoding: &mut Decoding, question: &Json) -> Result<Json, String> {
+    let view = decoding.views.of(table_name(question), &question["where"])?;
+    let column = view.kind().column(question["column"].as_str().unwrap_or_default())?;
+    let value = question["value"].as_str().unwrap_or_default();
+    let at = view.window(0, view.len()).position(|(table, row)| cell_text(&table.cell(row, column)) == value);
+    Ok(json!({"at": at}))
+}

@@ -1,0 +1,208 @@
+//! One recording: what it is read for, and the rows that were kept.
+
+use std::sync::Arc;
+
+use modlens_diagnosis::contrast::Contrast;
+use modlens_diagnosis::report::Report;
+use modlens_engine::records::Batch;
+use modlens_engine::session::{Session, WantedTables};
+use modlens_protocol::framing::Mode;
+use modlens_protocol::functions::Functions;
+use modlens_recording::format::Refusal;
+use modlens_recording::{Options, Recording};
+use modlens_tables::overview::Overview;
+use modlens_writers::capture::{Capture, CaptureOptions, Encapsulation};
+use modlens_writers::BLOCK_BYTES;
+use serde_json::{json, Value as Json};
+
+use crate::export::Export;
+use crate::view::Views;
+
+/// What a recording is read for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// All: rows of every table are kept, causes are sought.
+    All,
+    /// Causes, statistics and courses; no row is kept.
+    Causes,
+    /// Transactions and findings are kept, in little memory; no frames.
+    Rows,
+    /// A capture is written, no row is kept.
+    Capture,
+}
+
+/// A recording that is being read, or has been.
+pub struct Decoding {
+    purpose: Purpose,
+    functions: Arc<Functions>,
+    session: Session,
+    recording: Recording,
+    contrast: Option<Contrast>,
+    overview: Option<Overview>,
+    report: Option<Report>,
+    pub(crate) views: Views,
+    rows: usize,
+    capture: Option<Capture>,
+    captured: Vec<u8>,
+    pub(crate) export: Option<Export>,
+}
+
+impl Decoding {
+    /// Opens a recording. Settings: `name`; `purpose` (all, causes, rows, capture); `format`, `mode`, `line`, `ports` where
+    /// the user knows them. The message says what is wrong with them.
+    pub fn open(settings: &Json) -> Result<Self, String> {
+        let purpose = match settings["purpose"].as_str().unwrap_or("all") {
+            "all" => Purpose::All,
+            "causes" => Purpose::Causes,
+            "rows" => Purpose::Rows,
+            "capture" => Purpose::Capture,
+            other => return Err(format!("purpose {other:?} is not one of all, causes, rows, capture")),
+        };
+        let seeks_causes = matches!(purpose, Purpose::All | Purpose::Causes);
+        let wanted = WantedTables { frames: purpose != Purpose::Rows, transactions: true, findings: true };
+        let functions = Arc::new(Functions::default());
+        let mut session = Session::new(Arc::clone(&functions), wanted, false, None);
+        if purpose == Purpose::Causes {
+            session.emit_compact();
+        }
+        Ok(Self {
+            purpose,
+            functions,
+            session,
+            recording: Recording::new(options(settings)?),
+            contrast: seeks_causes.then(Contrast::default),
+            overview: seeks_causes.then(Overview::default),
+            report: None,
+            views: Views::default(),
+            rows: 0,
+            capture: (purpose == Purpose::Capture).then(capture_writer),
+            captured: Vec::new(),
+            export: None,
+        })
+    }
+
+    /// Decodes the next bytes, and returns how many transactions have been decided so far.
+    pub fn feed(&mut self, block: &[u8]) -> Result<usize, String> {
+        self.recording.feed(&mut self.session, block).map_err(message)?;
+        self.take();
+        Ok(self.rows)
+    }
+
+    /// Ends the recording, and returns how many transactions it has.
+    pub fn finish(&mut self) -> Result<usize, String> {
+        self.recording.finish(&mut self.session).map_err(message)?;
+        self.take();
+        self.report = self.contrast.as_ref().map(Report::of);
+        if let Some(report) = &self.report {
+            let mut batch = self.session.take();
+            batch.diagnoses = report.rows().to_vec();
+            self.views.add(Arc::new(batch));
+        }
+        if let Some(capture) = &mut self.capture {
+            capture.finish(&mut self.captured);
+        }
+        Ok(self.rows)
+    }
+
+    /// How the recording was read so far: format, how sure, what was left out.
+    pub fn status(&self) -> Json {
+        self.recording.status(&self.session)
+    }
+
+    /// Doctor, statistics and overview so far, and the names of functions by code.
+    pub fn document(&self) -> Json {
+        let made;
+        let report = match (&self.report, &self.contrast) {
+            (None, Some(contrast)) => {
+                made = Report::of(contrast);
+                Some(&made)
+            }
+            (report, _) => report.as_ref(),
+        };
+        let examples = report.map_or_else(Vec::new, Report::examples);
+        json!({
+            "doctor": report.map(Report::json), "statistics": self.session.stats_json(),
+            "overview": self.overview.as_ref().map(|overview| overview.json(&examples)),
+            "functions": self.function_names(),
+        })
+    }
+
+    fn function_names(&self) -> Json {
+        let functions = &self.functions;
+        let codes = functions.rows().map(|row| row.code);
+        let named = codes.filter_map(|code| Some((code.to_string(), Json::from(functions.name(code)?))));
+        Json::Object(named.collect())
+    }
+
+    /// Appends the next bytes of the capture that is being written, or of the export of rows.
+    pub fn export_more(&mut self, out: &mut Vec<u8>) {
+        if self.capture.is_some() {
+            out.append(&mut self.captured);
+        } else if let Some(export) = &mut self.export {
+            export.more(out);
+        }
+    }
+
+    /// Takes the rows that were decided.
+    fn take(&mut self) {
+        let batch = self.session.take();
+        self.rows += batch.transaction_count();
+        if let Some(contrast) = &mut self.contrast {
+            contrast.observe(&batch);
+        }
+        if let Some(overview) = &mut self.overview {
+            overview.observe(&batch);
+        }
+        let batch = Arc::new(batch);
+        if let Some(capture) = &mut self.capture {
+            capture.add_batch(&batch, None);
+            capture.append_ready(BLOCK_BYTES, &mut self.captured);
+        }
+        if matches!(self.purpose, Purpose::All | Purpose::Rows) && !is_empty(&batch) {
+            self.views.add(batch);
+        }
+    }
+}
+
+fn is_empty(batch: &Batch) -> bool {
+    let counts = [batch.frames.len(), batch.transaction_count(), batch.findings.len(), batch.connections.len()];
+    counts.iter().all(|&count| count == 0)
+}
+
+fn capture_writer() -> Capture {
+    Capture::new(CaptureOptions {
+        style: Encapsulation::Udp,
+        classic: false,
+        live: false,
+        context: 0,
+        application: format!("modlens {}", env!("CARGO_PKG_VERSION")),
+    })
+}
+
+fn message(refusal: Refusal) -> String {
+    match refusal {
+        Refusal::NoSuchFormat(name) => format!("{name}: no such format"),
+        Refusal::Unfit(why) => why,
+    }
+}
+
+fn options(settings: &Json) -> Result<Options, String> {
+    let mode = match settings["mode"].as_str() {
+        None | Some("" | "auto") => None,
+        Some("rtu") => Some(Mode::Rtu),
+        Some("ascii") => Some(Mode::Ascii),
+        Some("tcp") => Some(Mode::Tcp),
+        Some(other) => return Err(format!("mode {other:?} is not one of auto, rtu, ascii, tcp")),
+    };
+    let line = settings["line"].as_str().filter(|text| !text.is_empty()).map(str::parse).transpose()?;
+    let ports = settings["ports"].as_array();
+    let ports = ports.map(|ports| ports.iter().filter_map(|port| u16::try_from(port.as_u64()?).ok()).collect());
+    Ok(Options {
+        name: settings["name"].as_str().unwrap_or("recording").to_owned(),
+        format: settings["format"].as_str().filter(|format| !format.is_empty()).map(ToOwned::to_owned),
+        mode,
+        line,
+        ports,
+        ..Options::default()
+    })
+}

@@ -1,0 +1,95 @@
+//! The rows that were kept, table by table, filtered or not.
+
+use std::sync::Arc;
+
+use modlens_engine::records::Batch;
+use modlens_tables::columns::{Table, TableKind};
+use modlens_tables::predicate::Predicate;
+use serde_json::Value as Json;
+
+/// The batches that were kept, and what is shown of them.
+#[derive(Default)]
+pub(crate) struct Views {
+    batches: Vec<Arc<Batch>>,
+    shown: Vec<View>,
+}
+
+/// The rows of one table that satisfy a filter.
+pub(crate) struct View {
+    kind: TableKind,
+    /// The filter as the page wrote it; empty for all rows.
+    filter: String,
+    predicate: Option<Predicate>,
+    /// The rows of each batch.
+    parts: Vec<Table>,
+    /// The number of the first row of each part.
+    starts: Vec<usize>,
+    rows: usize,
+}
+
+/// Views that are kept beside each other: one a table, and one for an export.
+const MAX_VIEWS: usize = 8;
+
+impl Views {
+    /// Keeps the rows of a batch.
+    pub fn add(&mut self, batch: Arc<Batch>) {
+        self.batches.push(batch);
+    }
+
+    /// The rows of a table that satisfy a filter (a tree, null for all rows). The message says what is wrong with it.
+    pub fn of(&mut self, table: &str, filter: &Json) -> Result<&View, String> {
+        let kind = TableKind::from_name(table).ok_or_else(|| format!("no table {table:?}"))?;
+        let filter = if filter.is_null() { String::new() } else { filter.to_string() };
+        let found = self.shown.iter().position(|view| view.kind == kind && view.filter == filter);
+        let mut view = match found {
+            Some(at) => self.shown.remove(at),
+            None => View::new(kind, filter)?,
+        };
+        view.add(&self.batches);
+        self.shown.truncate(MAX_VIEWS - 1);
+        self.shown.insert(0, view);
+        Ok(&self.shown[0])
+    }
+}
+
+impl View {
+    fn new(kind: TableKind, filter: String) -> Result<Self, String> {
+        let predicate = if filter.is_empty() { None } else { Some(Predicate::new(kind.name(), &filter)?) };
+        Ok(Self { kind, filter, predicate, parts: Vec::new(), starts: Vec::new(), rows: 0 })
+    }
+
+    /// Adds the rows of the batches that were not looked at yet.
+    fn add(&mut self, batches: &[Arc<Batch>]) {
+        for batch in &batches[self.parts.len()..] {
+            let all = Table::new(Arc::clone(batch), self.kind);
+            let part = self.predicate.as_ref().map_or_else(|| all.clone(), |predicate| predicate.filter(&all));
+            self.starts.push(self.rows);
+            self.rows += part.len();
+            self.parts.push(part);
+        }
+    }
+
+    /// The table.
+    pub fn kind(&self) -> TableKind {
+        self.kind
+    }
+
+    /// How many rows there are.
+    pub fn len(&self) -> usize {
+        self.rows
+    }
+
+    /// Its rows, batch by batch.
+    pub fn parts(&self) -> &[Table] {
+        &self.parts
+    }
+
+    /// Up to `count` rows from the row `from` on, as parts and places in them.
+    pub fn window(&self, from: usize, count: usize) -> impl Iterator<Item = (&Table, usize)> {
+        let end = self.rows.min(from.saturating_add(count));
+        (from..end).map(|row| {
+            let part = self.starts.partition_point(|&start| start <= row) - 1;
+            (&self.parts[part], row - self.starts[part])
+        })
+    }
+}
