@@ -64,7 +64,7 @@ impl Report {
         }
         rows.sort_by_key(|(spoiled, row, _)| std::cmp::Reverse(harm(*spoiled, row)));
         let (rows, courses): (Vec<DiagnosisRow>, Vec<Course>) = rows.into_iter().map(|(_, row, course)| (row, course)).unzip();
-        let (word, sentence) = verdict::verdict(&buses, &rows);
+        let (word, sentence) = verdict::verdict(&buses, &rows, without_cause.first().map(|(row, _)| row));
         let requests = buses.iter().fold(Share::default(), |sum, (_, bus)| sum.with(bus.requests_seen.share()));
         let unexplained = rest.iter().filter(|(_, rest)| rest.odd > 0);
         let unexplained = unexplained.map(|(bus, rest)| json!({"bus": bus, "odd": rest.odd, "unexplained": rest.unexplained}));

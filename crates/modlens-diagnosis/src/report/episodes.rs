@@ -22,12 +22,11 @@ pub(super) fn several(contrast: &BusContrast, claim: &Claim) -> Option<String> {
     named.sort_by_key(|one| std::cmp::Reverse((length(one), one.failed)));
     named.truncate(MOST_NAMED);
     named.sort_by_key(|one| one.first.number);
-    let times = if count == 2 { "twice".to_owned() } else { format!("{count} times") };
     let most = if count > MOST_NAMED { ", longest" } else { "" };
     let mut day = String::new();
     let words: Vec<String> = named.iter().map(|one| words(contrast, one, &mut day)).collect();
     let zone = if contrast.facts.clock == Clock::Utc { " UTC" } else { "" };
-    Some(format!(" {times}{most} ({}{zone})", words.join("; ")))
+    Some(format!(" in {count} episodes{most} ({}{zone})", words.join("; ")))
 }
 
 /// How long an episode was.
@@ -38,7 +37,7 @@ fn length(one: &Episode) -> Option<i64> {
 
 /// An episode in words; the date is named where it is another one than `day`.
 fn words(contrast: &BusContrast, one: &Episode, day: &mut String) -> String {
-    let length = length(one).filter(|length| *length > 0).map_or(String::new(), |length| format!(", {}", duration(length)));
+    let length = length(one).filter(|length| *length > 0).map_or(String::new(), |length| format!(", {}", in_seconds(length)));
     match (one.first.time, one.last.time, one.first.elapsed, one.last.elapsed) {
         (Some(from), Some(to), _, _) if contrast.facts.clock == Clock::Utc => {
             let (from, to) = (moment(from, day), moment(to, day));
@@ -50,6 +49,14 @@ fn words(contrast: &BusContrast, one: &Episode, day: &mut String) -> String {
         }
         (_, _, Some(from), Some(to)) => format!("{} to {} after the beginning{length}", duration(from), duration(to)),
         _ => format!("transactions {} to {}", one.first.number, one.last.number),
+    }
+}
+
+/// How long an episode was, to the second where it has any.
+fn in_seconds(length: i64) -> String {
+    match length {
+        1_000_000_000..10_000_000_000 => format!("{:.0} s", length as f64 / 1e9),
+        _ => duration(length),
     }
 }
 

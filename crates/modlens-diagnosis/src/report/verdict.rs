@@ -53,8 +53,8 @@ pub(super) fn is_open(bus: &BusContrast) -> bool {
     share.total < FEW || at_least(share, ACCIDENT) < MAX_CHANCE
 }
 
-/// The verdict and its sentence; `rows` are the diagnoses, the worst first.
-pub(super) fn verdict(buses: &[(&str, BusContrast)], rows: &[DiagnosisRow]) -> (Verdict, String) {
+/// The verdict and its sentence; `rows` are the diagnoses, the worst first, `open` what a unit bears without a known cause.
+pub(super) fn verdict(buses: &[(&str, BusContrast)], rows: &[DiagnosisRow], open: Option<&DiagnosisRow>) -> (Verdict, String) {
     let share = buses.iter().fold(Share::default(), |sum, (_, bus)| sum.with(bus.requests_seen.share()));
     let bytes = |verdict: FrameVerdict| -> u64 { buses.iter().map(|(_, bus)| bus.frames.bytes[verdict as usize]).sum() };
     let is_diagnosed = |row: &&DiagnosisRow| row.certainty == Certainty::Diagnosed.text();
@@ -98,6 +98,9 @@ pub(super) fn verdict(buses: &[(&str, BusContrast)], rows: &[DiagnosisRow]) -> (
     }
     if share.total < FEW {
         return (Verdict::Unknown, format!("Cannot be judged: {}.", too_few(share, refused)));
+    }
+    if let Some(open) = open.filter(|open| open.severity != Severity::Info) {
+        return (Verdict::Trouble, format!("{what} works, but has problems: {numbers}. {}", open.sentence));
     }
     if share.failed > 0 && at_least(share, ACCIDENT) < MAX_CHANCE {
         let text = format!("{what} works, but has problems: {numbers}. No known cause explains it.");

@@ -1,0 +1,31 @@
+//! What is no diagnosis, and not healthy all the same.
+
+use modlens_diagnosis::contrast::Contrast;
+use modlens_diagnosis::report::Report;
+use modlens_engine::session::{BusOptions, Session};
+use modlens_protocol::checksum::crc16;
+use modlens_readers::chunk::Chunk;
+
+fn framed(body: &[u8]) -> Vec<u8> {
+    [body, &crc16(body).to_le_bytes()].concat()
+}
+
+#[test]
+fn a_line_with_a_unit_that_refuses_everything_is_not_healthy() {
+    // Three units in turn; the third one answers each request with exception 4, which no cause explains.
+    let mut session = Session::default();
+    let bus = session.add_bus(BusOptions::named("line"));
+    let mut contrast = Contrast::default();
+    for number in 0..300u16 {
+        let unit = 1 + (number % 3) as u8;
+        let answer = if unit == 3 { framed(&[unit, 0x83, 4]) } else { framed(&[unit, 3, 2, 0, number as u8]) };
+        let bytes = [framed(&[unit, 3, 0, 0, 0, 1]), answer].concat();
+        session.feed(bus, &Chunk { bytes: &bytes, ..Chunk::default() });
+        contrast.observe(&session.take());
+    }
+    session.flush();
+    contrast.observe(&session.take());
+    let found = Report::of(&contrast).json();
+    assert_eq!(found["verdict"], "trouble", "{found}");
+    assert!(found["sentence"].as_str().unwrap().contains("Unit 3: 100 of 100 requests were refused"), "{found}");
+}
