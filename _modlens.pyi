@@ -282,7 +282,8 @@ class Watch:
         """The differences from a usage, as a JSON list; `ValueError` if `usual` is none.
 
         A difference is {code, bus, client, unit, function, address, quantity, usual, now, count,
-        since_ns, examples, requests}. With `values`, it also lists registers that began or stopped to change.
+        since_ns, examples, requests}. With `values`, it also lists registers that began or stopped
+        to change.
         """
 
 @final

@@ -83,5 +83,5 @@ def test_packages_of_the_tests_are_pinned_with_hashes() -> None:
     assert all(line.strip().startswith("--hash=sha256:") for line in lines if line[:1] == " ")
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     wanted = [*project["dependencies"], *project["optional-dependencies"]["test"]]
-    names = {re.split(r"[<>=\[;]", text)[0].strip().replace(".", "-") for text in wanted}
+    names = {re.split(r"[<>=\[;]", text)[0].strip().lower().replace(".", "-") for text in wanted}
     assert names <= {line.partition("==")[0].replace(".", "-") for line in pinned}
