@@ -53,7 +53,7 @@ def exchanges(
         polls.append((*plant.extra, 1))
     level = 500
     for number in range(int(plant.seconds / plant.period)):
-        level += chance.randint(-5, 5)
+        level = min(max(level + chance.randint(-5, 5), 100), 900)
         for place, (unit, function, address, quantity) in enumerate(polls):
             time = number * plant.period + place * 0.2 + chance.uniform(0, 0.05)
             values = [
