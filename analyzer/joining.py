@@ -1,7 +1,7 @@
 """Both sides of a gateway: a capture of the network joined with a recording of its serial line.
 
-The core matches (`_modlens.Join`); this module feeds it the side that is behind, and knows the
-columns of its rows: the table `joined.toml`.
+The core matches (`_modlens.Join`); this module feeds it the side of which less was read, and
+knows the columns of its rows: the table `joined.toml`.
 
 >>> [column.key for column in joined_columns()][:4]
 ['time', 'txn', 'upstream_txn', 'upstream_client']

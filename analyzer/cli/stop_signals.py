@@ -53,9 +53,12 @@ class StopSignals:
 
 def _end_echoed_line() -> None:
     """Ends the line in which the terminal has echoed ^C, so that what follows begins its own."""
-    with contextlib.suppress(ImportError, OSError, ValueError):
+    try:
         import termios  # noqa: PLC0415 - Windows has none
-
+    except ImportError:
+        return
+    # `termios.error` is no `OSError`. Standard input may be a file, or closed.
+    with contextlib.suppress(termios.error, OSError):
         flags = termios.tcgetattr(_STDIN)[3]
         if flags & termios.ECHO and flags & termios.ECHOCTL and os.isatty(_STDERR):
             os.write(_STDERR, b"\n")

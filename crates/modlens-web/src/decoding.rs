@@ -23,7 +23,7 @@ use crate::view::Views;
 pub enum Purpose {
     /// All: rows of every table are kept, causes are sought.
     All,
-    /// Causes, statistics and courses; no row is kept.
+    /// Causes, statistics and time series; no row is kept.
     Causes,
     /// Transactions and findings are kept, in little memory; no frames.
     Rows,

@@ -1,4 +1,4 @@
-//! Rows as lines of CSV or JSON, piece by piece.
+//! Rows as lines of CSV or JSON, a block at a time.
 
 use modlens_tables::columns::{Table, TableKind};
 use modlens_writers::csv::{self, Csv};

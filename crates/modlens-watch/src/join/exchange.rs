@@ -132,3 +132,10 @@ fn cells(table: &Table, row: usize) -> Map<String, Json> {
     }
     found
 }
+
+/// A request on the network with what the line did for it.
+#[derive(Debug)]
+pub(super) struct Request {
+    pub exchange: Exchange,
+    pub attempts: Vec<Exchange>,
+}

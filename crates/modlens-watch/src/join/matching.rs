@@ -4,9 +4,9 @@ use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
 use super::clock::LATENESS;
-use super::exchange::Exchange;
+use super::exchange::{Exchange, Request};
 use super::line_memory::Owner;
-use super::{Join, Request, HORIZON};
+use super::{Join, HORIZON};
 
 /// Answers of the line are remembered for so many horizons.
 const REMEMBERED: Ns = 6 * HORIZON;

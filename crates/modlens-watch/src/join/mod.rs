@@ -10,8 +10,8 @@
 //! before it. Where several could be, the response decides: a gateway returns it at once, so it is the one whose response is
 //! the same and came first after that of the line. Only such matches adjust the clocks.
 //!
-//! **Memory is bounded by time**: a request waits for [`HORIZON`] of the other recording, and the caller feeds the side that
-//! is behind ([`Join::wants`]).
+//! **Memory is bounded by time**: a request waits for [`HORIZON`] of the other recording, and the caller feeds the side of
+//! which less was read ([`Join::wants`]).
 
 mod alignment;
 mod clock;
@@ -29,11 +29,11 @@ use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 use modlens_tables::columns::{Table, TableKind};
 use modlens_tables::predicate::Predicate;
-use serde_json::Value as Json;
+use serde_json::{json, Value as Json};
 
 use alignment::{align, Alignment, SAMPLE};
 use clock::ClockPair;
-use exchange::Exchange;
+use exchange::{Exchange, Request};
 use line_memory::LineMemory;
 use rows::Rows;
 
@@ -71,13 +71,6 @@ struct Stream {
     count: u64,
     is_over: bool,
     has_dates: bool,
-}
-
-/// A request on the network with what the line did for it.
-#[derive(Debug)]
-struct Request {
-    exchange: Exchange,
-    attempts: Vec<Exchange>,
 }
 
 /// Joins two recordings of one gateway.
@@ -128,7 +121,7 @@ impl Join {
 
     /// The recording of which more is needed next; `None` when both have ended.
     pub fn wants(&self) -> Option<Side> {
-        let behind = match (self.network.last, self.line.last) {
+        let lagging = match (self.network.last, self.line.last) {
             _ if self.alignment.is_none() && self.reach().is_none() => {
                 if self.network.queue.len() <= self.line.queue.len() {
                     Side::Network
@@ -141,7 +134,7 @@ impl Join {
             _ => Side::Line,
         };
         let is_over = |side| if side == Side::Network { self.network.is_over } else { self.line.is_over };
-        [behind, behind.other()].into_iter().find(|side| !is_over(*side))
+        [lagging, lagging.other()].into_iter().find(|side| !is_over(*side))
     }
 
     /// Whether the two recordings were found to have traffic in common; `None` while that is not known.
@@ -165,7 +158,17 @@ impl Join {
 
     /// What was found about the gateway: clocks, units, counts of verdicts, timeouts.
     pub fn summary(&self) -> Json {
-        self.rows.summary(self)
+        let found = self.alignment.as_ref();
+        let units: BTreeMap<String, u8> = self.units.iter().map(|(above, below)| (above.to_string(), *below)).collect();
+        let rival = found.and_then(|found| found.rival).map(|rival| rival as f64 / 1e9);
+        let (matched, outcomes, gateway_timeout, client_timeout) = self.rows.counts();
+        json!({
+            "server": found.map(|found| &*found.server),
+            "network_transactions": self.network.count, "line_transactions": self.line.count, "line_matched": matched,
+            "clocks": self.clocks.json(), "rival_offset_s": rival, "units": units, "outcomes": outcomes,
+            "gateway_timeout_ms": gateway_timeout, "client_timeout_ms": client_timeout,
+            "has_dates": self.network.has_dates,
+        })
     }
 
     fn stream(&mut self, side: Side) -> &mut Stream {
@@ -184,7 +187,7 @@ impl Join {
         if self.alignment.is_none() && !self.try_to_align() {
             return;
         }
-        // What the line carries later than a request is decided tells nothing of it.
+        // What the line carries later than a request is decided says nothing about it.
         while self.match_next() {
             self.decide_requests();
         }

@@ -6,10 +6,26 @@ use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 use serde_json::{json, Map, Value as Json};
 
-use super::exchange::Exchange;
-use super::verdict::Verdict;
-use super::{Join, Request};
+use super::exchange::{Exchange, Request};
 use crate::histogram::Histogram;
+
+/// What became of a request, in the words of the column `outcome`, and what is known of it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Verdict {
+    pub outcome: &'static str,
+    /// Age of the values of an answer from the gateway's memory.
+    pub cache_age: Option<Ns>,
+    /// The request on the network to which the answer belongs, and its transaction on the line.
+    pub belongs_to: Option<u64>,
+    pub answered_by: Option<u64>,
+}
+
+impl Verdict {
+    /// A verdict of which no more is known.
+    pub fn plain(outcome: &'static str) -> Self {
+        Self { outcome, ..Self::default() }
+    }
+}
 
 /// Rows that are ready, by time on the network, and counts.
 #[derive(Debug, Default)]
@@ -79,19 +95,10 @@ impl Rows {
         std::mem::replace(&mut self.ready, later).into_values().collect()
     }
 
-    /// See `Join::summary`.
-    pub fn summary(&self, join: &Join) -> Json {
+    /// What was counted: matched requests, outcomes, timeouts of the gateway and of its clients in milliseconds.
+    pub fn counts(&self) -> (u64, &BTreeMap<&'static str, u64>, Option<f64>, Option<f64>) {
         let millis = |times: &Histogram, share| times.quantile(share).map(|seconds| seconds * 1e3);
-        let found = join.alignment.as_ref();
-        let units: BTreeMap<String, u8> = join.units.iter().map(|(above, below)| (above.to_string(), *below)).collect();
-        let rival = found.and_then(|found| found.rival).map(|rival| rival as f64 / 1e9);
-        json!({
-            "server": found.map(|found| &*found.server),
-            "network_transactions": join.network.count, "line_transactions": join.line.count, "line_matched": self.matched,
-            "clocks": join.clocks.json(), "rival_offset_s": rival, "units": units, "outcomes": self.outcomes,
-            "gateway_timeout_ms": millis(&self.gateway_timeouts, 0.5), "client_timeout_ms": millis(&self.client_timeouts, 0.0),
-            "has_dates": join.network.has_dates,
-        })
+        (self.matched, &self.outcomes, millis(&self.gateway_timeouts, 0.5), millis(&self.client_timeouts, 0.0))
     }
 }
 

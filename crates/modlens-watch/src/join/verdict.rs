@@ -4,26 +4,10 @@ use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
 use super::clock::LATENESS;
-use super::exchange::Exchange;
+use super::exchange::{Exchange, Request};
 use super::line_memory::Answer;
-use super::{Join, Request, HORIZON};
-
-/// What became of a request, in the words of the column `outcome`, and what is known of it.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Verdict {
-    pub outcome: &'static str,
-    /// Age of the values of an answer from the gateway's memory.
-    pub cache_age: Option<Ns>,
-    /// The request on the network to which the answer belongs, and its transaction on the line.
-    pub belongs_to: Option<u64>,
-    pub answered_by: Option<u64>,
-}
-
-impl Verdict {
-    fn plain(outcome: &'static str) -> Self {
-        Self { outcome, ..Self::default() }
-    }
-}
+use super::rows::Verdict;
+use super::{Join, HORIZON};
 
 impl Join {
     /// Decides the requests of the network for which the line can show no more.
