@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 from analyzer.columns import Column
+from analyzer.installing import how_to_install
 from analyzer.visible import spreadsheet_cell
 from dissectors.errors import UsageError
 
@@ -87,8 +88,9 @@ class _Parquet:
             import pyarrow as pa  # noqa: PLC0415 - optional
             import pyarrow.parquet as pq  # noqa: PLC0415
         except ImportError as error:
-            message = "join: Parquet needs pyarrow: pip install 'modlens[spark]'"
-            raise UsageError(message) from error
+            raise UsageError(
+                f"Parquet of join needs a package: {how_to_install('pyarrow')}"
+            ) from error
         types = {
             "int": pa.int64(),
             "us": pa.float64(),

@@ -14,3 +14,4 @@ class Format(csv.Format):
     """JSON lines of some columns of one table, without a header."""
 
     name = "jsonl"
+    styles = ()
