@@ -4,7 +4,7 @@ use modlens_diagnosis::contrast::Contrast;
 use modlens_diagnosis::report::Report;
 use modlens_engine::session::{BusOptions, Session};
 use modlens_protocol::checksum::crc16;
-use modlens_readers::chunk::Chunk;
+use modlens_readers::chunk::{Chunk, Times};
 
 fn framed(body: &[u8]) -> Vec<u8> {
     [body, &crc16(body).to_le_bytes()].concat()
@@ -28,4 +28,35 @@ fn a_line_with_a_unit_that_refuses_everything_is_not_healthy() {
     let found = Report::of(&contrast).json();
     assert_eq!(found["verdict"], "trouble", "{found}");
     assert!(found["sentence"].as_str().unwrap().contains("Unit 3: 100 of 100 requests were refused"), "{found}");
+}
+
+#[test]
+fn a_unit_that_never_answers_is_named_although_noise_damages_some_requests() {
+    // Two units in turn, one of which is off; each fiftieth byte string has a flipped bit. Responses come after 20 ms, the
+    // master waits 500 ms.
+    let mut session = Session::default();
+    let bus = session.add_bus(BusOptions::named("line"));
+    let mut contrast = Contrast::default();
+    let (mut time, mut sent) = (0, 0);
+    let mut feed = |session: &mut Session, mut bytes: Vec<u8>, time: i64| {
+        sent += 1;
+        if sent % 50 == 0 {
+            bytes[4] ^= 4;
+        }
+        session.feed(bus, &Chunk { bytes: &bytes, times: Times::Read(time), ..Chunk::default() });
+    };
+    for number in 0..600u16 {
+        let unit = 1 + (number % 2) as u8;
+        feed(&mut session, framed(&[unit, 3, 0, 0, 0, 1]), time);
+        if unit == 1 {
+            feed(&mut session, framed(&[unit, 3, 2, 0, number as u8]), time + 20_000_000);
+        }
+        time += if unit == 1 { 60_000_000 } else { 500_000_000 };
+        contrast.observe(&session.take());
+    }
+    session.flush();
+    contrast.observe(&session.take());
+    let found = Report::of(&contrast).json();
+    assert_eq!(found["diagnoses"][0]["code"], "dead_unit_cost", "{found}");
+    assert_eq!(found["diagnoses"][0]["unit"], 2, "{found}");
 }

@@ -97,7 +97,10 @@ pub(super) fn dead_unit_cost(view: &View<'_>) -> Vec<Claim> {
 }
 
 fn dead(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
-    if unit == 0 || counts.silent.failed < counts.failures.total || counts.late.failed > 0 {
+    // On a noisy line some of its requests are damaged, and noise may stand where its response would.
+    let (silent, failures) = (counts.silent.failed, counts.failures.share());
+    let is_never_heard = failures.failed == failures.total && silent * 10 >= failures.total * 9;
+    if unit == 0 || !is_never_heard || counts.late.failed > 0 {
         return None;
     }
     // As if it failed as often as the others do, and at least once in twenty.
