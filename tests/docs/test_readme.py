@@ -132,10 +132,17 @@ def test_the_picture_is_what_the_demo_prints() -> None:
 
 
 def test_the_moving_picture_is_what_the_program_prints() -> None:
-    """Compares the words of each scene; times and other numbers differ from run to run."""
+    """Compares the words of each scene; times and other numbers differ from run to run.
+
+    One of the scenes is live: on a busy machine its tap may find the settings some rows later, so
+    that it is played again.
+    """
     shown = moving_picture.words_in(moving_picture.PICTURE.read_text(encoding="utf-8"))
-    real = moving_picture.words_in(moving_picture.drawn(moving_picture.scenes()))
     assert len(shown) == 3
+    for _ in range(3):
+        real = moving_picture.words_in(moving_picture.drawn(moving_picture.scenes()))
+        if shown == real:
+            break
     assert shown == real
 
 
