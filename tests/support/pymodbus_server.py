@@ -18,7 +18,8 @@ START_S = 5.0
 def serving(make: Callable[[], ModbusTcpServer]) -> Iterator[None]:
     """A server in a thread of its own, made there because it belongs to the thread's loop."""
     loop = asyncio.new_event_loop()
-    threading.Thread(target=loop.run_forever, daemon=True).start()
+    thread = threading.Thread(target=loop.run_forever, daemon=True)
+    thread.start()
 
     async def start() -> ModbusTcpServer:
         server = make()
@@ -32,3 +33,5 @@ def serving(make: Callable[[], ModbusTcpServer]) -> Iterator[None]:
         stop: Callable[[], Coroutine[None, None, None]] = server.shutdown
         asyncio.run_coroutine_threadsafe(stop(), loop).result(START_S)
         loop.call_soon_threadsafe(loop.stop)
+        thread.join()
+        loop.close()
