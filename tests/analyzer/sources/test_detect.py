@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from _modlens import is_text
+from _modlens import Dialects, is_text
+from analyzer.sources import BINARY, all_formats
 from analyzer.sources.detect import detect_format
 
 REQUEST, RESPONSE = "0103006b00037417", "010306022b0000006405 7a".replace(" ", "")
@@ -72,3 +73,16 @@ def test_an_order_is_followed() -> None:
 def test_text_has_no_control_characters(sample: bytes, text: bool) -> None:
     """Text has no control characters, and few bytes beyond ASCII."""
     assert is_text(sample) is text
+
+
+@pytest.mark.parametrize("name", all_formats())
+def test_the_core_knows_every_format_that_is_listed(name: str) -> None:
+    """The registry of binary formats is here, the decision in the core: no order is unknown there.
+
+    A binary format takes any bytes, a text refuses those that can be none.
+    """
+    if name in BINARY:
+        assert Dialects().decide(bytes(range(64)), "recording", name)[0] == name
+    else:
+        with pytest.raises(ValueError, match="binary data, not"):
+            Dialects().decide(bytes(range(64)), "recording", name)
