@@ -19,7 +19,7 @@ class Grid {
       const line = event.target.closest("[data-row]");
       if (line) this.choose(Number(line.dataset.row), true);
     });
-    this.resized = new ResizeObserver(() => this.scrolled());
+    this.resized = new ResizeObserver(() => this.draw(this.first));
     this.resized.observe(this.root);
   }
 
@@ -39,8 +39,10 @@ class Grid {
 
   get lastFirst() { return Math.max(0, this.total - this.fitting); }
 
+  // Follows the scroll bar, unless it stands where `follow` has put it.
   scrolled() {
-    if (this.moving) return;
+    if (this.root.scrollTop === this.placed) return;
+    this.placed = null;
     const room = this.root.scrollHeight - this.root.clientHeight;
     const share = room > 0 ? this.root.scrollTop / room : 0;
     this.draw(Math.round(share * this.lastFirst), false);
@@ -61,9 +63,8 @@ class Grid {
   // Puts the scroll bar where the first row is.
   follow() {
     const room = this.root.scrollHeight - this.root.clientHeight;
-    this.moving = true;
     this.root.scrollTop = this.lastFirst ? (this.first / this.lastFirst) * room : 0;
-    requestAnimationFrame(() => { this.moving = false; });
+    this.placed = this.root.scrollTop;
   }
 
   line(cells, row) {
