@@ -11,7 +11,7 @@ SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 # The core of the page, compiled for WebAssembly.
 PAGE_CORE := analyzer/page/modlens.wasm.gz
 
-.PHONY: demo check test page lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak openings settings bench bench-memory bench-captures bench-text bench-readings bench-exports bench-threads false-alarms speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
+.PHONY: demo check test page lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak openings settings bench bench-family bench-memory bench-captures bench-text bench-readings bench-exports bench-threads false-alarms speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
 
 demo: export PAGER := cat
 demo: $(VENV)/.installed
@@ -115,6 +115,10 @@ shell-files: $(VENV)/.tested
 # Beside the peers that are installed, and YARDSTICK=folder with limit.rs; PAGE=1 writes the table into docs/figures.md.
 bench: $(VENV)/.tested
 	$(BIN)/python -m bench.compare $(if $(YARDSTICK),--yardstick $(YARDSTICK)) $(if $(PAGE),--page)
+
+# The same on twenty kinds of ordinary traffic, with the median and the worst; ten minutes.
+bench-family: $(VENV)/.tested
+	$(BIN)/python -m bench.family $(if $(YARDSTICK),--yardstick $(YARDSTICK))
 
 # Peak memory at 64 MB, 512 MB and 2 GB of bus bytes; half an hour, and 10 GB of room for temporary files.
 bench-memory: $(VENV)/.tested

@@ -18,6 +18,7 @@ pub mod baselines;
 pub mod beyond;
 pub mod checksum;
 pub mod differences;
+pub mod family;
 pub mod model;
 pub mod options;
 pub mod reported;

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use modlens_bench::accuracy::{Makers, RunPlan};
 use modlens_bench::adapter::Modlens;
 use modlens_bench::differences::{damaged_differences, differences};
+use modlens_bench::family::{kinds, written};
 use modlens_bench::options::{Options, HELP};
 use modlens_bench::reported::{Algorithm, ReportedFrame};
 use modlens_bench::score::{odds, Score};
@@ -49,6 +50,7 @@ fn run(arguments: &[String]) -> Result<(), String> {
         "speed" => show_speed(&options),
         "write" => write(&options).map_err(|why| why.to_string())?,
         "bulk" => bulk(&options).map_err(|why| why.to_string())?,
+        "family" => family(&options).map_err(|why| why.to_string())?,
         "scenarios" => Scenario::all().for_each(|scenario| print(&format!("{}\n", scenario.name))),
         other => return Err(format!("{other} is no command; see --help")),
     }
@@ -217,4 +219,20 @@ fn bulk(options: &Options) -> io::Result<()> {
         file.write_all(&bulk.bytes)?;
     }
     file.flush()
+}
+
+/// Writes a recording of one kind of the family, and prints the truth about it as JSON; without a file, the kinds.
+fn family(options: &Options) -> io::Result<()> {
+    let Some(path) = options.out.as_deref() else {
+        for kind in kinds::KINDS {
+            print(&format!("{}.{}\n", kind.name, kind.form.extension()));
+        }
+        return Ok(());
+    };
+    let kind = options.only.as_deref().and_then(kinds::named).ok_or_else(|| io::Error::other("--only is the name of a kind"))?;
+    let mut file = BufWriter::new(File::create(path)?);
+    let truth = written::write(kind, options.plan.seeds[0], options.bytes, &mut file)?;
+    file.flush()?;
+    print(&format!("{}\n", truth.json()));
+    Ok(())
 }

@@ -18,6 +18,7 @@ modlens-bench damaged [options]    the bytes around every damaged frame missed o
 modlens-bench speed [options]      MB a CPU second, and memory over noise
 modlens-bench write [options]      one case as chunk log and truth (JSON lines)
 modlens-bench bulk [options]       clean mixed traffic as raw bytes
+modlens-bench family [options]     one kind of the family of workloads as a recording; without --out, names of the kinds
 modlens-bench scenarios            names of the scenarios
 
   --scenarios a,b|all|further  default: the twenty of the headline
@@ -31,9 +32,9 @@ modlens-bench scenarios            names of the scenarios
   --patterns a,b               uniform 00_ff bus13 single_bit wrong_baud inverted runs slow_squares floating
                                repeating_poll foreign; default: all
   --threads N                  default 1
-  --out PATH                   write: PATH.jsonl and PATH.truth.jsonl; bulk: the file
-  --bytes N                    bulk: default 64000000; speed: of each load
-  --only TEXT                  speed, beyond: loads or lines whose names have this in them
+  --out PATH                   write: PATH.jsonl and PATH.truth.jsonl; bulk, family: the file
+  --bytes N                    bulk, family: default 64000000; speed: of each load
+  --only TEXT                  speed, beyond: loads or lines whose names have this in them; family: the kind
   --folder PATH                beyond: recordings NAME.jsonl with their frames in NAME.expected.jsonl
   --layer NAME                 speed: framing, transactions or everything; default: all
   --dirty                      bulk: with flipped bits and stray bytes

@@ -20,7 +20,7 @@ mod master;
 mod noise_signals;
 mod reads;
 mod registers;
-mod requests;
+pub(crate) mod requests;
 mod responses;
 mod slave;
 mod uart;
