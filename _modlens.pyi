@@ -642,6 +642,9 @@ class CorePort:
     def line(self) -> str | None:
         """The line settings, where another program reads the line and reports them."""
     @property
+    def has_two_lines(self) -> bool:
+        """Whether it reads both lines of a bus; those of B have the next number."""
+    @property
     def takes_line_settings(self) -> bool: ...
     @property
     def marks_errors(self) -> bool:

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import contextlib
 import socket
-import threading
-from collections.abc import Mapping
 from urllib.parse import urlsplit
 
 from _modlens import Inbox
 from analyzer.sources.schemes import LivePort
+from analyzer.sources.threaded import ThreadedPort
 from dissectors.errors import PortError, UsageError
 
 __all__ = ["open_port"]
@@ -28,14 +27,11 @@ def open_port(name: str, settings: str | None) -> LivePort:
     return _UdpPort(name)
 
 
-class _UdpPort:
+class _UdpPort(ThreadedPort):
     """A bound socket, read by a thread; a `schemes.LivePort`."""
 
-    takes_line_settings = False
-    marks_errors = False
-    advice = ""
-
     def __init__(self, name: str) -> None:
+        super().__init__()
         place = urlsplit(name)
         try:
             port = place.port
@@ -43,8 +39,6 @@ class _UdpPort:
             port = None
         if not port:
             raise UsageError(f"{name}: write the address and port to listen at: udp://0.0.0.0:4001")
-        self._stopped = threading.Event()
-        self._thread: threading.Thread | None = None
         host = place.hostname or "0.0.0.0"
         self._socket = socket.socket(
             socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM
@@ -60,33 +54,15 @@ class _UdpPort:
             ) from error
         self._socket.settimeout(_CHECK_S)
 
-    def listen(self, inbox: Inbox, number: int) -> None:
-        """Pass each datagram to the inbox."""
-        self._thread = threading.Thread(target=self._read, args=(inbox, number), daemon=True)
-        self._thread.start()
-
-    def set_line(self, line: str) -> None:
-        """Nothing: the sender has the settings."""
-
-    def counters(self) -> Mapping[str, int]:
-        """No error counters."""
-        return {}
-
-    def stop(self) -> None:
-        """End the thread."""
-        self._stopped.set()
-        if self._thread is not None:
-            self._thread.join()
-            self._thread = None
-
     def close(self) -> None:
         """Stop reading and close the socket."""
         self.stop()
         with contextlib.suppress(OSError):
             self._socket.close()
 
-    def _read(self, inbox: Inbox, number: int) -> None:
-        while not self._stopped.is_set():
+    def read(self, inbox: Inbox, number: int) -> None:
+        """Pass each datagram to the inbox."""
+        while not self.stopped.is_set():
             try:
                 data = self._socket.recv(_MAX_DATAGRAM)
             except TimeoutError:

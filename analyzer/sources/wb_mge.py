@@ -13,17 +13,17 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 from urllib.parse import SplitResult, unquote, urlsplit
 
 from _modlens import Inbox
 from analyzer.installing import how_to_install
 from analyzer.sources.schemes import LivePort
+from analyzer.sources.threaded import ThreadedPort
 from dissectors.errors import PortError, UsageError
 
 if TYPE_CHECKING:
@@ -56,22 +56,17 @@ def open_port(name: str, settings: str | None) -> LivePort:
     return _SnifferPort(name)
 
 
-class _SnifferPort:
+class _SnifferPort(ThreadedPort):
     """A started sniffer, read by a thread; a `schemes.LivePort`."""
 
-    takes_line_settings = False
-    marks_errors = False
-    advice = ""
-
     def __init__(self, name: str) -> None:
+        super().__init__()
         self._name = name
         place = urlsplit(name)
         number = place.path.strip("/")
         if number not in _PORTS or not place.hostname:
             raise UsageError(f"{name}: write the gateway's address and its port, 1 or 2")
         self._port = int(number)
-        self._stopped = threading.Event()
-        self._thread: threading.Thread | None = None
         self._opened = contextlib.ExitStack()
         self._connection = self._opened.enter_context(_connect(name, place))
         try:
@@ -79,25 +74,6 @@ class _SnifferPort:
         except PortError:
             self.close()
             raise
-
-    def listen(self, inbox: Inbox, number: int) -> None:
-        """Pass each frame to the inbox."""
-        self._thread = threading.Thread(target=self._read, args=(inbox, number), daemon=True)
-        self._thread.start()
-
-    def set_line(self, line: str) -> None:
-        """Nothing: the gateway has the settings."""
-
-    def counters(self) -> Mapping[str, int]:
-        """No error counters."""
-        return {}
-
-    def stop(self) -> None:
-        """End the thread."""
-        self._stopped.set()
-        if self._thread is not None:
-            self._thread.join()
-            self._thread = None
 
     def close(self) -> None:
         """Stop the sniffer and disconnect."""
@@ -119,12 +95,13 @@ class _SnifferPort:
                 port=self._name,
             ) from error
 
-    def _read(self, inbox: Inbox, number: int) -> None:
+    def read(self, inbox: Inbox, number: int) -> None:
+        """Pass each frame to the inbox."""
         from websockets.exceptions import WebSocketException  # noqa: PLC0415
 
         clock = _Clock()
         try:
-            while not self._stopped.is_set():
+            while not self.stopped.is_set():
                 try:
                     message = self._connection.recv(timeout=_CHECK_S)
                 except TimeoutError:

@@ -70,6 +70,11 @@ def wait_until(what: str, is_there: Any) -> None:
         time.sleep(0.05)
 
 
+def count_of(path: Path) -> int:
+    """How many lines a file has that may not be there yet."""
+    return path.read_text().count("\n") if path.exists() else 0
+
+
 def test_all_streams_hold_the_bytes_of_the_first_recording(tmp_path: Path) -> None:
     """On a saturated line; what the others do costs the first recording nothing."""
     dumpcap = need_program("dumpcap")
@@ -114,6 +119,33 @@ def test_all_streams_hold_the_bytes_of_the_first_recording(tmp_path: Path) -> No
     # Dumpcap's file has the blocks of the recording, but for the one that says that the tap ended.
     *blocks, _ = (found[1:3] for found in packets(first.read_bytes()))
     assert [found[1:3] for found in packets(third.read_bytes())] == blocks
+
+
+def test_a_bus_on_two_lines_has_the_rows_of_the_first_tap(tmp_path: Path) -> None:
+    """Requests on A, responses on B; the second recording names both lines, too."""
+    first, second = tmp_path / "first.jsonl", tmp_path / "second.jsonl"
+    raw = tmp_path / "second.pcapng"
+    with TappedLine("--serve", "0", "-o", first, two_lines=True) as line:
+        line.start()
+        tap = command("tap", f"modlens://{address_of(line)}", "--record", raw, "-o", second)
+        with running(*tap) as other:
+            line.wait_for("serving 127.0.0.1:")
+            line.send(2.0, pairs=1, pause_s=0.01)
+            line.end()
+            wait_until("the rows", lambda: count_of(second) == count_of(first))
+            other.send_signal(signal.SIGTERM)
+            assert other.wait(SETTLE_S) == 0
+    rows, others = (
+        [json.loads(row) for row in path.read_text().splitlines()] for path in (first, second)
+    )
+    assert [row | {"bus": "", "source": ""} for row in rows] == [
+        row | {"bus": "", "source": ""} for row in others
+    ]
+    assert len(rows) == len(line.sent) // len(PAIR) > 50
+    assert {(row["unit"], row["status"], tuple(row["data"])) for row in rows} == {(1, "ok", (7,))}
+    text = raw.read_bytes()
+    assert b"line=A" in text
+    assert b"line=B" in text
 
 
 def test_other_computers_need_the_token(tmp_path: Path) -> None:

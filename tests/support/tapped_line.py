@@ -14,19 +14,25 @@ from typing import IO, Any, Self
 
 from tests.conftest import ROOT, command, environment
 
-PAIR = bytes.fromhex("010300000001840a0103020007f986")
+REQUEST, RESPONSE = bytes.fromhex("010300000001840a"), bytes.fromhex("0103020007f986")
+PAIR = REQUEST + RESPONSE
 
 
 class TappedLine:
     """A tap of `port`, which is the near end of a pty; `words` are further options.
 
-    `start` waits until it listens. What it says is in `said` after `end`.
+    `start` waits until it listens. What it says is in `said` after `end`. With `two_lines` the tap
+    has a port for each direction, and `send` puts requests on `far` and responses on `far_b`.
     """
 
-    def __init__(self, *words: str | Path, line: str = "115200-8N1") -> None:
-        self.far, self._near = pty.openpty()
-        tty.setraw(self._near)
-        self.port = os.ttyname(self._near)
+    def __init__(
+        self, *words: str | Path, line: str = "115200-8N1", two_lines: bool = False
+    ) -> None:
+        self._ends = [pty.openpty() for _ in range(1 + two_lines)]
+        self.far, self.far_b = self._ends[0][0], self._ends[-1][0]
+        for _, near in self._ends:
+            tty.setraw(near)
+        self.port = "+".join(os.ttyname(near) for _, near in self._ends)
         self.sent = bytearray()
         self.said = ""
         self._said = bytearray()
@@ -65,7 +71,13 @@ class TappedLine:
         until = time.monotonic() + seconds
         while time.monotonic() < until:
             self.sent += PAIR * pairs
-            os.write(self.far, PAIR * pairs)
+            if self.far == self.far_b:
+                os.write(self.far, PAIR * pairs)
+            else:
+                for _ in range(pairs):
+                    os.write(self.far, REQUEST)
+                    time.sleep(pause_s / pairs)
+                    os.write(self.far_b, RESPONSE)
             time.sleep(pause_s)
 
     def end(self, timeout: float = 20.0, number: int = signal.SIGTERM) -> float:
@@ -88,5 +100,5 @@ class TappedLine:
         if self._process is not None and self._process.poll() is None:
             self._process.kill()
             self._process.wait()
-        os.close(self.far)
-        os.close(self._near)
+        for end in (end for ends in self._ends for end in ends):
+            os.close(end)

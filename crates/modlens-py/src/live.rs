@@ -70,6 +70,10 @@ impl Port for PythonPort {
         line?.parse().ok()
     }
 
+    fn has_two_lines(&self) -> bool {
+        self.with(|port| port.getattr("has_two_lines")?.is_truthy()).unwrap_or(false)
+    }
+
     fn stop(&mut self) {
         let _ = self.with(|port| port.call_method0("stop").map(drop));
     }
@@ -211,6 +215,11 @@ impl CorePort {
     #[getter]
     fn line(&self) -> Option<String> {
         Some(self.with(|port| port.line()).ok()??.to_string())
+    }
+
+    #[getter]
+    fn has_two_lines(&self) -> bool {
+        self.with(|port| port.has_two_lines()).unwrap_or_default()
     }
 
     #[getter]

@@ -40,6 +40,11 @@ pub trait Port: Send {
         Counts::new()
     }
 
+    /// Whether its reads are those of both lines of a bus: those of line A have its number, those of B the next one.
+    fn has_two_lines(&self) -> bool {
+        false
+    }
+
     /// What limits the resolution of its times or its passivity, and what to do about it; empty where nothing does.
     fn advice(&self) -> String {
         String::new()

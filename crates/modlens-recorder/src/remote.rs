@@ -21,6 +21,9 @@ use crate::inbox::Inbox;
 use crate::port::{reason, Port};
 use crate::serve::request::{MAX_REQUEST_BYTES, TIMED_PATH};
 
+/// The second line of a bus that is tapped on two, as in [`PortMetadata::line`].
+const LINE_B: u8 = 2;
+
 /// What the name of such a port begins with.
 pub const SCHEME: &str = "modlens://";
 
@@ -38,6 +41,7 @@ pub struct Remote {
     decoder: Option<Decoder>,
     thread: Option<JoinHandle<()>>,
     line: Option<LineSettings>,
+    has_two_lines: bool,
     advice: String,
 }
 
@@ -52,7 +56,7 @@ impl Remote {
         let mut heard = decoder.push(&rest);
         let until = Instant::now() + DESCRIBE;
         stream.set_read_timeout(Some(Duration::from_millis(100))).map_err(|error| reason(&error, None))?;
-        while decoder.ours().next().is_none() && Instant::now() < until {
+        while !decoder.knows_its_lines() && Instant::now() < until {
             heard.append(&mut decoder.read(&mut stream)?);
         }
         decoder.check()?;
@@ -60,7 +64,9 @@ impl Remote {
         stream.set_read_timeout(Some(SILENCE)).map_err(|error| reason(&error, None))?;
         let line = decoder.ours().next().and_then(|port| port.settings);
         let advice = skew_advice(decoder.shift.unwrap_or_default());
-        Ok(Self { stream, decoder: Some(decoder), thread: None, line, advice })
+        let has_two_lines = decoder.has_two_lines();
+        decoder.serves_two_lines = has_two_lines;
+        Ok(Self { stream, decoder: Some(decoder), thread: None, line, has_two_lines, advice })
     }
 }
 
@@ -87,6 +93,10 @@ impl Port for Remote {
         self.line
     }
 
+    fn has_two_lines(&self) -> bool {
+        self.has_two_lines
+    }
+
     fn advice(&self) -> String {
         self.advice.clone()
     }
@@ -110,16 +120,20 @@ fn pass_on(mut decoder: Decoder, mut stream: TcpStream, inbox: &Inbox, number: u
     let mut heard = Ok(std::mem::take(&mut decoder.early));
     while let Ok(reads) = heard {
         for read in reads {
-            let Heard { time, bytes, errors, hole } = read;
+            let Heard { line, time, bytes, errors, hole } = read;
+            let number = number + usize::from(line == LINE_B);
             inbox.put_dated(number, &PortRead { time, bytes: &bytes, errors: &errors, hole });
         }
         if let Some(time) = decoder.time {
             inbox.tell(number, time);
         }
         heard = decoder.read(&mut stream);
-        if heard.is_ok() && decoder.check().is_err() {
+        if heard.is_ok() && (decoder.check().is_err() || decoder.has_two_lines() != decoder.serves_two_lines) {
             break;
         }
+    }
+    if let Some(time) = decoder.time.filter(|_| decoder.serves_two_lines) {
+        inbox.put_dated(number + 1, &PortRead { time, hole: true, ..PortRead::default() });
     }
     inbox.put(number, None);
 }
@@ -180,6 +194,7 @@ fn skew_advice(shift: Ns) -> String {
 
 /// One read of the other tap.
 struct Heard {
+    line: u8,
     time: Ns,
     bytes: Vec<u8>,
     errors: Vec<u32>,
@@ -194,6 +209,8 @@ struct Decoder {
     wanted: String,
     /// The ports of that bus which have been heard of: the first, and what differs from it in bus or line.
     known: Vec<PortMetadata>,
+    /// What the port said of its lines when it was opened.
+    serves_two_lines: bool,
     /// What is added to all times.
     shift: Option<Ns>,
     /// The newest time that the other tap has sent.
@@ -206,7 +223,16 @@ impl Decoder {
     fn new(wanted: &str) -> Self {
         let capture = Capture::new(Ports::default());
         let (functions, wanted) = (Functions::embedded(), wanted.to_owned());
-        Self { capture, functions, wanted, known: Vec::new(), shift: None, time: None, early: Vec::new() }
+        Self {
+            capture,
+            functions,
+            wanted,
+            known: Vec::new(),
+            serves_two_lines: false,
+            shift: None,
+            time: None,
+            early: Vec::new(),
+        }
     }
 
     /// Reads what has come; an empty list after a timeout of the stream.
@@ -239,7 +265,7 @@ impl Decoder {
             if let Event::Line { content, errors, .. } = event {
                 if wanted.is_empty() || *wanted == port.name {
                     let (bytes, hole) = (content.bytes.to_vec(), content.follows_loss);
-                    heard.push(Heard { time: at + shift, bytes, errors, hole });
+                    heard.push(Heard { line: port.line, time: at + shift, bytes, errors, hole });
                 }
             }
         });
@@ -251,21 +277,27 @@ impl Decoder {
         self.known.iter().filter(|port| self.wanted.is_empty() || port.name == self.wanted)
     }
 
-    /// Checks that the reads are those of one line.
+    /// Whether the bus is tapped on two lines, as far as is known.
+    fn has_two_lines(&self) -> bool {
+        self.ours().any(|port| port.line == LINE_B)
+    }
+
+    /// Whether all lines of the bus are known.
+    fn knows_its_lines(&self) -> bool {
+        self.ours().any(|port| port.line == 0) || self.ours().any(|port| port.line == LINE_B)
+    }
+
+    /// Checks that the reads are those of one bus.
     fn check(&self) -> Result<(), String> {
         let buses: std::collections::BTreeSet<&str> = self.known.iter().map(|port| port.name.as_str()).collect();
         let names = buses.iter().copied().collect::<Vec<_>>().join(", ");
         if self.wanted.is_empty() && buses.len() > 1 {
             return Err(format!("it serves several buses; add the name of one to the address: {names}"));
         }
-        let mut ours = self.ours();
-        match (ours.next(), ours.next()) {
-            (None, _) if !buses.is_empty() => Err(format!("it serves no bus {}; there are {names}", self.wanted)),
-            (_, Some(_)) => Err("its bus is tapped on two lines, which modlens:// does not join; decode its stream with \
-                curl -sN http://HOST:PORT/ | modlens decode -"
-                .into()),
-            _ => Ok(()),
+        if self.ours().next().is_none() && !buses.is_empty() {
+            return Err(format!("it serves no bus {}; there are {names}", self.wanted));
         }
+        Ok(())
     }
 }
 

@@ -237,8 +237,9 @@ fn a_remote_port_says_which_buses_there_are_and_shifts_the_times_of_another_cloc
     let why = |bus: &str| open(bus).map(drop).unwrap_err();
     assert!(why("").contains("several buses; add the name of one to the address: boiler, both, pump"));
     assert!(why("/valve").contains("no bus valve"));
-    assert!(why("/both").contains("two lines"));
+    assert!(open("/both").unwrap().has_two_lines());
     let mut remote = open("/pump").unwrap();
+    assert!(!remote.has_two_lines());
     assert!(remote.advice().contains("differs from this computer's by 360"), "{}", remote.advice());
     let inbox = Arc::new(Inbox::new(1 << 20));
     remote.listen(&inbox, 0).unwrap();
@@ -247,4 +248,35 @@ fn a_remote_port_says_which_buses_there_are_and_shifts_the_times_of_another_cloc
     let found = inbox.take(PATIENCE, Duration::ZERO);
     assert_eq!(found[0].bytes.as_deref(), Some(&b"ours"[..]));
     assert!((found[0].time - now()).abs() < 2_000_000_000);
+}
+
+#[test]
+fn the_lines_of_a_bus_that_is_tapped_on_two_come_as_neighbouring_ports_in_order() {
+    let server = server(None, 1 << 20);
+    let feed = server.feed();
+    for letter in ["A", "B"] {
+        feed.add_port(&RecordedPort { line: Some(letter.into()), ..port("both") });
+    }
+    let start = now();
+    feed.advance(start);
+    let mut remote = Remote::open(&format!("modlens://{}", server.address()), None).unwrap();
+    let inbox = Arc::new(Inbox::new(1 << 20));
+    remote.listen(&inbox, 4).unwrap();
+    feed.write(0, &read(start + 5, b"request"));
+    feed.write(1, &read(start + 5, b"answer"));
+    feed.write(0, &read(start + 9, b"next"));
+    drop(server);
+    let mut found = Vec::new();
+    until("the end", || {
+        found.extend(inbox.take(Duration::from_millis(20), Duration::ZERO));
+        found.last().is_some_and(|read| read.bytes.is_none())
+    });
+    let got: Vec<_> = found.iter().map(|read| (read.port, read.bytes.as_deref(), read.follows_loss)).collect();
+    let [request, answer, next]: [&[u8]; 3] = [b"request", b"answer", b"next"];
+    // Both lines end with the connection.
+    let end: &[u8] = b"";
+    assert_eq!(
+        got,
+        [(4, Some(request), false), (5, Some(answer), false), (4, Some(next), false), (5, Some(end), true), (4, None, false)]
+    );
 }

@@ -23,6 +23,8 @@ struct Slot {
     line: Option<LineSettings>,
     /// `None` while it is lost.
     port: Option<Box<dyn Port>>,
+    /// Its reads come through the port before it, which is tapped on two lines.
+    is_second_line: bool,
     lost_at: Instant,
     next_retry: Instant,
     /// The last message about it, so that none is repeated.
@@ -30,6 +32,13 @@ struct Slot {
     /// The driver's counters at the last check, and what they have gained since the beginning.
     last_counts: Counts,
     error_counts: Counts,
+}
+
+impl Slot {
+    /// Whether it was lost and has not returned.
+    fn is_lost(&self) -> bool {
+        self.port.is_none() && !self.is_second_line
+    }
 }
 
 /// The ports of a live run.
@@ -58,20 +67,30 @@ impl Ports {
         let now = Instant::now();
         let error = |reason| PortError { port: name.to_owned(), reason };
         let port = (self.opener)(name, line).map_err(error)?;
+        let has_two_lines = port.has_two_lines();
+        if has_two_lines && side != 0 {
+            return Err(error("it is tapped on two lines already, and is a bus by itself".into()));
+        }
         let line = line.or_else(|| port.line());
-        self.slots.push(Slot {
+        let slot = |side: u8, port: Option<Box<dyn Port>>| Slot {
             name: name.to_owned(),
             bus,
             side,
             line,
-            port: Some(port),
+            is_second_line: port.is_none(),
+            port,
             lost_at: now,
             next_retry: now,
             last_message: String::new(),
             last_counts: Counts::new(),
             error_counts: Counts::new(),
-        });
-        self.begin(self.slots.len() - 1).map_err(error)
+        };
+        let number = self.slots.len();
+        self.slots.push(slot(if has_two_lines { 1 } else { side }, Some(port)));
+        if has_two_lines {
+            self.slots.push(slot(2, None));
+        }
+        self.begin(number).map_err(error)
     }
 
     /// Begins to read a port that was opened.
@@ -122,7 +141,7 @@ impl Ports {
     pub(super) fn maintain(&mut self) {
         let now = Instant::now();
         for number in 0..self.slots.len() {
-            if self.slots[number].port.is_none() && now >= self.slots[number].next_retry {
+            if self.slots[number].is_lost() && now >= self.slots[number].next_retry {
                 self.reopen(number);
             }
         }
@@ -137,9 +156,13 @@ impl Ports {
     /// Tries to open a lost port again; its next read follows a loss. A message is given only where the error differs from
     /// the last one.
     fn reopen(&mut self, number: usize) {
+        let last = number + usize::from(self.has_two_lines(number));
         let opened = (self.opener)(&self.slots[number].name, self.slots[number].line).and_then(|port| {
+            if port.has_two_lines() != (last > number) {
+                return Err("it is not tapped on as many lines as when this tap began; restart this tap".into());
+            }
             self.slots[number].port = Some(port);
-            self.inbox.hole(number);
+            (number..=last).for_each(|number| self.inbox.hole(number));
             self.begin(number)
         });
         let slot = &mut self.slots[number];
@@ -225,6 +248,11 @@ impl Ports {
         self.slots.len()
     }
 
+    /// Whether the reads of the next port come through this one.
+    fn has_two_lines(&self, number: usize) -> bool {
+        self.slots.get(number + 1).is_some_and(|next| next.is_second_line)
+    }
+
     pub(super) fn name(&self, number: usize) -> &str {
         &self.slots[number].name
     }
@@ -248,7 +276,7 @@ impl Ports {
     /// For how long a port has been away.
     pub(super) fn lost(&self, number: usize) -> Option<Duration> {
         let slot = &self.slots[number];
-        slot.port.is_none().then(|| slot.lost_at.elapsed())
+        slot.is_lost().then(|| slot.lost_at.elapsed())
     }
 
     /// The time before which all reads have come, where reads take `lag` to the queue; ports with a clock of their
