@@ -43,6 +43,19 @@ def parse_line(text: str) -> tuple[int, int, str, float]:
     `ValueError` if the text is not of this form.
     """
 
+def parse_filter(
+    text: str, table: str, local_changes: Callable[[], Sequence[tuple[int, int]]]
+) -> str:
+    """A filter for the rows of a table, as JSON: `text` (normalized), `tree`, `notes`.
+
+    One that cannot be understood: `error`, `text`, `column` (from 0, or null), `hint`.
+    `local_changes` gives the changes of this computer's offset from UTC, in nanoseconds; it is
+    asked where the filter has a time of day that is `local`.
+    """
+
+def similar_name(text: str, known: Sequence[str], least: float) -> str | None:
+    """The known name most similar to a misspelled one; None if none is `least` similar, of 1."""
+
 def parse_duration(text: str) -> int | None:
     """Nanoseconds of `500ms`, `1h30m` or `0.3` (seconds); None if it is no time up to ten years."""
 

@@ -7,11 +7,11 @@ write_address >= '40100' and touches(hr, 107)
 time >= '2023-10-11T14:00:00Z' and status != 'ok'
 ```
 
-The grammar is a part of Python's expressions: what `ast.parse` reads and `analyzer.filter_compiler`
-knows how to compile, nothing else: names of columns, numbers, texts, `and or not`, comparisons
-(chained as well), `in`, `not in`, `is None`, `is not None`, arithmetic `+ - * / // % &`, tuples and
-lists of literals, and the two questions `touches(type, where)` and `writes(type, where)`. A filter
-never runs as Python: it becomes the tree below, which the core interprets row by row.
+The grammar is a part of Python's expressions: names of columns, numbers, texts, `and or not`,
+comparisons (chained as well), `in`, `not in`, `is None`, `is not None`, arithmetic
+`+ - * / // % &`, tuples and lists of literals, and the two questions `touches(type, where)` and
+`writes(type, where)`. The core parses it (`crates/modlens-filters`, for the page as well) and makes
+the tree below of it, which it interprets row by row.
 
 A word alone is a condition as well: `exception` (a column that is not empty), `retry` (a finding),
 `no_response` (a status), `noise` (a verdict), `write` (every function that writes, also file
@@ -60,21 +60,20 @@ unit == 1 and 'retry' in findings
 
 from __future__ import annotations
 
-import ast
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import _modlens
 from analyzer.columns import columns
-from analyzer.filter_compiler import Compiler, Tree
-from analyzer.filter_words import wrong_operator
+from analyzer.times import utc_offset_changes
 from dissectors.errors import FilterError, UsageError
 
-__all__ = ["MAX_CHARACTERS", "Filter", "parse", "selection"]
+__all__ = ["Filter", "Tree", "parse", "selection"]
 
-MAX_CHARACTERS = 4096
-"""The longest filter, in characters."""
+Tree = list[Any]
+"""A node of the filter tree: nested JSON lists."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,27 +102,13 @@ def parse(text: str, table: str = "transactions") -> Filter:
     `FilterError` says what is not valid, at which column of the text, and the most similar name.
     `UsageError` if there is no such table.
     """
-    known = {column.key: column.type for column in columns(table)}
-    if len(text) > MAX_CHARACTERS:
+    columns(table)
+    found = json.loads(_modlens.parse_filter(text, table, lambda: utc_offset_changes("local")))
+    if "error" in found:
         raise FilterError(
-            f"a filter has at most {MAX_CHARACTERS} characters", text=text[:20] + "..."
+            found["error"], text=found["text"], column=found["column"], hint=found["hint"]
         )
-    if not text.strip():
-        raise FilterError("an empty filter; try `status != 'ok'`", text=text)
-    try:
-        expression = ast.parse(text.strip(), mode="eval").body
-    except SyntaxError as error:
-        column = None if error.offset is None else max(error.offset - 1, 0)
-        found = wrong_operator(text.strip())
-        message = f"not an expression: {error.msg}"
-        if found is not None:
-            column, message = found
-        raise FilterError(message, text=text.strip(), column=column) from None
-    except (ValueError, RecursionError, MemoryError) as error:
-        raise FilterError(f"not an expression: {error}", text=text.strip()) from None
-    compiler = Compiler(text.strip(), table, known)
-    tree = compiler.condition(expression)
-    return Filter(table, ast.unparse(expression), tree, tuple(dict.fromkeys(compiler.notes)))
+    return Filter(table, found["text"], found["tree"], tuple(found["notes"]))
 
 
 def selection(text_for: Callable[[str], str]) -> tuple[_modlens.Predicate, ...]:

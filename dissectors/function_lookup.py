@@ -72,11 +72,7 @@ def similar_name(text: str, known: Iterable[str], *, least: float = 0.6) -> str 
     >>> similar_name("quantitty", ["address", "quantity"])
     'quantity'
     """
-    by_plain = {normalized(name): name for name in known}
-    import difflib  # noqa: PLC0415 - for a message only
-
-    found = difflib.get_close_matches(normalized(text), by_plain, n=1, cutoff=least)
-    return by_plain[found[0]] if found else None
+    return _modlens.similar_name(text, list(known), least)
 
 
 def find_function(word: int | str, *, source: _modlens.Functions | None = None) -> FunctionChoice:

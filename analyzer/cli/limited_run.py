@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, cast
 
 import _modlens
-from analyzer.filter_compiler import Tree
-from analyzer.filters import Filter
+from analyzer.filters import Filter, Tree
 from analyzer.pump import PartialBatch, Run
 
 __all__ = ["LimitedRun"]

@@ -31,7 +31,7 @@ _REPORT_SCRIPTS = (
     "strips.js",
     "sections.js",
 )
-_SCRIPTS = ("unpack.js", "grid.js", "page.js")
+_SCRIPTS = ("unpack.js", "grid.js", "filters.js", "page.js")
 
 
 def page() -> bytes:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import _modlens
 from analyzer import FilterError, UsageError, filters
-from analyzer.filter_compiler import Tree
+from analyzer.filters import Tree
 
 UNIT: Tree = ["col", "unit"]
 ADDRESS: Tree = ["col", "address"]

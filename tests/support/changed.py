@@ -22,6 +22,10 @@ TESTS_OF_CRATES = {
     "modlens-engine": ("tests/border/test_decoder.py", "tests/captures/test_decode.py"),
     "modlens-diagnosis": ("tests/doctor", "tests/conformance/test_diagnoses.py"),
     "modlens-tables": ("tests/analyzer/test_filters.py", "tests/analyzer/test_columns.py"),
+    "modlens-filters": (
+        "tests/analyzer/test_filters.py",
+        "tests/analyzer/test_filters_people_type.py",
+    ),
     "modlens-recording": ("tests/analyzer/sources", "tests/analyzer/page"),
     "modlens-web": ("tests/analyzer/page",),
     "modlens-watch": (

@@ -4,7 +4,6 @@ const Page = (() => {
   const layout = JSON.parse(document.getElementById("layout").content.textContent);
   const $ = (id) => document.getElementById(id);
   const el = Render.el;
-  const FAILED = ["no_response", "bad_request", "bad_response"];
   const worker = {};
   let words = null, recordings = [], recording = null, data = null, grid = null, table = "transactions", hasFrames = true;
 
@@ -183,12 +182,13 @@ const Page = (() => {
 
   async function choose(name) {
     table = name;
+    await Filters.check(table, ask);
     for (const tab of $("tabs").children) tab.setAttribute("aria-selected", String(tab.dataset.table === name));
-    fillFilters();
+    Filters.fill(table, data.statistics);
     const columns = columnsOf(name);
     grid = new Grid($("table"), {
       label: name, columns, open: (row) => detail(row),
-      fetch: (from, count) => ask({ call: "rows", table: name, columns: columns.map((one) => one.key), where: filter(), from, count }),
+      fetch: (from, count) => ask({ call: "rows", table: name, columns: columns.map((one) => one.key), ...Filters.of(table), from, count }),
     });
     $("detail").replaceChildren();
     await refresh();
@@ -196,39 +196,15 @@ const Page = (() => {
 
   // Shows the rows of the filter from the first one on.
   async function refresh() {
-    const { total } = await ask({ call: "rows", table, columns: [], where: filter(), from: 0, count: 0 });
+    const { total } = await ask({ call: "rows", table, columns: [], ...Filters.of(table), from: 0, count: 0 });
     $("shown").textContent = `${Model.fixed(total, 0)} rows`;
     grid.at = 0;
     await grid.show(total, 0);
   }
 
-  function fillFilters() {
-    const units = [...new Set(data.statistics.buses.flatMap((bus) => bus.units.map((one) => one.unit)))].sort((a, b) => a - b);
-    const fill = (id, texts, all) => {
-      const before = $(id).value;
-      $(id).replaceChildren(el("option", { value: "" }, all), ...texts.map((one) => el("option", { value: String(one) }, String(one))));
-      if (texts.map(String).includes(before)) $(id).value = before;
-    };
-    fill("unit", units, "all units");
-    fill("finding", Object.keys(data.statistics.findings), "all findings");
-    $("failed-label").hidden = table !== "transactions";
-    $("unit-label").hidden = table === "connections";
-    $("finding-label").hidden = table === "connections";
-  }
-
-  // The filter as a tree of the core.
-  function filter() {
-    const column = (name) => ["col", name], parts = [];
-    if ($("unit").value && table !== "connections") parts.push(["cmp", "==", column("unit"), ["num", Number($("unit").value)]]);
-    if ($("failed").checked && table === "transactions") parts.push(["in", column("status"), ["list", FAILED.map((one) => ["text", one])]]);
-    if ($("finding").value && table === "findings") parts.push(["cmp", "==", column("code"), ["text", $("finding").value]]);
-    else if ($("finding").value && table !== "connections") parts.push(["in", ["text", $("finding").value], column("findings")]);
-    return parts.length ? parts.reduce((left, right) => ["and", left, right]) : null;
-  }
-
   // A row: all its columns that have a value, its bytes, and what its findings mean.
   async function detail(at) {
-    const row = await ask({ call: "row", table, where: filter(), at });
+    const row = await ask({ call: "row", table, ...Filters.of(table), at });
     if (!row) return;
     const spaced = (text) => text.replace(/(..)(?=.)/g, "$1 ");
     const known = words.columns[table].filter((one) => row[one.key]);
@@ -245,8 +221,7 @@ const Page = (() => {
 
   // Shows a transaction in the table of all.
   async function showTransaction(number) {
-    $("unit").value = $("finding").value = "";
-    $("failed").checked = false;
+    Filters.clear();
     await choose("transactions");
     const { at } = await ask({ call: "find", table, where: null, column: "txn", value: number });
     $("rows").scrollIntoView();
@@ -258,7 +233,7 @@ const Page = (() => {
   async function save(format) {
     try {
       say(`making ${format}…`);
-      const blob = format === "pcapng" ? await capture() : await request("save", { question: { table, where: filter(), format } });
+      const blob = format === "pcapng" ? await capture() : await request("save", { question: { table, ...Filters.of(table), format } });
       const name = `${recording.name.replace(/^.*[/\\]/, "").replace(/\.[^.]*$/, "")}-${format === "pcapng" ? "modlens" : table}.${format}`;
       const link = el("a", { href: URL.createObjectURL(blob), download: name });
       link.click();
@@ -307,6 +282,7 @@ const Page = (() => {
     $("cancel").addEventListener("click", () => request("cancel"));
     $("tabs").addEventListener("click", (event) => { if (event.target.dataset.table) choose(event.target.dataset.table); });
     for (const id of ["unit", "failed", "finding"]) $(id).addEventListener("change", refresh);
+    $("where").addEventListener("change", async () => { if (await Filters.check(table, ask)) await refresh(); });
     for (const format of ["csv", "jsonl", "pcapng"]) $(`save-${format}`).addEventListener("click", () => save(format));
     let waiting = 0;
     window.addEventListener("resize", () => { clearTimeout(waiting); waiting = setTimeout(() => data && Plots.resize(false), 100); });

@@ -9,6 +9,7 @@ mod days;
 mod dialects;
 #[cfg(feature = "files")]
 mod files;
+mod filters;
 mod finder;
 mod functions;
 mod inbox;
@@ -160,6 +161,8 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(line_search::usual_rates, module)?)?;
     module.add_function(wrap_pyfunction!(line_search::likely_rates, module)?)?;
     module.add_function(wrap_pyfunction!(line_search::proof_in, module)?)?;
+    module.add_function(wrap_pyfunction!(filters::parse_filter, module)?)?;
+    module.add_function(wrap_pyfunction!(filters::similar_name, module)?)?;
     module.add_function(wrap_pyfunction!(words::parse_duration, module)?)?;
     module.add_function(wrap_pyfunction!(words::parse_rotation, module)?)?;
     module.add_function(wrap_pyfunction!(words::parse_retention, module)?)?;

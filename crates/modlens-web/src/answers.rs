@@ -1,10 +1,12 @@
 //! What the page may ask about a recording.
 
+use modlens_filters::parse;
 use modlens_tables::cell_text::cell_text;
 use modlens_tables::columns::{Table, TableKind};
 use serde_json::{json, Value as Json};
 
 use crate::export::Export;
+use crate::view::{local_changes, table_of};
 use crate::Decoding;
 
 /// Rows in one answer.
@@ -14,19 +16,23 @@ const MAX_ROWS: u64 = 1000;
 ///
 /// | `call` | with | answer |
 /// |--|--|--|
-/// | `rows` | `table`, `columns`, `where` (tree or null), `from`, `count` | `total`, `rows` (texts of the cells) |
+/// | `check` | `table`, `where` | `text` (normalized spelling), `notes` of the filter |
+/// | `rows` | `table`, `columns`, `where` (a filter or null), `from`, `count` | `total`, `rows` (texts of the cells) |
 /// | `row` | `table`, `where`, `at` | texts of all its columns by name |
 /// | `find` | `table`, `where`, `column`, `value` | `at`, the first row with this text in the column, or null |
 /// | `export` | `table`, `where`, `format` | null; `export_more` then gives the bytes |
 /// | `document` | | doctor, statistics, overview |
 /// | `status` | | how the recording was read |
+///
+/// A filter with a time of day that is local needs `local`, the changes of the computer's offset from UTC, in seconds.
 pub fn answer(decoding: &mut Decoding, question: &Json) -> Result<Json, String> {
     match question["call"].as_str().unwrap_or_default() {
+        "check" => check(question),
         "rows" => rows(decoding, question),
         "row" => row(decoding, question),
         "find" => find(decoding, question),
         "export" => {
-            let view = decoding.views.of(table_name(question), &question["where"])?;
+            let view = decoding.views.of(question)?;
             decoding.export = Some(Export::new(view, question["format"].as_str().unwrap_or_default())?);
             Ok(Json::Null)
         }
@@ -36,8 +42,10 @@ pub fn answer(decoding: &mut Decoding, question: &Json) -> Result<Json, String> 
     }
 }
 
-fn table_name(question: &Json) -> &str {
-    question["table"].as_str().unwrap_or("transactions")
+fn check(question: &Json) -> Result<Json, String> {
+    let text = question["where"].as_str().unwrap_or_default();
+    let found = parse(text, table_of(question)?.name(), &|| local_changes(question)).map_err(|error| error.to_string())?;
+    Ok(json!({"text": found.text, "notes": found.notes}))
 }
 
 fn number(question: &Json, key: &str) -> usize {
@@ -45,7 +53,7 @@ fn number(question: &Json, key: &str) -> usize {
 }
 
 fn rows(decoding: &mut Decoding, question: &Json) -> Result<Json, String> {
-    let view = decoding.views.of(table_name(question), &question["where"])?;
+    let view = decoding.views.of(question)?;
     let keys = question["columns"].as_array().map(Vec::as_slice).unwrap_or_default();
     let columns = keys.iter().map(|key| view.kind().column(key.as_str().unwrap_or_default()));
     let columns = columns.collect::<Result<Vec<usize>, String>>()?;
@@ -58,7 +66,7 @@ fn rows(decoding: &mut Decoding, question: &Json) -> Result<Json, String> {
 }
 
 fn row(decoding: &mut Decoding, question: &Json) -> Result<Json, String> {
-    let view = decoding.views.of(table_name(question), &question["where"])?;
+    let view = decoding.views.of(question)?;
     let kind: TableKind = view.kind();
     let Some((table, row)) = view.window(number(question, "at"), 1).next() else { return Ok(Json::Null) };
     let columns = kind.columns().iter().enumerate();
@@ -67,7 +75,7 @@ fn row(decoding: &mut Decoding, question: &Json) -> Result<Json, String> {
 }
 
 fn find(decoding: &mut Decoding, question: &Json) -> Result<Json, String> {
-    let view = decoding.views.of(table_name(question), &question["where"])?;
+    let view = decoding.views.of(question)?;
     let column = view.kind().column(question["column"].as_str().unwrap_or_default())?;
     let value = question["value"].as_str().unwrap_or_default();
     let at = view.window(0, view.len()).position(|(table, row)| cell_text(&table.cell(row, column)) == value);

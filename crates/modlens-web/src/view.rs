@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use modlens_engine::records::Batch;
+use modlens_filters::{predicate, Changes};
 use modlens_tables::columns::{Table, TableKind};
 use modlens_tables::predicate::Predicate;
 use serde_json::Value as Json;
@@ -17,7 +18,7 @@ pub(crate) struct Views {
 /// The rows of one table that satisfy a filter.
 pub(crate) struct View {
     kind: TableKind,
-    /// The filter as the page wrote it; empty for all rows.
+    /// The filter as it was written; empty for all rows.
     filter: String,
     predicate: Option<Predicate>,
     /// The rows of each batch.
@@ -36,14 +37,15 @@ impl Views {
         self.batches.push(batch);
     }
 
-    /// The rows of a table that satisfy a filter (a tree, null for all rows). The message says what is wrong with it.
-    pub fn of(&mut self, table: &str, filter: &Json) -> Result<&View, String> {
-        let kind = TableKind::from_name(table).ok_or_else(|| format!("no table {table:?}"))?;
-        let filter = if filter.is_null() { String::new() } else { filter.to_string() };
+    /// The rows of a `table` that satisfy `where`, a filter (empty or null for all rows). The message says what is wrong
+    /// with it.
+    pub fn of(&mut self, question: &Json) -> Result<&View, String> {
+        let kind = table_of(question)?;
+        let filter = question["where"].as_str().unwrap_or_default();
         let found = self.shown.iter().position(|view| view.kind == kind && view.filter == filter);
         let mut view = match found {
             Some(at) => self.shown.remove(at),
-            None => View::new(kind, filter)?,
+            None => View::new(kind, filter, &|| local_changes(question))?,
         };
         view.add(&self.batches);
         self.shown.truncate(MAX_VIEWS - 1);
@@ -52,10 +54,24 @@ impl Views {
     }
 }
 
+/// The table of a question; transactions where it names none.
+pub(crate) fn table_of(question: &Json) -> Result<TableKind, String> {
+    let name = question["table"].as_str().unwrap_or("transactions");
+    TableKind::from_name(name).ok_or_else(|| format!("no table {name:?}"))
+}
+
+/// The changes of the offset from UTC of the page's computer: `local` has pairs of seconds.
+pub(crate) fn local_changes(question: &Json) -> Changes {
+    const SECOND_NS: i64 = 1_000_000_000;
+    let pairs = question["local"].as_array().map(Vec::as_slice).unwrap_or_default();
+    let ns = |number: &Json| number.as_i64().map(|seconds| seconds.saturating_mul(SECOND_NS));
+    pairs.iter().filter_map(|pair| Some((ns(&pair[0])?, ns(&pair[1])?))).collect()
+}
+
 impl View {
-    fn new(kind: TableKind, filter: String) -> Result<Self, String> {
-        let predicate = if filter.is_empty() { None } else { Some(Predicate::new(kind.name(), &filter)?) };
-        Ok(Self { kind, filter, predicate, parts: Vec::new(), starts: Vec::new(), rows: 0 })
+    fn new(kind: TableKind, filter: &str, local: &dyn Fn() -> Changes) -> Result<Self, String> {
+        let predicate = if filter.is_empty() { None } else { Some(predicate(filter, kind.name(), local)?) };
+        Ok(Self { kind, filter: filter.to_owned(), predicate, parts: Vec::new(), starts: Vec::new(), rows: 0 })
     }
 
     /// Adds the rows of the batches that were not looked at yet.

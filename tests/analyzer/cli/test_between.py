@@ -14,8 +14,7 @@ import pytest
 
 from analyzer.cli import main
 from analyzer.cli.between import combine_filters
-from analyzer.filter_terms import Tree
-from analyzer.filters import parse
+from analyzer.filters import Tree, parse
 from analyzer.times import parse_ns
 from tests.conftest import CAPTURES
 

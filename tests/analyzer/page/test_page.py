@@ -4,82 +4,21 @@ from __future__ import annotations
 
 import gzip
 import json
-import os
 import socket
 import tarfile
 import zipfile
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
 
 import modlens as api
-from analyzer.page import CORE, page
-from tests.conftest import CAPTURES, Modlens, without
-from tests.support.browser import Browser, running
+from analyzer.page import CORE
+from tests.conftest import CAPTURES, Modlens
+from tests.support.browser import Browser
+from tests.support.page import RECORDINGS, TABLES, TROUBLE, of_command, saved, show
 
 MAX_CORE_BYTES = 1_150_000
 MAX_PAGE_BYTES = 2_500_000
-
-RECORDINGS = sorted(CAPTURES.glob("*/recording.*"))
-TABLES = ("transactions", "frames", "findings", "connections", "diagnoses")
-STATE = "document.documentElement.dataset.state"
-TROUBLE = "return document.getElementById('trouble').textContent"
-SAVED = (
-    "Page.request('save', { question: { table: arguments[0], where: null, format: 'csv' } })"
-    ".then((it) => it.text())"
-)
-FAILED = ("no_response", "bad_request", "bad_response")
-
-
-@pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The page as a file."""
-    if not CORE.exists():
-        without("the compiled core of the page (make page)")
-    path = tmp_path_factory.mktemp("page") / "modlens.html"
-    path.write_bytes(page())
-    return path
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    """A browser for all tests of this file."""
-    with running(tmp_path_factory.mktemp("browser")) as found:
-        yield found
-
-
-@pytest.fixture
-def opened(browser: Browser, written: Path) -> Browser:
-    """The page, opened from the disk."""
-    browser.open(written, "ready")
-    return browser
-
-
-def show(browser: Browser, path: Path, state: str = "shown") -> None:
-    """Choose a file on the page, and wait until it is shown, or refused."""
-    browser.run(f"{STATE} = 'waiting'")
-    browser.send_file("#file", path)
-    browser.wait(f"['shown', 'refused'].includes({STATE})", 60)
-    assert browser.run(f"return {STATE}") == state, browser.run(TROUBLE)
-
-
-def saved(browser: Browser, table: str) -> str:
-    """The rows of a table as the page saves them."""
-    return str(browser.ask(SAVED, table))
-
-
-def of_command(path: Path, tables: Sequence[str], tmp_path: Path) -> dict[str, str]:
-    """The rows of tables as the library writes them; the recording is named without a folder."""
-    before = Path.cwd()
-    os.chdir(path.parent)
-    try:
-        decoded = api.decode(path.name)
-        for table in tables:
-            getattr(decoded, table).write(tmp_path / f"{table}.csv")
-    finally:
-        os.chdir(before)
-    return {table: (tmp_path / f"{table}.csv").read_bytes().decode() for table in tables}
 
 
 def test_the_page_is_small(written: Path) -> None:

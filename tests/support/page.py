@@ -1,0 +1,46 @@
+"""What tests do on the page that decodes in a browser."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import modlens as api
+from tests.conftest import CAPTURES
+from tests.support.browser import Browser
+
+RECORDINGS = sorted(CAPTURES.glob("*/recording.*"))
+TABLES = ("transactions", "frames", "findings", "connections", "diagnoses")
+STATE = "document.documentElement.dataset.state"
+TROUBLE = "return document.getElementById('trouble').textContent"
+SAVED = (
+    "Page.request('save', { question: { table: arguments[0], where: null, format: 'csv' } })"
+    ".then((it) => it.text())"
+)
+
+
+def show(browser: Browser, path: Path, state: str = "shown") -> None:
+    """Choose a file on the page, and wait until it is shown, or refused."""
+    browser.run(f"{STATE} = 'waiting'")
+    browser.send_file("#file", path)
+    browser.wait(f"['shown', 'refused'].includes({STATE})", 60)
+    assert browser.run(f"return {STATE}") == state, browser.run(TROUBLE)
+
+
+def saved(browser: Browser, table: str) -> str:
+    """The rows of a table as the page saves them."""
+    return str(browser.ask(SAVED, table))
+
+
+def of_command(path: Path, tables: Sequence[str], tmp_path: Path) -> dict[str, str]:
+    """The rows of tables as the library writes them; the recording is named without a folder."""
+    before = Path.cwd()
+    os.chdir(path.parent)
+    try:
+        decoded = api.decode(path.name)
+        for table in tables:
+            getattr(decoded, table).write(tmp_path / f"{table}.csv")
+    finally:
+        os.chdir(before)
+    return {table: (tmp_path / f"{table}.csv").read_bytes().decode() for table in tables}
