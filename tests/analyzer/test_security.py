@@ -14,9 +14,11 @@ from pathlib import Path
 
 import pytest
 
+import modlens
 from analyzer import security
 from analyzer.cli import main
 from dissectors.errors import ProfileError
+from tests.doctor.network import Flow, Network
 from tests.support.packets import Packet, write_capture
 
 Findings = Callable[..., list[dict[str, object]]]
@@ -210,8 +212,67 @@ def test_rules_about_connections(
     assert {row["client"] for row in rows} == {"10.0.0.9"}
 
 
+ANSWERS = [adu(7, bytes.fromhex(f"0302{value:04x}")) for value in (21, 99)]
+"""Two responses to the request 7, with other values."""
+
+
+def poll(network: Network) -> Flow:
+    """A connection on which a request was answered."""
+    flow = network.flow("10.0.0.9", "10.0.0.3")
+    flow.open(0.0)
+    flow.send(1.0, True, adu(7, READ))
+    flow.send(1.01, False, ANSWERS[0], acked=False)
+    return flow
+
+
+def contradicting_segment(network: Network) -> None:
+    """Somebody sends another response with the server's sequence numbers, after it."""
+    flow = poll(network)
+    flow.next_seq[False] -= len(ANSWERS[1])
+    flow.send(1.02, False, ANSWERS[1])
+
+
+def contradicting_response(network: Network) -> None:
+    """The server's side sends a second response to the same request."""
+    poll(network).send(1.02, False, ANSWERS[1])
+
+
+CONTRADICTIONS = {
+    "conflicting_segment": (
+        contradicting_segment,
+        "packet 7 has 63 from byte 10 on, where 15 had come before",
+        [ANSWERS[0]],
+    ),
+    "conflicting_response": (
+        contradicting_response,
+        "transaction 1 had another response",
+        ANSWERS,
+    ),
+}
+"""By finding: what happens, its detail, and the responses among the frames."""
+
+
+@pytest.mark.parametrize("code", CONTRADICTIONS)
+def test_contradicting_data_is_a_finding_with_both_versions(
+    code: str, tmp_path: Path, findings: Findings
+) -> None:
+    contradict, detail, frames = CONTRADICTIONS[code]
+    network = Network()
+    contradict(network)
+    path = tmp_path / "net.pcap"
+    path.write_bytes(network.pcap())
+    decoded = modlens.decode(str(path))
+    found = [row for row in decoded.findings if row.code == code]
+    assert [row.detail for row in found] == [detail]
+    assert [row.hex for row in decoded.frames if row.direction == "response"] == frames
+    rows = findings(str(path))
+    assert [row["code"] for row in rows] == [f"{code}s"]
+    assert (rows[0]["client"], rows[0]["severity"]) == ("10.0.0.9", "high")
+
+
 def test_every_rule_with_a_condition_has_an_example() -> None:
     tried = {*SERIAL, "not_modbus", "excess_bytes", "request_flood"}
+    tried |= {"conflicting_segments", "conflicting_responses"}
     assert {rule.code for rule in security.rules() if rule.condition} == tried
 
 

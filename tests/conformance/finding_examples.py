@@ -97,6 +97,7 @@ EXAMPLES = {
     ),
     "unsolicited": Example(("wait 3000", "< 02 03 06 00 01 00 02 00 03")),
     "duplicate_response": Example((ASK, ANSWER, ANSWER)),
+    "conflicting_response": Example((ASK, ANSWER, "< 11 03 04 02 2B 00 65"), ("capture",)),
     "broadcast_read": Example(("> 00 03 00 6B 00 02",), WITHOUT_IDENTIFIER),
     "local_echo": Example((ASK, "wait -9", f"<{ASK[1:]}", ANSWER) * 6, ("log",)),
     "two_masters": Example(
@@ -124,6 +125,7 @@ EXAMPLES = {
     # Packets.
     "missing_segment": Example((ASK, "lost 11 03 04 02 2B 00 64"), ("capture",)),
     "tcp_retransmission": Example((ASK, ANSWER, "again"), ("capture",)),
+    "conflicting_segment": Example((ASK, ANSWER, "changed"), ("capture",)),
     "duplicate_packet": Example((ASK, "twice", ANSWER), ("capture",)),
     "connection_closed": Example((ASK, "reset"), ("capture",)),
 }

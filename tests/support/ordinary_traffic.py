@@ -7,7 +7,8 @@ A message is a line of text: a kind and bytes in hex.
 - `<~`: a response with the transaction identifier 0; `<^`: with that of the request before
 - `<_`: with a pause inside the frame; `<x`: with a byte that the receiver marked (taps only)
 - `lost`: a segment of the server that the capture lacks
-- `again`, `twice`: the last packet is sent again, or captured twice; `reset` ends the connection
+- `again`, `twice`: the last packet is sent again, or captured twice; `changed`: sent again with
+  another last byte; `reset` ends the connection
 - `wait 900`: so many milliseconds pass
 """
 
@@ -132,6 +133,9 @@ def _capture(lines: Iterable[str]) -> bytes:
                 flow.next_seq[False] += len(packet)
             case "again":
                 network.packets.append((at_s + 0.2, network.packets[-1][1]))
+            case "changed":
+                changed = bytes([*network.packets[-1][1][:-1], network.packets[-1][1][-1] ^ 0x63])
+                network.packets.append((at_s + 0.2, changed))
             case "twice":
                 network.packets.append((network.packets[-1][0], network.packets[-1][1]))
             case "reset":

@@ -185,6 +185,11 @@ findings! {
         "Two devices with the same address respond alike, or a repeater sends twice; the master may take the copy for its next response."
         "Two units with the same address; repeaters; gateways."
         "serial line 2.4.1";
+    ConflictingResponse "conflicting_response" Error
+        "a second response to the same request, with other content"
+        "One request has one response: the client takes one of the two and drops the other, and nobody knows which is true."
+        "Who sent it: the packets' MAC addresses and times to live, a second server or proxy at the address, a gateway that forwards to two units. Both responses are kept as frames."
+        "messaging on TCP/IP 4.2";
     LocalEcho "local_echo" Info
         "the request was received twice"
         "The master's adapter receives its own transmission; a master that does not expect this takes the echo for the response."
@@ -304,6 +309,11 @@ findings! {
         "TCP sent the bytes again"
         "A packet was lost or delayed on the network, which holds up everything after it; the Modbus data are not affected."
         "The network between client and server: congestion, duplex settings, radio links. The bytes are counted once."
+        "";
+    ConflictingSegment "conflicting_segment" Error
+        "TCP sent the same bytes of the stream again, as others"
+        "A sender repeats what it has sent, byte by byte. Other bytes in the same place come from somebody else, or were changed on the way, and which of them the receiver took is not known."
+        "Who sent the packet: MAC addresses, times to live, IP identifications. Frames have the bytes that came first; the detail has the others."
         "";
     DuplicatePacket "duplicate_packet" Info
         "the capture contains packets twice"

@@ -9,6 +9,11 @@ pub const PREFIX_BYTES: usize = 6;
 /// The largest value of the length field: the unit and a PDU of 253 bytes.
 pub const MAX_LENGTH_FIELD: usize = 254;
 
+/// The transaction identifier of a header.
+pub fn transaction_id([high, low, ..]: &[u8; PREFIX_BYTES]) -> u16 {
+    u16::from_be_bytes([*high, *low])
+}
+
 /// The length of the whole frame that the header at the start of `bytes` announces; `None` if it is no header.
 pub fn announced_length(bytes: &[u8]) -> Option<usize> {
     let length = usize::from(u16::from_be_bytes([*bytes.get(4)?, *bytes.get(5)?]));

@@ -151,8 +151,9 @@ impl Pairing {
         self.answering_units[usize::from(unit)] = true;
     }
 
-    /// Keeps the last response of a run of such exchanges, which the next frame may repeat.
-    pub fn sync_after_batch(&mut self, unit: u8, response: &[u8]) {
-        self.history.sync_after_batch(unit, response);
+    /// Keeps the last response of a run of such exchanges, which the next frame may repeat, with the number of its transaction and
+    /// its identifier on a connection.
+    pub fn sync_after_batch(&mut self, of: (u64, Option<u16>), unit: u8, response: &[u8]) {
+        self.history.sync_after_batch(of, unit, response);
     }
 }

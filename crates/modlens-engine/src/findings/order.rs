@@ -105,6 +105,11 @@ pub(crate) fn duplicate(txn: u64) -> PairingResult {
     PairingResult { txn: Some(txn), finding: Some(Finding::Duplicate), other: None }
 }
 
+/// The response has the identifier of the one before it, to transaction `other`, and other content.
+pub(crate) fn conflicting(txn: u64, other: u64) -> PairingResult {
+    PairingResult { txn: Some(txn), finding: Some(Finding::ConflictingResponse), other: Some(other) }
+}
+
 /// The response comes from the unit of the open request `other`, but has another function.
 pub(crate) fn wrong_function(txn: u64, other: u64) -> PairingResult {
     PairingResult { txn: Some(txn), finding: Some(Finding::WrongFunction), other: Some(other) }

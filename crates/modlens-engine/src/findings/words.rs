@@ -12,6 +12,7 @@ use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::EXCEPTION_BIT;
 use modlens_protocol::hex::hex;
 use modlens_protocol::Ns;
+use modlens_readers::pcap::Conflict;
 
 // One frame: its content.
 
@@ -151,6 +152,7 @@ pub(crate) fn order(finding: Finding, result: &PairingResult, frame: &ObservedFr
         Finding::TwoMasters if result.other.is_some() => format!("sent while transaction{other} was waiting for its response"),
         Finding::TwoMasters => String::from("responded after a later request"),
         Finding::WrongUnit => format!("unit {unit} responded; transaction{other} addressed another"),
+        Finding::ConflictingResponse => format!("transaction{other} had another response"),
         Finding::WrongFunction => format!("function {function}; transaction{other} requested another"),
         _ => self::unit(unit),
     }
@@ -268,6 +270,12 @@ pub(crate) fn missing_segment(bytes: u32, packet: u64) -> String {
 
 pub(crate) fn packet_twice(packet: u64) -> String {
     format!("packet {packet} is a copy of an earlier packet; further copies are only counted")
+}
+
+/// Both versions of the bytes that differ.
+pub(crate) fn conflicting_segment(conflict: &Conflict, packet: u64) -> String {
+    let Conflict { at, first, second } = conflict;
+    format!("packet {packet} has {} from byte {at} on, where {} had come before", hex(second), hex(first))
 }
 
 pub(crate) fn retransmission(packet: u64) -> String {

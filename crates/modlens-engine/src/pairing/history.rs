@@ -6,7 +6,7 @@ use crate::ones::add_ones;
 use crate::pairing::damaged_request::DamagedRequest;
 use crate::pairing::{ObservedFrame, PendingTransaction};
 use modlens_protocol::direction::{match_response, RequestRef, ResponseMatch};
-use modlens_protocol::functions::Functions;
+use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::Ns;
 
 /// Unanswered requests that a late response may still belong to.
@@ -34,6 +34,8 @@ const PRIOR_OBSERVATIONS: f32 = 4.0;
 #[derive(Clone, Debug)]
 pub(crate) struct PastRequest {
     pub txn: u64,
+    /// Transaction identifier of the MBAP header.
+    id: Option<u16>,
     pub unit: u8,
     pub pdu: Vec<u8>,
     /// End of its last character.
@@ -44,8 +46,8 @@ pub(crate) struct PastRequest {
 
 impl PastRequest {
     pub(super) fn of(transaction: &PendingTransaction) -> Self {
-        let (txn, unit, end) = (transaction.txn, transaction.unit, transaction.request.end);
-        Self { txn, unit, end, pdu: transaction.request.pdu().to_vec(), damaged: None }
+        let (txn, id, unit, end) = (transaction.txn, transaction.mbap_id, transaction.unit, transaction.request.end);
+        Self { txn, id, unit, end, pdu: transaction.request.pdu().to_vec(), damaged: None }
     }
 
     /// Whether the frame is the same request again.
@@ -65,6 +67,9 @@ impl PastRequest {
 /// The response to the last request that was answered.
 #[derive(Debug)]
 struct LastResponse {
+    txn: u64,
+    /// Identifier of request and response; `None` where they have none, or not the same.
+    id: Option<u16>,
     unit: u8,
     pdu: Vec<u8>,
     /// The request was a retry, so that the response to the first request may still come.
@@ -154,7 +159,8 @@ impl History {
         let is_to_retry = transaction.retry_of.is_some();
         self.duplicates.occasions += 1.0;
         self.late_after_retry.occasions += f32::from(u8::from(is_to_retry));
-        self.set_last_response(frame.unit(), frame.pdu(), is_to_retry);
+        let id = frame.mbap_id.filter(|_| frame.mbap_id == transaction.mbap_id);
+        self.set_last_response((transaction.txn, id), frame.unit(), frame.pdu(), is_to_retry);
     }
 
     /// Counts answered requests on the fast path, which are no retries. The last response is set by `sync_after_batch`.
@@ -164,13 +170,13 @@ impl History {
     }
 
     /// Sets the last response after a run of the fast path.
-    pub(crate) fn sync_after_batch(&mut self, unit: u8, pdu: &[u8]) {
-        self.set_last_response(unit, pdu, false);
+    pub(crate) fn sync_after_batch(&mut self, of: (u64, Option<u16>), unit: u8, pdu: &[u8]) {
+        self.set_last_response(of, unit, pdu, false);
     }
 
-    fn set_last_response(&mut self, unit: u8, pdu: &[u8], is_to_retry: bool) {
-        let last = self.last_response.get_or_insert_with(|| LastResponse { unit, pdu: Vec::new(), is_to_retry });
-        (last.unit, last.is_to_retry) = (unit, is_to_retry);
+    fn set_last_response(&mut self, (txn, id): (u64, Option<u16>), unit: u8, pdu: &[u8], is_to_retry: bool) {
+        let last = self.last_response.get_or_insert_with(|| LastResponse { txn, id, unit, pdu: Vec::new(), is_to_retry });
+        (last.txn, last.id, last.unit, last.is_to_retry) = (txn, id, unit, is_to_retry);
         last.pdu.clear();
         last.pdu.extend_from_slice(pdu);
     }
@@ -188,6 +194,23 @@ impl History {
     /// Unit and PDU of the last response, if its request was a retry.
     pub(super) fn last_response_to_retry(&self) -> Option<(u8, &[u8])> {
         self.last_response.as_ref().filter(|last| last.is_to_retry).map(|last| (last.unit, &last.pdu[..]))
+    }
+
+    /// The transaction of the last response, if this one has its identifier, unit and function, an exception or not, and other
+    /// content. Not so where the client has used the identifier for a request without response, too: it may be the late response to that.
+    pub(super) fn contradicted_by(&self, frame: &ObservedFrame<'_>) -> Option<u64> {
+        let last = self.last_response.as_ref().filter(|last| last.id.is_some() && last.id == frame.mbap_id)?;
+        let has_function = last.pdu.first().is_some_and(|code| code & !EXCEPTION_BIT == frame.function());
+        let is_other = last.unit == frame.unit() && has_function && last.pdu != frame.pdu();
+        let may_be_late = || self.unanswered.iter().any(|old| old.id == last.id && old.txn + MAX_TRANSACTIONS_LATE >= last.txn);
+        (is_other && !may_be_late()).then_some(last.txn)
+    }
+
+    /// Notes that bytes are missing from a connection: a request with the identifier of the last response may have been among them.
+    pub(super) fn note_missing_bytes(&mut self) {
+        if let Some(last) = &mut self.last_response {
+            last.id = None;
+        }
     }
 
     /// Notes that requests before this transaction are missing: a response after it may belong to one of them.

@@ -179,6 +179,7 @@ impl Pairing {
         for open in &mut self.open {
             open.silence_is_inconclusive = true;
         }
+        self.history.note_missing_bytes();
     }
 
     /// Takes back a transaction whose row is written, to use its buffers again.

@@ -174,7 +174,7 @@ impl Pairing {
     /// Pairs a good response that no open request fits: it becomes a transaction of status `unsolicited`, with the next
     /// number, and its finding says why it came. Tried in this order:
     ///
-    /// 1. late, or a duplicate, as the past explains it (`explain_unrequested`);
+    /// 1. late, a duplicate, or in contradiction to the one before, as the past explains it (`explain_unrequested`);
     /// 2. the right response to the last open request but for its unit: the transaction waits in `unit_mismatch` for the next
     ///    request, in place of another one there, which is resolved. It is the only case that is not added to `done` at once;
     /// 3. from the unit of the last open request, but with another function;
@@ -200,6 +200,7 @@ impl Pairing {
                 transaction.certainty = at_most(LATE_RESPONSE_BITS);
                 order::late(transaction.txn, txn)
             }
+            Explanation::Conflicting { txn } => order::conflicting(transaction.txn, txn),
             Explanation::Duplicate => {
                 transaction.certainty = at_most(DUPLICATE_RESPONSE_BITS);
                 order::duplicate(transaction.txn)
@@ -277,7 +278,7 @@ impl Pairing {
     /// transaction.
     ///
     /// A request that is still open though it has timed out comes first (`mark_late`). If the last open request arrived
-    /// damaged, nothing is decided: it may be the response to that. Else the closed transactions are asked
+    /// damaged, nothing is decided: it may be the response to that. Then, that it contradicts the last response; else the closed transactions are asked
     /// (`classify_unexpected`).
     fn explain_unrequested(&mut self, functions: &Functions, frame: &ObservedFrame<'_>, txn: u64) -> Explanation {
         if let Some(late) = self.mark_late(functions, frame) {
@@ -285,6 +286,9 @@ impl Pairing {
         }
         if self.open.back().is_some_and(|open| open.status == Status::BadRequest) {
             return Explanation::Ambiguous;
+        }
+        if let Some(txn) = self.history.contradicted_by(frame) {
+            return Explanation::Conflicting { txn };
         }
         match self.history.classify_unexpected(functions, frame, txn, self.open.is_empty()) {
             UnexpectedResponse::Duplicate => Explanation::Duplicate,
@@ -383,6 +387,8 @@ enum Explanation {
     Late { txn: u64, request_end: Option<Ns> },
     /// It is the previous response, sent twice.
     Duplicate,
+    /// It contradicts the response of this transaction, which has its identifier.
+    Conflicting { txn: u64 },
     /// There are several explanations, between which the evidence does not decide.
     Ambiguous,
     /// Nothing explains it.

@@ -113,6 +113,11 @@ impl Session {
                     self.decoder.emit_connection_finding(bus, findings::connection::repetition(kind, packet), packet, time);
                 }
             }
+            Event::Conflict { slot, conflict, packet, time } => {
+                if let Some(bus) = state.slot(slot).bus {
+                    self.decoder.emit_connection_finding(bus, findings::connection::conflict(conflict, packet), packet, time);
+                }
+            }
             Event::Time(..) | Event::InTurn(..) | Event::Bytes { .. } | Event::Closing { .. } => {}
             Event::Closed { slot, connection } => self.close_connection(state, slot, connection.as_ref()),
             Event::Line { interface: index, section, by: interface, content, errors, packet, time } => {

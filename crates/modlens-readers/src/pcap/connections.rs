@@ -264,14 +264,21 @@ impl Connection {
 
     /// Takes a TCP segment. A FIN is noted after all bytes before it; a RST ends both directions at once.
     fn segment(&mut self, arrival: &ArrivedSegment<'_>, context: &mut CaptureContext<'_, '_>) {
+        let conflict = self.stream.conflict(arrival);
         let mut outcome = self.pass_on(arrival, context);
         if outcome == SegmentOutcome::OtherConnection {
             self.restart(context);
             outcome = self.pass_on(arrival, context);
         }
         let conversation = &mut self.conversation;
+        if conflict.is_some() && outcome != SegmentOutcome::New {
+            outcome = SegmentOutcome::Conflicting;
+        }
         conversation.note_segment(arrival, outcome);
-        conversation.note_repetition(outcome, arrival.packet, arrival.time, context);
+        match conflict {
+            Some(conflict) => conversation.note_conflict(conflict, (arrival.packet, arrival.time), context),
+            None => conversation.note_repetition(outcome, arrival.packet, arrival.time, context),
+        }
         conversation.note_finished(&self.stream, false, context);
         if arrival.tcp.rst {
             self.stream.finish(&mut |chunk| conversation.take_bytes(chunk, context));

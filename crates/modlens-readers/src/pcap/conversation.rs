@@ -2,6 +2,7 @@
 //! events of its life.
 
 use crate::pcap::classify::{classify, BufferedChunk, Classification};
+use crate::pcap::delivered::Conflict;
 use crate::pcap::event::{EndedConnection, Event, Repetition, SkipCounts};
 use crate::pcap::in_turn::PacketInTurn;
 use crate::pcap::lifecycle::{Closing, ConnectionHistory};
@@ -54,6 +55,8 @@ pub(super) struct Conversation {
     has_ended: bool,
     /// Ends that are reported once the bytes before them are.
     closings: Vec<(usize, Closing, Option<Ns>)>,
+    /// Contradictions that came before it was known what the connection carries, with their packets.
+    held_conflicts: Vec<(Conflict, u64, Option<Ns>)>,
     /// A finding about duplicates has been reported; further ones are only counted.
     has_reported_duplicates: bool,
     /// Whether anything of each side was captured.
@@ -81,6 +84,7 @@ impl Conversation {
             has_begun: false,
             has_ended: false,
             closings: Vec::new(),
+            held_conflicts: Vec::new(),
             has_reported_duplicates: false,
             side_recorded: [false; 2],
         }
@@ -186,6 +190,27 @@ impl Conversation {
         }
     }
 
+    /// Counts bytes that contradict those before them, and reports both versions, once it is known that the connection carries
+    /// Modbus.
+    pub(super) fn note_conflict(
+        &mut self,
+        conflict: Conflict,
+        (packet, time): (u64, Option<Ns>),
+        context: &mut CaptureContext<'_, '_>,
+    ) {
+        context.skipped.conflicts += 1;
+        if let Some(history) = &mut self.history {
+            history.has_conflicts = true;
+        }
+        match self.state {
+            ConversationState::Modbus => {
+                (context.each)(Event::Conflict { slot: self.slot, conflict: &conflict, packet, time });
+            }
+            ConversationState::Undecided(_) => self.held_conflicts.push((conflict, packet, time)),
+            ConversationState::Other | ConversationState::Over => {}
+        }
+    }
+
     /// Takes bytes in order: they are delivered, counted as other traffic, or kept until the decision.
     pub(super) fn take_bytes(&mut self, chunk: StreamChunk<'_>, context: &mut CaptureContext<'_, '_>) {
         if matches!(self.state, ConversationState::Over) {
@@ -224,6 +249,7 @@ impl Conversation {
         let Classification::Modbus(mode, client_side) = found else {
             context.skipped.not_modbus += held.len() as u64;
             context.skipped.other_connections += u64::from(!held.is_empty());
+            self.held_conflicts = Vec::new();
             self.state = ConversationState::Other;
             return;
         };
@@ -239,6 +265,9 @@ impl Conversation {
         for it in held {
             let BufferedChunk { side, packet, time, missing, cut, .. } = it;
             self.deliver(StreamChunk { side, bytes: &it.bytes, packet, time, missing, cut }, context);
+        }
+        for (conflict, packet, time) in std::mem::take(&mut self.held_conflicts) {
+            (context.each)(Event::Conflict { slot: self.slot, conflict: &conflict, packet, time });
         }
     }
 

@@ -1,5 +1,6 @@
 //! What a capture yields: the events of its connections and serial lines, and counts of what was skipped.
 
+use crate::pcap::delivered::Conflict;
 use crate::pcap::file::Interface;
 use crate::pcap::in_turn::PacketInTurn;
 use crate::pcap::lifecycle::{Closing, ConnectionHistory};
@@ -75,6 +76,17 @@ pub enum Event<'a> {
         slot: usize,
         /// Why it repeats them.
         kind: Repetition,
+        /// Number of the packet.
+        packet: u64,
+        /// Time of the packet.
+        time: Option<Ns>,
+    },
+    /// A packet of a Modbus connection contradicts bytes that were captured before: what it says there is in no `Bytes`.
+    Conflict {
+        /// Slot of the connection.
+        slot: usize,
+        /// Both versions.
+        conflict: &'a Conflict,
         /// Number of the packet.
         packet: u64,
         /// Time of the packet.
@@ -164,6 +176,8 @@ pub struct SkipCounts {
     pub duplicates: u64,
     /// Packets with bytes that TCP transmitted again.
     pub retransmissions: u64,
+    /// Packets with other bytes than those that TCP had transmitted before in the same place.
+    pub conflicts: u64,
     /// Packets of link types that cannot be parsed.
     pub unknown_link: u64,
     /// Packets of which the capture kept only a part.

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use crate::pcap::delivered::Conflict;
 use crate::pcap::event::{EndedConnection, Event, Repetition};
 use crate::pcap::file::Interface;
 use crate::pcap::in_turn::{PacketInTurn, MOST_IN_TURN};
@@ -80,6 +81,7 @@ enum RareEvent {
     Begun(usize),
     Opened(usize, Endpoint, Endpoint, Mode),
     Repetition(usize, Repetition, u64, Option<Ns>),
+    Conflict(usize, Conflict, u64, Option<Ns>),
     Closing(usize, bool, Closing, Option<Ns>),
     Closed(usize, Option<(Endpoint, Endpoint, usize, ConnectionHistory)>),
     Reimported { interface: usize, by: u32, metadata: KeptMetadata, packet: u64, time: Option<Ns> },
@@ -143,6 +145,7 @@ impl KeptEvents {
             Event::Begun { slot } => RareEvent::Begun(slot).kept(),
             Event::Opened { slot, client, server, mode } => RareEvent::Opened(slot, client, server, mode).kept(),
             Event::Repetition { slot, kind, packet, time } => RareEvent::Repetition(slot, kind, packet, time).kept(),
+            Event::Conflict { slot, conflict, packet, time } => RareEvent::Conflict(slot, conflict.clone(), packet, time).kept(),
             Event::Closing { slot, from_client, closing, time } => RareEvent::Closing(slot, from_client, closing, time).kept(),
             Event::Closed { slot, connection } => {
                 let connection = connection.map(|it| (it.client, it.server, it.client_side, it.history.clone()));
@@ -241,6 +244,9 @@ impl RareEvent {
             }
             Self::Repetition(slot, kind, packet, time) => {
                 Event::Repetition { slot: *slot, kind: *kind, packet: *packet, time: *time }
+            }
+            Self::Conflict(slot, conflict, packet, time) => {
+                Event::Conflict { slot: *slot, conflict, packet: *packet, time: *time }
             }
             Self::Closing(slot, from_client, closing, time) => {
                 Event::Closing { slot: *slot, from_client: *from_client, closing: *closing, time: *time }

@@ -69,6 +69,8 @@ pub struct ConnectionHistory {
     pub framing: [SideFraming; 2],
     /// Packets of the connection were captured twice.
     pub has_duplicates: bool,
+    /// Bytes were transmitted again as others.
+    pub has_conflicts: bool,
     /// Identification and time of the last SYN.
     syn: (Option<u16>, Option<Ns>),
     /// The FIN of each side.
@@ -99,6 +101,7 @@ impl ConnectionHistory {
             SegmentOutcome::New => self.last_data = it.time,
             SegmentOutcome::Retransmission => self.retransmitted += 1,
             SegmentOutcome::Duplicate => self.has_duplicates = true,
+            SegmentOutcome::Conflicting => self.has_conflicts = true,
             SegmentOutcome::Empty | SegmentOutcome::OtherConnection => {}
         }
         if it.tcp.fin {

@@ -3,7 +3,7 @@
 //! Nearly all packets of a connection are like the one before, go straight to its stream (`classic`, `plain`,
 //! `known_connections`) and are handed on many at once (`in_turn`). For the others, in the order in which data passes through:
 //! `file` cuts the file into packets, `net` finds the TCP or UDP segment in a packet through all tunnels (`fragments` reassembles
-//! IP packets), `connections` finds its connection, `stream` puts the bytes of TCP in order, `conversation` reports them and the
+//! IP packets), `connections` finds its connection, `stream` puts the bytes of TCP in order (`delivered` compares them with those that come again), `conversation` reports them and the
 //! events of the connection, `classify` decides whether it carries Modbus and in which framing, and `lifecycle` keeps what its
 //! packets tell beside their bytes: opened, refused, ended, by whom. `serial` reads the link types of serial lines, and `metadata`
 //! the metadata that modlens itself has written. The engine makes frames of the streams; where another thread reads, it takes the
@@ -14,6 +14,7 @@ mod classic;
 mod classify;
 mod connections;
 mod conversation;
+mod delivered;
 mod event;
 mod file;
 mod fragments;
@@ -31,6 +32,7 @@ mod stream;
 mod tests;
 
 pub use connections::Ports;
+pub use delivered::Conflict;
 pub use event::{EndedConnection, Event, Repetition, SkipCounts};
 pub use file::{signature, Interface};
 pub use in_turn::PacketInTurn;
@@ -184,6 +186,7 @@ impl Capture {
             (String::from("encrypted packets (Modbus over TLS, port 802)"), skipped.encrypted),
             (String::from("packets captured twice"), skipped.duplicates),
             (String::from("packets that TCP retransmitted"), skipped.retransmissions),
+            (String::from("packets with other bytes than TCP had transmitted before"), skipped.conflicts),
             (format!("packets of an unsupported link type{link}"), skipped.unknown_link),
             (String::from("headers of the capturing program"), skipped.headers),
             (String::from("bytes of connections that are missing from the capture"), skipped.missing),

@@ -4,6 +4,7 @@
 //! the other direction has been delivered. So a response never comes before its request, however the capture has mixed the
 //! packets. Bytes that do not arrive within limits are given up and counted as missing.
 
+use crate::pcap::delivered::{ahead, Conflict, Delivered};
 use crate::pcap::net::Tcp;
 use crate::pcap::plain::PlainSegment;
 use modlens_protocol::Ns;
@@ -31,7 +32,7 @@ const MAX_LOSSES_WITHOUT_DATA: u8 = 3;
 /// How many segments of a side are remembered to recognise duplicates.
 const RECENT_SEGMENTS: usize = 8;
 
-/// What `Stream::take` has done with a segment.
+/// What a segment has brought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SegmentOutcome {
     /// It brought new bytes, which were delivered or wait for others.
@@ -42,6 +43,8 @@ pub enum SegmentOutcome {
     Duplicate,
     /// Its sender has transmitted the bytes again.
     Retransmission,
+    /// It repeats bytes as others: `Stream::conflict` has both versions.
+    Conflicting,
     /// Its sequence number is too far away: it belongs to another connection between the same ports.
     OtherConnection,
 }
@@ -109,6 +112,8 @@ struct StreamDirection {
     oldest: usize,
     /// How many of the last ones in `recent` stand right one after the other up to `next`, so that none begins there.
     in_turn: usize,
+    /// The last bytes before `next`.
+    delivered: Delivered,
 }
 
 /// A segment that waits for bytes before it.
@@ -130,11 +135,6 @@ pub struct Stream {
     waiting: Vec<WaitingSegment>,
     /// The number of bytes in `waiting`.
     waiting_bytes: usize,
-}
-
-/// How far the sequence number `a` is ahead of `b`, modulo 2^32 (RFC 9293, 3.4).
-fn ahead(a: u32, b: u32) -> i32 {
-    a.wrapping_sub(b) as i32
 }
 
 impl Stream {
@@ -206,8 +206,28 @@ impl Stream {
         }
         direction.next = Some(it.sequence.wrapping_add(length));
         direction.losses_without_data = 0;
+        direction.delivered.push(it.payload);
         direction.remember(SegmentFingerprint { start: it.sequence, length, ident: it.ident, time: Some(time) });
         true
+    }
+
+    /// Where the payload of a segment contradicts bytes that have come with the same sequence numbers, delivered or waiting. To be
+    /// asked before `take`, which drops them.
+    pub fn conflict(&self, it: &ArrivedSegment<'_>) -> Option<Conflict> {
+        let direction = &self.sides[it.side];
+        let next = direction.next?;
+        let start = it.tcp.sequence.wrapping_add(u32::from(it.tcp.syn));
+        let distance = ahead(start, next);
+        // The byte of a keep-alive probe may be anything (RFC 9293, 3.8.4).
+        let is_probe = it.length == 1 && distance == -1;
+        if is_probe || distance.abs() > MAX_SEQUENCE_DISTANCE || (distance >= 0 && self.waiting.is_empty()) {
+            return None;
+        }
+        let mut waiting = self.waiting.iter().filter(|waiting| waiting.side == it.side);
+        direction
+            .delivered
+            .conflict(next, start, it.payload)
+            .or_else(|| waiting.find_map(|waiting| Conflict::between((waiting.start, &waiting.bytes), (start, it.payload))))
     }
 
     /// Delivers what waits, because no further segment comes.
@@ -263,6 +283,10 @@ impl Stream {
         direction.losses_without_data = 0;
         let missing = std::mem::take(&mut direction.missing);
         direction.missing = cut.min(length - old) as u32;
+        direction.delivered.push(fresh);
+        if cut > 0 {
+            direction.delivered.clear();
+        }
         if fresh.is_empty() {
             direction.missing += missing;
         } else {
@@ -318,6 +342,7 @@ impl Stream {
             other.losses_without_data = other.losses_without_data.saturating_add(1);
             if other.losses_without_data >= MAX_LOSSES_WITHOUT_DATA {
                 (other.next, other.in_turn) = (None, 0);
+                other.delivered.clear();
             }
         }
     }
@@ -329,6 +354,7 @@ impl Stream {
             direction.missing = direction.missing.saturating_add(ahead(to, next).max(0) as u32);
         }
         direction.next = Some(to);
+        direction.delivered.clear();
     }
 }
 

@@ -11,6 +11,7 @@ use crate::session::line::LineState;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
+use modlens_protocol::mbap;
 use modlens_protocol::Ns;
 
 impl Decoder {
@@ -45,7 +46,7 @@ impl Decoder {
             let pdus = (mode == Mode::Ascii).then(|| adus.each_ref().map(|adu| self.batch.store(&adu[1..])));
             self.emit_exchange(bus, &matched, &ExchangePlaces { wires, pdus }, timings, &mut run);
             if mode == Mode::Ascii {
-                self.buses[bus].pairing.sync_after_batch(adus[1][0], &adus[1][1..]);
+                self.buses[bus].pairing.sync_after_batch((self.next_txn - 1, None), adus[1][0], &adus[1][1..]);
             }
         }
         self.adus = adus;
@@ -69,7 +70,8 @@ impl Decoder {
             let request = &before[before.len() - lengths[0]..];
             framer.sync_after_batch(request, response, line.input.offset(), last.odds);
         }
-        state.pairing.sync_after_batch(response[0], &response[1..last.expected.response_bytes]);
+        let id = before.last_chunk().filter(|_| mode == Mode::Tcp).map(mbap::transaction_id);
+        state.pairing.sync_after_batch((self.next_txn - 1, id), response[0], &response[1..last.expected.response_bytes]);
     }
 }
 
