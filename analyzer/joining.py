@@ -109,7 +109,7 @@ def _clock(clocks: Mapping[str, Any]) -> str:
         text += f" and {gains} {abs(drift):.{_PPM_DIGITS}f} ppm"
         text += f" (± {clocks['drift_error_ppm']:.{_PPM_DIGITS}f})"
     if not clocks["is_straight"]:
-        text += "; one of them was set, or its times are late: no even rate fits all exchanges"
+        text += "; one of them was set: no even rate fits all exchanges"
     return text
 
 

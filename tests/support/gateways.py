@@ -5,18 +5,22 @@
     python -m tests.support.gateways modbus-proxy --program bin/modbus-proxy
 
 Each runs clients for some seconds, joins the two recordings with `modlens join`, and prints how
-many transactions of the line were matched, and how many with the wrong request. The clock of the
-line's recording is 3 s ahead and gains 50 ppm. modbus-proxy has no serial line: its device is
-reached by Modbus/TCP, and a capture of that side takes the place of the line's recording.
+many transactions of the line were matched, how many with the wrong request, and whether the true
+offset and drift lie in the stated intervals. The clock of the line's recording is 3 s ahead and
+gains 50 ppm. modbus-proxy has no serial line: its device is reached by Modbus/TCP, and a capture of
+that side takes the place of the line's recording.
+
+With `--faults 5` a hostile program (`tests.support.hostile_proxy`) between clients and gateway
+plants five faults of each kind, and what `modlens join` calls them is compared.
 """
 
 from __future__ import annotations
 
 import argparse
-import asyncio
 import contextlib
 import json
 import os
+import re
 import socket
 import struct
 import subprocess
@@ -25,33 +29,22 @@ import tempfile
 import threading
 import time
 import tty
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from pymodbus.client import AsyncModbusSerialClient
-from pymodbus.datastore import ModbusDeviceContext, ModbusServerContext
-from pymodbus.framer import FramerType
-from pymodbus.server import ModbusTcpServer
-
 from tests.support.gateway_model import crc
+from tests.support.gateway_programs import GATEWAYS, free_port
+from tests.support.hostile_proxy import HostileProxy
 from tests.support.packets import Packet, write_capture
 from tests.support.ptybus import ChunkLogRecorder, PtyBus
-from tests.support.pymodbus_server import serving
 
-__all__ = ["GATEWAYS", "Score", "score"]
+__all__ = ["Score", "score", "score_faults"]
 
 SERVER = "10.0.0.3"
 SHIFT_S, DRIFT_PPM = 3.0, 50.0
 CLIENTS = 3
 QUANTITY = 4
-
-
-def free_port() -> int:
-    """A port that nobody uses."""
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        found: int = listener.getsockname()[1]
-        return found
 
 
 class Relay:
@@ -147,89 +140,6 @@ def serve_network(listener: socket.socket, device: Device) -> None:
                 client.sendall(struct.pack(">HHHB", number, 0, len(pdu) + 1, unit) + pdu)
 
 
-class Forwarding(ModbusServerContext):
-    """A pymodbus server whose registers are those of a device on a serial line.
-
-    The pty has no parity: parity bits are the line's.
-    """
-
-    def __init__(self, path: str) -> None:
-        super().__init__(devices=ModbusDeviceContext())
-        # With a context of the new kind the server would not ask this object.
-        self.old_simulator, self.simdevices = True, []
-        self._path = path
-        self._client: AsyncModbusSerialClient | None = None
-        self._lock = asyncio.Lock()
-
-    async def async_getValues(  # noqa: N802 - pymodbus's name
-        self, device_id: int, func_code: int, address: int, count: int = 1
-    ) -> list[int]:
-        """Ask on the line; one request at a time."""
-        async with self._lock:
-            if self._client is None:
-                self._client = AsyncModbusSerialClient(
-                    self._path, framer=FramerType.RTU, baudrate=19200, timeout=1
-                )
-                await self._client.connect()
-            found = await self._client.read_holding_registers(
-                address, count=count, device_id=device_id
-            )
-            return list(found.registers)
-
-
-@contextlib.contextmanager
-def pymodbus_gateway(path: str, program: str | None) -> Iterator[int]:
-    """A gateway of pymodbus's server and client."""
-    port = free_port()
-    with serving(lambda: ModbusTcpServer(Forwarding(path), address=("127.0.0.1", port))):
-        yield port
-
-
-@contextlib.contextmanager
-def mbusd(path: str, program: str | None) -> Iterator[int]:
-    """The gateway of github.com/3cky/mbusd."""
-    port = free_port()
-    command = [
-        *(program or "mbusd", "-d", "-L", "-", "-v", "0", "-p", path, "-s", "19200", "-m", "8e1"),
-        *("-A", "127.0.0.1", "-P", str(port), "-R", "5", "-W", "500", "-N", "0"),
-    ]
-    running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        wait_for(port)
-        yield port
-    finally:
-        running.terminate()
-        running.wait()
-
-
-@contextlib.contextmanager
-def modbus_proxy(path: str, program: str | None) -> Iterator[int]:
-    """The gateway of the package modbus-proxy; `path` is the port of the device."""
-    port = free_port()
-    command = [program or "modbus-proxy", "-b", f"tcp://127.0.0.1:{port}"]
-    command += ["--modbus", f"tcp://127.0.0.1:{path}"]
-    running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        wait_for(port)
-        yield port
-    finally:
-        running.terminate()
-        running.wait()
-
-
-GATEWAYS = {"pymodbus": pymodbus_gateway, "mbusd": mbusd, "modbus-proxy": modbus_proxy}
-
-
-def wait_for(port: int) -> None:
-    """Wait until a server listens; `TimeoutError` after ten seconds."""
-    end = time.monotonic() + 10
-    while time.monotonic() < end:
-        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port)):
-            return
-        time.sleep(0.05)
-    raise TimeoutError(f"nothing listens on port {port}")
-
-
 def ask(port: int, place: int, seconds: float) -> None:
     """A client: its own registers in turn, and those that all clients read."""
     end = time.monotonic() + seconds
@@ -253,12 +163,13 @@ class Score:
     matched: int
     wrong: int
     said: str
+    has_true_clocks: bool = False
+    """Whether the true offset and drift lie in the stated intervals."""
 
 
 def score(name: str, folder: Path, *, seconds: float = 10, program: str | None = None) -> Score:
     """Run a gateway and join what was recorded."""
-    record = record_network if name == "modbus-proxy" else record_line
-    network, line = record(name, folder, seconds, program)
+    network, line = record(name, folder, program, lambda port: run_clients(port, seconds))
     command = [sys.executable, "-m", "analyzer", "join", str(network), str(line)]
     done = subprocess.run(
         [*command, "--line", "19200-8E1", "--to", "jsonl"],
@@ -267,7 +178,44 @@ def score(name: str, folder: Path, *, seconds: float = 10, program: str | None =
     rows = [json.loads(text) for text in done.stdout.splitlines()]
     shown = [*command, "--line", "19200-8E1", "-o", str(folder / "joined.csv")]
     said = subprocess.run(shown, capture_output=True, text=True, check=True).stderr
-    return judge(rows, transactions(network), transactions(line), said)
+    found = judge(rows, transactions(network), transactions(line), said)
+    found.has_true_clocks = are_true(said, seconds)
+    return found
+
+
+CLOCK = re.compile(
+    r"is (\S+) s ahead of the network's \(± (\S+) ms\)(?: and gains (\S+) ppm \(± (\S+)\))?"
+)
+
+
+def are_true(said: str, seconds: float) -> bool:
+    """Whether offset (in the middle of the recording) and drift are in the intervals of `said`.
+
+    Numbers are rounded to a tenth of a millisecond; the recording begins within a second.
+    """
+    [(offset, error, drift, drift_error)] = CLOCK.findall(said)
+    middle = SHIFT_S + seconds / 2 * DRIFT_PPM / 1e6
+    is_offset = abs(float(offset) - middle) <= float(error) / 1e3 + 150e-6
+    return is_offset and (not drift or abs(float(drift) - DRIFT_PPM) <= float(drift_error) + 0.1)
+
+
+def score_faults(
+    name: str, folder: Path, *, faults: int, program: str | None = None
+) -> dict[str, tuple[int, int]]:
+    """Plant faults with a hostile program; gives, of each kind, how many there were and were named.
+
+    `forwarded` are all other requests.
+    """
+    hostile = HostileProxy(faults)
+    network, line = record(name, folder, program, hostile.run, between=hostile.listen)
+    command = [sys.executable, "-m", "analyzer", "join", str(network), str(line)]
+    done = subprocess.run(
+        [*command, "--line", "19200-8E1", "--to", "jsonl"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    said = [row for row in map(json.loads, done.stdout.splitlines()) if row.get("upstream_txn")]
+    said.sort(key=lambda row: int(row["upstream_txn"]))
+    return hostile.compare([(row["upstream_client"], row["outcome"]) for row in said])
 
 
 def transactions(path: Path) -> dict[int, tuple[str | None, bytes, bytes]]:
@@ -335,7 +283,28 @@ def shifted(seconds: float, start: float) -> float:
     return seconds + SHIFT_S + (seconds - start) * DRIFT_PPM / 1e6
 
 
-def record_line(name: str, folder: Path, seconds: float, program: str | None) -> tuple[Path, Path]:
+def record(
+    name: str,
+    folder: Path,
+    program: str | None,
+    clients: Callable[[int], None],
+    between: Callable[[int], int] | None = None,
+) -> tuple[Path, Path]:
+    """Record both sides of a gateway while `clients` use the port that they are given.
+
+    `between` starts a program between them and the gateway's port, and gives its port.
+    """
+    recorded = record_network if name == "modbus-proxy" else record_line
+    return recorded(name, folder, program, clients, between or (lambda port: port))
+
+
+def record_line(
+    name: str,
+    folder: Path,
+    program: str | None,
+    clients: Callable[[int], None],
+    between: Callable[[int], int],
+) -> tuple[Path, Path]:
     """Record a gateway with a serial line."""
     log, network, line = folder / "tap.jsonl", folder / "network.pcap", folder / "line.jsonl"
     stop, device, start = threading.Event(), Device(), time.time()
@@ -348,8 +317,8 @@ def record_line(name: str, folder: Path, seconds: float, program: str | None) ->
                 ChunkLogRecorder(bus.path("tap"), log),
                 GATEWAYS[name](bus.path("gateway"), program) as port,
             ):
-                relay = Relay(port)
-                run_clients(relay.port, seconds)
+                relay = Relay(between(port))
+                clients(relay.port)
                 relay.close()
         finally:
             stop.set()
@@ -362,7 +331,11 @@ def record_line(name: str, folder: Path, seconds: float, program: str | None) ->
 
 
 def record_network(
-    name: str, folder: Path, seconds: float, program: str | None
+    name: str,
+    folder: Path,
+    program: str | None,
+    clients: Callable[[int], None],
+    between: Callable[[int], int],
 ) -> tuple[Path, Path]:
     """Record a gateway whose device is on the network."""
     network, line = folder / "network.pcap", folder / "device.pcap"
@@ -371,8 +344,8 @@ def record_network(
     threading.Thread(target=serve_network, args=(listener, Device()), daemon=True).start()
     below = Relay(listener.getsockname()[1], "10.0.1.{}")
     with GATEWAYS[name](str(below.port), program) as port:
-        above = Relay(port)
-        run_clients(above.port, seconds)
+        above = Relay(between(port))
+        clients(above.port)
         above.close()
     below.close()
     listener.close()
@@ -391,14 +364,26 @@ def main() -> None:
     parser.add_argument("gateway", choices=GATEWAYS)
     parser.add_argument("--program", help="the gateway's program, if it is not on the path")
     parser.add_argument("--seconds", type=float, default=60)
+    parser.add_argument("--faults", type=int, help="plant so many of each kind")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
+        if options.faults:
+            counts = score_faults(
+                options.gateway, Path(folder), faults=options.faults, program=options.program
+            )
+            for kind, (planted, named) in counts.items():
+                print(f"{kind}: {named} of {planted} named")  # noqa: T201 - the output
+            return
         found = score(
             options.gateway, Path(folder), seconds=options.seconds, program=options.program
         )
     share = 100 * found.matched / max(found.line, 1)
-    print(found.said)  # noqa: T201 - the output of this program
-    print(f"{found.matched} of {found.line} matched ({share:.2f} %), {found.wrong} wrongly")  # noqa: T201
+    clocks = "true" if found.has_true_clocks else "not true"
+    print(found.said)  # noqa: T201
+    print(  # noqa: T201
+        f"{found.matched} of {found.line} matched ({share:.2f} %), {found.wrong} wrongly;"
+        f" the intervals of the clocks are {clocks}"
+    )
 
 
 if __name__ == "__main__":

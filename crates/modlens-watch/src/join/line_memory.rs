@@ -36,13 +36,21 @@ pub(super) struct Answer {
     pub is_delivered: bool,
 }
 
+/// The value of a register, and when the line had it first and last without another one between.
+#[derive(Clone, Copy, Debug)]
+struct Known {
+    value: i32,
+    first: Ns,
+    last: Ns,
+}
+
 /// Unit and PDU of a request.
 type Question = (u8, Box<[u8]>);
 
 /// The memory of the line.
 #[derive(Debug, Default)]
 pub(super) struct LineMemory {
-    registers: HashMap<(u8, Space, u16), (i32, Ns)>,
+    registers: HashMap<(u8, Space, u16), Known>,
     /// The latest response to each request, and when it was complete.
     responses: HashMap<Question, (Box<[u8]>, Ns)>,
     answers: VecDeque<Answer>,
@@ -89,24 +97,36 @@ impl LineMemory {
             self.registers.clear();
         }
         for (at, value) in values.iter().enumerate() {
-            self.registers.insert((unit, *space, first.wrapping_add(at as u16)), (*value, time));
+            let register = (unit, *space, first.wrapping_add(at as u16));
+            let known = self.registers.entry(register).or_insert(Known { value: *value, first: time, last: time });
+            *known = Known { value: *value, first: if known.value == *value { known.first } else { time }, last: time };
         }
     }
 
-    /// Since when a gateway can have known this response: that of the line to the same request, or values that were on the
-    /// line one by one; `None` if the line never had them.
-    pub fn since(&self, unit: u8, one: &Exchange) -> Option<Ns> {
-        let same = self.responses.get(&(unit, one.request.clone())).filter(|(response, _)| *response == one.response);
-        let whole = same.map(|(_, time)| *time);
-        whole.or_else(|| self.values_since(unit, one.read.as_ref()?))
+    /// Since when a gateway can have known this response at a time: that of the line to the same request, or values that were
+    /// on the line one by one; `None` if the line had not had them by then.
+    pub fn since(&self, unit: u8, one: &Exchange, until: Ns) -> Option<Ns> {
+        let lately = self.equal(&one.response, until).find(|answer| answer.unit == unit && answer.request == one.request);
+        let before = || {
+            let (response, time) = self.responses.get(&(unit, one.request.clone()))?;
+            (*response == one.response && *time <= until).then_some(*time)
+        };
+        lately.map(|answer| answer.end).or_else(before).or_else(|| self.values_since(unit, one.read.as_ref()?, until))
     }
 
-    fn values_since(&self, unit: u8, (space, first, values): &Block) -> Option<Ns> {
+    fn values_since(&self, unit: u8, (space, first, values): &Block, until: Ns) -> Option<Ns> {
         let known = values.iter().enumerate().map(|(at, value)| {
-            let (seen, time) = self.registers.get(&(unit, *space, first.wrapping_add(at as u16)))?;
-            (seen == value).then_some(*time)
+            let known = self.registers.get(&(unit, *space, first.wrapping_add(at as u16)))?;
+            let time = if known.last <= until { known.last } else { known.first };
+            (known.value == *value && time <= until).then_some(time)
         });
         known.collect::<Option<Vec<Ns>>>()?.into_iter().min()
+    }
+
+    /// Whether the line has answered the same request again by then.
+    pub fn is_replaced(&self, old: &Answer, until: Ns) -> bool {
+        let is_newer = |answer: &Answer| answer.unit == old.unit && answer.request == old.request && answer.end <= until;
+        self.answers.iter().rev().take_while(|answer| answer.number != old.number).any(is_newer)
     }
 
     /// The responses that equal this one and were complete by `until`, the latest first.

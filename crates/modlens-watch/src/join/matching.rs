@@ -54,7 +54,7 @@ impl Join {
             return;
         }
         let offset = self.clocks.offset();
-        let fits = self.requests.iter().enumerate().filter_map(|(at, request)| Some((self.fit(request, &one)?, at)));
+        let fits = (0..self.requests.len()).filter_map(|at| Some((self.fit(at, &one)?, at)));
         let mut fits: Vec<(Fit, usize)> = fits.collect();
         fits.sort_unstable();
         let Some(&((kind, _), at)) = fits.first() else {
@@ -79,7 +79,8 @@ impl Join {
     }
 
     /// How well a request of the network fits one of the line; `None` if it cannot have caused it.
-    fn fit(&self, request: &Request, one: &Exchange) -> Option<Fit> {
+    fn fit(&self, at: usize, one: &Exchange) -> Option<Fit> {
+        let request = &self.requests[at];
         let (above, offset) = (&request.exchange, self.clocks.offset());
         let waited = one.start - (above.start + offset);
         if above.request != one.request || !(-LATENESS..=HORIZON).contains(&waited) {
@@ -100,9 +101,16 @@ impl Join {
             }
             _ => {
                 let is_repeated = one.retry_of.is_some() && request.attempts.last().map(|last| last.number) == one.retry_of;
-                Some((if is_repeated { SAME_REQUEST } else { IN_ORDER }, above.start))
+                (is_repeated || !self.is_overtaken(at))
+                    .then_some((if is_repeated { SAME_REQUEST } else { IN_ORDER }, above.start))
             }
         }
+    }
+
+    /// Whether a later request of the same connection was sent on the line already: a gateway keeps their order.
+    fn is_overtaken(&self, at: usize) -> bool {
+        let connection = self.requests[at].exchange.connection;
+        self.requests.range(at + 1..).any(|later| later.exchange.connection == connection && !later.attempts.is_empty())
     }
 
     /// Whether the gateway sends requests for a unit of the network to this unit of the line. A unit that was not seen

@@ -15,7 +15,9 @@
 
 mod alignment;
 mod clock;
+mod envelope;
 mod exchange;
+mod hull;
 mod line_memory;
 mod matching;
 mod rows;

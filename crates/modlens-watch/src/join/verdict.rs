@@ -48,7 +48,7 @@ impl Join {
         if let Some(last) = request.attempts.last().filter(|_| verdict.outcome == "forwarded") {
             self.memory.delivered(last.number);
         }
-        if let (Some(number), "late_answer") = (verdict.answered_by, verdict.outcome) {
+        if let Some(number) = verdict.answered_by {
             self.memory.delivered(number);
         }
         self.rows.add_request(request, &verdict, self.clocks.offset());
@@ -106,8 +106,7 @@ impl Join {
         }
         let unit = self.units.get(&above.unit).copied().unwrap_or(above.unit);
         let now = above.end.unwrap_or(above.start) + self.clocks.offset();
-        let since = self.memory.since(unit, above).filter(|since| *since <= now + LATENESS);
-        match since {
+        match self.memory.since(unit, above, now + LATENESS) {
             Some(since) => Verdict { outcome: "cached", cache_age: Some((now - since).max(0)), ..Verdict::default() },
             None => Verdict::plain("unexplained"),
         }
@@ -128,7 +127,9 @@ impl Join {
         let found = others.find_map(|answer| {
             let owner = answer.owner.as_ref().filter(|owner| owner.number != above.number)?;
             let is_same_client = owner.client == above.client;
-            if is_same_client && owner.number < above.number {
+            // The same question again: its answer is late while there is no newer one, else it is from memory.
+            let is_old = is_own_request(&answer) && self.memory.is_replaced(answer, until);
+            if is_same_client && owner.number < above.number && !is_old {
                 return Some(verdict("late_answer", answer));
             }
             (!is_same_client && !is_own_request(&answer)).then(|| verdict("wrong_client", answer))
@@ -137,7 +138,7 @@ impl Join {
             // Given to its own client and to this one.
             let mut others = self.memory.equal(&above.response, until).filter(|answer| !is_own_request(answer));
             let is_recent = |answer: &&Answer| until - answer.end < HORIZON / 10;
-            let is_cached = self.memory.since(unit, above).is_some();
+            let is_cached = self.memory.since(unit, above, until).is_some();
             let is_other = |answer: &&Answer| answer.owner.as_ref().is_some_and(|owner| owner.client != above.client);
             let answer = others.find(|answer| !is_cached && is_recent(answer) && is_other(answer))?;
             Some(verdict("wrong_client", answer))
