@@ -25,9 +25,9 @@ __all__ = ["KINDS", "HostileProxy"]
 KINDS = ("dropped", "cached", "late_answer", "wrong_client")
 FIRST_CLIENT = 21
 CLIENTS = 3
-CLIENT_TIMEOUT_S = 0.6
+CLIENT_TIMEOUT_S = 1.5
 GIVES_UP_S = 0.2
-"""So long the program waits until it tells a client that nobody answered."""
+"""So long the program waits before it says that nobody answered."""
 APART_S = 0.5
 NO_RESPONSE = b"\x83\x0b"
 
