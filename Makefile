@@ -11,7 +11,7 @@ SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 # The core of the page, compiled for WebAssembly.
 PAGE_CORE := analyzer/page/modlens.wasm.gz
 
-.PHONY: demo check test page lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak openings settings bench bench-family bench-memory bench-captures bench-text bench-readings bench-exports bench-threads false-alarms speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
+.PHONY: demo check test page lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak line-loss openings settings bench bench-family bench-memory bench-captures bench-text bench-readings bench-exports bench-threads false-alarms speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
 
 demo: export PAGER := cat
 demo: $(VENV)/.installed
@@ -159,7 +159,11 @@ memory: $(VENV)/.tested
 spark: $(VENV)/.tested
 	MODLENS_SPARK=1 $(BIN)/python -m pytest tests/analyzer/test_spark.py
 
-# Everything against a tap at once: stalled output, a full disk, no broker, a port unplugged, a clock that is set.
+# Three megabaud for ten minutes into both taps, beside processes that compute: what the kernel refused, what a tap lost.
+line-loss: $(VENV)/.tested
+	$(BIN)/python -m bench.line_loss --seconds 600
+
+# Everything against both taps at once: stalled output, a full disk, no broker, a port unplugged, a clock that is set.
 soak: $(VENV)/.tested
 	$(BIN)/python -m tests.faults.soak --seconds 600
 

@@ -1,4 +1,4 @@
-"""Damaged recordings: every file in `captures/`, packed and unpacked, changed by chance.
+"""Damaged recordings: every file in `captures/`, packed and unpacked, changed by chance or form.
 
 A case is known by its seed and number alone, so that one that fails can be made again.
 """
@@ -20,6 +20,7 @@ from pathlib import Path
 
 from analyzer.line import parse_line
 from tests.conftest import CAPTURES, ROOT, command
+from tests.faults.structured import restructured
 from tests.support.sigrok import samples, session, spaced
 
 __all__ = ["Case", "case"]
@@ -30,6 +31,9 @@ HEADS = [
     b"\x0a\x0d\x0d\x0a", b"\x28\xb5\x2f\xfd", b"From: a\nTo: b\nDate: c\n",
 ]  # fmt: skip
 """How other files begin, and what editors, terminals and lost power leave in a text."""
+
+SESSIONS = ["session.sr", "session-of-three.sr"]
+"""Samples of a line as sigrok keeps them, alone and beside others."""
 
 NUMBERS = [b"0", b"-1", b"1e308", b"99999999999999999999", b"1e-320", b"NaN", b"0x", b"\xd9\xa3"]
 
@@ -56,11 +60,13 @@ def case(seed: int, number: int) -> Case:
     # Lists of what a capture shows are files that people name by mistake: few of them are enough.
     name = chance.choice([name for name in recordings if not name.endswith(".toml")])
     name = chance.choice(list(recordings)) if chance.random() < 0.1 else name
-    data = _damaged(recordings[name], chance)
-    if chance.random() < 0.2:
+    name = chance.choice(SESSIONS) if chance.random() < 0.05 else name
+    change = _damaged if chance.random() < 0.5 else restructured
+    data = change(recordings[name], chance)
+    if chance.random() < 0.3:
         pack = chance.choice(list(_PACKERS))
         data, name = _PACKERS[pack](data, name), f"{name}.{pack}"
-        data = _damaged(data, chance) if chance.random() < 0.7 else data
+        data = change(data, chance) if chance.random() < 0.7 else data
     if chance.random() < 0.15:
         return Case(name, data, ["--from", "raw", *_mode(chance)], is_raw=True)
     is_reimported = ".pcap" in name and "recording" not in name
@@ -79,7 +85,9 @@ def _recordings() -> dict[str, bytes]:
     line = parse_line("9600-8N1")
     wire = spaced(bytes.fromhex("010300000001840a"), 0.0, line)
     wire += spaced(bytes.fromhex("0103020007f986"), 0.05, line)
-    found["session.sr"] = session(samples(line, [wire]), ["D0"])
+    for channels in (["D0"], ["D0", "D1", "CLK"]):
+        name = SESSIONS[len(channels) > 1]
+        found[name] = session(samples(line, [wire] * len(channels)), channels)
     return found
 
 

@@ -38,6 +38,12 @@ OPENER = "import sys, _modlens; _modlens.Tty(sys.argv[1], '19200-8E1'); sys.stdi
 """The opening alone, which is the same code in both taps."""
 
 
+def build_gateway() -> None:
+    """Build the tap for gateways, as `cargo test` leaves it."""
+    words = ["cargo", "build", "--release", "--locked", "--workspace", "--bin", GATEWAY.name]
+    subprocess.run(words, cwd=ROOT, check=True, timeout=900, capture_output=True)
+
+
 class Openings:
     """Watches a port for being opened."""
 

@@ -1,11 +1,13 @@
-"""A tap with everything against it at once; `make soak` takes ten minutes.
+"""Both taps with everything against them at once; `make soak` takes ten minutes.
 
     python -m tests.faults.soak --seconds 600
 
-The line is polled fifty times a second. Meanwhile nobody reads standard output, the broker goes
-away and comes back, the disk is full for a while, the port is unplugged twice, and somebody sets
-the clock forward by years. In the end the raw recording has every byte that was sent, the holes
-are marked, the rows are whole, memory has not grown, and one signal was enough.
+`modlens tap` and `modlens-tap` hear the same line, each at a port of its own; it is polled fifty
+times a second. Meanwhile nobody reads their standard output, the broker goes away and comes back,
+the disk is full for a while, the ports are unplugged twice, and somebody sets the clock forward by
+years (that of `modlens tap`; the other one has no place to do that). In the end both raw
+recordings have every byte that was sent, the holes are marked, the rows are whole, memory has not
+grown, and one signal was enough.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from typing import IO
 
 from tests.analyzer.feeds.test_mqtt import Mosquitto
 from tests.conftest import ROOT, environment
+from tests.faults.opening import GATEWAY, build_gateway
 from tests.support.far_end import FarEnd
 from tests.support.raw_recording import RTAC_HEAD, packets
 
@@ -39,8 +42,9 @@ HOLE = 6
 
 @dataclass
 class SoakResult:
-    """What has become of the run; `memory_kb` are samples of the resident memory."""
+    """What has become of one tap; `memory_kb` are samples of the resident memory."""
 
+    name: str
     sent: int = 0
     recorded_is_complete: bool = False
     holes: int = 0
@@ -58,126 +62,92 @@ class SoakResult:
         return self.memory_kb[-1] - self.memory_kb[len(self.memory_kb) // 3]
 
 
-class Soak:
-    """One run in a folder of its own."""
+class TapUnderTest:
+    """One tap with its port, in a folder of its own."""
 
-    def __init__(self, folder: Path, seconds: float) -> None:
-        self._folder, self._seconds = folder, seconds
+    def __init__(self, name: str, folder: Path, program: list[str], broker: int) -> None:
+        """Start it, and wait until it records."""
+        folder.mkdir()
+        self.result = SoakResult(name)
+        self._folder = folder
         self._end = FarEnd(folder / "ttyA")
-        self._broker = Mosquitto(folder)
-        self._clock = folder / "clock"
-        self._clock.write_text("0")
-        self._sent = bytearray()
-        self._said = bytearray()
+        self._sent, self._said = bytearray(), bytearray()
         self._plugged = True
-
-    def run(self) -> SoakResult:
-        """Everything that happens, in its order."""
-        self._broker.start()
-        with self._tap() as tap:
-            assert tap.stdout is not None
-            assert tap.stderr is not None
-            hearing = threading.Thread(target=self._hear, args=[tap.stderr])
-            hearing.start()
-            while b"recording to" not in self._said:
-                time.sleep(0.05)
-            result = SoakResult()
-            self._poll(tap, result, self._events(tap))
-            begun = time.monotonic()
-            tap.send_signal(signal.SIGTERM)
-            result.status = tap.wait(30)
-            result.seconds_to_end = time.monotonic() - begun
-            hearing.join()
-        self._broker.stop()
-        self._end.pull()
-        result.said = self._said.decode()
-        self._examine(result)
-        return result
-
-    def _tap(self) -> subprocess.Popen[bytes]:
-        words = (
-            sys.executable, "-m", "tests.faults.tap_with_clock", str(self._clock),
-            "tap", f"soak={self._end.link}", "--line", "115200-8N1",
-            "--record", self._folder / "raw.pcapng", "--rotate", "500kB",
-            "-o", self._folder / "rows.jsonl", "--mqtt", f"mqtt://127.0.0.1:{self._broker.port}/x",
-        )  # fmt: skip
-        return subprocess.Popen(
+        words = [
+            *program, f"soak={self._end.link}", "--line", "115200-8N1",
+            "--record", str(folder / "raw.pcapng"), "--rotate", "500kB",
+            "-o", str(folder / "rows.jsonl"), "--mqtt", f"mqtt://127.0.0.1:{broker}/{name}",
+        ]  # fmt: skip
+        self._tap = subprocess.Popen(
             words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT, env=environment(),
         )  # fmt: skip
+        assert self._tap.stdout is not None
+        assert self._tap.stderr is not None
+        self._rows = self._tap.stdout
+        self._hearing = threading.Thread(target=self._hear, args=[self._tap.stderr])
+        self._hearing.start()
+        _, self._no_limit = resource.prlimit(self._tap.pid, resource.RLIMIT_FSIZE)
+        while b"recording to" not in self._said:
+            assert self._tap.poll() is None, self._said
+            time.sleep(0.05)
 
-    def _events(self, tap: subprocess.Popen[bytes]) -> list[tuple[float, Callable[[], None]]]:
-        """What happens at which share of the run."""
-        _, hard = resource.prlimit(tap.pid, resource.RLIMIT_FSIZE)
+    def send(self) -> None:
+        """An exchange, unless the port is unplugged."""
+        if self._plugged:
+            os.write(self._end.far, PAIR)
+            self._sent += PAIR
 
-        def limit(size: int) -> None:
-            resource.prlimit(tap.pid, resource.RLIMIT_FSIZE, (size, hard))
+    def sample(self) -> None:
+        """Note the memory."""
+        status = Path(f"/proc/{self._tap.pid}/status").read_text(encoding="ascii")
+        found = re.search(r"VmRSS:\s+(\d+)", status)
+        self.result.memory_kb.append(int(found[1]) if found else 0)
 
-        def read_on() -> None:
-            threading.Thread(target=self._read_away, args=[tap.stdout], daemon=True).start()
+    def limit_files(self, size: int | None) -> None:
+        """The disk is full for this tap, or no more."""
+        limit = self._no_limit if size is None else size
+        resource.prlimit(self._tap.pid, resource.RLIMIT_FSIZE, (limit, self._no_limit))
 
-        def set_clock() -> None:
-            self._clock.write_text(str(1000 * 86_400 * 10**9))
+    def read_on(self) -> None:
+        """Somebody reads standard output from now on."""
+        threading.Thread(target=self._read_away, daemon=True).start()
 
-        return [
-            (0.15, self._broker.stop),
-            (0.30, self._broker.start),
-            (0.35, lambda: limit(50)),
-            (0.40, read_on),
-            (0.45, self._pull),
-            (0.48, self._plug),
-            (0.50, lambda: limit(hard)),
-            (0.55, set_clock),
-            (0.85, self._pull),
-            (0.88, self._plug),
-        ]
-
-    def _poll(
-        self,
-        tap: subprocess.Popen[bytes],
-        result: SoakResult,
-        events: list[tuple[float, Callable[[], None]]],
-    ) -> None:
-        """Send exchanges, and let the events happen."""
-        begun = next_sample = time.monotonic()
-        while (now := time.monotonic()) - begun < self._seconds:
-            while events and now - begun >= events[0][0] * self._seconds:
-                events.pop(0)[1]()
-            if now >= next_sample:
-                next_sample += self._seconds / 60
-                status = Path(f"/proc/{tap.pid}/status").read_text(encoding="ascii")
-                found = re.search(r"VmRSS:\s+(\d+)", status)
-                result.memory_kb.append(int(found[1]) if found else 0)
-            if self._plugged:
-                os.write(self._end.far, PAIR)
-                self._sent += PAIR
-            time.sleep(PAUSE_S)
-        time.sleep(1.0)
-
-    def _pull(self) -> None:
-        # What a pty still holds when it is closed is lost, which is not the tap's fault.
+    def pull(self) -> None:
+        """Unplug the port. What a pty still holds is lost then, which is not the tap's fault."""
         time.sleep(0.5)
         self._end.pull()
         self._plugged = False
 
-    def _plug(self) -> None:
+    def plug(self) -> None:
+        """Plug it in, and wait until the tap is back."""
         before = self._said.count(b"back after")
         self._end.plug()
         while self._said.count(b"back after") == before:
             time.sleep(0.05)
         self._plugged = True
 
+    def stop(self) -> SoakResult:
+        """One signal; then compare the recording and the rows with what was sent."""
+        begun = time.monotonic()
+        self._tap.send_signal(signal.SIGTERM)
+        self.result.status = self._tap.wait(30)
+        self.result.seconds_to_end = time.monotonic() - begun
+        self._hearing.join()
+        self._end.pull()
+        self.result.said = self._said.decode()
+        self._examine()
+        return self.result
+
     def _hear(self, errors: IO[bytes]) -> None:
         while block := os.read(errors.fileno(), 4096):
             self._said += block
 
-    @staticmethod
-    def _read_away(output: IO[bytes]) -> None:
-        while os.read(output.fileno(), 4096):
+    def _read_away(self) -> None:
+        while os.read(self._rows.fileno(), 4096):
             pass
 
-    def _examine(self, result: SoakResult) -> None:
-        """Compare the recording and the rows with what was sent."""
-        recorded = bytearray()
+    def _examine(self) -> None:
+        result, recorded = self.result, bytearray()
         for segment in sorted(self._folder.glob("raw_*.pcapng")):
             data = segment.read_bytes()
             result.clock_marks += data.count(b"clock_step=")
@@ -193,6 +163,74 @@ class Soak:
             result.rows += 1
 
 
+class Soak:
+    """One run in a folder of its own."""
+
+    def __init__(self, folder: Path, seconds: float) -> None:
+        """Nothing runs yet."""
+        self._folder, self._seconds = folder, seconds
+        self._broker = Mosquitto(folder)
+        self._clock = folder / "clock"
+        self._clock.write_text("0")
+
+    def run(self) -> list[SoakResult]:
+        """Everything that happens, in its order; the results of both taps."""
+        self._broker.start()
+        python = [sys.executable, "-m", "tests.faults.tap_with_clock", str(self._clock), "tap"]
+        programs = {"modlens": python, "modlens-tap": [str(GATEWAY)]}
+        taps = [
+            TapUnderTest(name, self._folder / name, program, self._broker.port)
+            for name, program in programs.items()
+        ]
+        self._poll(taps, self._events(taps))
+        results = [tap.stop() for tap in taps]
+        self._broker.stop()
+        return results
+
+    def _events(self, taps: list[TapUnderTest]) -> list[tuple[float, Callable[[], None]]]:
+        """What happens at which share of the run."""
+
+        def each(act: Callable[[TapUnderTest], None]) -> Callable[[], None]:
+            def all_of_them() -> None:
+                for tap in taps:
+                    act(tap)
+
+            return all_of_them
+
+        def set_clock() -> None:
+            self._clock.write_text(str(1000 * 86_400 * 10**9))
+
+        return [
+            (0.15, self._broker.stop),
+            (0.30, self._broker.start),
+            (0.35, each(lambda tap: tap.limit_files(50))),
+            (0.40, each(TapUnderTest.read_on)),
+            (0.45, each(TapUnderTest.pull)),
+            (0.48, each(TapUnderTest.plug)),
+            (0.50, each(lambda tap: tap.limit_files(None))),
+            (0.55, set_clock),
+            (0.85, each(TapUnderTest.pull)),
+            (0.88, each(TapUnderTest.plug)),
+        ]
+
+    def _poll(
+        self, taps: list[TapUnderTest], events: list[tuple[float, Callable[[], None]]]
+    ) -> None:
+        """Send exchanges, and let the events happen."""
+        begun = next_sample = time.monotonic()
+        while (now := time.monotonic()) - begun < self._seconds:
+            while events and now - begun >= events[0][0] * self._seconds:
+                events.pop(0)[1]()
+            is_due = now >= next_sample
+            next_sample += is_due * self._seconds / 60
+            for tap in taps:
+                if is_due:
+                    tap.sample()
+                tap.send()
+            time.sleep(PAUSE_S)
+        time.sleep(1.0)
+
+
 def main() -> int:
     """Run it, print what was found, and judge."""
     parser = argparse.ArgumentParser(
@@ -200,17 +238,20 @@ def main() -> int:
     )
     parser.add_argument("--seconds", type=float, default=600.0)
     options = parser.parse_args()
+    build_gateway()
     with tempfile.TemporaryDirectory() as folder:
-        result = Soak(Path(folder), options.seconds).run()
-    sys.stdout.write(
-        f"{result.said}\n{result.sent:,} bytes sent, recording complete:"
-        f" {result.recorded_is_complete}, {result.holes} holes and {result.clock_marks} steps of"
-        f" the clock marked, {result.rows:,} rows, {result.torn_rows} torn; memory"
-        f" {result.memory_kb[0]:,} to {result.memory_kb[-1]:,} kB, {result.growth_kb:,} kB in the"
-        f" last two thirds; ended {result.seconds_to_end:.1f} s after SIGTERM, exit status"
-        f" {result.status}\n"
-    )
-    return 0 if result.recorded_is_complete and not result.torn_rows else 1
+        results = Soak(Path(folder), options.seconds).run()
+    for result in results:
+        sys.stdout.write(
+            f"{result.said}\n{result.name}: {result.sent:,} bytes sent, recording complete:"
+            f" {result.recorded_is_complete}, {result.holes} holes and {result.clock_marks} steps"
+            f" of the clock marked, {result.rows:,} rows, {result.torn_rows} torn; memory"
+            f" {result.memory_kb[0]:,} to {result.memory_kb[-1]:,} kB, {result.growth_kb:,} kB in"
+            f" the last two thirds; ended {result.seconds_to_end:.1f} s after SIGTERM, exit status"
+            f" {result.status}\n"
+        )
+    is_right = all(result.recorded_is_complete and not result.torn_rows for result in results)
+    return 0 if is_right else 1
 
 
 if __name__ == "__main__":

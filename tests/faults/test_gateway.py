@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 import _modlens
-from tests.conftest import ROOT, environment
+from tests.conftest import environment
 
 if sys.platform != "linux":
     pytest.skip("the gateway's tap is for Linux", allow_module_level=True)
@@ -22,7 +22,7 @@ if sys.platform != "linux":
 import pty
 import tty
 
-from tests.faults.opening import GATEWAY
+from tests.faults.opening import GATEWAY, build_gateway
 
 PAIR = bytes.fromhex("010300000001840a0103020007f986")
 PATIENCE_S = 20.0
@@ -32,9 +32,7 @@ RUNNING: list[subprocess.Popen[bytes]] = []
 
 @pytest.fixture(scope="module", autouse=True)
 def _gateway() -> None:
-    """Build it, as `cargo test` leaves it."""
-    words = ["cargo", "build", "--release", "--locked", "--workspace", "--bin", GATEWAY.name]
-    subprocess.run(words, cwd=ROOT, check=True, timeout=900, capture_output=True)
+    build_gateway()
 
 
 @pytest.fixture

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from tests.conftest import ROOT, need_program
+from tests.conftest import need_program
 
 if sys.platform != "linux":
     pytest.skip("Linux opens ports with echo", allow_module_level=True)
 
-from tests.faults.opening import GATEWAY, OPENER, TAPS, echoed
+from tests.faults.opening import OPENER, TAPS, build_gateway, echoed
 
 FIRST_CALLS = ["flock", "TCSETS", "TCFLSH", "TIOCMBIC"]
 """Lock, raw without asking first, drop what waits to be sent, lower DTR and RTS."""
@@ -22,9 +21,7 @@ FIRST_CALLS = ["flock", "TCSETS", "TCFLSH", "TIOCMBIC"]
 
 @pytest.fixture(scope="module")
 def _gateway() -> None:
-    """Build the tap for gateways, as `cargo test` leaves it."""
-    words = ["cargo", "build", "--release", "--locked", "--workspace", "--bin", GATEWAY.name]
-    subprocess.run(words, cwd=ROOT, check=True, timeout=900, capture_output=True)
+    build_gateway()
 
 
 @pytest.mark.usefixtures("_gateway")
