@@ -11,7 +11,7 @@ SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 # The core of the page, compiled for WebAssembly.
 PAGE_CORE := analyzer/page/modlens.wasm.gz
 
-.PHONY: demo check test page lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak line-loss openings settings bench bench-family bench-memory bench-captures bench-text bench-readings bench-exports bench-threads false-alarms speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
+.PHONY: demo check test page lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak line-loss esphome openings settings bench bench-family bench-memory bench-captures bench-text bench-readings bench-exports bench-threads false-alarms speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
 
 demo: export PAGER := cat
 demo: $(VENV)/.installed
@@ -166,6 +166,12 @@ line-loss: $(VENV)/.tested
 # Everything against both taps at once: stalled output, a full disk, no broker, a port unplugged, a clock that is set.
 soak: $(VENV)/.tested
 	$(BIN)/python -m tests.faults.soak --seconds 600
+
+# A real ESPHome of the platform `host` beside a direct tap, row by row. MINUTES=30; installs ESPHome and builds it.
+MINUTES ?= 30
+esphome: $(VENV)/.tested
+	test -x $(VENV)-esphome/bin/esphome || { $(PYTHON) -m venv $(VENV)-esphome && $(VENV)-esphome/bin/python -m pip --quiet install esphome; }
+	$(BIN)/python -m tests.support.esphome_host --minutes $(MINUTES) --esphome $(VENV)-esphome/bin/esphome
 
 # What the other side of a line sees of 1,000 openings, and of 100 with a slow driver; six minutes.
 openings: $(VENV)/.tested

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import base64
+import contextlib
 import importlib
+import os
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from typing import Any
@@ -21,6 +24,8 @@ from analyzer import PortError, UsageError
 from analyzer.live_run import LiveRun
 from analyzer.settings import Settings
 from analyzer.sources.esphome import KEY, open_port
+from tests.support.ptybus import PtyBus
+from tests.support.side_by_side import MASTER, UNIT, Heard, differences, poll
 
 messages: Any = importlib.import_module("aioesphomeapi.api_pb2")
 NUMBERS = {kind.__name__: number for number, kind in MESSAGE_TYPE_TO_PROTO.items()}
@@ -252,6 +257,44 @@ def test_rows_are_decoded_and_nothing_is_written(device: Device) -> None:
     assert [(one.baudrate, one.data_size, one.stop_bits) for one in configured] == [
         (9600, 8, 1)
     ] * 3
+
+
+def test_rows_are_those_of_the_line_row_by_row_over_three_reconnects(device: Device) -> None:
+    """Traffic of the pty bus: what the proxy passes on gives the rows of a tap on the line."""
+    with PtyBus([MASTER, UNIT, "tap", "proxy"], 19200, 10) as bus:
+        proxy = os.open(bus.path("proxy"), os.O_RDWR | os.O_NOCTTY)
+
+        def pass_on() -> None:
+            with contextlib.suppress(OSError):
+                while data := os.read(proxy, 256):
+                    device.send(data)
+            os.close(proxy)
+
+        threading.Thread(target=pass_on, daemon=True).start()
+        drops = [1.0, 2.5, 4.0]
+
+        def drop_when_due(seconds: float) -> None:
+            if drops and seconds > drops[0]:
+                drops.pop(0)
+                device.drop()
+
+        name = f"esphome://127.0.0.1:{device.port}/meter@19200-8N1"
+        with Heard(f"{bus.path('tap')}@19200-8N1") as direct, Heard(name) as other:
+            count = poll(bus, seconds=6.0, between=drop_when_due)
+            direct.wait_for(count - 1)
+            time.sleep(1.0)
+        senders = {sent.sender for sent in bus.truth}
+    assert len(direct.rows) == count > 50
+    assert other.returned() == 3
+    found = differences(direct.rows, other.rows)
+    assert found.is_in_order
+    assert found.holes <= 3
+    # Where the connection was away, half of an exchange may have been heard.
+    assert len(found.extra) <= 6
+    assert {row[-1] for row in found.extra} <= {"unsolicited", "not_observed", "no_response"}
+    assert len(found.missing) < count / 2
+    assert senders == {MASTER, UNIT}
+    assert {kind for kind, _ in device.got} <= PASSIVE
 
 
 def test_an_encrypted_connection_needs_the_key(monkeypatch: pytest.MonkeyPatch) -> None:

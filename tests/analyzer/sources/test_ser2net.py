@@ -1,98 +1,99 @@
-"""A real ser2net between a line and modlens: the network and its trace have the same rows.
-
-Not by RFC 2217: ser2net does not answer for RTS and DTR, which a pseudo terminal has not.
-"""
+"""A real ser2net between a line and modlens: rows are those of a tap on the line, row by row."""
 
 from __future__ import annotations
 
+import contextlib
 import os
-import pty
 import socket
 import subprocess
 import time
-import tty
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from analyzer import decode
-from analyzer.live_run import LiveRun
-from analyzer.settings import Settings
-from tests.conftest import need_program
+from tests.conftest import ROOT, need_program
+from tests.support.gateways import free_port
+from tests.support.ptybus import PtyBus
+from tests.support.side_by_side import MASTER, UNIT, Differences, Heard, differences, poll, row_of
 
-REQUEST, RESPONSE = bytes.fromhex("010300000001840a"), bytes.fromhex("0103020007f986")
-COUNT = 5
+MODEM_LINES = ROOT / "tests" / "support" / "modem_lines.c"
 
 
-class Gateway:
-    """Ser2net on a free port of loopback, with a pseudo terminal as its line."""
-
-    def __init__(self, folder: Path) -> None:
-        self.line, slave = pty.openpty()
-        tty.setraw(slave)
-        with socket.create_server(("127.0.0.1", 0)) as probe:
-            self.port = probe.getsockname()[1]
-        self.trace = folder / "trace.txt"
-        config = folder / "ser2net.yaml"
-        config.write_text(
-            "%YAML 1.1\n---\nconnection: &one\n"
-            f"  accepter: tcp,127.0.0.1,{self.port}\n"
-            f"  connector: serialdev,{os.ttyname(slave)},9600n81,local\n"
-            f"  options:\n    trace-both: {self.trace}\n"
-            "    trace-both-hexdump: true\n    trace-both-timestamp: true\n"
-        )
-        program = need_program("ser2net")
-        self._slave = slave
-        self._running = subprocess.Popen(
-            [program, "-n", "-d", "-c", str(config)],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
+@contextlib.contextmanager
+def gateway(
+    folder: Path, accepter: str, line: str, *options: str, preload: str = ""
+) -> Iterator[int]:
+    """Ser2net on a free port of loopback; gives the port. `options` are those of the connection."""
+    port = free_port()
+    config = [
+        "%YAML 1.1",
+        "---",
+        "connection: &one",
+        f"  accepter: {accepter},127.0.0.1,{port}",
+        f"  connector: serialdev,{line},19200n81,local",
+        *(["  options:", *(f"    {one}" for one in options)] if options else []),
+    ]
+    path = folder / f"{port}.yaml"
+    path.write_text("\n".join([*config, ""]))
+    silent = subprocess.DEVNULL
+    running = subprocess.Popen(
+        [need_program("ser2net"), "-n", "-d", "-c", str(path)],
+        env=os.environ | {"LD_PRELOAD": preload},
+        stdout=silent,
+        stderr=silent,
+    )
+    try:
         end = time.monotonic() + 10
         while True:
-            with socket.socket() as probe_socket:
-                if probe_socket.connect_ex(("127.0.0.1", self.port)) == 0:
+            with socket.socket() as probe:
+                if probe.connect_ex(("127.0.0.1", port)) == 0:
                     break
             assert time.monotonic() < end
             time.sleep(0.05)
         time.sleep(0.3)  # the probe's connection has to end first: ser2net allows one
-
-    def send(self) -> None:
-        """A request and its response on the line, as others on the bus send them."""
-        for part in (REQUEST, RESPONSE):
-            os.write(self.line, part)
-            time.sleep(0.02)
-
-    def close(self) -> None:
-        """End the program."""
-        self._running.kill()
-        self._running.wait()
-        os.close(self.line)
-        os.close(self._slave)
+        yield port
+    finally:
+        running.kill()
+        running.wait()
 
 
 @pytest.fixture
-def gateway(tmp_path: Path) -> Iterator[Gateway]:
-    one = Gateway(tmp_path)
-    yield one
-    one.close()
+def modem_lines(tmp_path: Path) -> str:
+    """A library that gives pseudo terminals modem lines: ser2net's RFC 2217 asks for them."""
+    library = str(tmp_path / "modem_lines.so")
+    words = [need_program("cc"), "-shared", "-fPIC", str(MODEM_LINES), "-o", library, "-ldl"]
+    subprocess.run(words, check=True)
+    return library
 
 
-def test_live_and_trace_have_the_rows_of_the_line(gateway: Gateway) -> None:
-    """What the tap hears over the network, and what ser2net wrote down of it."""
-    found: list[Any] = []
-    with closing(LiveRun([f"socket://127.0.0.1:{gateway.port}"], Settings())) as run:
-        for turn, batch in enumerate(run.batches()):
-            found += batch.transactions
-            if len(found) == COUNT:
-                break
-            if turn % 4 == 3 and turn < COUNT * 4:
-                gateway.send()
-            assert turn < 400
-    rows = [(row.unit, row.function, row.address, row.data, row.status) for row in found]
-    assert rows == [(1, 3, 0, [7], "ok")] * COUNT
-    traced = decode(gateway.trace).transactions
-    assert [(r.unit, r.function, r.address, r.data, r.status) for r in traced] == rows
+@pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning")  # pyserial calls them
+def test_all_ways_have_the_rows_of_the_line(tmp_path: Path, modem_lines: str) -> None:
+    """Raw TCP, RFC 2217 and ser2net's trace, at once; ser2net writes nothing to the line."""
+    trace = tmp_path / "trace.txt"
+    options = [
+        f"trace-both: {trace}", "trace-both-hexdump: true", "trace-both-timestamp: true",
+    ]  # fmt: skip
+    with (
+        PtyBus([MASTER, UNIT, "tap", "raw", "2217"], 19200, 10) as bus,
+        gateway(tmp_path, "tcp", bus.path("raw"), *options) as raw,
+        gateway(tmp_path, "telnet(rfc2217),tcp", bus.path("2217"), preload=modem_lines) as telnet,
+        Heard(f"{bus.path('tap')}@19200-8N1") as direct,
+        Heard(f"socket://127.0.0.1:{raw}") as over_tcp,
+        Heard(f"rfc2217://127.0.0.1:{telnet}@19200-8N1") as over_2217,
+    ):
+        count = poll(bus, seconds=4.0)
+        for one in (direct, over_tcp, over_2217):
+            one.wait_for(count - 1)
+        time.sleep(0.5)
+        senders = {sent.sender for sent in bus.truth}
+    assert len(direct.rows) == count > 40
+    assert differences(direct.rows, over_tcp.rows) == Differences()
+    assert differences(direct.rows, over_2217.rows) == Differences()
+    # Whole seconds do not show that a request of the last second was given up.
+    given_up = {"not_observed": "no_response"}
+    traced = [row_of(row) for row in decode(trace).transactions]
+    traced = [(*row, given_up.get(status, status)) for *row, status in traced]
+    assert differences(direct.rows, traced) == Differences()
+    assert senders == {MASTER, UNIT}
