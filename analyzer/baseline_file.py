@@ -23,6 +23,7 @@ _HEAD = """\
 # period_s        ranges of the time from one to the next, a pair for each phase (day, night ...)
 # outcomes        how often it ended how
 # response_time   how many were measured, and their deciles in seconds
+# judged          what its registers are: setpoint (somebody writes it), state (it moves), constant
 # values          of each register: number of changes, then its values, or lowest, highest, "range"
 # Delete a line to have its request reported; modlens security --accept adds lines.
 format = 1

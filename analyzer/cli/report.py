@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from analyzer.cli.comparison import comparison
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import SIGNALLED
 from analyzer.cli.parser import add_decoding, add_input, add_line
@@ -19,6 +20,7 @@ EPILOG = """\
 examples:
   modlens report recording.jsonl --line 19200-8E1 -o report.html
   modlens report monday.pcap tuesday.pcap -o week.html
+  modlens report tuesday.pcap --against monday.pcap -o tuesday.html
   modlens report --viewer -o viewer.html
 
 The page needs no network and can be mailed. Drop the JSON of `modlens stats
@@ -46,6 +48,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         " in the recording, else what the files' names have in common)",
     )
     parser.add_argument(
+        "--against",
+        metavar="FILE",
+        action="append",
+        help="a recording from before: the page has a section of what differs from it, as modlens"
+        " diff finds it; repeatable, for several recordings that are compared as one",
+    )
+    parser.add_argument(
         "--viewer",
         action="store_true",
         help="write a page without data, on which documents of stats --to json can be dropped",
@@ -57,13 +66,18 @@ def run(options: argparse.Namespace) -> int:
     """Decode the recordings, then write the page; gives the exit status."""
     if options.viewer == bool(options.files):
         raise UsageError("report: name recordings, or --viewer for a page without data")
+    if options.viewer and options.against:
+        raise UsageError("report: --against compares recordings; a page without data has none")
     if options.viewer:
         write_page(options.output, viewer())
         return 0
     messages = Messages(quiet=False, timezone=options.timezone)
     with StopSignals() as stop_signals:
         recording = RecordingDocument(options, messages, stop_signals)
-        write_page(options.output, page(recording.document))
+        document = recording.document
+        if options.against and stop_signals.signal is None:
+            document = {**document, "comparison": [comparison(options)]}
+        write_page(options.output, page(document))
         if stop_signals.signal is not None:
             return SIGNALLED + stop_signals.signal
     messages.info(recording.document["doctor"]["sentence"])

@@ -66,7 +66,8 @@ def sections(document: Mapping[str, Any]) -> list[dict[str, Any]]:
     return [
         section
         for section in layout()["section"]
-        if not section.get("optional") or rows_at(document, section["rows"])
+        if not (path := section.get("optional"))
+        or rows_at(document, section["rows"] if path is True else path)
     ]
 
 

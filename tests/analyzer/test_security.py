@@ -164,12 +164,12 @@ def findings(capsys: pytest.CaptureFixture[str]) -> Findings:
     return rows
 
 
-# Ids of ATT&CK for ICS that version 19 revoked: sub-techniques of T1691 to T1695 have taken their place
+# Ids of ATT&CK for ICS that version 19 revoked, for sub-techniques of T1691 to T1695
 # (attack.mitre.org/docs/subtechniques/ics-sub-techniques-crosswalk.json).
 REVOKED = {"T0803", "T0804", "T0805", "T0812", "T0839", "T0855", "T0856", "T0857", "T0891"}
 # What the traffic cannot show: docs/security.md.
 NOT_CLAIMED = {"T0831", "T0835", "T0837", "T0838", "T0877", "T0880", "T0892"}
-# Names as version 19.2 of ATT&CK for ICS has them; those of sub-techniques begin with their technique's.
+# Names of version 19.2; those of sub-techniques begin with that of their technique.
 NAMES = {
     "T0801": "Monitor Process State",
     "T0806": "Brute Force I/O",

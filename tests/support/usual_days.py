@@ -132,7 +132,9 @@ def alarms(folder: Path, days: int, *, hours: float = 24, begin_hour: float = 0)
     return found
 
 
-def differences(folder: Path, pairs: int, hours: float) -> tuple[int, int, list[str]]:
+def differences(
+    folder: Path, pairs: int, hours: float, seed: int = 5000
+) -> tuple[int, int, list[str]]:
     """Compare pairs of days; gives planted changes that were found, false ones, and their texts."""
     found, false, texts = 0, 0, []
     codes = sorted(CHANGES)
@@ -140,8 +142,8 @@ def differences(folder: Path, pairs: int, hours: float) -> tuple[int, int, list[
         code = codes[number % len(codes)]
         for plant, wanted in ((CHANGES[code], {code}), (ORDINARY, set())):
             seconds = int(hours * HOUR_S)
-            before = day(folder / "a.pcap", replace(ORDINARY, seconds=seconds), 5000 + 2 * number)
-            after = day(folder / "b.pcap", replace(plant, seconds=seconds), 5001 + 2 * number)
+            before = day(folder / "a.pcap", replace(ORDINARY, seconds=seconds), seed + 2 * number)
+            after = day(folder / "b.pcap", replace(plant, seconds=seconds), seed + 1 + 2 * number)
             rows = run("diff", before, after, "--to", "jsonl").stdout.splitlines()
             seen = {row["code"] for row in map(json.loads, rows)}
             found += bool(wanted) and wanted <= seen
@@ -158,6 +160,7 @@ def main() -> None:
     parser.add_argument("--days", type=int, default=1)
     parser.add_argument("--pairs", type=int, default=50)
     parser.add_argument("--hours", type=float, default=24)
+    parser.add_argument("--seed", type=int, default=5000, help="of the first pair of diff")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         if options.what == "alarms":
@@ -165,7 +168,9 @@ def main() -> None:
                 counts = Counter(text.removeprefix("while reading: ").split()[0] for text in texts)
                 print(f"day {number}: {len(texts)} alerts {dict(counts)}", *texts, sep="\n  ")  # noqa: T201
         else:
-            found, false, texts = differences(Path(name), options.pairs, options.hours)
+            found, false, texts = differences(
+                Path(name), options.pairs, options.hours, options.seed
+            )
             texts.append(f"{found} of {options.pairs} planted changes found, {false} false")
             print(*texts, sep="\n")  # noqa: T201
 

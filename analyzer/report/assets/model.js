@@ -51,7 +51,8 @@ const Model = (() => {
 
   const summary = (document) => Object.fromEntries(["name", "period", "sources"].map((key) => [key, visible(document.summary?.[key] || "")]));
 
-  const sections = (document, layout) => layout.section.filter((one) => !one.optional || rowsAt(document, one.rows).length);
+  const sections = (document, layout) =>
+    layout.section.filter(({ optional, rows }) => !optional || rowsAt(document, optional === true ? rows : optional).length);
 
   const isNested = (value) => typeof value === "object" && value !== null;
 

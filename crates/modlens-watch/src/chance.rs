@@ -38,6 +38,20 @@ pub fn rank_deviation(above: f64, count: u64, other: u64) -> f64 {
     (above - 0.5) / ((n + m + 1.0) / (12.0 * n * m)).sqrt()
 }
 
+/// The chance that something seen so many times among all trials was not among the earlier ones, if each trial could have it:
+/// at most one in `1 + earlier / now` for each time it was seen.
+///
+/// ```
+/// use modlens_watch::chance::chance_of_none;
+/// // One of two equal halves has a single sighting: even odds. Twelve sightings in one of them: one in 4096.
+/// assert_eq!(chance_of_none(1, 50, 50), 0.5);
+/// assert_eq!(chance_of_none(12, 1000, 1000), 1.0 / 4096.0);
+/// ```
+pub fn chance_of_none(hits: u64, now: u64, earlier: u64) -> f64 {
+    let share = now as f64 / (now + earlier).max(1) as f64;
+    share.powi(i32::try_from(hits).unwrap_or(i32::MAX))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

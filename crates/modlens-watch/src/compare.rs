@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use modlens_protocol::Ns;
 use serde_json::{json, Value as Json};
 
-use crate::chance::{at_least, rank_deviation};
+use crate::chance::{at_least, chance_of_none, rank_deviation};
 use crate::histogram::rounded;
 use crate::usage::{BusUsage, Habit, RequestKey, Usage, Values};
 use crate::usual::{Usual, UsualBus, UsualRequest, UsualValues};
@@ -49,6 +49,15 @@ const OUTCOME_CHANCE: f64 = 1e-7;
 
 /// And by how much: one in a hundred.
 const OUTCOME_SHARE: f64 = 0.01;
+
+/// A value of a few that was never written before is a difference where days that are alike bring it about more rarely.
+const VALUE_CHANCE: f64 = 1e-3;
+
+/// And anyhow where it lies outside of the usual ones by more than this many times their range.
+const VALUE_DISTANCE: f64 = 1.0;
+
+/// Values of a register with many are a difference where they lie outside of its range by more than this share of it.
+const RANGE_SHARE: f64 = 0.5;
 
 /// Changes of a register after which standing still, or samples after which moving, is a difference.
 const MOVING_CHANGES: u64 = 20;
@@ -264,9 +273,14 @@ impl Comparison<'_> {
         for (at, (known, seen)) in usual.values.iter().zip(&habit.values).enumerate() {
             let Some((low, high)) = seen.range else { continue };
             let odd: Vec<i64> = if known.few.is_empty() {
-                [low, high].map(i64::from).into_iter().filter(|value| !is_within(known, *value)).collect()
+                [low, high].map(i64::from).into_iter().filter(|value| !is_within(known, *value, RANGE_SHARE)).collect()
             } else if seen.is_list() {
-                seen.few.iter().map(|value| i64::from(*value)).filter(|value| !known.few.contains(value)).collect()
+                let counts = seen.few.iter().map(|(value, count)| (i64::from(*value), *count));
+                let unknown = counts.filter(|(value, _)| !known.few.contains(value));
+                let is_odd = |(value, count): &(i64, u64)| {
+                    chance_of_none(*count, habit.count, usual.count) < VALUE_CHANCE || !is_within(known, *value, VALUE_DISTANCE)
+                };
+                unknown.filter(is_odd).map(|(value, _)| value).collect()
             } else {
                 vec![i64::from(low), i64::from(high)]
             };
@@ -301,10 +315,10 @@ impl Comparison<'_> {
     }
 }
 
-/// Whether a value lies in the usual range, widened by a tenth of it on both sides.
-fn is_within(known: &UsualValues, value: i64) -> bool {
+/// Whether a value lies in the usual range, widened by a share of it on both sides.
+fn is_within(known: &UsualValues, value: i64, share: f64) -> bool {
     known.range.is_none_or(|(low, high)| {
-        let slack = (high - low) / 10;
+        let slack = ((high - low) as f64 * share) as i64;
         (low - slack..=high + slack).contains(&value)
     })
 }
@@ -331,7 +345,7 @@ fn values_text(known: &UsualValues) -> String {
 fn now_values(seen: &Values) -> String {
     match seen.range {
         Some((low, high)) if !seen.is_list() => format!("{low} to {high}"),
-        _ => seen.few.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "),
+        _ => seen.few.keys().map(ToString::to_string).collect::<Vec<_>>().join(", "),
     }
 }
 

@@ -1,6 +1,6 @@
 //! The usage of buses: who asks for what, how often, with which outcome, values and response times.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use modlens_engine::records::{Batch, Transaction};
 use modlens_protocol::source::Clock;
@@ -39,8 +39,8 @@ pub struct RequestKey {
 pub struct Values {
     /// Lowest and highest.
     pub range: Option<(i32, i32)>,
-    /// All of them, while they are few.
-    pub few: BTreeSet<i32>,
+    /// All of them, while they are few, and how often each was seen.
+    pub few: BTreeMap<i32, u64>,
     /// How often a value differed from the one before.
     pub changes: u64,
     last: Option<i32>,
@@ -51,10 +51,20 @@ impl Values {
         let (low, high) = self.range.unwrap_or((value, value));
         self.range = Some((low.min(value), high.max(value)));
         if self.few.len() <= MAX_VALUES {
-            self.few.insert(value);
+            *self.few.entry(value).or_default() += 1;
         }
         self.changes += u64::from(self.last.is_some_and(|last| last != value));
         self.last = Some(value);
+    }
+
+    /// What the register is: written and seldom another value, or written by somebody, is a setpoint.
+    fn judged(&self, writes: bool, is_written: bool, count: u64) -> &'static str {
+        match (writes, is_written) {
+            (true, _) if self.is_list() || 2 * self.changes < count => "setpoint",
+            (false, true) => "setpoint",
+            (false, false) if self.changes == 0 => "constant",
+            _ => "state",
+        }
     }
 
     /// Whether `few` holds all values.
@@ -80,6 +90,16 @@ pub struct Habit {
     pub values: Vec<Values>,
     /// The first transaction.
     pub first_txn: u64,
+}
+
+/// Whether a request is about bits, and not about registers.
+fn is_bits(key: &RequestKey) -> bool {
+    matches!(key.function, 1 | 2 | 5 | 15)
+}
+
+/// The first address and that after the last one.
+fn ends((first, quantity): (u16, u16)) -> (u32, u32) {
+    (u32::from(first), u32::from(first) + u32::from(quantity))
 }
 
 /// The usage of one bus.
@@ -184,13 +204,37 @@ impl BusUsage {
         json!({
             "name": name, "since": self.times.map(|times| date(times.0)), "until": self.times.map(|times| date(times.1)),
             "hours": hours.map(rounded), "not_counted": self.not_counted,
-            "request": self.requests.iter().map(|(key, habit)| habit.json(key)).collect::<Vec<_>>(),
+            "request": self.requests.iter().map(|(key, habit)| habit.json(key, self.judged(key, habit))).collect::<Vec<_>>(),
         })
+    }
+
+    /// Which registers of a request are setpoints, state, or constant, in words: `setpoint 200, state 201-203`.
+    fn judged(&self, key: &RequestKey, habit: &Habit) -> Option<String> {
+        let (first, _) = key.range?;
+        let written =
+            self.requests.keys().filter(|other| other.writes && other.unit == key.unit && is_bits(other) == is_bits(key));
+        let written: Vec<(u32, u32)> = written.filter_map(|other| other.range).map(ends).collect();
+        let is_input = matches!(key.function, 2 | 4);
+        let mut runs: Vec<(&str, u32, u32)> = Vec::new();
+        for (at, values) in habit.values.iter().enumerate() {
+            let address = u32::from(first) + at as u32;
+            let is_written = !is_input && written.iter().any(|(begin, end)| (*begin..*end).contains(&address));
+            let word = values.judged(key.writes, is_written, habit.count);
+            match runs.last_mut() {
+                Some((last, _, end)) if *last == word => *end = address,
+                _ => runs.push((word, address, address)),
+            }
+        }
+        let text = |(word, begin, end): &(&str, u32, u32)| {
+            let last = if begin == end { String::new() } else { format!("-{end}") };
+            format!("{word} {begin}{last}")
+        };
+        (!runs.is_empty()).then(|| runs.iter().map(text).collect::<Vec<_>>().join(", "))
     }
 }
 
 impl Habit {
-    fn json(&self, key: &RequestKey) -> Json {
+    fn json(&self, key: &RequestKey, judged: Option<String>) -> Json {
         let mut row = Map::new();
         let mut put = |name: &str, value: Json| {
             if !value.is_null() {
@@ -207,6 +251,7 @@ impl Habit {
         put("period_s", if self.intervals.total() == 0 { Json::Null } else { json!(self.intervals.phases()) });
         put("outcomes", json!(self.outcomes));
         put("response_time", if self.responses.total() == 0 { Json::Null } else { self.responses.deciles() });
+        put("judged", json!(judged));
         put("values", if self.values.is_empty() { Json::Null } else { self.values.iter().map(Values::json).collect() });
         Json::Object(row)
     }
@@ -218,7 +263,7 @@ impl Values {
         let mut all = vec![json!(self.changes)];
         match self.range {
             Some((low, high)) if !self.is_list() => all.extend([json!(low), json!(high), json!("range")]),
-            _ => all.extend(self.few.iter().map(|value| json!(value))),
+            _ => all.extend(self.few.keys().map(|value| json!(value))),
         }
         Json::Array(all)
     }
