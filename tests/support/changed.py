@@ -61,6 +61,7 @@ TESTS_OF_FILES = {
     "Cargo.lock": "tests/packaging/test_third_party.py",
     "THIRD_PARTY.md": "tests/packaging/test_third_party.py",
     "_modlens.pyi": "tests/border/test_stub.py",
+    "analyzer/cli/__init__.py": "tests/packaging/test_shell_files.py",
     "README.md": "tests/docs/test_readme.py",
     "CONTRIBUTING.md": "tests/docs/test_contributing.py",
     "ARCHITECTURE.md": "tests/docs/test_contributing.py",
@@ -107,6 +108,8 @@ def tests_of(file: str) -> Iterator[str]:
     elif path.parts[0] == "tests" and path.name.startswith("test_"):
         yield file
     elif path.parts[0] in ("modlens", "analyzer", "dissectors"):
+        if path.is_relative_to("analyzer/cli"):
+            yield TESTS_OF_FILES["analyzer/cli/__init__.py"]
         if path.suffix == ".py":
             yield file  # Its doctests.
         yield from nearest_tests(path)

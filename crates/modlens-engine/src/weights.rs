@@ -507,6 +507,8 @@ weights! {
         COLLISION_BITS: f32 = 5.0;
         /// Cost of a byte in which a collision seems to have set bits to 1, which it cannot do.
         COLLISION_MISFIT_BITS: f32 = 4.0;
+        /// Cost of each byte that both transmitters may have sent, beside one bit for each of its ones.
+        COLLISION_BYTE_BITS: f32 = 0.5;
         /// Cost of a byte with one flipped bit.
         ONE_FLIP_BITS: f32 = 9.0;
         /// Cost of a byte with two flipped bits.

@@ -303,7 +303,7 @@ impl Row {
             Cell::Codes(codes) => PyList::new(py, codes.iter().map(|code| code.doc().code))?.into_any(),
             Cell::Fields(fields) => {
                 let mut text = Vec::new();
-                fields.push(&mut text);
+                fields.push_json(&mut text);
                 py.import("json")?.call_method1("loads", (PyBytes::new(py, &text),))?
             }
             Cell::Map(map) => py.import("json")?.call_method1("loads", (map.to_string(),))?,

@@ -132,7 +132,7 @@ pub fn push_plain(cell: &Cell<'_>, out: &mut Vec<u8>) {
                 push_short(code.doc().code.as_bytes(), out);
             }
         }
-        Cell::Fields(fields) => fields.push(out),
+        Cell::Fields(fields) => fields.push_json(out),
         Cell::Map(map) => out.extend_from_slice(map.to_string().as_bytes()),
         Cell::Source(file, place, number) => push_source(file, *place, *number, out),
     }

@@ -97,7 +97,7 @@ pub struct UnitCounts {
     /// Answers one step behind.
     pub epochs: Epochs,
     /// Reads from unit 0, that is: from all units.
-    pub reads_of_all: Tally,
+    pub reads_from_unit_0: Tally,
     /// Requests sent while another master's was open.
     pub crossings: Tally,
     /// Values that make sense in another order only.
@@ -313,7 +313,7 @@ impl UnitCounts {
         }
     }
 
-    /// Whether nothing but the number of exchanges that went well is to be noted for lockstep.
+    /// Whether lockstep needs only the number of good exchanges.
     #[inline]
     pub(super) fn takes_clean(&self) -> bool {
         self.epochs.takes_clean()
@@ -361,7 +361,7 @@ impl UnitCounts {
         self.by_pause[0].total += good;
     }
 
-    /// Counts a transaction. What is pending of its order has to be settled.
+    /// Counts a transaction. Call `settle_order` first: runs depend on the order.
     pub(super) fn count(&mut self, seen: &Observation, before: Before) {
         self.count_oddities(seen);
         if seen.outcome == Outcome::Unasked {
@@ -373,11 +373,11 @@ impl UnitCounts {
             self.epochs.count(seen.outcome, None, seen.place);
         }
         if !seen.outcome.counts() {
-            self.reads_of_all.count(seen.is_read_of_all(), seen.place);
+            self.reads_from_unit_0.count(seen.is_read_of_all(), seen.place);
             return;
         }
         if seen.is_read_of_all() {
-            self.reads_of_all.count(true, seen.place);
+            self.reads_from_unit_0.count(true, seen.place);
         }
         self.epochs.count(seen.outcome, seen.shift, seen.place);
         let (place, failed) = (seen.place, seen.outcome.is_failure());
@@ -511,7 +511,7 @@ impl UnitCounts {
             (&mut self.order_mismatches, &later.order_mismatches),
             (&mut self.not_seen, &later.not_seen),
             (&mut self.odd_lengths, &later.odd_lengths),
-            (&mut self.reads_of_all, &later.reads_of_all),
+            (&mut self.reads_from_unit_0, &later.reads_from_unit_0),
         ];
         for (own, more) in pairs {
             own.merge(more);

@@ -176,15 +176,24 @@ fn burst(view: &View<'_>) -> Option<String> {
 /// Damage at the first bytes of a unit's answers, or at the last bytes of requests.
 pub(super) fn driver_enable(view: &View<'_>) -> Vec<Claim> {
     let answers = view.units().filter_map(|(unit, counts)| {
-        let start = &counts.damaged_parts[DamagedPart::Start as usize];
-        let is_late = begins_alike(view, counts);
-        let start = if is_late { &counts.garbled } else { start };
-        let chance = if is_late { view.beyond_accident(counts.garbled.share())? } else { at_the_edge(view, start, counts.garbled.share())? };
+        let edge = &counts.damaged_parts[DamagedPart::Start as usize];
+        let damaged = counts.garbled.share();
+        let alike = begins_alike(view, counts);
+        let (start, chance) = match alike {
+            Some(_) => (&counts.garbled, view.beyond_accident(damaged)?),
+            None => (edge, at_the_edge(view, edge, damaged)?),
+        };
+        let place = match alike {
+            Some(_) => "from the first byte on, and begin with the same wrong bytes",
+            None => "in the first one or two bytes of its answers, and nowhere else",
+        };
+        let share = alike.map_or(start.share(), |alike| Share { failed: alike, total: damaged.failed });
         let late = "its driver-enable timing: it sends before its own transceiver, or the master's, has turned round; a delay before the answer helps";
+        let claim = Claim { share, ..Claim::new("driver_enable", start, chance) };
         Some(
-            Claim::new("driver_enable", start, chance)
+            claim
                 .of_unit(unit)
-                .fact("where", "in the first one or two bytes of its answers")
+                .fact("where", place)
                 .fact("what_to_check", format!("Unit {unit}: {late}. Also how long the master holds its driver after a request."))
                 .fact("experiment", format!("Set a longer response delay in unit {unit}: the first bytes are whole."))
                 .at_most(crate::claim::severity_of(Share { failed: start.failed, total: counts.failures.total })),
@@ -200,7 +209,7 @@ pub(super) fn driver_enable(view: &View<'_>) -> Vec<Claim> {
     });
     let from_master = at_the_edge(view, &requests.0, requests.1).map(|chance| {
         Claim::new("driver_enable", &requests.0, chance)
-            .fact("where", "at the end of requests")
+            .fact("where", "at the end of requests, and nowhere else")
             .fact("what_to_check", "The master's adapter: it switches its driver off before the last byte has left (wait for the transmitter to be empty, not for its buffer).")
             .fact("experiment", "Use an adapter that switches by itself: the requests are whole.")
             .at_most(crate::claim::severity_of(requests.1))
@@ -208,22 +217,23 @@ pub(super) fn driver_enable(view: &View<'_>) -> Vec<Claim> {
     answers.chain(from_master).collect()
 }
 
-/// Whether answers that are damaged from the first byte on begin alike, with one wrong beginning or two (one for each function),
+/// Returns how many answers that are damaged from the first byte on begin alike, if nearly all do, with one wrong beginning or two (one for each function),
 /// while others are whole. A driver that is switched on late shows the line at the same bit each time; two devices differ.
-fn begins_alike(view: &View<'_>, counts: &UnitCounts) -> bool {
+fn begins_alike(view: &View<'_>, counts: &UnitCounts) -> Option<u64> {
     // A late answer that meets the next request begins alike each time, too: before it, the unit was silent.
     if counts.late.failed > 0
         || counts.silent.failed * 4 > counts.garbled.failed
         || view.beyond_accident(counts.damage_after_failure[0]).is_none()
     {
-        return false;
+        return None;
     }
     let mut heads: Vec<u64> = counts.wrong_heads.sorted().into_iter().map(|(_, count)| *count).collect();
     heads.sort_unstable_by(|one, other| other.cmp(one));
     let (all, most): (u64, u64) = (heads.iter().sum(), heads.iter().take(2).sum());
     let whole = counts.damaged_parts[DamagedPart::Whole as usize].failed;
     let answered = counts.failures.total - counts.failures.failed;
-    all >= LEAST_BEGINNINGS && most * 10 >= whole * 8 && whole * 2 > counts.garbled.failed && answered > 0
+    let is_alike = all >= LEAST_BEGINNINGS && most * 10 >= whole * 8 && whole * 2 > counts.garbled.failed && answered > 0;
+    is_alike.then_some(most)
 }
 
 /// Fewer beginnings may be alike by chance.
@@ -255,7 +265,7 @@ fn duplicate(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     // if they begin together, but go on differently, and rarely end together.
     let part = |part: DamagedPart| counts.damaged_parts[part as usize].failed;
     let edges = part(DamagedPart::Start) + part(DamagedPart::End);
-    if begins_alike(view, counts) {
+    if begins_alike(view, counts).is_some() {
         return None;
     }
     let is_overlap =

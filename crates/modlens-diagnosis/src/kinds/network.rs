@@ -148,12 +148,12 @@ pub(super) fn gateway_unit_id(view: &View<'_>) -> Vec<Claim> {
                 .fact("try_unit", other.to_string()),
         )
     });
-    claims.chain(reads_of_all(view)).collect()
+    claims.chain(reads_from_unit_0(view)).collect()
 }
 
 /// Reads from unit 0 on a serial line: that is for writing to all units, and whoever answers does it against the rules.
-fn reads_of_all(view: &View<'_>) -> Option<Claim> {
-    let reads = &view.bus.units.get(&0)?.reads_of_all;
+fn reads_from_unit_0(view: &View<'_>) -> Option<Claim> {
+    let reads = &view.bus.units.get(&0)?.reads_from_unit_0;
     let chance = view.beyond_accident(reads.share())?;
     let answers = |counts: &UnitCounts| counts.answers_for.get(&0).map_or(0, |tally| tally.failed);
     let best = view.bus.units.iter().max_by_key(|(_, counts)| answers(counts)).filter(|(_, counts)| answers(counts) > 0);

@@ -11,9 +11,9 @@ use crate::rtu_model::prefilter::DamageCosts;
 use crate::rtu_model::prefix_index::MAX_LOST_BYTES;
 use crate::rtu_model::traffic_model::TrafficModel;
 use crate::weights::{
-    COLLISION_BITS, COLLISION_MISFIT_BITS, CRC_CORRECTABLE_BITS, CRC_MATCH_BITS, DOUBLED_BYTE_BITS, MAX_HEADER_FLIPS,
-    MAX_SCORE_DROP_BITS, MISSING_HEAD_BITS, MISSING_INSIDE_BITS, ONE_FLIP_BITS, ROUNDING_BITS, RUN_BYTE_BITS, THREE_FLIPS_BITS,
-    TWO_FLIPS_BITS,
+    COLLISION_BITS, COLLISION_BYTE_BITS, COLLISION_MISFIT_BITS, CRC_CORRECTABLE_BITS, CRC_MATCH_BITS, DOUBLED_BYTE_BITS,
+    MAX_HEADER_FLIPS, MAX_SCORE_DROP_BITS, MISSING_HEAD_BITS, MISSING_INSIDE_BITS, ONE_FLIP_BITS, ROUNDING_BITS, RUN_BYTE_BITS,
+    THREE_FLIPS_BITS, TWO_FLIPS_BITS,
 };
 use modlens_protocol::checksum::{correctable_bit, crc16, update};
 
@@ -51,7 +51,7 @@ const ONES: [f32; 256] = {
 pub struct Alignment {
     /// Bits in favour of the expected frame.
     pub score: f32,
-    /// Bytes from the first one to after the last one that agrees: another frame may begin after them.
+    /// Bytes from the first one on that the damage explains, to after the last of them: another frame may begin after them.
     pub core_bytes: usize,
     /// Bytes of the expected frame that are missing in front.
     pub missing_head_bytes: usize,
@@ -243,7 +243,7 @@ struct Prefix {
 struct Explanation {
     /// Bits of the bytes that agree, less what the damage costs.
     score: f32,
-    /// Bytes from the first one to after the last one that agrees.
+    /// Bytes from the first one on that it explains, to after the last of them.
     core_bytes: usize,
     /// What happened; `None` for flipped bits alone.
     damage: Option<DamageKind>,
@@ -314,10 +314,10 @@ fn doubled_byte(model: &TrafficModel, known: &[u8], bytes: &[u8], prefix: Prefix
 /// Explains the bytes by a second transmitter after the prefix. On RS-485 the driver that pulls to 0 wins: bits that
 /// were sent as 1 may arrive as 0, but no bit that was sent as 0 arrives as 1.
 ///
-/// `None` as well, where the score falls further below the information content of the bytes than by `spare` bits.
-fn collision(model: &TrafficModel, known: &[u8], bytes: &[u8], prefix: Prefix, spare: f32) -> Option<Explanation> {
+/// Also `None` as soon as more than `bits_to_lose` of the bytes' information content are lost: the score would be too low.
+fn collision(model: &TrafficModel, known: &[u8], bytes: &[u8], prefix: Prefix, bits_to_lose: f32) -> Option<Explanation> {
     let mut score = prefix.score - COLLISION_BITS;
-    let mut spare = spare - COLLISION_BITS;
+    let mut spare = bits_to_lose - COLLISION_BITS;
     let mut core_bytes = prefix.length;
     let mut wrong_bytes = 0;
     for (&wanted, &byte) in known.iter().zip(bytes).skip(prefix.length) {
@@ -325,8 +325,8 @@ fn collision(model: &TrafficModel, known: &[u8], bytes: &[u8], prefix: Prefix, s
         if byte & !wanted == 0 {
             // A byte pays for each of its ones, because each might have been pulled to 0.
             let ones = ONES[usize::from(wanted)];
-            score += content - ones - 0.5;
-            spare -= ones + 0.5;
+            score += content - ones - COLLISION_BYTE_BITS;
+            spare -= ones + COLLISION_BYTE_BITS;
             wrong_bytes += usize::from(byte != wanted);
         } else {
             score -= COLLISION_MISFIT_BITS;

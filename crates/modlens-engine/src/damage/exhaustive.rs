@@ -155,7 +155,7 @@ proptest! {
         follows_damaged_frame in any::<bool>(),
     ) {
         let mut model = TrafficModel::default();
-        (0..50).for_each(|_| model.learn_stray_bytes(2));
+        (0..50).for_each(|_| model.count_frame_after_stray_bytes(2));
         let units = [true; 256];
         let request = RequestRef { unit: glitch, pdu: &[3, 0, 1, 0, 2] };
         let context = FramerContext {

@@ -25,11 +25,11 @@ pub(crate) struct OpenRequests {
 }
 
 impl OpenRequests {
-    /// Returns whether an exchange of this identifier leaves these requests as they are: none of them has the identifier, none
-    /// times out until the response, and the last one is known to have been followed by another request at another time, so that
-    /// this one neither ends its wait nor repeats it.
+    /// Returns whether an exchange of this identifier leaves these requests as they are: none of them has the identifier, and
+    /// none times out before the response. The wait of the last one was ended by an earlier request (`passed`), which must not be
+    /// this one.
     #[inline]
-    pub fn are_left_by(&self, id: u16, [requested_at, answered_at]: [Ns; 2]) -> bool {
+    pub fn stay_open_across(&self, id: u16, [requested_at, answered_at]: [Ns; 2]) -> bool {
         let may_be_open = self.remainders >> (id % 64) & 1 != 0;
         let is_open = may_be_open && self.ids[..self.count].contains(&id);
         !is_open && answered_at < self.times_out && requested_at != self.passed

@@ -37,9 +37,12 @@ pub struct Exchange {
     pub function: u8,
     /// Log2 odds that the two belong together, and are what they seem.
     pub confidence: u8,
-    /// The exception code of a refusal, which is one that `has_place_for` takes; 0 of a response with data.
+    /// The exception code of a refusal, which is one that `has_place_for` takes; else `NOT_REFUSED`.
     pub exception: u8,
 }
+
+/// The `exception` of an exchange whose response has data.
+pub const NOT_REFUSED: u8 = 0;
 
 impl Exchange {
     /// Kinds of exchanges (`kind`).

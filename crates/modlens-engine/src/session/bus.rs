@@ -106,7 +106,7 @@ impl BusOptions {
     }
 
     /// The silences that frames are checked against: those the user gave, or the specification's for these line settings.
-    pub fn rule(&self) -> Option<SilenceRule> {
+    pub fn silence_rule(&self) -> Option<SilenceRule> {
         self.rule.or_else(|| self.line.map(|line| SilenceRule { t35_ns: line.t35_ns(), t15_ns: line.t15_ns() }))
     }
 }

@@ -35,7 +35,7 @@ impl Decoder {
         // This also shows pairing how exact the clock is by now.
         let config = state.timing_config(at);
         state.clock_jumped = false;
-        let rule = state.options.rule();
+        let rule = state.options.silence_rule();
         let unit = adu.first().copied().unwrap_or(0);
         let proven_pause = rule.and_then(|_| state.lines[at].1.proven_pause(framed, unit));
         let input = state.lines[at].1.emission_input();

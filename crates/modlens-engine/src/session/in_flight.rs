@@ -2,7 +2,7 @@
 //! that of the request after it.
 //!
 //! A client that gives up on a request and goes on over the same connection still gets the answer, if only later. If it takes
-//! that for the answer to its next request, it is a step after from then on: answer n-1 follows request n, and the client
+//! that for the answer to its next request, it lags one step from then on: answer n-1 follows request n, and the client
 //! goes on before answer n has come. So it is as well, where the server is the one that is one step late: answer n-1 follows
 //! request n as soon as answers normally come, and answer n does not come in time. A client that compares transaction
 //! identifiers drops a late answer and goes on waiting (MODBUS Messaging on TCP/IP, 4.3.2); a slow server answers late by any

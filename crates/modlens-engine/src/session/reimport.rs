@@ -57,7 +57,7 @@ fn connection_line(direction: Direction) -> u8 {
     }
 }
 
-/// A frame as the statistics get it, and its row is made of. `frame_number` is its number in this session, `adu` has unit and PDU if it is a good one;
+/// The frame from which the statistics and its row are made. `frame_number` is its number in this session, `adu` has unit and PDU if it is a good one;
 /// `packet` and `time`, in ns, are those of its packet. Its end is its start and `char_ns` for each of its
 /// bytes; with 0, because the line settings are not known, both are the same.
 fn observed<'a>(
@@ -140,7 +140,7 @@ fn take_half(reimport: &mut ReimportState, text: &str, key: &str) -> Option<Wait
 }
 
 /// The transaction in these metadata, without its frames; `None` if its status is unknown. `first` is its first frame, from
-/// which unit, function and framing are taken. Numbers of transactions are counted on from `txns_before`.
+/// which unit, function and framing are taken. `txns_before` is added to the transaction numbers of the file.
 fn transaction_in(text: &str, txns_before: u64, first: &WaitingFrame) -> Option<Box<PendingTransaction>> {
     let status = metadata::value_or_default(text, "status", metadata::DEFAULTS.status, |name| {
         named(&Status::ALL, Status::text, name.map(|name| current(Vocabulary::Status, name)))

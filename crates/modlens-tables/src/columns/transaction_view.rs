@@ -223,7 +223,7 @@ impl<'a> TransactionView<'a> {
             [(self.request_body(batch), &row.request), (response_body.filter(|_| is_valid_response), &row.response)]
         {
             let (Some(body), Some(shape)) = (body, layout.shape()) else { continue };
-            pdu::decode(shape, body).fields.into_iter().for_each(|node| fields.put(node));
+            pdu::decode(shape, body).fields.into_iter().for_each(|node| fields.add(node));
         }
         if row.operation != Operation::Other {
             fields.remove("address");

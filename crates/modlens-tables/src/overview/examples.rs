@@ -49,15 +49,15 @@ type Kind = (String, u8, u8, &'static str);
 pub(super) struct Examples {
     odd: BTreeMap<(u64, u64), Example>,
     /// Of each kind the one with the least hash: hash, number and transaction.
-    of_each: BTreeMap<Kind, (u64, u64, Example)>,
+    of_each_kind: BTreeMap<Kind, (u64, u64, Example)>,
 }
 
-/// Kinds of transactions of which an example is kept.
+/// Kinds of transactions of which an example is kept: those that come first, where there are more.
 const KINDS: usize = 1024;
 
 impl Examples {
-    /// Keeps a transaction if it is among those with the least hashes. `least` is the least hash of its bus, unit, function and
-    /// status so far, and becomes that of this one if it is less.
+    /// Keeps a transaction if it is among those with the least hashes. `least`: the least hash so far of its bus, unit,
+    /// function and status; lowered to that of this one.
     pub fn add(&mut self, batch: &Batch, row: &Transaction, least: &mut u64) {
         let hash = mix(row.number);
         let is_odd = !matches!(row.status, Status::Ok | Status::Broadcast) || row.findings.length > 0 || row.retry_of.is_some();
@@ -80,9 +80,9 @@ impl Examples {
     }
 
     fn keep(&mut self, kind: Kind, one: (u64, u64, Example)) {
-        let is_less = self.of_each.get(&kind).map_or(self.of_each.len() < KINDS, |own| one.0 < own.0);
+        let is_less = self.of_each_kind.get(&kind).map_or(self.of_each_kind.len() < KINDS, |own| one.0 < own.0);
         if is_less {
-            self.of_each.insert(kind, one);
+            self.of_each_kind.insert(kind, one);
         }
     }
 
@@ -92,7 +92,7 @@ impl Examples {
         while self.odd.len() > CANDIDATES {
             self.odd.pop_last();
         }
-        for (kind, one) in &later.of_each {
+        for (kind, one) in &later.of_each_kind {
             self.keep(kind.clone(), one.clone());
         }
     }
@@ -100,7 +100,7 @@ impl Examples {
     /// Those that are wanted, then one of each kind, then others with trouble; sorted by number.
     pub fn json(&self, wanted: &[u64]) -> Json {
         let numbered: BTreeMap<u64, &Example> = self.odd.iter().map(|((_, number), example)| (*number, example)).collect();
-        let of_each = self.of_each.values().map(|(_, number, example)| (*number, example));
+        let of_each = self.of_each_kind.values().map(|(_, number, example)| (*number, example));
         let named = wanted.iter().filter_map(|number| Some((*number, *numbered.get(number)?)));
         let rest = self.odd.iter().map(|((_, number), example)| (*number, example));
         let mut chosen = BTreeMap::new();

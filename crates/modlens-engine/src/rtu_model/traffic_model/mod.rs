@@ -214,7 +214,7 @@ impl TrafficModel {
         self.function_totals[direction] += 1.0;
         self.frames += 1.0;
         self.frames_after_unframed += f32::from(u8::from(position.unframed_bytes > 0));
-        self.learn_stray_bytes(position.unframed_bytes);
+        self.count_frame_after_stray_bytes(position.unframed_bytes);
         if direction == REQUEST {
             self.poll_cycle.record(frame);
         }
@@ -309,8 +309,8 @@ impl TrafficModel {
         self.lengths.learn(code, direction, body);
     }
 
-    /// This many unframed bytes stood before a frame.
-    pub fn learn_stray_bytes(&mut self, bytes: u64) {
+    /// Counts a frame that had so many unframed bytes before it, if they are few.
+    pub fn count_frame_after_stray_bytes(&mut self, bytes: u64) {
         self.frames_after_stray_bytes += f32::from(u8::from((1..weights::MAY_HIDE_FRAME_BYTES).contains(&bytes)));
     }
 

@@ -10,7 +10,7 @@ use crate::framer::rtu::search::SURE_SILENCE_SHARE;
 use crate::framer::rtu::RtuFramer;
 use crate::framer::PauseEvidence;
 use crate::pairing::Pairing;
-use crate::records::Exchange;
+use crate::records::{Exchange, NOT_REFUSED};
 use crate::rtu_model::side::REQUEST;
 use crate::rtu_model::traffic_model::{LearningRun, RequestIdentity};
 use crate::session::profiles::{LearnOutcome, Profiles};
@@ -173,7 +173,7 @@ impl CompactRun {
         self.length += lengths[0] + lengths[1];
         known.note_unit(unit);
         let lengths = lengths.map(|length| length as u16);
-        let exchange = Exchange { start, lengths, address, quantity, unit, function, confidence, exception: 0 };
+        let exchange = Exchange { start, lengths, address, quantity, unit, function, confidence, exception: NOT_REFUSED };
         let mut counts = known.stats.exchange_counts(known.counts);
         counts.count_request(key_of(&exchange));
         counts.note_last(key_of(&exchange));
@@ -278,7 +278,7 @@ fn next_exchange(known: &RunContext<'_>, bytes: &[u8], answered: Answered, pause
     let is_followed_by_response = |second: &[u8]| is_response(pause.timeout, false, second, request_bytes);
     let rest = bytes.get(request_bytes..)?;
     if known.framer.is_certain(&expected, [bytes, rest], answered, [true; 2], is_followed_by_response) {
-        return Some(Decided { expected, exception: 0 });
+        return Some(Decided { expected, exception: NOT_REFUSED });
     }
     let exception = known.framer.refusal_of(&expected, bytes, answered)?;
     Some(Decided { expected: expected.refused(), exception })

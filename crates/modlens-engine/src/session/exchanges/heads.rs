@@ -19,12 +19,12 @@ impl Decoder {
     /// makes sure that nothing is open.
     ///
     /// Once at the end of the run, the statistics of the bus count it, and framer and pairing take over the last exchange. If
-    /// there was none, nothing has changed. Nothing is done where frames are checked against a rule of silence: the statistics
-    /// of silences need each frame by itself.
+    /// there was none, nothing has changed. Nothing is done on a timed RTU line whose settings or silences are known
+    /// (`silence_rule`): each silence is counted, frame by frame.
     pub(super) fn emit_heads(&mut self, bus: usize, mode: Mode) {
         let state = &mut self.buses[bus];
         let has_times = state.lines[0].1.input.has_times;
-        if mode == Mode::Rtu && has_times && state.options.rule().is_some() {
+        if mode == Mode::Rtu && has_times && state.options.silence_rule().is_some() {
             return;
         }
         let mut adus = std::mem::take(&mut self.adus);
@@ -55,12 +55,12 @@ impl Decoder {
         }
     }
 
-    /// Does what is done once for a whole run, the exchanges of which have just been consumed; the arena ends with the last one,
-    /// but for ASCII, of which framer and pairing have nothing to learn then.
+    /// Does what is done once for a whole run, the exchanges of which have just been consumed; the arena ends with the
+    /// bytes of the last one. Of ASCII `run.last_exchange` is `None`, and nothing is learned here.
     pub(super) fn end_run(&mut self, bus: usize, mode: Mode, totals: &BatchTotals, run: &mut RtuRun) {
         let state = &mut self.buses[bus];
         self.stats.record_batch(state.counts, mode, totals.exchanges, totals.bytes as u64);
-        let Some(last) = run.last else { return };
+        let Some(last) = run.last_exchange else { return };
         let line = &mut state.lines[0].1;
         let lengths = last.expected.rtu_lengths();
         let response_length = if mode == Mode::Rtu { lengths[1] } else { last.expected.response_bytes };

@@ -7,7 +7,7 @@ use std::mem::size_of;
 
 use crate::fast_path::request_memo::{MemoEntry, RequestMemo};
 use crate::fast_path::rtu_exchange::LastExchange;
-use crate::records::PacketPair;
+use crate::records::{PacketPair, NOT_REFUSED};
 use crate::session::bus::{learn_sides, BusState};
 use crate::session::decoder::Decoder;
 use crate::session::exchanges::matching::confidence_by_id;
@@ -22,7 +22,7 @@ use modlens_readers::pcap::PacketInTurn;
 const COMMON_BYTES: usize = 4;
 
 /// Bytes of a read, with its MBAP header.
-const READ_BYTES: usize = COMMON_BYTES + size_of::<u64>();
+const READ_WITH_HEADER_BYTES: usize = COMMON_BYTES + size_of::<u64>();
 
 /// Exchanges of known reads, one after the other, and what is noted of them as a whole.
 #[derive(Default)]
@@ -42,7 +42,7 @@ struct PairTotals {
 
 impl Decoder {
     /// Emits the pairs at the head of these packets of which the request is a read that came before, and which are exchanges
-    /// unambiguously; gives the packets after them. The run at hand has begun with another exchange.
+    /// unambiguously. Returns the packets after them. `current` holds at least one exchange already.
     pub(super) fn match_known_reads<'a, 'b>(
         &mut self,
         current: &mut MessageRun,
@@ -57,16 +57,16 @@ impl Decoder {
         let client_before = current.sides[0].last.unwrap_or(newest);
         let mut pairs = PairTotals { times: [client_before, newest], ..PairTotals::default() };
         loop {
-            let mut behind = packets.iter();
-            let Some(request) = next_with_bytes(&mut behind, &belongs) else { break };
-            let Some(response) = next_with_bytes(&mut behind, &belongs) else { break };
+            let mut rest = packets.iter();
+            let Some(request) = next_with_bytes(&mut rest, &belongs) else { break };
+            let Some(response) = next_with_bytes(&mut rest, &belongs) else { break };
             let times = [request.time, response.time];
             let is_recorded = pairing.response_side_recorded;
             if !(is_pair(request, response, is_recorded) && times[0] > pairs.times[1] && current.takes_response_at(times)) {
                 break;
             }
             let Some((known, place, id)) = match_known(memo, request.bytes, response.bytes) else { break };
-            if !current.open.are_left_by(id, times) {
+            if !current.open.stay_open_across(id, times) {
                 break;
             }
             let gap = current.run.measurable_gap(times[0] - pairs.times[0]);
@@ -77,12 +77,12 @@ impl Decoder {
             let lengths = [request.bytes.len(), response.bytes.len()];
             let start = self.batch.store(request.bytes).start;
             self.batch.store(response.bytes);
-            let exchange = known.expected.compact(start, lengths, confidence_by_id(), 0);
+            let exchange = known.expected.compact(start, lengths, confidence_by_id(), NOT_REFUSED);
             let pair = PacketPair { starts: times, gap, response_time, packet: request.number, mbap_id: id };
             self.held.exchanges.push_next(exchange, pair);
             pairs.add(lengths, times);
             pairs.last = Some(*known);
-            packets = behind.as_slice();
+            packets = rest.as_slice();
         }
         if let Some(MemoEntry { expected, .. }) = pairs.last {
             counters.note_last(expected.key());
@@ -98,7 +98,7 @@ impl Decoder {
                 side.add(pairs.bytes[at], pairs.longest[at], pairs.times[at]);
             }
             current.newest = Some(pairs.times[1]);
-            current.rtu.last = Some(LastExchange { expected, odds: CERTAIN_DIRECTION_BITS });
+            current.rtu.last_exchange = Some(LastExchange { expected, odds: CERTAIN_DIRECTION_BITS });
         }
         packets
     }
@@ -136,11 +136,11 @@ fn is_pair(request: &PacketInTurn<'_>, response: &PacketInTurn<'_>, is_recorded:
 }
 
 /// Returns the read that came before of which these are the request and its response, the place of its counters, and the identifier
-/// of both; `None` if they are not.
+/// of both; `None` if they are no such pair, or if the statistics have no room for the request.
 #[inline(always)]
 #[allow(clippy::inline_always)] // Called once.
 fn match_known<'a>(reads: &'a RequestMemo, asked: &[u8], answered: &[u8]) -> Option<(&'a MemoEntry, RequestPlace, u16)> {
-    let asked: &[u8; READ_BYTES] = asked.try_into().ok()?;
+    let asked: &[u8; READ_WITH_HEADER_BYTES] = asked.try_into().ok()?;
     let (common, read) = asked.split_first_chunk::<COMMON_BYTES>()?;
     let known = reads.get(read)?;
     let (header, response) = answered.split_first_chunk::<MBAP_PREFIX_BYTES>()?;

@@ -12,6 +12,7 @@ use crate::framer::ascii::MAX_MESSAGE_CHARACTERS;
 use crate::framer::rtu::RtuFramer;
 use crate::framer::PauseEvidence;
 use crate::pairing::TimingModel;
+use crate::records::NOT_REFUSED;
 use crate::rtu_model::traffic_model::LearningRun;
 use crate::session::profiles::Profiles;
 use crate::stats::RequestPlace;
@@ -83,7 +84,7 @@ pub(super) struct RtuRun {
     /// What came before the run.
     answered_before: Answered,
     /// Its last exchange; on other lines than RTU, too.
-    pub last: Option<LastExchange>,
+    pub last_exchange: Option<LastExchange>,
     /// What the framer has still to learn of it.
     pub learning: LearningRun,
 }
@@ -91,7 +92,7 @@ pub(super) struct RtuRun {
 impl RtuRun {
     /// Returns a run that has nothing to learn but its last exchange.
     pub(super) fn ended_by(last: LastExchange) -> Self {
-        Self { last: Some(last), ..Self::default() }
+        Self { last_exchange: Some(last), ..Self::default() }
     }
 
     pub(super) fn after(framer: Option<&mut RtuFramer>) -> Self {
@@ -131,7 +132,7 @@ pub(super) fn match_rtu<'b>(
     let (expected, known) = line.memo.announced(functions, Mode::Rtu, bytes, bytes)?;
     let lengths = expected.rtu_lengths();
     let checks = if line.are_proven { [false; 2] } else { [known.is_none(), true] };
-    let answered = run.last.map_or(run.answered_before, LastExchange::answered);
+    let answered = run.last_exchange.map_or(run.answered_before, LastExchange::answered);
     let response = after(lengths)?;
     let is_certain = framer.is_certain(&expected, [bytes, response], answered, checks, |second| {
         is_response(timing.timeout_log_odds(silence(lengths[0])), has_times, second, lengths[0])
@@ -153,16 +154,16 @@ pub(super) fn match_rtu<'b>(
     }
     let odds = framer.response_odds(&expected, has_times, pause_evidence);
     framer.learn_in_run(&mut run.learning, request, response, expected.echoes_request);
-    run.last = Some(LastExchange { expected, odds });
+    run.last_exchange = Some(LastExchange { expected, odds });
     let counters = known.and_then(|known| known.counters);
-    Some(MatchedExchange { expected, mode: Mode::Rtu, mbap_id: None, lengths, odds, counters, exception: 0 })
+    Some(MatchedExchange { expected, mode: Mode::Rtu, mbap_id: None, lengths, odds, counters, exception: NOT_REFUSED })
 }
 
 /// Returns the exchange of which these are the packets of the client and of the server, and these their times, if there is no doubt
 /// and no finding about it; `takes_refusals`: or if the server refuses the request, on a bus without profiles.
 ///
 /// `None` unless the slow path has nothing to report on the request, requests that are still outstanding stay as they are
-/// (`OpenRequests::are_left_by`), both headers have the same transaction identifier and the right length, and the response is
+/// (`OpenRequests::stay_open_across`), both headers have the same transaction identifier and the right length, and the response is
 /// the expected one. Last, the profile of the unit learns the data read; if that would change the profile or give a finding,
 /// it learns nothing, and the result is `None`. Nothing else is changed.
 #[inline(always)]
@@ -185,7 +186,7 @@ pub(super) fn match_tcp(
     let id = u16::from_be_bytes([header[0], header[1]]);
     let is_whole = request.len() == expected.request_bytes && response.len() == expected.response_bytes;
     let is_answered = is_whole
-        && open.are_left_by(id, times)
+        && open.stay_open_across(id, times)
         && mbap_prefix(*header) == mbap_prefix(framed(id, expected.request_bytes))
         && mbap_prefix(*response_header) == mbap_prefix(framed(id, expected.response_bytes))
         && (refusal.is_some()
@@ -217,7 +218,7 @@ pub(super) fn match_ascii(functions: &Functions, text: &[u8], adus: &mut [Vec<u8
         lengths,
         odds,
         counters: None,
-        exception: 0,
+        exception: NOT_REFUSED,
     })
 }
 

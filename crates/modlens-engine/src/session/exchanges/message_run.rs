@@ -90,7 +90,7 @@ impl MessageRun {
     /// Returns a run on the only line of a log, on which nothing is undecided; `None` if something is, or without a clock.
     pub(super) fn on_line(bus: usize, state: &mut BusState, is_compact: bool) -> Option<Self> {
         let is_only_line = matches!(&state.lines[..], [(0, line)] if takes_messages(line, Mode::Rtu));
-        if !is_only_line || state.clock_jumped || !state.pairing.is_idle() || state.options.rule().is_some() {
+        if !is_only_line || state.clock_jumped || !state.pairing.is_idle() || state.options.silence_rule().is_some() {
             return None;
         }
         let run = Some(Run { is_compact, ..Run::new(state, 0) }).filter(Run::has_clock)?;

@@ -125,9 +125,9 @@ impl Decoder {
             if current.run.totals.exchanges > 0 {
                 packets = self.match_known_reads(&mut current, packets, &belongs);
             }
-            let mut behind = packets.iter();
-            let Some(request) = next_with_bytes(&mut behind, &belongs).filter(|packet| packet.from_client) else { break };
-            let Some(response) = next_with_bytes(&mut behind, &belongs).filter(|packet| !packet.from_client) else { break };
+            let mut rest = packets.iter();
+            let Some(request) = next_with_bytes(&mut rest, &belongs).filter(|packet| packet.from_client) else { break };
+            let Some(response) = next_with_bytes(&mut rest, &belongs).filter(|packet| !packet.from_client) else { break };
             let may_be_pair = [request, response].iter().all(|packet| packet.server_side_recorded == is_recorded);
             if !may_be_pair || !current.takes_request_at(request.time) {
                 break;
@@ -141,7 +141,7 @@ impl Decoder {
             if !self.match_messages(&mut current, [message(request, Side::Sent), message(response, Side::Received)]) {
                 break;
             }
-            packets = behind.as_slice();
+            packets = rest.as_slice();
         }
         self.message_run = Some(current);
         packets
@@ -161,7 +161,7 @@ impl Decoder {
         let matched = if current.is_connection {
             let matched = match_tcp(&self.functions, (memo, profiles, &current.open), bytes, times, current.run.is_compact);
             if let Some(matched) = &matched {
-                current.rtu.last = Some(LastExchange { expected: matched.expected, odds: matched.odds });
+                current.rtu.last_exchange = Some(LastExchange { expected: matched.expected, odds: matched.odds });
             }
             matched
         } else {

@@ -74,7 +74,7 @@ impl Search {
     ///
     /// With a valid CRC it teaches the model, as do the unframed bytes before it. An unconfirmed frame teaches no unit or
     /// function, and the request that is outstanding after it becomes unconfirmed as well. Nothing is learned from a damaged
-    /// frame here: the framer explains it when it gives the frame out.
+    /// frame here: the framer does that when it emits the frame.
     pub(super) fn commit_frame(&mut self, input: &Input, context: &FramerContext<'_>, first: usize, score: f32) -> Decision {
         let Hypothesis { start, end, direction, is_crc_valid, .. } = self.lattice[first];
         if !is_crc_valid {
@@ -223,18 +223,18 @@ impl Search {
         winner.lead >= weights::FIRM_IN_NOISE_BITS && score::is_understood(&self.model, context, winner.frame.0, winner.direction)
     }
 
-    /// Teaches the model a frame that is about to become the root. Noise must not teach units; that stray bytes are before
-    /// frames, it may.
+    /// Teaches the model a frame that is about to become the root. An unconfirmed frame teaches
+    /// no unit, only that stray bytes came before it.
     fn learn_winner(&mut self, context: &FramerContext<'_>, winner: &Winner<'_>, is_unconfirmed: bool) {
         if is_unconfirmed {
-            self.model.learn_stray_bytes(winner.unframed.len() as u64);
+            self.model.count_frame_after_stray_bytes(winner.unframed.len() as u64);
         } else {
             self.learn_turn(winner);
             self.learn_frame(context, winner);
         }
     }
 
-    /// Learns what a frame reports about the outstanding request: a request leaves it unanswered, and a response to it ends the unit's
+    /// Learns what a frame says about the outstanding request: a request leaves it unanswered, and a response to it ends the unit's
     /// silence.
     fn learn_turn(&mut self, winner: &Winner<'_>) {
         if winner.direction == REQUEST {

@@ -53,8 +53,8 @@ impl Search {
         let unseen = if found.is_some() { 0..0 } else { starts.start.max(self.skip.no_rival_before)..starts.end };
         for start in unseen {
             // Said at once for most starts, for which `rival_at` would say it as well.
-            let is_over = |ahead: FrameAhead<'_>| ahead.bytes.len() >= 2 && self.is_over(context, &ahead);
-            if !filter.may_be_due_at(start) && is_over(self.frame_ahead(input, start)) {
+            let ends_within_scanned = |ahead: FrameAhead<'_>| ahead.bytes.len() >= 2 && self.ends_within_scanned(context, &ahead);
+            if !filter.may_be_due_at(start) && ends_within_scanned(self.frame_ahead(input, start)) {
                 self.skip.no_rival_before = start + 1;
                 continue;
             }
@@ -153,7 +153,7 @@ impl Search {
     ) -> Option<u64> {
         // Most paths are before bytes that begin no frame, neither a whole one nor a damaged one.
         let ahead = self.frame_ahead(input, start);
-        if completion.is_none() && ahead.bytes.len() >= 2 && self.is_over(context, &ahead) {
+        if completion.is_none() && ahead.bytes.len() >= 2 && self.ends_within_scanned(context, &ahead) {
             return None;
         }
         let until = self.rival_until_by_header(input, context, &self.lattice[parent], start, bar)?;
@@ -171,14 +171,15 @@ impl Search {
 
     /// Whether a frame that begins at stream offset `start` ends after the last byte scanned with a valid CRC, in a length that
     /// its header admits, and before a break or a record's start (`FrameAhead`). A length without announcement counts only
-    /// where unit and function are familiar; where only a least length is announced, nothing is looked up.
+    /// where unit and function are familiar. Where the bytes that give the length have not come (`Extent::AtLeast`), no CRC is
+    /// computed and the answer is `Unknown`.
     ///
     /// `Unknown` where bytes of one of these lengths, or of the header, have not come, unless the input is closed.
     pub(super) fn completion(&self, input: &Input, context: &FramerContext<'_>, start: u64) -> Completion {
-        let unless_closed = if input.is_closed { Completion::Never } else { Completion::Unknown };
+        let if_bytes_missing = if input.is_closed { Completion::Never } else { Completion::Unknown };
         let ahead = self.frame_ahead(input, start);
-        let &[unit, code, ..] = ahead.bytes else { return unless_closed };
-        if self.is_over(context, &ahead) {
+        let &[unit, code, ..] = ahead.bytes else { return if_bytes_missing };
+        if self.ends_within_scanned(context, &ahead) {
             return Completion::Never;
         }
         let mut completion = Completion::Never;
@@ -190,17 +191,18 @@ impl Search {
             };
             match result {
                 Completion::Completes => return Completion::Completes,
-                Completion::Unknown => completion = unless_closed,
+                Completion::Unknown => completion = if_bytes_missing,
                 Completion::Never => {}
             }
         }
         completion
     }
 
-    /// Whether the function code alone shows that no frame reaches beyond the bytes scanned: it is an exception response, which
-    /// would have ended, or has no layout, and is not familiar. So it is with most bytes.
+    /// Whether the function code alone shows that no frame reaches beyond the bytes scanned: it is an exception response
+    /// whose five bytes are all scanned, or a function code without a layout that is not familiar as a request. Most bytes are one
+    /// of the two.
     #[inline]
-    fn is_over(&self, context: &FramerContext<'_>, ahead: &FrameAhead<'_>) -> bool {
+    fn ends_within_scanned(&self, context: &FramerContext<'_>, ahead: &FrameAhead<'_>) -> bool {
         let (unit, code) = (ahead.bytes[0], ahead.bytes[1]);
         if code & EXCEPTION_BIT != 0 {
             return ahead.scanned_length >= EXCEPTION_RESPONSE_BYTES;
