@@ -202,7 +202,7 @@ def _session(data: bytes, chance: random.Random) -> bytes:
 
 
 def _tar(data: bytes, chance: random.Random) -> bytes:
-    """A size (octal, or binary as GNU writes it), a type or a time, with the checksum mended."""
+    """A size (octal, or binary as GNU writes it), a type or a time, with the checksum fixed."""
     head = bytearray(data[:TAR_BLOCK])
     number = _limit(len(data), 8, chance)
     size = chance.choice([b"%011o\0" % (number % 8**11), b"\x80" + bytes(3) + number.to_bytes(8)])

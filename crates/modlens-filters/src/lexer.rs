@@ -32,7 +32,7 @@ const SIGNS: &[&str] = &[
 ];
 
 const TOO_FEW_QUOTES: &str = "a text without its closing quote";
-const NO_NUMBER: &str = "a number with something behind it";
+const NO_NUMBER: &str = "a number with something after it";
 const LEADING_ZEROS: &str = "a number has no leading zeros";
 
 /// The tokens of a text; the last one is `End` or `Bad`.
@@ -229,7 +229,7 @@ impl Lexer<'_> {
         }
     }
 
-    /// Appends what stands for the letters behind a backslash.
+    /// Appends what stands for the letters after a backslash.
     fn escape(&mut self, out: &mut String) -> Option<()> {
         let letter = self.peek(0);
         self.at += 1;

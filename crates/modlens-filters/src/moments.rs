@@ -45,7 +45,7 @@ impl Rest<'_> {
         found
     }
 
-    /// What stands behind a second, in nanoseconds.
+    /// The part after the second, in nanoseconds.
     fn fraction(&mut self) -> Option<i64> {
         if !self.takes(".") && !self.takes(",") {
             return Some(0);
@@ -104,7 +104,7 @@ pub fn moment(text: &str) -> Option<i64> {
     };
     rest.0 = rest.0.trim_start();
     let offset = rest.offset()?;
-    // Beyond 64 bits is before or behind every recording.
+    // Beyond 64 bits is before or after every recording.
     let whole = i128::from(day_number(year, month, day)) * i128::from(DAY_NS) + i128::from(clock - offset);
     let limited = whole.clamp(i128::from(i64::MIN), i128::from(i64::MAX));
     rest.0.is_empty().then_some(limited as i64)

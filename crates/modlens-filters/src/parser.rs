@@ -109,7 +109,7 @@ impl Parser {
         Node { kind, start, end: self.end() }
     }
 
-    /// Reads a piece that may hold others of its kind.
+    /// Reads a part that may hold others of its kind.
     fn nested(&mut self, read: impl FnOnce(&mut Self) -> Parsed) -> Parsed {
         if self.depth == MAX_NESTING {
             return Err(SyntaxError { message: String::from("nested too deeply"), at: self.start() });
@@ -133,7 +133,7 @@ impl Parser {
         Ok(self.node(Kind::Tuple(items), start))
     }
 
-    /// The items behind a first one, with commas between them.
+    /// The items after a first one, with commas between them.
     fn further_items(&mut self, first: Node) -> Result<Vec<Node>, SyntaxError> {
         let mut items = vec![first];
         while self.takes(",") && !self.is_behind() {
@@ -341,7 +341,7 @@ impl Parser {
         Ok((found, is_plain))
     }
 
-    /// Skips what stands in brackets or braces that filters do not have.
+    /// Skips what is in brackets or braces that filters do not have.
     fn skip_items(&mut self, closing: &str) -> Result<(), SyntaxError> {
         if closing == "]" && self.is_sign("]") {
             return Err(self.unexpected());

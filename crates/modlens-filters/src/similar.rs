@@ -28,7 +28,7 @@ fn likeness(a: &[char], b: &[char]) -> f64 {
     2.0 * common(a, b) as f64 / (a.len() + b.len()) as f64
 }
 
-/// How many letters the longest common part has, and those before it and behind it.
+/// How many letters the longest common part has, and those before it and after it.
 fn common(a: &[char], b: &[char]) -> usize {
     let (mut at, mut length) = ((0, 0), 0);
     let mut before = vec![0; b.len() + 1];

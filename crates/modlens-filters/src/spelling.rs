@@ -19,7 +19,7 @@ pub fn spelled(node: &Node) -> String {
     out
 }
 
-/// Appends a piece, in brackets where what is around it binds tighter.
+/// Appends a part, in brackets where what is around it binds tighter.
 fn write(node: &Node, around: u8, out: &mut String) {
     let own = match &node.kind {
         Kind::Joined("or", _) => OR,
@@ -140,7 +140,7 @@ fn is_visible(letter: char) -> bool {
     if letter.is_ascii() {
         return !letter.is_ascii_control();
     }
-    // Behind another letter an accent is visible, too.
+    // After another letter an accent is visible as well.
     format!("a{letter}").escape_debug().count() == 2
 }
 

@@ -1,6 +1,6 @@
 //! The syntax of a filter, before it is known what its names mean.
 
-/// A piece of a filter; places count characters of its text.
+/// A part of a filter; places count characters of its text.
 #[derive(Clone, Debug)]
 pub struct Node {
     pub kind: Kind,
@@ -8,7 +8,7 @@ pub struct Node {
     pub end: usize,
 }
 
-/// What a piece is. `Other` is everything that Python's expressions have and filters have not.
+/// What a part is. `Other` is everything that Python's expressions have and filters have not.
 #[derive(Clone, Debug)]
 pub enum Kind {
     /// Conditions joined by `and` or `or`.
@@ -36,7 +36,7 @@ pub enum Kind {
     Negative(Box<Node>),
     /// Two values with an operator between them: one of `+ - * / // % & |`, or another of Python's.
     Binary(Box<Node>, &'static str, Box<Node>),
-    /// A name behind a dot.
+    /// A name after a dot.
     Attribute(String),
     Subscript,
     Other,

@@ -12,7 +12,7 @@ use crate::words::instead_of_column;
 type Found<'n> = Result<Term<'n>, FilterError>;
 
 impl Compiler<'_> {
-    /// The value of a piece of syntax.
+    /// The value of a part of syntax.
     pub fn term<'n>(&mut self, node: &'n Node) -> Found<'n> {
         self.deeper(node, |compiler| compiler.value(node))
     }
