@@ -194,8 +194,8 @@ class RegisterMap:
     def __new__(cls) -> RegisterMap: ...
     def add(self, batch: Batch) -> None:
         """What a batch read and wrote; it needs its transactions."""
-    def rows(self) -> str:
-        """A JSON list, by bus, unit, table and address.
+    def rows(self, first: int = 0, most: int = ...) -> str:
+        """A JSON list, by bus, unit, table and address: `most` rows from number `first` on.
 
         {bus, unit, register_type, address, name, value, value_text, unit_of_measure, age_us, reads,
         writes, count, min, max, changes}.
@@ -237,13 +237,23 @@ class Survey:
     def tables(self) -> str:
         """A JSON list, one item a unit and table.
 
-        {unit, register_type, space, blocks: [{first, count, reads, writes, exceptions}],
-        registers: [{address, samples, changes, distinct, min, max, looks, read, written, values}],
-        points: [{address, count, type, order, bits, sure, reason, rivals}], answers: [{address,
-        count, type, order, layout_bits, role, role_bits, scale, unit_symbol, scale_bits, quantity,
-        quantity_bits, min, max, reason, scale_reason}], together: [[a, b]]}. An answer is null
-        where the data do not say.
+        {unit, register_type, space, blocks: [{first, count, reads, writes, exceptions}], registers,
+        together: [[a, b]]}.
         """
+    def points(self, unit: int, space: str, first: int, most: int) -> str:
+        """What was learned of a table: a JSON list of points, `most` from number `first` on.
+
+        {address, count, type, order, layout_bits, is_certain, role, role_bits, scale, unit_symbol,
+        scale_bits, quantity, quantity_bits, min, max, reason, scale_reason, samples, changes,
+        distinct, raw_min, raw_max, looks, read, written, values}; null where the data do not say.
+        `samples` and what follows are those of the first register. Bits have `address` and these
+        only. `ValueError` for another table.
+        """
+    def fit(self, unit: int, profile: Profile) -> str:
+        """How well a profile fits a unit, as JSON: {percent, bits, share, fits, reasons}."""
+    @property
+    def most_rows(self) -> int:
+        """The samples that are kept of each block, at most."""
 
 @final
 class Days:

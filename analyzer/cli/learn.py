@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from collections.abc import Iterator
 
+import _modlens
 from analyzer.cli.import_ import show_notes, write_text
 from analyzer.cli.parser import add_decoding, add_input, add_line
-from analyzer.cli.register_survey import survey
+from analyzer.cli.register_survey import Table, chosen_unit, points, survey, tables_of
 from analyzer.cli.selection import add_selection
-from dissectors.errors import UsageError
-from dissectors.importers.toml import dumps
+from dissectors.importers.toml import dumps, point_tables
 from dissectors.profile import from_model
-from dissectors.profile_learning import answer_lines, evidence_lines, profile_skeleton
+from dissectors.profile_learning import answer_line, evidence_lines, point_of, reason_lines
 
 __all__ = ["add_arguments", "run"]
+
+REGISTERS = ("ir", "hr")
+
+ALL_ROWS = 512
+"""The samples that are kept of a block unless memory is short."""
 
 EPILOG = """\
 examples:
@@ -51,27 +56,41 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Learn; gives the exit status."""
-    tables = survey(options)
+    found = survey(options)
+    tables = tables_of(found)
     if options.to == "jsonl":
         chosen = [table for table in tables if options.unit in (None, table["unit"])]
-        write_text(answer_lines(chosen), options.output)
+        write_text("".join(_answers(found, chosen)), options.output)
         return 0
-    unit_tables = tables_of_unit(tables, options.unit, "learn")
-    model = profile_skeleton(unit_tables, options.files[0])
-    from_model(model, options.files[0])
-    write_text(dumps(model), options.output)
-    show_notes(evidence_lines(unit_tables))
+    unit = chosen_unit(tables, options.unit, "learn")
+    chosen = [table for table in tables if table["unit"] == unit]
+    write_text("".join(_profile(found, chosen, options.files[0])), options.output)
+    show_notes(_evidence(found, chosen))
     return 0
 
 
-def tables_of_unit(
-    tables: list[dict[str, Any]], unit: int | None, command: str
-) -> list[dict[str, Any]]:
-    """The tables of one unit; `UsageError` where several units were seen and none is chosen."""
-    units = sorted({table["unit"] for table in tables})
-    if unit is None and len(units) == 1:
-        unit = units[0]
-    if unit not in units:
-        there = f"there are {', '.join(map(str, units))}" if units else "no unit answered"
-        raise UsageError(f"{command}: choose a unit with --unit N; {there}")
-    return [table for table in tables if table["unit"] == unit]
+def _answers(found: _modlens.Survey, tables: list[Table]) -> Iterator[str]:
+    """The answers as JSON lines; of bits there are none."""
+    for table in (table for table in tables if table["space"] in REGISTERS):
+        for chunk in points(found, table):
+            yield "".join(answer_line(table, learned) for learned in chunk)
+
+
+def _profile(found: _modlens.Survey, tables: list[Table], source: str) -> Iterator[str]:
+    """The text of the profile, some points at a time; each part is checked."""
+    device = {"source": f"learned from {source}", "address_base": 0}
+    yield dumps({"profile": 1, "device": device, "registers": []})
+    for table in tables:
+        for chunk in points(found, table):
+            registers = [point_of(table, learned) for learned in chunk]
+            from_model({"profile": 1, "device": device, "registers": registers}, source)
+            yield point_tables(registers)
+
+
+def _evidence(found: _modlens.Survey, tables: list[Table]) -> Iterator[str]:
+    if found.most_rows < ALL_ROWS:
+        yield f"for lack of memory, {found.most_rows} samples of each block were kept"
+    for table in tables:
+        yield from evidence_lines(table)
+        for chunk in points(found, table):
+            yield from reason_lines(table, chunk)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import _modlens
 from analyzer.addresses import BASES
@@ -13,6 +15,7 @@ from analyzer.cli.file_input import file_run
 from analyzer.cli.known_devices import device_hints, usable_profiles
 from analyzer.cli.messages import Messages
 from analyzer.cli.parser import add_decoding, add_input, add_line
+from analyzer.cli.register_survey import tables_of
 from analyzer.cli.selection import add_selection
 from analyzer.cli.standard_streams import report
 from analyzer.cli.stop_signals import StopSignals
@@ -22,6 +25,9 @@ from analyzer.views.screen import stdout
 __all__ = ["add_arguments", "run"]
 
 SIGNALLED = 128
+
+CHUNK = 1024
+"""The rows that are objects of Python at a time."""
 
 EPILOG = """\
 examples:
@@ -61,14 +67,27 @@ def run(options: argparse.Namespace) -> int:
             if stop_signals.received():
                 found.add(files.finish())
                 break
-        rows = [
-            row
-            for row in json.loads(found.rows())
-            if options.unit in (None, row["unit"]) and (row["name"] or not options.named)
-        ]
+        rows = MapRows(found, options.unit, named=options.named)
         show_map(rows, stdout(), options.address, as_json=options.json)
         if survey is not None:
-            tables = json.loads(survey.tables())
-            for hint in device_hints(tables, list(usable_profiles())):
+            for hint in device_hints(survey, tables_of(survey), list(usable_profiles())):
                 report(hint)
         return 0 if stop_signals.signal is None else SIGNALLED + stop_signals.signal
+
+
+class MapRows:
+    """The rows of a map, of which some are objects of Python at a time."""
+
+    def __init__(self, found: _modlens.RegisterMap, unit: int | None, *, named: bool) -> None:
+        self._found = found
+        self._unit = unit
+        self._named = named
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        """All rows of the chosen unit; only those with a name where they are wanted."""
+        first = 0
+        while chunk := json.loads(self._found.rows(first, CHUNK)):
+            for row in chunk:
+                if self._unit in (None, row["unit"]) and (row["name"] or not self._named):
+                    yield row
+            first += CHUNK

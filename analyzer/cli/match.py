@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 
 from analyzer.cli.known_devices import ranked, usable_profiles
-from analyzer.cli.learn import tables_of_unit
 from analyzer.cli.parser import add_decoding, add_input, add_line
-from analyzer.cli.register_survey import survey
+from analyzer.cli.register_survey import chosen_unit, survey, tables_of
 from analyzer.cli.selection import add_selection
 from analyzer.profiles import load
 from analyzer.views.screen import stdout, visible
@@ -49,20 +48,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Score every profile for every unit; gives the exit status."""
-    tables = survey(options)
+    found = survey(options)
+    tables = tables_of(found)
+    units = sorted({table["unit"] for table in tables})
     if options.unit is not None:
-        tables = tables_of_unit(tables, options.unit, "match")
+        units = [chosen_unit(tables, options.unit, "match")]
     profiles = [load(name) for name in options.names] or list(usable_profiles())
     most = len(profiles) if options.names or options.all else MOST_SHOWN
     screen = stdout()
-    for unit in sorted({table["unit"] for table in tables}):
+    for unit in units:
         screen.line(f"unit {unit}", "head")
-        unit_tables = [table for table in tables if table["unit"] == unit]
-        scored = ranked(unit_tables, profiles)
-        for found, profile in scored[:most]:
-            style = "good" if found.fits else "dim"
-            head = f"  {found.points:3d} %  {profile.name}: "
-            screen.lines([[(head, style), (visible("; ".join(found.reasons)), "")]])
-        if not any(found.fits for found, _ in scored):
-            screen.line(f"  none of {len(profiles)} fits; modlens learn makes a draft", "dim")
+        scored = ranked(found, unit, profiles)
+        for score, profile in scored[:most]:
+            style = "good" if score.fits else "dim"
+            head = f"  {score.percent:3d} %  {profile.name}: "
+            screen.lines([[(head, style), (visible("; ".join(score.reasons)), "")]])
+        if not any(score.fits for score, _ in scored):
+            none = f"  no profile fits, of {len(profiles)}; modlens learn makes a draft"
+            screen.line(none, "dim")
     return 0

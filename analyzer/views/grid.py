@@ -48,12 +48,11 @@ class ColumnLayout(NamedTuple):
     is_whole: bool = False
     gives_way: bool = False
 
-    def width(self, cells: Iterable[Cell]) -> int:
-        """The width for the title and these cells, without a share of what is left."""
+    def width(self, widest: int) -> int:
+        """The width for the title and the widest cell, without a share of what is left."""
         min_width = max(self.min_width, width_of(self.title))
         if self.free_share:
             return min_width
-        widest = max((width_of(cell) for cell in cells if isinstance(cell, str)), default=0)
         return max(min_width, min(widest, self.max_width) if self.max_width else widest)
 
 
@@ -71,10 +70,11 @@ class Grid:
     `rows` are the first rows, which decide the widths; `width` is that of the terminal.
     """
 
-    def __init__(self, fields: Sequence[GridColumn], rows: Sequence[Any], width: int) -> None:
+    def __init__(self, fields: Sequence[GridColumn], rows: Iterable[Any], width: int) -> None:
         self._fields = fields
         self._gap = "  " if width >= WIDE_COLUMNS else " "
-        self._widths = [field.head.width(field.cell(row) for row in rows) for field in fields]
+        widest = _widest(fields, rows)
+        self._widths = [field.head.width(cell) for field, cell in zip(fields, widest, strict=True)]
         rest = width - sum(self._widths) - len(self._gap) * (len(fields) - 1)
         for index, field in reversed(list(enumerate(fields))):
             if field.head.gives_way and rest < 0:
@@ -103,6 +103,18 @@ class Grid:
             parts.append((_fitted(cell, field.head, width), style))
             parts.append((self._gap, ""))
         return parts[:-1]
+
+
+def _widest(fields: Sequence[GridColumn], rows: Iterable[Any]) -> list[int]:
+    """The width of the widest cell of each column; the rows are gone through once."""
+    widest = [0] * len(fields)
+    measured = [(at, field) for at, field in enumerate(fields) if not field.head.free_share]
+    for row in rows:
+        for at, field in measured:
+            cell = field.cell(row)
+            if isinstance(cell, str):
+                widest[at] = max(widest[at], width_of(cell))
+    return widest
 
 
 def _fitted(cell: Cell, head: ColumnLayout, width: int) -> str:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 from analyzer.addresses import SHORT, render
@@ -15,12 +16,17 @@ __all__ = ["show_grid", "show_map"]
 
 
 def show_map(
-    rows: Sequence[Mapping[str, Any]], screen: Screen, base: str, *, as_json: bool
+    rows: Iterable[Mapping[str, Any]], screen: Screen, base: str, *, as_json: bool
 ) -> None:
-    """Print the register map; `rows` are those of `_modlens.RegisterMap`."""
+    """Print the register map; `rows` are those of `_modlens.RegisterMap`, gone through thrice."""
     if as_json:
-        screen.lines([[(json.dumps(row, ensure_ascii=False), "")] for row in rows])
+        screen.lines([(json.dumps(row, ensure_ascii=False), "")] for row in rows)
         return
+    has_names, has_ages, buses = False, False, set()
+    for row in rows:
+        has_names |= bool(row["name"])
+        has_ages |= row["age_us"] is not None
+        buses.add(row["bus"])
     changes = "changes" if screen.width >= WIDE_COLUMNS else "chg"
     fields = [
         GridColumn(ColumnLayout("unit", 4, align_right=True), lambda row: str(row["unit"])),
@@ -39,22 +45,22 @@ def show_map(
         GridColumn(ColumnLayout("seen", 4, align_right=True), lambda row: str(row["count"])),
         GridColumn(ColumnLayout(changes, 3, align_right=True), lambda row: str(row["changes"])),
     ]
-    if any(row["name"] for row in rows):
+    if has_names:
         layout = ColumnLayout("name", 12, max_width=28, gives_way=True)
         fields.insert(3, GridColumn(layout, lambda row: visible(row["name"] or "")))
-    if any(row["age_us"] is not None for row in rows):
+    if has_ages:
         fields.append(GridColumn(ColumnLayout("age s", 6, align_right=True), _age))
-    if len({row["bus"] for row in rows}) > 1:
+    if len(buses) > 1:
         fields.insert(
             0, GridColumn(ColumnLayout("bus", 3, max_width=24), lambda row: visible(row["bus"]))
         )
     show_grid(fields, rows, screen)
 
 
-def show_grid(fields: Sequence[GridColumn], rows: Sequence[Any], screen: Screen) -> None:
+def show_grid(fields: Sequence[GridColumn], rows: Iterable[Any], screen: Screen) -> None:
     """Print a whole table."""
     grid = Grid(fields, rows, screen.width)
-    screen.lines([grid.head(), *(grid.line(row) for row in rows)])
+    screen.lines(chain([grid.head()], map(grid.line, rows)))
 
 
 def _value(row: Mapping[str, Any]) -> str:

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from dissectors.profile import Profile
 
-__all__ = ["dumps", "write"]
+__all__ = ["dumps", "point_tables", "write"]
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
@@ -39,13 +39,19 @@ def dumps(model: Mapping[str, Any]) -> str:
     for key, table in tables.items():
         lines += ["", f"[device.{key}]"]
         lines += [f"{_key(name)} = {_value(text)}" for name, text in table.items()]
-    for point in model["registers"]:
+    return "\n".join(lines) + "\n" + point_tables(model["registers"])
+
+
+def point_tables(points: Iterable[Mapping[str, Any]]) -> str:
+    """Points as TOML, a table each; what is the default is left out."""
+    lines = []
+    for point in points:
         lines += ["", "[[registers]]"]
         default = "bool" if point["at"].startswith(("co", "di")) else "u16"
         for key, value in point.items():
             if (key, value) != ("type", default):
                 lines.append(f"{key} = {_value(value)}")
-    return "\n".join(lines) + "\n"
+    return "".join(f"{line}\n" for line in lines)
 
 
 def _value(value: Any) -> str:

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use modlens_profiles::learn;
 use modlens_profiles::points::{Conversion, Plan};
 use modlens_profiles::profile::{self, Mistake, Order, Profile as Core, ProfileFormat, Type, SHIPPED, SUNSPEC};
+use modlens_protocol::register_type::Space;
 use modlens_tables::latest_values::LatestValues;
 use modlens_tables::register_survey::RegisterSurvey as CoreSurvey;
 use pyo3::prelude::*;
@@ -83,8 +84,9 @@ impl RegisterMap {
         py.detach(|| self.core.add(&batch.core));
     }
 
-    fn rows(&self) -> String {
-        self.core.json().to_string()
+    #[pyo3(signature = (first=0, most=usize::MAX))]
+    fn rows(&self, first: usize, most: usize) -> String {
+        self.core.json(first, most).to_string()
     }
 }
 
@@ -106,8 +108,28 @@ impl Survey {
         py.detach(|| self.core.add(&batch.core));
     }
 
+    /// The blocks of each table of each unit.
     fn tables(&self) -> String {
-        self.core.json().to_string()
+        self.core.tables().to_string()
+    }
+
+    /// What was learnt of a table, from the point with the number `first` on, at most `most` points.
+    fn points(&mut self, py: Python<'_>, unit: u8, space: &str, first: usize, most: usize) -> PyResult<String> {
+        let space = Space::from_word(space).ok_or_else(|| value_error(format!("no table {space:?}")))?;
+        Ok(py.detach(|| self.core.points(unit, space, first, most).to_string()))
+    }
+
+    /// How well a profile fits a unit.
+    fn fit(&mut self, py: Python<'_>, unit: u8, profile: &Profile) -> String {
+        let found = py.detach(|| self.core.fit(unit, &profile.plan));
+        json!({"percent": found.percent, "bits": found.bits, "share": found.share, "fits": found.fits, "reasons": found.reasons})
+            .to_string()
+    }
+
+    /// The samples that are kept of each block, at most.
+    #[getter]
+    fn most_rows(&self) -> usize {
+        self.core.most_rows()
     }
 }
 

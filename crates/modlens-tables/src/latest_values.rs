@@ -2,6 +2,7 @@
 //! written, and its range.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use serde_json::{json, Value as Json};
 
@@ -12,13 +13,15 @@ use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
 /// Bus, unit, table, address, and the index of the point in the plan (`u32::MAX` for a bare register or bit).
-type Key = (String, u8, Space, u16, u32);
+type Key = (Arc<str>, u8, Space, u16, u32);
 
 /// Collects the values over a whole recording.
 #[derive(Debug, Default)]
 pub struct LatestValues {
     entries: BTreeMap<Key, PointState>,
     newest: Option<Ns>,
+    /// The name of the bus that was seen last.
+    bus: Option<Arc<str>>,
 }
 
 /// The state of one register, bit or point. `raw` is its last value as on the wire.
@@ -50,9 +53,11 @@ impl LatestValues {
     /// Adds one value.
     fn put(&mut self, batch: &Batch, part: &ReadingView<'_>) {
         let t = part.transaction;
-        let bus = &batch.buses[t.bus as usize].name;
+        let name = batch.buses[t.bus as usize].name.as_str();
+        let bus = self.bus.take().filter(|bus| **bus == *name).unwrap_or_else(|| name.into());
+        self.bus = Some(bus.clone());
         let index = part.compiled.map_or(u32::MAX, |(index, _)| index);
-        let key = (bus.clone(), t.unit, part.space, part.address, index);
+        let key = (bus, t.unit, part.space, part.address, index);
         let entry = self.entries.entry(key).or_default();
         *(if part.is_write { &mut entry.writes } else { &mut entry.reads }) += 1;
         self.newest = self.newest.max(t.elapsed);
@@ -76,14 +81,16 @@ impl LatestValues {
         }
     }
 
-    /// The map as a JSON list, sorted by bus, unit, table and address.
-    pub fn json(&self) -> Json {
+    /// The rows of the map as a JSON list, sorted by bus, unit, table and address: at most `most` from number `first` on.
+    pub fn json(&self, first: usize, most: usize) -> Json {
         self.entries
             .iter()
+            .skip(first)
+            .take(most)
             .map(|((bus, unit, space, address, _), entry)| {
                 let age = self.newest.zip(entry.elapsed).map(|(newest, then)| (newest - then) as f64 / 1000.0);
                 json!({
-                    "bus": bus, "unit": unit, "register_type": space.long_name(), "address": address, "name": entry.name,
+                    "bus": &**bus, "unit": unit, "register_type": space.long_name(), "address": address, "name": entry.name,
                     "value": entry.number, "value_text": entry.text, "unit_of_measure": entry.unit_of_measure,
                     "age_us": age, "reads": entry.reads, "writes": entry.writes, "count": entry.reads + entry.writes,
                     "min": entry.low, "max": entry.high, "changes": entry.changes,

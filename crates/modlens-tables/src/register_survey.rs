@@ -8,23 +8,40 @@ use serde_json::{json, Value as Json};
 use crate::columns::{read_data, read_range, row_of, write_data, write_range, Items};
 use modlens_engine::records::{Batch, Transaction};
 use modlens_profiles::find::LayoutHint;
-use modlens_profiles::learn::{conclude, Counts, Learned, ObservedTable};
+use modlens_profiles::fit::{fit, Fit, SeenTable};
+use modlens_profiles::learn::{conclude, Counts, Learned, ObservedTable, MOST_ROWS};
+use modlens_profiles::points::Plan;
 use modlens_protocol::register_type::Space;
 use modlens_protocol::status::Status;
 
+/// The memory that the samples of all tables may take, in bytes. Where there are more, each block keeps fewer.
+const MOST_SAMPLE_BYTES: usize = 48 << 20;
+
 /// Collects the blocks that a master reads and writes over a whole recording.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct RegisterSurvey {
     units: BTreeMap<(u8, Space), ObservedTable>,
+    /// The samples that are kept of each block.
+    most_rows: usize,
+    /// What was learnt of each table, once it was asked for.
+    learned: BTreeMap<(u8, Space), Vec<Learned>>,
+}
+
+impl Default for RegisterSurvey {
+    fn default() -> Self {
+        Self { units: BTreeMap::new(), most_rows: MOST_ROWS, learned: BTreeMap::new() }
+    }
 }
 
 impl RegisterSurvey {
     /// Adds the transactions of a batch.
     pub fn add(&mut self, batch: &Batch) {
+        self.learned.clear();
         for t in batch.all_transactions() {
             let space = row_of(batch, t).and_then(|row| row.space);
             let Some(space) = space.filter(|_| matches!(t.status, Status::Ok | Status::Exception)) else { continue };
-            let table = self.units.entry((t.unit, space)).or_default();
+            let most_rows = self.most_rows;
+            let table = self.units.entry((t.unit, space)).or_insert_with(|| ObservedTable::with_rows(most_rows));
             if let Some(range) = read_range(batch, t) {
                 table.block(range.0, range.1).reads += 1;
                 put(table, t, range, read_data(batch, t), false);
@@ -34,6 +51,42 @@ impl RegisterSurvey {
                 put(table, t, range, write_data(batch, t).filter(|_| t.status == Status::Ok), true);
             }
         }
+        self.limit_samples();
+    }
+
+    /// Halves the samples of the blocks with the most of them until they fit into the memory that they may take.
+    fn limit_samples(&mut self) {
+        while self.sample_bytes() > MOST_SAMPLE_BYTES && self.most_rows > 2 {
+            self.most_rows /= 2;
+            self.units.values_mut().for_each(|table| table.limit_rows(self.most_rows));
+        }
+    }
+
+    /// The memory that samples take, in bytes.
+    pub fn sample_bytes(&self) -> usize {
+        self.units.values().map(ObservedTable::sample_bytes).sum()
+    }
+
+    /// The samples that are kept of each block.
+    pub fn most_rows(&self) -> usize {
+        self.most_rows
+    }
+
+    /// Learns about the tables of a unit, unless it was done before. What was learnt of other units is dropped.
+    fn learn(&mut self, unit: u8) {
+        self.learned.retain(|place, _| place.0 == unit);
+        for (place, table) in self.units.range((unit, Space::Coil)..).take_while(|(place, _)| place.0 == unit) {
+            self.learned.entry(*place).or_insert_with(|| if place.1.is_bits() { Vec::new() } else { conclude(table) });
+        }
+    }
+
+    /// How well a profile fits a unit.
+    pub fn fit(&mut self, unit: u8, plan: &Plan) -> Fit {
+        self.learn(unit);
+        let seen =
+            |((_, space), table): (&(u8, Space), _)| SeenTable { space: *space, table, learned: &self.learned[&(unit, *space)] };
+        let tables = self.units.iter().filter(|(place, _)| place.0 == unit).map(seen);
+        fit(plan, &tables.collect::<Vec<_>>())
     }
 
     /// The layout of the points that are certain.
@@ -48,9 +101,29 @@ impl RegisterSurvey {
         found
     }
 
-    /// The result for each table of each unit, as JSON.
-    pub fn json(&self) -> Json {
+    /// The blocks of each table of each unit, as JSON.
+    pub fn tables(&self) -> Json {
         self.units.iter().map(|((unit, space), table)| table_json(*unit, *space, table)).collect()
+    }
+
+    /// What was learnt of a table, from the point with the number `first` on, at most `most` points: as JSON.
+    pub fn points(&mut self, unit: u8, space: Space, first: usize, most: usize) -> Json {
+        self.learn(unit);
+        let (Some(table), Some(learned)) = (self.units.get(&(unit, space)), self.learned.get(&(unit, space))) else {
+            return Json::Array(Vec::new());
+        };
+        if space.is_bits() {
+            return table.registers.iter().skip(first).take(most).map(|(at, counts)| register_json(*at, counts)).collect();
+        }
+        let point = |one: &Learned| {
+            let mut found = answer_json(one);
+            let register = register_json(one.layout.address, &table.registers[&one.layout.address]);
+            if let (Some(found), Json::Object(register)) = (found.as_object_mut(), register) {
+                found.extend(register);
+            }
+            found
+        };
+        learned.iter().skip(first).take(most).map(point).collect()
     }
 }
 
@@ -64,7 +137,7 @@ fn put(table: &mut ObservedTable, t: &Transaction, range: (u16, u16), items: Opt
     table.put(range.0, &values, t.start.or(t.elapsed).unwrap_or(0), is_write);
 }
 
-/// Everything learnt about one table of a unit.
+/// What was asked for in a table of a unit.
 fn table_json(unit: u8, space: Space, table: &ObservedTable) -> Json {
     let blocks: Vec<Json> = table
         .blocks
@@ -73,12 +146,9 @@ fn table_json(unit: u8, space: Space, table: &ObservedTable) -> Json {
             json!({"first": first, "count": count, "reads": block.reads, "writes": block.writes, "exceptions": block.exceptions})
         })
         .collect();
-    let registers: Vec<Json> = table.registers.iter().map(|(address, counts)| register_json(*address, counts)).collect();
-    let learned = if space.is_bits() { Vec::new() } else { conclude(table) };
-    let points: Vec<Json> = learned.iter().filter(|one| one.layout.count > 1).map(point_json).collect();
     json!({
-        "unit": unit, "register_type": space.long_name(), "space": space.short_name(), "blocks": blocks, "registers": registers,
-        "points": points, "answers": learned.iter().map(answer_json).collect::<Vec<_>>(), "together": correlated_pairs(table),
+        "unit": unit, "register_type": space.long_name(), "space": space.short_name(), "blocks": blocks,
+        "registers": table.registers.len(), "together": correlated_pairs(table),
     })
 }
 
@@ -95,18 +165,8 @@ fn register_json(address: u16, counts: &Counts) -> Json {
     };
     json!({
         "address": address, "samples": counts.samples, "changes": counts.changes(), "distinct": counts.distinct_count(),
-        "min": counts.min, "max": counts.max, "looks": looks, "read": counts.is_read, "written": counts.writes > 0,
+        "raw_min": counts.min, "raw_max": counts.max, "looks": looks, "read": counts.is_read, "written": counts.writes > 0,
         "values": if values.len() <= 6 { values } else { Vec::new() },
-    })
-}
-
-fn point_json(one: &Learned) -> Json {
-    let layout = &one.layout;
-    let rivals: Vec<Json> =
-        layout.rivals.iter().map(|(kind, order)| json!({"type": kind.word(), "order": order.word()})).collect();
-    json!({
-        "address": layout.address, "count": layout.count, "type": layout.kind.word(), "order": layout.order.word(),
-        "bits": rounded(layout.bits), "sure": layout.is_certain, "reason": layout.reason, "rivals": rivals,
     })
 }
 
@@ -115,7 +175,7 @@ fn answer_json(one: &Learned) -> Json {
     let (layout, scale) = (&one.layout, one.scale);
     json!({
         "address": layout.address, "count": layout.count, "type": layout.kind.word(), "order": layout.order.word(),
-        "layout_bits": rounded(layout.bits),
+        "layout_bits": rounded(layout.bits), "is_certain": layout.is_certain,
         "role": one.role.map(|role| role.0.word()), "role_bits": one.role.map(|role| rounded(role.1)),
         "scale": scale.map(|scale| scale.factor), "unit_symbol": scale.and_then(|scale| scale.unit),
         "scale_bits": scale.map(|scale| rounded(scale.bits)), "quantity": scale.and_then(|scale| scale.quantity),

@@ -10,9 +10,7 @@ import pytest
 
 import _modlens
 from analyzer import decode
-from analyzer.cli.register_survey import survey
-from dissectors.profile import parse, shipped
-from dissectors.profile_learning import score_profile
+from dissectors.profile import parse
 from tests.conftest import CAPTURES, Modlens
 from tests.support.typed_device import SINGLES, TRUTH
 
@@ -106,21 +104,6 @@ def test_refusals_and_cut_values_lower_the_score(tmp_path: Path, modlens: Modlen
     wide.write_text('profile = 1\n[[registers]]\nat = "hr:210"\nname = "w"\ntype = "u32"\n')
     done = modlens("match", frames(tmp_path, *MIGHTYZAP), "--with", str(wide))
     assert "w only partly covered by requests" in done.out
-
-
-def test_labels_that_do_not_fit() -> None:
-    """A value without a label speaks against a profile that has labels."""
-    assert callable(survey)
-    table = {
-        "unit": 1, "space": "hr", "points": [], "together": [],
-        "blocks": [{"first": 0, "count": 1, "reads": 9, "writes": 0, "exceptions": {}}],
-        "registers": [{"address": 0, "min": 0, "max": 77}],
-    }  # fmt: skip
-    text = 'profile = 1\n[[registers]]\nat = "hr:0"\nname = "m"\nenum = {0 = "off", 1 = "on"}\n'
-    found = score_profile([table], parse(text, "m.toml"))
-    assert found.points == 50
-    assert "m with values outside its labels" in found.reasons
-    assert score_profile([table], shipped("grundfos")).points == 0
 
 
 def test_map(tmp_path: Path, modlens: Modlens) -> None:

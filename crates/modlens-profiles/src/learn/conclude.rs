@@ -1,17 +1,24 @@
 //! All that is learnt about the registers of a table: layout, role, scale and quantity, each with its evidence.
 
 use std::collections::BTreeSet;
+use std::rc::Rc;
 
 use crate::learn::calibration::{layout_bits, role_bits};
 use crate::learn::grid;
 use crate::learn::layout::{best_blocks, layout, BestBlocks};
 use crate::learn::layout_point::LayoutPoint;
-use crate::learn::observed::ObservedTable;
+use crate::learn::observed::{ObservedTable, Samples};
 use crate::learn::relations::relate;
 use crate::learn::role::{role, Course, Role};
 use crate::learn::scale::{scales, Scale};
-use crate::points::{Conversion, Value};
+use crate::points::Conversion;
 use crate::profile::{Order, Type};
+
+/// The numbers that are looked at, of all points together.
+const MOST_NUMBERS: usize = 4 << 20;
+
+/// The numbers of a point that are always looked at.
+const LEAST_NUMBERS: usize = 16;
 
 /// What is learnt about one point.
 #[derive(Clone, Debug)]
@@ -33,10 +40,11 @@ pub fn conclude(table: &ObservedTable) -> Vec<Learned> {
     grid::fill(table, &mut points);
     add_single_registers(table, &mut points);
     let upper_halves = possible_upper_halves(table, &points);
+    let mut reader = CourseReader::new(table, &best, points.len());
     let courses: Vec<(Course<'_>, Option<Role>)> = points
         .iter()
         .map(|point| {
-            let course = course(table, &best, point);
+            let course = reader.course(point);
             let role = role(&course).filter(|role| *role != Role::Constant || !upper_halves.contains(&point.address));
             (course, role)
         })
@@ -90,22 +98,64 @@ fn add_single_registers(table: &ObservedTable, points: &mut Vec<LayoutPoint>) {
     points.sort_by_key(|point| point.address);
 }
 
-/// The numbers of a point over time.
-fn course<'a>(table: &'a ObservedTable, best: &BestBlocks<'a>, point: &LayoutPoint) -> Course<'a> {
-    let registers = (0..point.count).filter_map(|i| table.registers.get(&point.address.wrapping_add(i)));
-    let mut found = Course { kind: point.kind, numbers: Vec::new(), seconds: Vec::new(), counts: registers.collect() };
-    if let Some((samples, at)) = best.get(&(point.address, point.count)).filter(|_| point.kind != Type::Str) {
-        let conversion = Conversion::of_type(point.kind, point.order);
-        for (row, time) in samples.rows(*at, at + usize::from(point.count)).into_iter().zip(samples.times()) {
-            let bytes: Vec<u8> = row.iter().flat_map(|word| word.to_be_bytes()).collect();
-            let value: Value<'_> = conversion.value(&bytes, None);
-            if let Some(number) = value.number() {
-                found.numbers.push(number);
-                found.seconds.push(*time as f64 / 1e9);
-            }
-        }
+/// Reads the numbers of points over time.
+struct CourseReader<'a> {
+    table: &'a ObservedTable,
+    best: &'a BestBlocks<'a>,
+    /// The numbers that are taken of a point.
+    most: usize,
+    /// The times of the block that was read last: its points have them in common.
+    times: Option<(*const Samples, Rc<[f64]>)>,
+}
+
+impl<'a> CourseReader<'a> {
+    fn new(table: &'a ObservedTable, best: &'a BestBlocks<'a>, points: usize) -> Self {
+        let most = (MOST_NUMBERS / points.max(1)).max(LEAST_NUMBERS);
+        Self { table, best, most, times: None }
     }
-    found
+
+    /// The numbers of a point over time.
+    fn course(&mut self, point: &LayoutPoint) -> Course<'a> {
+        let registers = (0..point.count).filter_map(|i| self.table.registers.get(&point.address.wrapping_add(i)));
+        let counts = registers.collect();
+        let block = self.best.get(&(point.address, point.count)).filter(|_| point.kind != Type::Str);
+        let Some(&(samples, at)) = block else {
+            return Course { kind: point.kind, numbers: Vec::new(), seconds: Rc::default(), counts };
+        };
+        let conversion = Conversion::of_type(point.kind, point.order);
+        let rows = samples.rows(at, at + usize::from(point.count));
+        let mut bytes = Vec::with_capacity(8);
+        let all = self.taken(samples).map(|i| {
+            bytes.clear();
+            bytes.extend(rows[i].iter().flat_map(|word| word.to_be_bytes()));
+            conversion.value(&bytes, None).number()
+        });
+        let all: Vec<Option<f64>> = all.collect();
+        let times = self.times_of(samples);
+        let seconds = if all.contains(&None) {
+            times.iter().zip(&all).filter(|pair| pair.1.is_some()).map(|pair| *pair.0).collect()
+        } else {
+            times
+        };
+        Course { kind: point.kind, numbers: all.into_iter().flatten().collect(), seconds, counts }
+    }
+
+    /// The rows that are taken of a block: all of them, or pairs spread over all.
+    fn taken(&self, samples: &Samples) -> impl Iterator<Item = usize> + use<> {
+        let stride = samples.len().div_ceil(self.most).max(1);
+        (0..samples.len()).filter(move |i| (i / 2).is_multiple_of(stride))
+    }
+
+    /// The times of these rows in seconds.
+    fn times_of(&mut self, samples: &'a Samples) -> Rc<[f64]> {
+        let key: *const Samples = samples;
+        if let Some((_, times)) = self.times.as_ref().filter(|known| known.0 == key) {
+            return times.clone();
+        }
+        let times: Rc<[f64]> = self.taken(samples).map(|i| samples.times()[i] as f64 / 1e9).collect();
+        self.times = Some((key, times.clone()));
+        times
+    }
 }
 
 #[cfg(test)]

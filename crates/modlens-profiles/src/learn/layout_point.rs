@@ -26,7 +26,8 @@ pub struct LayoutPoint {
 }
 
 impl LayoutPoint {
-    pub(super) fn end(&self) -> u32 {
+    /// The address after its last register.
+    pub fn end(&self) -> u32 {
         u32::from(self.address) + u32::from(self.count)
     }
 

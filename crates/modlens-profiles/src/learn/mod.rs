@@ -23,7 +23,7 @@ pub use conclude::{conclude, Learned};
 pub use evidence::{TypeHypothesis, MIN_MARGIN_BITS};
 pub use habits::Habits;
 pub use layout_point::LayoutPoint;
-pub use observed::{Counts, ObservedBlock, ObservedTable, Samples};
+pub use observed::{Counts, ObservedBlock, ObservedTable, Samples, MOST_ROWS};
 pub use ranking::{is_plausible_float, rank_types};
 pub use role::Role;
 pub use scale::Scale;

@@ -3,13 +3,7 @@
 use std::collections::BTreeMap;
 
 /// The samples kept of a block: 256 pairs of consecutive ones.
-const MOST_ROWS: usize = 512;
-
-/// The samples kept of a block where there are many blocks.
-const LEAST_ROWS: usize = 16;
-
-/// The memory for the samples of all blocks of a table, in registers.
-const MOST_CELLS: usize = 12 << 20;
+pub const MOST_ROWS: usize = 512;
 
 /// The different values of a register that are counted.
 pub const MOST_DISTINCT: usize = 12;
@@ -68,6 +62,21 @@ impl Samples {
         self.cells.truncate(kept * self.width);
         self.times.truncate(kept);
         self.numbers.truncate(kept);
+    }
+
+    /// Keeps at most so many rows.
+    fn limit(&mut self, most: usize) {
+        while self.times.len() > most {
+            self.thin();
+        }
+        self.cells.shrink_to_fit();
+        self.times.shrink_to_fit();
+        self.numbers.shrink_to_fit();
+    }
+
+    /// The memory that the samples take, in bytes.
+    fn bytes(&self) -> usize {
+        2 * self.cells.capacity() + 8 * self.times.capacity() + 4 * self.numbers.capacity()
     }
 
     /// The number of rows that are kept.
@@ -213,22 +222,33 @@ pub struct ObservedBlock {
 }
 
 /// The registers or bits of one table of one unit.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct ObservedTable {
     /// The blocks by first address and quantity.
     pub blocks: BTreeMap<(u16, u16), ObservedBlock>,
     /// Counts by address.
     pub registers: BTreeMap<u16, Counts>,
-    /// The registers of one sample of each block.
-    row_cells: usize,
+    /// The samples that are kept of each block.
+    most_rows: usize,
+    /// The memory that all samples take, in bytes.
+    bytes: usize,
+}
+
+impl Default for ObservedTable {
+    fn default() -> Self {
+        Self::with_rows(MOST_ROWS)
+    }
 }
 
 impl ObservedTable {
+    /// A table that keeps at most so many samples of each block, an even number.
+    pub fn with_rows(most_rows: usize) -> Self {
+        Self { blocks: BTreeMap::new(), registers: BTreeMap::new(), most_rows, bytes: 0 }
+    }
+
     /// The block of an address and a quantity.
     pub fn block(&mut self, first: u16, count: u16) -> &mut ObservedBlock {
-        let row_cells = &mut self.row_cells;
         self.blocks.entry((first, count)).or_insert_with(|| {
-            *row_cells += usize::from(count);
             let samples = Samples::new(usize::from(count));
             ObservedBlock { reads: 0, writes: 0, exceptions: BTreeMap::new(), samples }
         })
@@ -239,8 +259,24 @@ impl ObservedTable {
         for (i, &value) in values.iter().enumerate() {
             self.registers.entry(first.wrapping_add(i as u16)).or_default().put(value, is_write);
         }
-        let most = (MOST_CELLS / self.row_cells.max(1) / 2 * 2).clamp(LEAST_ROWS, MOST_ROWS);
-        self.block(first, values.len() as u16).samples.put(time, values.iter().copied(), most);
+        let most = self.most_rows;
+        let samples = &mut self.block(first, values.len() as u16).samples;
+        let before = samples.bytes();
+        samples.put(time, values.iter().copied(), most);
+        let after = samples.bytes();
+        self.bytes = self.bytes + after - before;
+    }
+
+    /// The memory that all samples take, in bytes.
+    pub fn sample_bytes(&self) -> usize {
+        self.bytes
+    }
+
+    /// Keeps at most so many samples of each block, an even number, from now on.
+    pub fn limit_rows(&mut self, most: usize) {
+        self.most_rows = most;
+        self.blocks.values_mut().for_each(|block| block.samples.limit(most));
+        self.bytes = self.blocks.values().map(|block| block.samples.bytes()).sum();
     }
 }
 
@@ -260,6 +296,23 @@ mod tests {
         let follows = samples.follows();
         assert_eq!(follows.iter().filter(|&&follows| follows).count(), samples.len() / 2);
         assert!(times.iter().zip(samples.rows(0, 1)).all(|(time, row)| *time as u16 == row[0]));
+    }
+
+    #[test]
+    fn a_table_with_less_memory_keeps_pairs_of_every_block() {
+        let mut table = ObservedTable::default();
+        for i in 0..2000i64 {
+            table.put(i as u16 % 4 * 100, &[i as u16; 100], i, false);
+        }
+        let all = table.sample_bytes();
+        table.limit_rows(32);
+        assert!(table.sample_bytes() < all / 8 && table.sample_bytes() > 4 * 16 * 200);
+        table.put(0, &[7; 100], 2000, false);
+        for block in table.blocks.values() {
+            assert!(block.samples.len() <= 32 && block.samples.len() >= 16);
+            assert!(block.samples.follows().iter().filter(|&&follows| follows).count() * 2 >= block.samples.len() - 1);
+        }
+        assert_eq!(table.registers[&0].samples, 501);
     }
 
     #[test]

@@ -16,6 +16,13 @@ const MOST_RESIDUAL: f64 = 0.05;
 /// By how much the rate has to vary from stretch to stretch: a constant one fits every total that rises evenly.
 const LEAST_VARIATION: f64 = 0.08;
 
+/// The pairs of points that are compared in one kind of relation. Of more, those are compared that lie near each other,
+/// so the work is at most in proportion to the points.
+const MOST_PAIRS: usize = 100_000;
+
+/// The points that are always compared with another one.
+const LEAST_NEAREST: usize = 8;
+
 /// Points and what is known of each.
 type Points<'a, 'b> = &'a [(Course<'b>, Option<Role>)];
 
@@ -31,13 +38,20 @@ fn measurements<'a>(points: Points<'a, '_>) -> impl Iterator<Item = usize> + 'a 
     (0..points.len()).filter(|&i| points[i].1 == Some(Role::Measurement))
 }
 
+/// Of points in the order of their addresses, at most so many, nearest to another point; but never fewer than eight.
+fn nearest(sorted: &[usize], point: usize, most: usize) -> &[usize] {
+    let most = most.max(LEAST_NEAREST);
+    let from = sorted.partition_point(|&other| other < point).saturating_sub(most / 2);
+    let from = from.min(sorted.len().saturating_sub(most));
+    &sorted[from..sorted.len().min(from + most)]
+}
+
 /// Voltages that are the sum of the cells of a battery.
 fn sums_of_cells(points: Points<'_, '_>, scales: &mut [Option<Scale>]) {
     let is_cell = |i: &usize| scales[*i].is_some_and(|scale| scale.reason == "cells of a battery");
     let cells: Vec<usize> = (0..points.len()).filter(is_cell).collect();
     let Some(&first) = cells.first() else { return };
-    let times = &points[first].0.seconds;
-    if cells.iter().any(|&cell| points[cell].0.seconds != *times) {
+    if cells.iter().any(|&cell| !points[cell].0.is_in_step_with(&points[first].0)) {
         return;
     }
     let sum = |row: usize| cells.iter().map(|&cell| points[cell].0.numbers[row] * 0.001).sum::<f64>();
@@ -45,7 +59,7 @@ fn sums_of_cells(points: Points<'_, '_>, scales: &mut [Option<Scale>]) {
         let course = &points[other].0;
         for factor in [0.1, 0.01, 0.001] {
             let is_near = |(row, number): (usize, &f64)| (number * factor / sum(row) - 1.0).abs() < 0.01;
-            if course.seconds == *times && course.numbers.iter().enumerate().all(is_near) {
+            if course.is_in_step_with(&points[first].0) && course.numbers.iter().enumerate().all(is_near) {
                 scales[other] = Some(Scale::of(factor, "V", "voltage", 8.0, "the sum of the cells"));
             }
         }
@@ -58,8 +72,10 @@ fn products(points: Points<'_, '_>, scales: &mut [Option<Scale>]) {
     let voltages: Vec<usize> = measurements(points).filter(is_voltage).collect();
     let is_plain = |i: &usize| scales[*i].is_some_and(|scale| scale.quantity.is_none());
     let plain: Vec<usize> = measurements(points).filter(is_plain).collect();
-    for (&voltage, &current) in voltages.iter().flat_map(|u| plain.iter().map(move |i| (u, i))) {
-        for &power in plain.iter().filter(|power| **power != current) {
+    // Pairs of a current and a power: their number is the square of the points.
+    let most = (MOST_PAIRS / voltages.len().max(1)).isqrt();
+    for (&voltage, near) in voltages.iter().map(|voltage| (voltage, nearest(&plain, *voltage, most))) {
+        for (&current, &power) in near.iter().flat_map(|i| near.iter().map(move |p| (i, p))).filter(|(i, p)| i != p) {
             let courses = [voltage, current, power].map(|at| &points[at].0);
             let Some(share) = steady_share(&courses) else { continue };
             let share = share / scales[voltage].map_or(1.0, |scale| scale.factor);
@@ -78,7 +94,7 @@ fn products(points: Points<'_, '_>, scales: &mut [Option<Scale>]) {
 
 /// The share that the third number is of the product of the first two, if it is steady while they move.
 fn steady_share([one, other, product]: &[&Course<'_>; 3]) -> Option<f64> {
-    if one.seconds != other.seconds || one.seconds != product.seconds || one.numbers.len() < 16 {
+    if one.numbers.len() < 16 || !one.is_in_step_with(other) || !one.is_in_step_with(product) {
         return None;
     }
     let (low, high) = other.range();
@@ -99,8 +115,10 @@ fn integrals(points: Points<'_, '_>, scales: &mut [Option<Scale>]) {
         scales[*i].is_some_and(|scale| !matches!(scale.quantity, Some("voltage" | "current" | "frequency" | "duration")))
     };
     let rates: Vec<usize> = measurements(points).filter(is_rate).collect();
+    let most = MOST_PAIRS / totals.len().max(1);
     for total in totals {
-        let fits = rates.iter().filter_map(|&rate| integral_factor(&points[total].0, &points[rate].0).map(|fit| (fit, rate)));
+        let near = nearest(&rates, total, most).iter();
+        let fits = near.filter_map(|&rate| integral_factor(&points[total].0, &points[rate].0).map(|fit| (fit, rate)));
         let mut fits: Vec<((f64, f64), usize)> = fits.collect();
         fits.sort_by(|a, b| a.0 .1.total_cmp(&b.0 .1));
         // Several powers fit where phases are alike; they must say the same.

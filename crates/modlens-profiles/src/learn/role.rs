@@ -1,5 +1,7 @@
 //! Decides what a register is for, by how it moves.
 
+use std::rc::Rc;
+
 use crate::learn::observed::Counts;
 use crate::profile::Type;
 
@@ -51,7 +53,7 @@ pub(super) struct Course<'a> {
     /// The numbers that were kept.
     pub numbers: Vec<f64>,
     /// Their times in seconds.
-    pub seconds: Vec<f64>,
+    pub seconds: Rc<[f64]>,
     /// The counts of each register.
     pub counts: Vec<&'a Counts>,
 }
@@ -88,6 +90,11 @@ impl Course<'_> {
     /// The smallest and the largest number.
     pub fn range(&self) -> (f64, f64) {
         self.numbers.iter().fold((f64::MAX, f64::MIN), |(low, high), &number| (low.min(number), high.max(number)))
+    }
+
+    /// Whether the numbers of both are of the same times.
+    pub fn is_in_step_with(&self, other: &Self) -> bool {
+        Rc::ptr_eq(&self.seconds, &other.seconds) || self.seconds == other.seconds
     }
 
     /// Whether no register ever changed.

@@ -51,6 +51,18 @@ pub struct CompiledPoint {
     decoder: u16,
 }
 
+impl CompiledPoint {
+    /// The value of these registers, without a scale factor that is a point of its own.
+    pub fn value(&self, bytes: &[u8]) -> Value<'static> {
+        self.conversion.value(bytes, None)
+    }
+
+    /// The integer on the wire, before scaling. `None` if the bits are no number or mean "no value".
+    pub fn raw(&self, bytes: &[u8]) -> Option<i128> {
+        self.conversion.raw(bytes)
+    }
+}
+
 /// A compiled profile.
 #[derive(Debug, Default)]
 pub struct Plan {
