@@ -89,3 +89,27 @@ def test_a_preamble_of_another_protocol_is_no_stray_byte(tmp_path: Path) -> None
     written(case, tmp_path)
     rows = diagnose(case.main, case.words, tmp_path)
     assert [row["code"] for row in rows] == ["foreign_protocol"]
+
+
+@pytest.mark.parametrize(("true", "given", "rate"), [(57600, 19200, 57600), (9600, 2400, 9600)])
+def test_bytes_that_need_more_time_than_they_took_name_the_rate(
+    true: int, given: int, rate: int, tmp_path: Path
+) -> None:
+    """A line of the one rate, full to nine tenths, is decoded with the settings of the other."""
+    rng, at, reads = Random(3), 0.0, []
+    while at < 12:
+        frames = [rtu(1, read_request(3, 0, 50)), rtu(1, bytes([3, 100, *rng.randbytes(100)]))]
+        for frame in frames:
+            reads.append((at, frame))
+            at += len(frame) * 11 / true / 0.9
+    said = judged(reads, f"{given}-8E1", tmp_path)
+    assert f"the line is faster than {given}; {rate} fits" in said["wrong_line_settings"]
+
+
+def test_a_line_at_its_own_rate_is_not_too_fast(tmp_path: Path) -> None:
+    at, reads = 0.0, []
+    for _ in range(300):
+        for frame in (rtu(1, read_request(3, 0, 50)), rtu(1, bytes([3, 100, *bytes(100)]))):
+            reads.append((at, frame))
+            at += len(frame) * 11 / 19200 / 0.95
+    assert "wrong_line_settings" not in judged(reads, "19200-8E1", tmp_path)

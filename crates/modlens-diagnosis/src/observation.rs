@@ -174,7 +174,7 @@ pub struct Observation {
     pub answered_by: Option<u8>,
     /// Which part of the damaged frame is damaged.
     pub damage: Option<DamagedPart>,
-    /// The first bytes of a damaged answer.
+    /// The first bytes of an answer that is damaged, or that nobody asked for.
     pub answer_head: Vec<u8>,
     /// The MBAP transaction identifier.
     pub id: Option<u16>,
@@ -290,7 +290,8 @@ fn request_head(batch: &Batch, row: &Transaction) -> Vec<u8> {
 
 fn answer_head(batch: &Batch, row: &Transaction) -> Vec<u8> {
     let wire = row.response.wire.of(&batch.arena);
-    let kept = if row.status == Status::BadResponse { wire.len().min(NOISE_BYTES) } else { 0 };
+    let is_odd = matches!(row.status, Status::BadResponse | Status::Unsolicited);
+    let kept = if is_odd { wire.len().min(NOISE_BYTES) } else { 0 };
     wire[..kept].to_vec()
 }
 
@@ -353,6 +354,8 @@ pub struct FrameObservation {
     pub findings: FindingSet,
     /// Its length.
     pub length: u32,
+    /// Function code.
+    pub code: Option<u8>,
     /// Number of its transaction.
     pub txn: Option<u64>,
     /// The first bytes of what is damaged or noise.
@@ -363,6 +366,12 @@ pub struct FrameObservation {
     pub pauses: InnerPauses,
     /// Which part of a damaged request is damaged, where no transaction has it.
     pub damage: Option<DamagedPart>,
+}
+
+/// Whether a function code is one of the public functions that write registers or coils.
+#[inline]
+pub(crate) fn is_write(code: u8) -> bool {
+    matches!(code, 5 | 6 | 15 | 16 | 22 | 23)
 }
 
 /// Bytes of a run of noise that are looked at.
@@ -380,6 +389,7 @@ impl FrameObservation {
             unit: Some(row.unit),
             findings: FindingSet::default(),
             length: u32::from(row.lengths[usize::from(direction != Direction::Request)]),
+            code: Some(row.function),
             txn: Some(txn),
             bytes: Vec::new(),
             gap: None,
@@ -401,6 +411,7 @@ impl FrameObservation {
             unit: row.unit,
             findings: FindingSet::of(row.findings.of(&batch.codes)),
             length: row.wire.length,
+            code: row.code,
             txn: row.txn,
             bytes: wire[..kept].to_vec(),
             gap: row.gap,

@@ -23,7 +23,11 @@ pub fn suspected(view: &View<'_>) -> Vec<Claim> {
     let mut seen = by_symptom(view);
     let mut claims = Vec::new();
     while claims.len() < MOST_CAUSES {
-        let Some((claim, cause)) = best(&seen) else { break };
+        let Some((mut claim, cause)) = best(&seen) else { break };
+        // Where no answer at all was recorded, the recording may hear one direction only.
+        if view.bus.units.keys().all(|unit| is_mute(view, *unit)) {
+            claim.certainty = Certainty::Suspected;
+        }
         seen.retain(|(symptom, _, _)| cause.rate(*symptom) < 2.0 * UNNAMED);
         claims.push(claim);
     }
@@ -33,16 +37,40 @@ pub fn suspected(view: &View<'_>) -> Vec<Claim> {
 /// The symptoms with all their examples, and the unit where there is one.
 fn by_symptom(view: &View<'_>) -> Vec<Seen> {
     let mut seen: Vec<Seen> = Vec::new();
-    for (symptom, unit, tally) in view.bus.symptoms.all() {
-        match seen.last_mut().filter(|(last, _, _)| *last == symptom) {
+    for (symptom, unit, tally) in view.bus.symptoms.all().chain(never_answered(view)) {
+        let symptom = match (symptom, unit) {
+            (Symptom::NoAnswer, Some(unit)) if is_mute(view, unit) => continue,
+            (Symptom::AnswerWhole, Some(unit)) if has_no_valid_answer(view, unit) => Symptom::NeverValid,
+            _ => symptom,
+        };
+        match seen.iter_mut().find(|(other, _, _)| *other == symptom) {
             Some((_, all, of)) => {
                 all.merge(tally);
-                *of = None;
+                *of = of.filter(|of| Some(*of) == unit);
             }
             None => seen.push((symptom, tally.clone(), unit)),
         }
     }
     seen
+}
+
+/// Whether no answer of a unit is in the recording, not even a damaged one.
+fn is_mute(view: &View<'_>, unit: u8) -> bool {
+    let counts = view.bus.units.get(&unit);
+    let is_never_heard = counts.is_some_and(|counts| counts.failures.total == counts.silent.failed && counts.late.failed == 0);
+    is_never_heard && view.bus.symptoms.all().all(|(symptom, of, _)| of != Some(unit) || symptom == Symptom::NoAnswer)
+}
+
+/// Whether no answer of a unit is valid.
+fn has_no_valid_answer(view: &View<'_>, unit: u8) -> bool {
+    view.bus.units.get(&unit).is_some_and(|counts| counts.failures.failed == counts.failures.total)
+}
+
+/// The requests to units that are never heard, two at least: the end of the recording may cut off what comes of the last one.
+fn never_answered<'a>(view: &View<'a>) -> impl Iterator<Item = (Symptom, Option<u8>, &'a Tally)> {
+    let mute = view.bus.units.iter().filter(|(unit, counts)| counts.not_seen.failed > 1 && is_mute(view, **unit));
+    let mute: Vec<_> = mute.map(|(unit, counts)| (Symptom::NeverAnswered, Some(*unit), &counts.not_seen)).collect();
+    mute.into_iter()
 }
 
 /// The logarithm of how well a cause explains the symptoms.
@@ -60,7 +88,9 @@ fn best(seen: &[Seen]) -> Option<(Claim, &'static Diagnosis)> {
     let (score, cause) = ranked[at];
     let rival = ranked.iter().enumerate().find(|(other, _)| *other != at).map(|(_, one)| *one)?;
     let with_words = seen.iter().filter_map(|one| Some((one, cause.sight(one.0)?)));
-    let ((_, all, unit), words) = with_words.max_by(|one, other| one.0 .1.failed.cmp(&other.0 .1.failed))?;
+    // That no answer came may have any reason; what else was seen says more.
+    let says = |(symptom, all, _): &Seen| (*symptom != Symptom::NoAnswer, all.failed);
+    let ((_, all, unit), words) = with_words.max_by_key(|(one, _)| says(one))?;
     let odds = (score - rival.0).exp();
     let is_likely = all.failed >= LIKELY_EXAMPLES && odds >= LIKELY_ODDS;
     let mut all = all.clone();
@@ -71,5 +101,6 @@ fn best(seen: &[Seen]) -> Option<(Claim, &'static Diagnosis)> {
     claim.certainty = if is_likely { Certainty::Likely } else { Certainty::Suspected };
     claim.at_most = modlens_protocol::finding::Severity::Warning;
     let examples = if all.failed == 1 { "1 example".to_owned() } else { format!("{} examples", all.failed) };
+    let words = words.replace("{unit}", &unit.map_or("the unit".to_owned(), |unit| format!("unit {unit}")));
     Some((claim.fact("sight", format!("{words} ({examples}).")), cause))
 }

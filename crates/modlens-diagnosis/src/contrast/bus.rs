@@ -12,7 +12,7 @@ use modlens_protocol::Ns;
 
 use super::before::Before;
 use super::clean_units::CleanUnits;
-use super::context::{Context, LEAST_ANSWER_BYTES};
+use super::context::{Around, Context, GoodFrame, LEAST_ANSWER_BYTES};
 use super::known_requests::KnownRequests;
 use super::network::Connections;
 use super::noise::NoiseRuns;
@@ -75,6 +75,8 @@ pub struct FrameCounts {
     pub lost: Tally,
     /// Damaged requests without a transaction, by the part that is damaged.
     pub request_parts: [Tally; DAMAGED_PARTS],
+    /// Good frames of writes, and those shortly behind them.
+    pub behind_writes: u64,
     /// Frames without a finding that are not counted in the tallies yet.
     clean: u64,
 }
@@ -124,36 +126,41 @@ impl BusContrast {
     /// Takes the next frame.
     pub(crate) fn frame(&mut self, mut seen: FrameObservation) {
         self.frames_seen += 1;
-        let attached = self.context.frame(&seen);
+        let around = self.context.frame(&seen);
         if seen.place.number == 0 {
             seen.place.number = self.context.last_txn;
         }
         if self.first_frames.len() < WINDOW && self.frames_seen <= WINDOW as u64 {
             self.first_frames.push_back(seen);
         } else {
-            self.count_frame(&seen, attached);
+            self.count_frame(&seen, around);
         }
     }
 
     /// Takes the next frame if it is good, has no finding and no pauses inside; whether it was taken.
     #[inline]
     pub(crate) fn clean_frame(&mut self, row: &Frame) -> bool {
-        let is_clean = row.verdict.is_good() && row.findings.length == 0 && row.pauses.count == 0;
+        let is_same_framing = self.facts.mode == Some(row.mode);
+        let is_clean = row.verdict.is_good() && row.findings.length == 0 && row.pauses.count == 0 && is_same_framing;
         if !is_clean || self.frames_seen < WINDOW as u64 {
             return false;
         }
         self.frames_seen += 1;
         self.pending += 1;
         self.context.last_txn = row.txn.unwrap_or(self.context.last_txn);
-        self.context.last_good = Some((row.number, row.direction, row.unit));
-        self.facts.mode = Some(row.mode);
+        let sender = (row.direction, row.unit);
+        let good = GoodFrame::after(self.context.last_good, row.number, sender, row.mode, row.code);
+        self.context.last_good = Some(good);
+        self.frames.behind_writes += u64::from(good.is_behind_write());
         self.frames.count_clean(row);
         true
     }
 
     /// Takes the frames of a run of compact exchanges.
     pub(super) fn compact_frames(&mut self, run: &ExchangeRun, exchanges: &[Exchange]) {
-        let Some(last) = exchanges.last() else { return };
+        if exchanges.is_empty() {
+            return;
+        }
         let numbered = exchanges.iter().zip(run.number..).zip((run.frame..).step_by(2));
         let mut rest = 0;
         for ((row, txn), frame) in numbered.clone() {
@@ -172,7 +179,16 @@ impl BusContrast {
         self.frames.count_compact(2 * in_bulk.len() as u64, bytes);
         self.facts.mode = Some(Mode::Rtu);
         self.context.last_txn = run.number + count - 1;
-        self.context.last_good = Some((run.frame + 2 * count - 1, Direction::Response, Some(last.unit)));
+        let mut good = self.context.last_good;
+        for (at, row) in in_bulk.iter().enumerate() {
+            for (frame, direction) in [Direction::Request, Direction::Response].into_iter().enumerate() {
+                let number = run.frame + 2 * (rest + at) as u64 + frame as u64;
+                let next = GoodFrame::after(good, number, (direction, Some(row.unit)), Mode::Rtu, Some(row.function));
+                self.frames.behind_writes += u64::from(next.is_behind_write());
+                good = Some(next);
+            }
+        }
+        self.context.last_good = good;
     }
 
     /// Forgets what could be found anew: requests have been left out, or rows came that are not in the memory of answers.
@@ -291,11 +307,23 @@ impl BusContrast {
         self.forget();
     }
 
-    fn count_frame(&mut self, seen: &FrameObservation, attached: Option<(Direction, Option<u8>)>) {
+    fn count_frame(&mut self, seen: &FrameObservation, around: Around) {
+        let attached = around.attached;
         self.facts.mode = Some(seen.mode);
         self.frames.count(seen);
         self.count_line_errors(seen);
+        if let Some(behind_write) = around.burst {
+            self.noise.by_write[usize::from(behind_write)] += 1;
+        }
+        if let Some((_, Some(unit))) = attached.filter(|_| around.is_doubled) {
+            self.units.entry(unit).or_default().doubled.count(true, seen.place);
+        }
         if seen.verdict.is_good() {
+            let is_behind_write = self.context.last_good.is_some_and(|good| good.is_behind_write());
+            self.frames.behind_writes += u64::from(is_behind_write);
+            if around.is_other_framing {
+                self.symptoms.other_framing(seen);
+            }
             self.count_pause(seen);
             return;
         }
@@ -427,5 +455,6 @@ impl FrameCounts {
         self.echoes.merge(&later.echoes);
         self.pauses.merge(&later.pauses);
         self.lost.merge(&later.lost);
+        self.behind_writes += later.behind_writes;
     }
 }

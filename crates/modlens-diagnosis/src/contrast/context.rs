@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 
 use modlens_protocol::direction::Direction;
+use modlens_protocol::framing::Mode;
 use modlens_protocol::Ns;
 
 use super::before::Before;
 use super::recent::{Answer, RecentAnswers};
 use super::tally::Place;
-use crate::observation::{response_part, Data, FrameObservation, Observation, Outcome, RequestKey, Shift};
+use crate::observation::{is_write, response_part, Data, FrameObservation, Observation, Outcome, RequestKey, Shift};
 
 /// A write is remembered for so many transactions.
 const WRITE_MEMORY: u64 = 4;
@@ -30,6 +31,53 @@ const LEAST_COMPARED_BYTES: u16 = 4;
 
 /// Fewer bytes than these behind a request are strays, not an answer.
 pub(super) const LEAST_ANSWER_BYTES: u32 = 3;
+
+/// Noise that a write brings forth comes before so many further good frames: the next request and its answer.
+const WRITE_FRAMES: u8 = 2;
+
+/// The last good frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct GoodFrame {
+    number: u64,
+    direction: Direction,
+    unit: Option<u8>,
+    function: Option<u8>,
+    mode: Mode,
+    /// Good frames since that of a write; as many as fit in it without one.
+    since_write: u8,
+}
+
+impl GoodFrame {
+    /// The frame after `before`.
+    #[inline]
+    pub fn after(before: Option<Self>, number: u64, sender: (Direction, Option<u8>), mode: Mode, code: Option<u8>) -> Self {
+        let function = code.map(|code| code & 0x7F);
+        let since_write = match function {
+            Some(function) if is_write(function) => 0,
+            _ => before.map_or(u8::MAX, |before| before.since_write.saturating_add(1)),
+        };
+        Self { number, direction: sender.0, unit: sender.1, function, mode, since_write }
+    }
+
+    /// Whether it belongs to a write, or follows one.
+    #[inline]
+    pub fn is_behind_write(&self) -> bool {
+        self.since_write <= WRITE_FRAMES
+    }
+}
+
+/// What the frames before one tell of it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Around {
+    /// For damage or noise: who sent the good frame before, and its unit.
+    pub attached: Option<(Direction, Option<u8>)>,
+    /// A good frame in another framing than the one before.
+    pub is_other_framing: bool,
+    /// With it, the damage and noise between two good frames are more than strays; and whether that comes behind a write.
+    pub burst: Option<bool>,
+    /// It begins with the unit and the function of the answer before.
+    pub is_doubled: bool,
+}
 
 /// A run of damaged frames and noise behind a good frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,8 +111,8 @@ const MAX_AGE: usize = 8;
 /// What the next rows need to know of those before.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Context {
-    /// Number of the last good frame, who sent it, and its unit.
-    pub last_good: Option<(u64, Direction, Option<u8>)>,
+    /// The last good frame.
+    pub last_good: Option<GoodFrame>,
     /// Number of the last transaction of a frame.
     pub last_txn: u64,
     /// Damage and noise by the number of the good frame before.
@@ -79,6 +127,8 @@ pub(super) struct Context {
     pub previous_answer: Option<PreviousAnswer>,
     /// The last request that could be read, and whether it failed, or one since.
     previous_request: Option<PreviousRequest>,
+    /// The last request that could be read, whether the recording shows what came of it or not.
+    asked: Option<RequestKey>,
     /// The frame of the last answer, and the identifier of the last request.
     last_answer_frame: u64,
     last_id: Option<u16>,
@@ -91,21 +141,32 @@ pub(super) struct Context {
 }
 
 impl Context {
-    /// Notes a frame. For damage or noise: who sent the good frame before, and its unit.
-    pub fn frame(&mut self, seen: &FrameObservation) -> Option<(Direction, Option<u8>)> {
+    /// Notes a frame, and gives what those before tell of it.
+    pub fn frame(&mut self, seen: &FrameObservation) -> Around {
         self.last_txn = seen.txn.unwrap_or(self.last_txn);
         if seen.verdict.is_good() {
-            self.last_good = Some((seen.number, seen.direction, seen.unit));
-            return None;
+            let is_other_framing = self.last_good.is_some_and(|before| before.mode != seen.mode);
+            let sender = (seen.direction, seen.unit);
+            self.last_good = Some(GoodFrame::after(self.last_good, seen.number, sender, seen.mode, seen.code));
+            return Around { is_other_framing, ..Around::default() };
         }
-        let (number, direction, unit) = self.last_good?;
-        let run = self.bad_runs.entry(number).or_insert_with(|| BadRun { length: 0, bytes: Vec::new() });
+        let Some(good) = self.last_good else { return Around::default() };
+        let run = self.bad_runs.entry(good.number).or_insert_with(|| BadRun { length: 0, bytes: Vec::new() });
+        let was_burst = run.length >= LEAST_ANSWER_BYTES;
         run.length += seen.length;
         run.bytes.extend_from_slice(&seen.bytes);
+        let is_burst = run.length >= LEAST_ANSWER_BYTES && !was_burst;
+        // What comes behind the request of a write is its answer.
+        let is_answer_to_write = good.since_write == 0 && good.direction == Direction::Request;
+        let burst = is_burst.then_some(good.is_behind_write() && !is_answer_to_write);
+        let is_doubled = is_burst
+            && good.direction == Direction::Response
+            && run.bytes.first() == good.unit.as_ref()
+            && run.bytes.get(1).is_some_and(|code| Some(code & 0x7F) == good.function);
         if self.bad_runs.len() > MAX_RUNS {
             self.bad_runs.pop_first();
         }
-        Some((direction, unit))
+        Around { attached: Some((good.direction, good.unit)), burst, is_doubled, is_other_framing: false }
     }
 
     /// An unanswered request behind which an answer's worth of damage came was answered, if badly.
@@ -134,7 +195,7 @@ impl Context {
         let request = self.previous_request.filter(|before| before.age == 0 && Some(before.key) != key);
         let request = request.map(|before| (before.key.hash(), before.failed));
         let (written, overtaken) = (self.is_behind_write(), self.overtaken(start));
-        let asked = self.previous_request.map(|before| before.key);
+        let asked = self.asked;
         let hasty = self.open_since.zip(start).map(|(open, start)| start - open);
         Before {
             previous: self.previous,
@@ -186,6 +247,9 @@ impl Context {
             }
             _ => None,
         };
+        if seen.outcome != Outcome::Unasked {
+            self.asked = seen.key().or(self.asked);
+        }
         if seen.outcome.counts() {
             self.previous = Some((seen.unit, seen.outcome == Outcome::Silent));
             self.previous_failed = seen.outcome.is_failure();
@@ -237,6 +301,7 @@ impl Context {
     pub fn follow_clean(&mut self, key: RequestKey) {
         (self.previous, self.previous_failed) = (Some((key.unit, false)), false);
         self.previous_request = Some(PreviousRequest { key, failed: false, age: 0 });
+        self.asked = Some(key);
     }
 
     /// Whether the data of an exchange that went well may be those of another request, or go on with its values. `own` are the
@@ -305,6 +370,7 @@ impl Context {
             self.previous_failed = if later.previous.is_some() { later.previous_failed } else { self.previous_failed };
             self.previous = later.previous.or(self.previous);
             self.previous_request = later.previous_request.or(self.previous_request);
+            self.asked = later.asked.or(self.asked);
             self.behind_write_until = later.behind_write_until;
             self.behind_silence_until = later.behind_silence_until;
             self.previous_answer = later.previous_answer;

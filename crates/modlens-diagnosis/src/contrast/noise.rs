@@ -50,6 +50,8 @@ pub struct NoiseRuns {
     pub runs: Sample<NoiseKey, NoiseCounts, MAX_RUNS>,
     /// The first bursts between two silences.
     pub bursts: Bursts,
+    /// Between how many good frames there was more than strays: elsewhere, and behind writes.
+    pub by_write: [u64; 2],
 }
 
 /// Bursts that are kept, and the bytes of each.
@@ -142,6 +144,7 @@ impl NoiseRuns {
         self.compared += later.compared;
         self.runs.merge(&later.runs, NoiseCounts::merge);
         self.bursts.merge(&later.bursts);
+        self.by_write.iter_mut().zip(later.by_write).for_each(|(own, more)| *own += more);
     }
 }
 

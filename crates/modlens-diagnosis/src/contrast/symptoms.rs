@@ -29,6 +29,12 @@ macro_rules! symptoms {
 symptoms! {
     /// No answer came.
     NoAnswer = "no_answer",
+    /// No answer of the unit is in the recording; only a first sight tells this from the others (`sight`).
+    NeverAnswered = "never_answered",
+    /// The answer is damaged from its first byte on, and no answer of the unit is valid; a first sight tells this, too.
+    NeverValid = "never_valid",
+    /// A frame of another framing than the one before.
+    OtherFraming = "other_framing",
     /// The answer came after the master had given up.
     LateAnswer = "late_answer",
     /// The answer equals the request, whole or cut.
@@ -75,6 +81,8 @@ symptoms! {
     RefusedAddress = "refused_address",
     /// Refused: exception 3.
     RefusedValue = "refused_value",
+    /// Refused: exception 4.
+    RefusedFailure = "refused_failure",
     /// Refused: exception 5 or 6.
     RefusedBusy = "refused_busy",
     /// Refused: exception 10 or 11.
@@ -103,6 +111,11 @@ impl Symptoms {
         if let Some(symptom) = of_transaction(seen, before) {
             self.count(symptom, Some(seen.unit), seen.place);
         }
+    }
+
+    /// Counts a frame of another framing than the one before.
+    pub(super) fn other_framing(&mut self, seen: &FrameObservation) {
+        self.count(Symptom::OtherFraming, seen.unit, seen.place);
     }
 
     /// Counts bytes that belong to no transaction, near this unit.
@@ -155,6 +168,7 @@ fn of_transaction(seen: &Observation, before: Before) -> Option<Symptom> {
             Some(1) => Symptom::RefusedFunction,
             Some(2) => Symptom::RefusedAddress,
             Some(3) => Symptom::RefusedValue,
+            Some(4) => Symptom::RefusedFailure,
             Some(5 | 6) => Symptom::RefusedBusy,
             Some(10 | 11) => Symptom::RefusedGateway,
             _ => Symptom::RefusedOther,
@@ -199,6 +213,7 @@ fn unasked(seen: &Observation, before: Before) -> Option<Symptom> {
     match before.asked {
         // Without any request before it, the recording began after it was sent.
         None => None,
+        Some(key) if seen.answer_head.get(1..3) == Some(&[key.unit, key.function]) => Some(Symptom::AnswerShifted),
         Some(key) if key.unit != seen.unit => Some(Symptom::OtherUnit),
         Some(_) => Some(Symptom::SecondAnswer),
     }

@@ -34,6 +34,8 @@ pub struct UnitCounts {
     pub late: Tally,
     /// Answers that nobody asked for and that are not late.
     pub second_answers: Tally,
+    /// Damage right after an answer of this unit that begins as another one.
+    pub doubled: Tally,
     /// Answers that came after the next request.
     pub overtaken: Overtaken,
     /// How long after the request the late ones came.
@@ -237,12 +239,10 @@ impl Overtaken {
     }
 }
 
-/// The longest pauses inside frames, by factors of two, and how many pauses there were in all.
+/// The longest pauses inside frames, by factors of two.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Pauses {
     longest: BTreeMap<u32, Tally>,
-    /// Pauses.
-    pub count: u64,
     /// Frames with pauses.
     pub frames: u64,
 }
@@ -252,19 +252,19 @@ const SHORTEST_PAUSE: u32 = 17;
 
 impl Pauses {
     pub(super) fn count(&mut self, pauses: InnerPauses, place: Place) {
-        self.count += u64::from(pauses.count);
         self.frames += 1;
         let octave = (pauses.longest.max(1) as u64).ilog2().max(SHORTEST_PAUSE);
         self.longest.entry(octave).or_default().count(true, place);
     }
 
-    /// Frames whose longest pause is of this factor of two or above, of all pauses.
+    /// Frames whose longest pause is of this factor of two or above, of those with pauses: a long frame has more pauses than a
+    /// short one where the tap records blocks.
     pub fn from(&self, octave: u32) -> Tally {
         let mut all = Tally::default();
         self.longest.range(octave..).for_each(|(_, tally)| all.merge(tally));
         let first = self.longest.range(octave..).filter_map(|(_, tally)| tally.first).min_by_key(|place| place.number);
         let last = self.longest.range(octave..).filter_map(|(_, tally)| tally.last).max_by_key(|place| place.number);
-        Tally { total: self.count, first, last, before: 0, after: 0, ..all }
+        Tally { total: self.frames, first, last, before: 0, after: 0, ..all }
     }
 
     /// The factors of two that occur.
@@ -273,7 +273,6 @@ impl Pauses {
     }
 
     fn merge(&mut self, later: &Self) {
-        self.count += later.count;
         self.frames += later.frames;
         for (octave, tally) in &later.longest {
             self.longest.entry(*octave).or_default().merge(tally);
@@ -504,6 +503,7 @@ impl UnitCounts {
             (&mut self.bad_requests, &later.bad_requests),
             (&mut self.late, &later.late),
             (&mut self.second_answers, &later.second_answers),
+            (&mut self.doubled, &later.doubled),
             (&mut self.other_functions, &later.other_functions),
             (&mut self.other_ids, &later.other_ids),
             (&mut self.echoes, &later.echoes),

@@ -55,7 +55,7 @@ fn asks_together(counts: &UnitCounts) -> bool {
 
 fn late(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let share = Share { failed: counts.late.failed.min(counts.failures.total), total: counts.failures.total };
-    let chance = view.beyond_accident(share)?;
+    let chance = view.beyond_accident(share).or_else(|| with_late_ones(view, unit, counts))?;
     let mut late = counts.late.clone();
     (late.total, late.before, late.after) = (share.total, 0, 0);
     let mut claim = Claim::new("slow_answers", &late, chance).of_unit(unit).with_share(share);
@@ -66,6 +66,16 @@ fn late(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
         claim = suggested(claim.fact("needed", format!("; the slowest answer took {}", duration(needed))), needed + needed / 2);
     }
     Some(claim)
+}
+
+/// A few of the failures are known to be late answers, and hardly another unit fails: the chance of all of them.
+fn with_late_ones(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<f64> {
+    let (late, failed) = (counts.late.failed, counts.failures.share());
+    let others = view.others(unit, |other| other.failures.share());
+    if late < 2 || late * 5 < failed.failed || others.rate() * 5.0 > failed.rate() {
+        return None;
+    }
+    view.beyond_accident(failed)
 }
 
 /// Many good answers come shortly before the timeout, and few late ones or none are seen: those that failed were later still.

@@ -5,6 +5,8 @@ use crate::contrast::tally::Tally;
 use crate::contrast::UnitCounts;
 use crate::observation::DamagedPart;
 use crate::statistics::{at_least, at_most, both, fisher, Share};
+use modlens_protocol::decimal::thousands;
+use modlens_protocol::finding::Severity;
 use modlens_protocol::framing::Verdict;
 
 /// The share of random damage that falls into the first, or the last, two bytes of a frame of eight.
@@ -86,6 +88,9 @@ const LEAST_INSIDE: u64 = 3;
 ///
 /// Where hardly a frame is good, bits are not flipped now and then: it is the settings or the wires.
 pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
+    if let Some(claim) = noise_of_writes(view) {
+        return vec![claim];
+    }
     let frames = &view.bus.frames;
     let damaged = frames.frames[Verdict::BadChecksum as usize] + frames.frames[Verdict::Incomplete as usize];
     let good = frames.frames[Verdict::Ok as usize];
@@ -128,11 +133,49 @@ pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
         (1, _) => format!("{requests} of them requests"),
         (many, _) => format!("of {many} units, {requests} of them requests"),
     };
-    claim = claim.fact("spread", spread);
+    let what = format!("{} of {} frames arrived damaged, {spread}", thousands(damaged), thousands(damaged + good));
+    claim = claim.fact("what", what);
     if let Some(event) = burst(view) {
         claim = claim.fact("event", event).fact("event_advice", "; what the write switches (a contactor, a pump, an inverter)");
     }
     vec![claim]
+}
+
+/// So many bursts behind writes are no accident.
+const LEAST_BURSTS: u64 = 5;
+
+/// Bursts of noise that come behind writes: what a write switches (a contactor, a pump) disturbs the line, whether that costs a
+/// request or not.
+pub(super) fn noise_of_writes(view: &View<'_>) -> Option<Claim> {
+    let [elsewhere, behind] = view.bus.noise.by_write;
+    let frames = &view.bus.frames;
+    let good = frames.frames[Verdict::Ok as usize] + frames.frames[Verdict::NoChecksum as usize];
+    let bursts = Share { failed: behind, total: elsewhere + behind };
+    if behind < LEAST_BURSTS || behind * 10 < bursts.total * 7 || view.bus.facts.is_network {
+        return None;
+    }
+    let chance = view.significant(at_least(bursts, frames.behind_writes as f64 / good.max(1) as f64))?;
+    // In a fixed cycle it may be the request after the write that fails, wherever it stands.
+    let written = view.units().fold(Share::default(), |sum, (_, counts)| sum.with(counts.by_write[1]));
+    let has_contrast =
+        |counts: &UnitCounts| counts.by_write[1].failed > 0 && fisher(counts.by_write[1], counts.by_write[0]) < 0.01;
+    if written.failed > 0 && !view.units().any(|(_, counts)| has_contrast(counts)) {
+        return None;
+    }
+    let tally = view.units().fold(Tally::default(), |mut sum, (_, counts)| {
+        sum.merge(&counts.garbled);
+        sum.merge(&counts.bad_requests);
+        sum
+    });
+    let mut claim = Claim::new("line_noise", &tally, chance).with_share(bursts);
+    claim = claim.in_the_time_of(&Claim::new("line_noise", &view.bus.requests_seen, 0.0));
+    claim.harm = written.failed;
+    Some(
+        claim
+            .at_most(if written.failed > 0 { Severity::Error } else { Severity::Warning })
+            .fact("what", format!("{behind} of {} bursts of noise come right after writes", bursts.total))
+            .fact("event_advice", "; what the write switches (a contactor, a pump, an inverter)"),
+    )
 }
 
 /// Whether requests and answers are damaged, more than once each. Where answers only are, it is their sender, or the recorder.
@@ -250,16 +293,41 @@ fn at_the_edge(view: &View<'_>, edge: &Tally, damaged: Share) -> Option<f64> {
 
 /// The answers of one unit are damaged from the first byte on, and nothing else is.
 pub(super) fn duplicate_address(view: &View<'_>) -> Vec<Claim> {
-    if view.bus.facts.is_network {
+    if view.bus.facts.is_network || noise_of_writes(view).is_some() {
         return Vec::new();
     }
     view.units().filter_map(|(unit, counts)| duplicate(view, unit, counts)).collect()
 }
 
+/// Answers of a unit after which a second one came, whole or damaged, of all its answers.
+fn twice(counts: &UnitCounts) -> Share {
+    let answered = counts.failures.total - counts.failures.failed;
+    // After a silence, a second answer is mostly a late one.
+    let whole = if counts.late.failed > 0 { 0 } else { counts.second_answers.failed };
+    Share { failed: (whole + counts.doubled.failed).min(answered), total: answered }
+}
+
+/// Whether most answers of this unit come twice, and hardly any of others: where two masters meet, those of all do.
+fn answers_twice(view: &View<'_>, unit: u8, counts: &UnitCounts) -> bool {
+    let (own, others) = (twice(counts), view.others(unit, twice));
+    own.rate() > 0.5 && own.rate() > 10.0 * others.rate() && view.significant(fisher(own, others)).is_some()
+}
+
+/// Whether there is such a unit.
+pub(super) fn one_answers_twice(view: &View<'_>) -> bool {
+    view.units().any(|(unit, counts)| answers_twice(view, unit, counts))
+}
+
 fn duplicate(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let whole = &counts.damaged_parts[DamagedPart::Whole as usize];
-    // Behind a silence, a second answer is mostly a late one.
-    let twice = if counts.late.failed > 0 { 0 } else { counts.second_answers.failed };
+    let has_two = answers_twice(view, unit, counts);
+    let twice = if has_two {
+        twice(counts).failed
+    } else if counts.late.failed > 0 {
+        0
+    } else {
+        counts.second_answers.failed
+    };
     let share = Share { failed: (counts.garbled.failed + twice).min(counts.failures.total), total: counts.failures.total };
     // Noise leaves most first bytes and nearly all lengths as they are, and often hits a single bit. Two devices begin alike
     // if they begin together, but go on differently, and rarely end together.
@@ -270,7 +338,7 @@ fn duplicate(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     }
     let is_overlap =
         whole.failed * 5 >= whole.total * 2 || counts.odd_lengths.failed * 2 >= counts.odd_lengths.total || is_dense(counts);
-    if !is_overlap || edges * 2 > whole.total || counts.garbled.failed + twice == 0 {
+    if !has_two && (!is_overlap || edges * 2 > whole.total || counts.garbled.failed + twice == 0) {
         return None;
     }
     // A late answer meets the next request, and the next answer.
@@ -288,7 +356,11 @@ fn duplicate(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     if share.rate() < 0.1 || others.rate() * 10.0 > share.rate() {
         return None;
     }
-    let tally = if counts.garbled.failed > twice { &counts.garbled } else { &counts.second_answers };
+    let tally = match twice {
+        twice if counts.garbled.failed > twice => &counts.garbled,
+        _ if counts.doubled.failed > counts.second_answers.failed => &counts.doubled,
+        _ => &counts.second_answers,
+    };
     let clean = match (requests.failed, others.total, others.failed) {
         (0, 0, _) => String::from("its requests are clean"),
         (0, _, 0) => String::from("its requests and all other units are clean"),

@@ -158,7 +158,8 @@ pub(super) fn register_hole(view: &View<'_>) -> Vec<Claim> {
         }
         let parts = match reason(&all, request) {
             Reason::Hole => ", and parts of it were answered",
-            Reason::Unknown => "",
+            // A few refusals of a value tell nothing about addresses.
+            Reason::Unknown if !(view.is_small() && request.1.refused[1] == 0) => "",
             _ => return None,
         };
         Some(claim(view, "register_hole", request)?.fact("parts", parts))
@@ -282,12 +283,18 @@ fn instead(all: &[Request<'_>], key: &RequestKey) -> Option<u8> {
 }
 
 /// What the exceptions of a busy device or gateway say, and what to check.
-const BUSY: [(u8, &str, &str); 4] = [
+const BUSY: [(u8, &str, &str); 5] = [
+    (4, "Server Device Failure", "The device's own state and log; behind a gateway its serial side, since some gateways answer so where the unit does not."),
     (5, "Acknowledge", "What keeps the device busy: it has accepted the request and wants to be asked again later."),
     (6, "Server Device Busy", "How many clients ask, and how often: a longer cycle, or one client instead of several."),
     (10, "Gateway Path Unavailable", "The gateway's table of units, its serial port and its load."),
     (11, "Gateway Target Device Failed to Respond", "The serial side of the gateway: wiring, address and rate of the unit, and the gateway's own timeout, which has to be longer than the unit takes."),
 ];
+
+/// What proves that load is the reason, and what tells a failure of the device from one of some registers.
+const FOR_LOAD: &str = "Ask half as often: refusals become rarer by more than half.";
+const NOT_FOR_LOAD: &str =
+    "Ask for a single register that the manual names, then for the same one directly at the device, without the gateway.";
 
 /// Refusals that ask for patience.
 pub(super) fn device_busy(view: &View<'_>) -> Vec<Claim> {
@@ -298,7 +305,9 @@ pub(super) fn device_busy(view: &View<'_>) -> Vec<Claim> {
             let share = Share { failed: refused.failed, total: counts.failures.total };
             let Some(chance) = view.beyond_accident(share) else { continue };
             let claim = Claim::new("device_busy", refused, chance).of_unit(unit).with_share(share);
-            found.push(claim.fact("exception", code.to_string()).fact("name", name).fact("what_to_check", advice));
+            let experiment = if code == 4 { NOT_FOR_LOAD } else { FOR_LOAD };
+            let claim = claim.fact("exception", code.to_string()).fact("name", name).fact("what_to_check", advice);
+            found.push(claim.fact("experiment", experiment));
         }
     }
     found

@@ -3,6 +3,7 @@
 use crate::claim::{duration, Claim, View};
 use crate::contrast::UnitCounts;
 use crate::statistics::{fisher, Share};
+use modlens_protocol::framing::Mode;
 
 /// Requests that are heard twice.
 pub(super) fn own_echo(view: &View<'_>) -> Vec<Claim> {
@@ -19,7 +20,9 @@ pub(super) fn own_echo(view: &View<'_>) -> Vec<Claim> {
 /// A unit that answers for others, or fails after the traffic of one of them.
 pub(super) fn bystander(view: &View<'_>) -> Vec<Claim> {
     let mut found: Vec<Claim> = Vec::new();
-    for (asked, counts) in view.bus.units.iter().filter(|_| !view.bus.facts.is_network) {
+    // On a network it is a gateway that answers with another number (gateway_mixup, device_busy).
+    let is_line = !view.bus.facts.is_network && view.bus.facts.mode != Some(Mode::Tcp);
+    for (asked, counts) in view.bus.units.iter().filter(|_| is_line) {
         for (unit, tally) in &counts.answered_by {
             let share = Share { failed: tally.failed, total: counts.failures.total.max(tally.failed) };
             let Some(chance) = view.beyond_accident(share) else { continue };
@@ -27,7 +30,7 @@ pub(super) fn bystander(view: &View<'_>) -> Vec<Claim> {
             found.push(claim.fact("what", format!("answers requests to unit {asked}")));
         }
     }
-    for (unit, counts) in view.bus.units.iter().filter(|_| !view.bus.facts.is_network) {
+    for (unit, counts) in view.bus.units.iter().filter(|_| is_line) {
         // Unit 0 is all units: who reads from it gets answers of any (gateway_unit_id).
         for (asked, tally) in counts.answers_for.iter().filter(|(asked, _)| **asked != 0) {
             // Answers of other lengths than were asked for are those to another master's requests, which a client's log lacks.
@@ -48,6 +51,10 @@ pub(super) fn bystander(view: &View<'_>) -> Vec<Claim> {
 /// A unit that fails after one other unit has answered. After the silence of one, it is that silence (`dead_unit_cost`) or its
 /// late answer (`slow_answers`) that counts.
 fn upset(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
+    // What a write switches spoils what follows it, whoever that is (line_noise).
+    if super::damage::noise_of_writes(view).is_some() {
+        return None;
+    }
     let after_answers = || counts.by_previous.iter().filter(|((_, was_silent), _)| !was_silent);
     let all = after_answers().fold(Share::default(), |sum, (_, share)| sum.with(*share));
     let others = after_answers().filter(|((other, _), _)| *other != unit);

@@ -14,7 +14,7 @@ use modlens_protocol::finding::Severity;
 /// Requests that were sent while another one was open, and damage where two streams of requests meet.
 pub(super) fn two_masters(view: &View<'_>) -> Vec<Claim> {
     let has_times = view.units().any(|(_, counts)| counts.response_times.count > 0);
-    if view.bus.facts.is_network || !has_times {
+    if view.bus.facts.is_network || !has_times || super::damage::one_answers_twice(view) {
         return Vec::new();
     }
     let mut crossings = Tally::default();
@@ -28,13 +28,15 @@ pub(super) fn two_masters(view: &View<'_>) -> Vec<Claim> {
         return Vec::new();
     };
     let by_noise = |odd: u64| at_least(Share { failed: odd, total: odd + failed }, ODD_BY_NOISE);
-    let met = crossings.failed + hasty(view);
+    // Another protocol spoils answers, after which the master asks on without having waited.
+    let is_foreign = super::wires::is_surely_foreign(view);
+    let met = crossings.failed + if is_foreign { 0 } else { hasty(view) };
     let crossed = at_least(Share { failed: met, total: met + failed }, CROSSED_BY_NOISE);
     let is_certain = (crossings.failed > 0 && by_noise(odd) <= MAX_CHANCE) || (met > 1 && crossed <= MAX_CHANCE);
     let met = by_noise(crossings.failed + view.bus.frames.collisions.failed);
     // A late answer meets the next request, too: who asks it is one master.
     let is_slow = || !super::answers::slow_answers(view).is_empty();
-    if !is_certain && (is_slow() || !order(view).is_some_and(|order| order.tells(both(met, superimposed(view))))) {
+    if !is_certain && (is_foreign || is_slow() || !order(view).is_some_and(|order| order.tells(both(met, superimposed(view))))) {
         return Vec::new();
     }
     // What is told has to be countable in the transactions: those that failed, and those that met another one.

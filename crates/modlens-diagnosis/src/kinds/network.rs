@@ -168,9 +168,9 @@ fn reads_from_unit_0(view: &View<'_>) -> Option<Claim> {
     Some(claim.fact("try_unit", unit.to_string()))
 }
 
-/// Refusals of a gateway that cannot reach the unit.
+/// Refusals of a gateway that cannot reach the unit: some say so with exception 4.
 fn unreachable(counts: &UnitCounts) -> u64 {
-    counts.exceptions[10].failed + counts.exceptions[11].failed
+    counts.exceptions[4].failed + counts.exceptions[10].failed + counts.exceptions[11].failed
 }
 
 /// Answers with identifier, unit or function of another request.

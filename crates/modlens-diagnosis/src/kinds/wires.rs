@@ -273,6 +273,20 @@ pub(super) fn foreign_protocol(view: &View<'_>) -> Vec<Claim> {
     foreign_runs(view).or_else(|| foreign_bursts(view)).into_iter().collect()
 }
 
+/// Whether most runs of other bytes begin alike, and not as a frame to or from a unit of this line: where the requests of two
+/// masters meet, what remains of them begins with a unit and its function.
+pub(super) fn is_surely_foreign(view: &View<'_>) -> bool {
+    let noise = &view.bus.noise;
+    let repeated = noise.runs.sorted().into_iter().max_by_key(|(key, counts)| (counts.seen.failed, (*key).clone()));
+    let is_most = repeated.is_some_and(|(_, counts)| counts.seen.failed * 5 >= noise.compared * 2);
+    is_most && foreign_runs(view).is_some()
+}
+
+/// Whether a run begins with a unit that is asked on this line and its function: it is what remains of a frame.
+fn begins_as_frame(view: &View<'_>, head: &[u8]) -> bool {
+    view.bus.requests.sorted().iter().any(|(key, _)| head.starts_with(&[key.unit, key.function]))
+}
+
 /// Runs that begin alike.
 fn foreign_runs(view: &View<'_>) -> Option<Claim> {
     let noise = &view.bus.noise;
@@ -281,7 +295,7 @@ fn foreign_runs(view: &View<'_>) -> Option<Claim> {
     // How likely is it that so many runs begin with these very bytes, if bytes are 00 or FF every third time?
     let chance = at_least(Share { failed: counts.seen.failed, total: noise.compared }, (1.0f64 / 3.0).powi(key.len() as i32));
     let chance = view.significant(chance)?;
-    if key.iter().all(|byte| matches!(byte, 0 | 0xFF)) || counts.seen.failed * 4 < noise.compared {
+    if key.iter().all(|byte| matches!(byte, 0 | 0xFF)) || begins_as_frame(view, key) || counts.seen.failed * 4 < noise.compared {
         return None;
     }
     let share = Share { failed: counts.seen.failed, total: noise.compared };
@@ -301,8 +315,7 @@ fn foreign_bursts(view: &View<'_>) -> Option<Claim> {
     let share = Share { failed: most.len() as u64, total: heads.len() as u64 };
     let chance = view.significant(at_least(share, (1.0f64 / 3.0).powi(HEAD as i32)))?;
     let is_plain = most[0].iter().all(|byte| matches!(byte, 0 | 0xFF));
-    let is_modbus = view.bus.requests.sorted().iter().any(|(key, _)| most[0][..2] == [key.unit, key.function]);
-    if is_plain || is_modbus || share.failed < LEAST_ALIKE || share.failed * 2 < share.total {
+    if is_plain || begins_as_frame(view, most[0]) || share.failed < LEAST_ALIKE || share.failed * 2 < share.total {
         return None;
     }
     Some(Claim::new("foreign_protocol", &view.bus.noise.strays, chance).with_share(share).fact("text", "").fact("period", ""))
