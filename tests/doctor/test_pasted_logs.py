@@ -234,7 +234,7 @@ def exchange(answer: bytes, times: int) -> list[str]:
 def test_an_answer_in_another_framing_is_named(tmp_path: Path) -> None:
     """Not `gateway_mixup`, although there is no identifier to compare with."""
     by_network = bytes([0, 1, 0, 0, 0, 11, *ANSWER[:-2]]).hex(" ")
-    for answer in (by_network, b":0703080000012C001453F01E\r\n".hex(" ")):
+    for answer in (by_network, b":0703080000012C001453F06A\r\n".hex(" ")):
         lines = [f"TX: {REQUEST.hex(' ')}", f"RX: {answer}"]
         found = doctor(lines, tmp_path)
         assert codes(found) == ["framing_mismatch"], found["sentence"]
