@@ -11,7 +11,7 @@ SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 # The core of the page, compiled for WebAssembly.
 PAGE_CORE := analyzer/page/modlens.wasm.gz
 
-.PHONY: demo check test page lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak line-loss esphome openings settings bench bench-family bench-memory bench-captures bench-text bench-readings bench-exports bench-threads false-alarms speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
+.PHONY: demo check test page lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels try-windows quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak line-loss esphome grafana openings settings bench bench-family bench-memory bench-captures bench-text bench-readings bench-exports bench-threads false-alarms speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
 
 demo: export PAGER := cat
 demo: $(VENV)/.installed
@@ -79,6 +79,10 @@ wheels: $(VENV)/.release
 # Those for Linux where they are meant for, by means of qemu-user and Debian's Python (mmdebstrap).
 try-wheels: $(VENV)/.release $(VENV)/.installed
 	$(BIN)/python -m release.try_wheel $(or $(TARGETS),manylinux-x86_64 manylinux-aarch64 manylinux-armv7l)
+
+# The one for Windows, under wine, in a Python for Windows from Maven Central: apt install wine.
+try-windows: $(VENV)/.release $(VENV)/.installed
+	$(BIN)/python -m release.try_windows
 
 # A wheel for this machine and an emulated one, in a fraction of the time, built and tried: what .ci/run does.
 quick-wheels: $(VENV)/.release $(VENV)/.installed
@@ -172,6 +176,11 @@ MINUTES ?= 30
 esphome: $(VENV)/.tested
 	test -x $(VENV)-esphome/bin/esphome || { $(PYTHON) -m venv $(VENV)-esphome && $(VENV)-esphome/bin/python -m pip --quiet install esphome; }
 	$(BIN)/python -m tests.support.esphome_host --minutes $(MINUTES) --esphome $(VENV)-esphome/bin/esphome
+
+# The dashboards for Grafana, read strictly by the types of its own SDK, which is a module of Go.
+grafana: $(VENV)/.tested
+	for name in grafana grafana-parquet; do $(BIN)/modlens dashboards $$name -o target/$$name.json || exit 1; done
+	cd tests/analyzer/dashboards/grafana_validator && go run . $(abspath target)/grafana.json $(abspath target)/grafana-parquet.json
 
 # What the other side of a line sees of 1,000 openings, and of 100 with a slow driver; six minutes.
 openings: $(VENV)/.tested

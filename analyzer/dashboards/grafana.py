@@ -13,6 +13,26 @@ SCHEMA_VERSION = 39
 _WIDTH = 24
 _DATASOURCE = "${datasource}"
 
+_OPTIONS: Mapping[str, Mapping[str, Any]] = {
+    "stat": {
+        "graphMode": "area",
+        "colorMode": "value",
+        "justifyMode": "auto",
+        "textMode": "auto",
+        "orientation": "auto",
+        "wideLayout": True,
+        "showPercentChange": False,
+        "percentChangeColorMode": "standard",
+        "reduceOptions": {"calcs": ["lastNotNull"], "fields": "", "values": False},
+    },
+    "timeseries": {
+        "legend": {"displayMode": "list", "placement": "bottom", "showLegend": True, "calcs": []},
+        "tooltip": {"mode": "multi", "sort": "desc"},
+    },
+    "table": {"frameIndex": 0, "showHeader": True},
+}
+"""What Grafana's schema requires of the panels of each plugin."""
+
 Table = Mapping[str, Any]
 
 
@@ -31,6 +51,7 @@ def dashboard(table: Table) -> dict[str, Any]:
         "templating": {
             "list": [_datasource(table), *(_variable(v, source) for v in table["variable"])]
         },
+        "annotations": {"list": []},
         "panels": _panels(table["panel"], source),
     }
 
@@ -96,7 +117,7 @@ def _panel(number: int, row: Table, source: Table, place: dict[str, int]) -> dic
         "datasource": dict(source),
         "gridPos": place,
         "fieldConfig": {"defaults": defaults, "overrides": []},
-        "options": {},
+        "options": dict(_OPTIONS[row["type"]]),
         "targets": [{"refId": "A", "datasource": dict(source), **_target(row)}],
     }
 

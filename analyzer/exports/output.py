@@ -320,5 +320,8 @@ def as_source_error(name: str, error: OSError) -> SourceError:
         errno.EACCES: "no permission to write it",
         errno.EROFS: "cannot be written: the file system is read-only",
     }
-    reason = advice.get(error.errno or 0) or f"cannot be written: {error.strerror or error}"
+    number = error.errno or 0
+    if number == errno.EACCES and os.path.isdir(name):
+        number = errno.EISDIR  # Windows calls it a matter of permission
+    reason = advice.get(number) or f"cannot be written: {error.strerror or error}"
     return SourceError(f"{name}: {reason}")

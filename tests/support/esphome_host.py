@@ -29,6 +29,7 @@ LINE = Path("/tmp") / f"modlens-esphome-{os.getpid()}"
 """A link to the pty: ESPHome takes paths of two parts only."""
 PORT = 16_053
 RECONNECTS = 3
+SHOWN = 50
 CONFIGURATION = f"""
 esphome:
   name: meter
@@ -137,6 +138,8 @@ def compare(program: Path, folder: Path, seconds: float) -> bool:
         f"connected again {other.returned()} times; holes {found.holes}, rows missing in them"
         f" {len(found.missing)}, rows of half an exchange {len(found.extra)}\n"
         f"bytes that ESPHome wrote to the line: {written}\n"
+        + "".join(f"only on the line: {row}\n" for row in found.missing[:SHOWN])
+        + "".join(f"only through ESPHome: {row}\n" for row in found.extra[:SHOWN])
     )
     return (
         found.is_in_order

@@ -14,7 +14,7 @@ import pytest
 
 from analyzer import decode
 from tests.conftest import ROOT, need_program
-from tests.support.gateways import free_port
+from tests.support.gateway_programs import free_port
 from tests.support.ptybus import PtyBus
 from tests.support.side_by_side import MASTER, UNIT, Differences, Heard, differences, poll, row_of
 
