@@ -1,8 +1,8 @@
 //! What the values of a point say about whether it is what the profile says.
 
 use crate::fit::plausible::{is_in_range, is_total, is_usual_float, worth};
+use crate::fit::seen::SeenTable;
 use crate::fit::series::{is_placeholder, Series};
-use crate::fit::SeenTable;
 use crate::points::CompiledPoint;
 use crate::profile::{Decimal, Order, Point, Type};
 

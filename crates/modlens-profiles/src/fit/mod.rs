@@ -4,28 +4,19 @@
 mod evidence;
 mod plausible;
 mod relations;
+mod seen;
 mod series;
 
 use std::collections::BTreeSet;
 
-use crate::learn::{Learned, ObservedTable};
 use crate::points::{CompiledPoint, Plan};
 use crate::profile::{Point, Type};
 use modlens_protocol::register_type::Space;
 
 use evidence::{judge, Verdict};
+use relations::AskedPoint;
+pub use seen::SeenTable;
 use series::Series;
-
-/// What was seen of one table of a unit, and learnt from its values.
-#[derive(Clone, Copy, Debug)]
-pub struct SeenTable<'a> {
-    /// The table.
-    pub space: Space,
-    /// What was seen.
-    pub table: &'a ObservedTable,
-    /// What was learnt.
-    pub learned: &'a [Learned],
-}
 
 /// How well a profile fits.
 #[derive(Clone, Debug)]
@@ -69,14 +60,6 @@ const MOST_EDGE_BITS: f64 = 8.0;
 
 /// The names that a reason lists.
 const MOST_NAMES: usize = 3;
-
-/// A point of the profile that was asked for.
-struct AskedPoint<'a> {
-    pub compiled: &'a CompiledPoint,
-    pub point: &'a Point,
-    pub series: Series,
-    pub verdict: Verdict,
-}
 
 /// Scores a profile for what was seen of a unit.
 pub fn fit(plan: &Plan, seen: &[SeenTable<'_>]) -> Fit {

@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 
 use crate::fit::evidence::Verdict;
-use crate::fit::AskedPoint;
+use crate::fit::series::Series;
+use crate::points::CompiledPoint;
+use crate::profile::Point;
 
 /// The evidence of a relation that holds, and of one that does not, in bits.
 const RELATION_BITS: f64 = 5.0;
@@ -21,6 +23,14 @@ const MOST_UNLIKE: f64 = 1.5;
 /// The words of a name that tell phases and strings apart.
 const PHASES: [&str; 17] =
     ["l1", "l2", "l3", "a", "b", "c", "r", "s", "t", "1", "2", "3", "pv1", "pv2", "phase1", "phase2", "phase3"];
+
+/// A point of the profile that was asked for.
+pub(super) struct AskedPoint<'a> {
+    pub compiled: &'a CompiledPoint,
+    pub point: &'a Point,
+    pub series: Series,
+    pub verdict: Verdict,
+}
 
 /// What relations say.
 #[derive(Debug, Default)]
