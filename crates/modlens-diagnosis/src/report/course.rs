@@ -52,7 +52,7 @@ impl Course {
         Some(match (self.odds, self.rival) {
             (Some(odds), Some(rival)) if odds >= 1.0 => {
                 let more = if odds >= MOST_ODDS { "over " } else { "" };
-                format!("{said}; odds {more}{} to 1 against {rival}.", thousands(odds.round() as u64))
+                format!("{said}: {more}{} times likelier from this than from {rival}.", thousands(odds.round() as u64))
             }
             _ => format!("{said}."),
         })

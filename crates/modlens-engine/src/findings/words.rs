@@ -40,7 +40,9 @@ pub(crate) fn incomplete(bytes: usize) -> String {
 }
 
 pub(crate) fn bad_crc(sent: &[u8], expected: [u8; 2]) -> String {
-    format!("found {}, expected {}", hex(sent), hex(&expected))
+    let is_swapped = expected[0] != expected[1] && sent == [expected[1], expected[0]];
+    let why = if is_swapped { ": the two bytes are swapped, the low one goes first" } else { "" };
+    format!("found {}, expected {}{why}", hex(sent), hex(&expected))
 }
 
 pub(crate) fn bad_lrc(sum: u8) -> String {
