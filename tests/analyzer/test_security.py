@@ -124,6 +124,13 @@ def sweep_of_writes() -> list[Exchange]:
     ]
 
 
+def second_responses() -> list[Exchange]:
+    """A second device answers three of the requests as well, with another value."""
+    second = [(10.0 + n, read(1, 16, 999)[1], None) for n in range(3)]
+    asked = [(9.95 + n, *read(1, 16, n)) for n in range(3)]
+    return sorted([*polls(10), *asked, *second], key=lambda one: one[0])
+
+
 def broadcasts() -> list[Exchange]:
     return [*polls(10), (10, bytes.fromhex("000600100001"), None), *polls(10, start=12)]
 
@@ -149,6 +156,7 @@ SERIAL: dict[str, Callable[[], list[Exchange]]] = {
     "acknowledge_burst": lambda: repeated("0300100001", 4, 2, "8305"),
     "write_burst": burst_of_writes,
     "write_sweep": sweep_of_writes,
+    "unasked_responses": second_responses,
     "broadcast_write": broadcasts,
 }
 

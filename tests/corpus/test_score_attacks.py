@@ -12,7 +12,8 @@ from tests.corpus.score_attacks import score
 
 def label(capture: Path) -> None:
     """Write the labels of a capture: 1 for the packets that the stranger sent."""
-    data, at, rows = capture.read_bytes(), 24, []
+    data, at = capture.read_bytes(), 24
+    rows: list[str] = []
     address = bytes(map(int, STRANGER.split(".")))
     while at < len(data):
         (size,) = struct.unpack_from("<I", data, at + 8)

@@ -3,9 +3,12 @@
     python -m tests.support.usual_days alarms --days 3     # of 24 hours each
     python -m tests.support.usual_days diff --pairs 50 --hours 24
 
+    python -m tests.support.usual_days recordings ../pcap/*.pcap*    # and our healthy ones
+
 `alarms` learns a baseline from two days and reports the alerts of further ones, by severity: of
 `modlens security --baseline`, and those that `modlens decode --baseline` reports while it reads.
-`diff` compares pairs of days, half with a planted change.
+`diff` compares pairs of days, half with a planted change. `recordings` reports the alerts of
+`modlens security` in the healthy recordings of captures/, and in those named.
 """
 
 from __future__ import annotations
@@ -17,8 +20,9 @@ import struct
 import subprocess
 import sys
 import tempfile
+import tomllib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,6 +33,7 @@ __all__ = ["alarms", "ordinary_day"]
 
 HMI, HISTORIAN, ENGINEER, SERVER = "10.0.0.10", "10.0.0.11", "10.0.0.12", "10.0.0.3"
 HOUR_S = 3600.0
+ROOT = Path(__file__).parents[2]
 POLLS = ((1, 3, 100, 10), (1, 4, 0, 4), (2, 3, 40, 2), (3, 1, 0, 16))
 
 Event = tuple[float, str, bytes, bytes | None, float]
@@ -132,6 +137,23 @@ def alarms(folder: Path, days: int, *, hours: float = 24, begin_hour: float = 0)
     return found
 
 
+def recordings(others: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
+    """Each recording with its alerts, severity first."""
+    healthy = []
+    for path in sorted((ROOT / "captures").glob("*/about.toml")):
+        about = tomllib.loads(path.read_text())
+        if about.get("healthy"):
+            line = ["--line", about["line"]] if about.get("line") else []
+            healthy.append([str(path.parent / about["file"]), *line])
+    for words in [*healthy, *([other] for other in others)]:
+        rows = map(json.loads, run("security", *words, "--to", "jsonl").stdout.splitlines())
+        name = Path(words[0])
+        yield (
+            f"{name.parent.name}/{name.name}",
+            [f"{row['severity']} {row['code']}" for row in rows],
+        )
+
+
 def differences(
     folder: Path, pairs: int, hours: float, seed: int = 5000
 ) -> tuple[int, int, list[str]]:
@@ -156,12 +178,17 @@ def differences(
 def main() -> None:
     """Print the figures."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
-    parser.add_argument("what", choices=("alarms", "diff"))
+    parser.add_argument("what", choices=("alarms", "diff", "recordings"))
+    parser.add_argument("files", nargs="*", help="for recordings: further ones")
     parser.add_argument("--days", type=int, default=1)
     parser.add_argument("--pairs", type=int, default=50)
     parser.add_argument("--hours", type=float, default=24)
     parser.add_argument("--seed", type=int, default=5000, help="of the first pair of diff")
     options = parser.parse_args()
+    if options.what == "recordings":
+        for recording, texts in recordings(options.files):
+            print(recording, *texts, sep="  ")  # noqa: T201
+        return
     with tempfile.TemporaryDirectory() as name:
         if options.what == "alarms":
             for number, texts in enumerate(alarms(Path(name), options.days, hours=options.hours)):
