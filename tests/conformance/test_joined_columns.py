@@ -1,4 +1,4 @@
-"""The columns of joined rows are those that the core makes, with the types that transactions have."""
+"""The columns of joined rows are those that the core makes, with the types of transactions."""
 
 from __future__ import annotations
 
