@@ -4,6 +4,7 @@ use crate::claim::{Certainty, Claim, View};
 use crate::contrast::tally::Tally;
 use crate::contrast::Symptom;
 use crate::table::{diagnoses, Diagnosis, UNNAMED};
+use modlens_protocol::framing::Mode;
 
 /// More examples of one symptom than these add no certainty: they may share a reason.
 const MOST_COUNTED: u64 = 4;
@@ -61,9 +62,10 @@ fn is_mute(view: &View<'_>, unit: u8) -> bool {
     is_never_heard && view.bus.symptoms.all().all(|(symptom, of, _)| of != Some(unit) || symptom == Symptom::NoAnswer)
 }
 
-/// Whether no answer of a unit is valid.
+/// Whether no answer of a unit on a serial line is valid.
 fn has_no_valid_answer(view: &View<'_>, unit: u8) -> bool {
-    view.bus.units.get(&unit).is_some_and(|counts| counts.failures.failed == counts.failures.total)
+    let is_line = !view.bus.facts.is_network && view.bus.facts.mode != Some(Mode::Tcp);
+    is_line && view.bus.units.get(&unit).is_some_and(|counts| counts.failures.failed == counts.failures.total)
 }
 
 /// The requests to units that are never heard, two at least: the end of the recording may cut off what comes of the last one.

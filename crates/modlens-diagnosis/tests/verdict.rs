@@ -59,6 +59,7 @@ fn a_unit_that_never_answers_is_named_although_noise_damages_some_requests() {
     let found = Report::of(&contrast).json();
     assert_eq!(found["diagnoses"][0]["code"], "dead_unit_cost", "{found}");
     assert_eq!(found["diagnoses"][0]["unit"], 2, "{found}");
+    assert_eq!(found["diagnoses"][0]["episodes"].as_array().unwrap().len(), 1, "{found}");
 }
 
 /// A line on which a master asks two units in turn and writes to the first one in each tenth exchange; `after` gives the

@@ -10,7 +10,7 @@ use crate::observation::RequestKey;
 pub(super) struct Before {
     /// Unit of the transaction before, and whether that was not answered.
     pub previous: Option<(u8, bool)>,
-    /// Whether that failed in any way.
+    /// Whether one of the last few failed in any way.
     pub failed: bool,
     /// Whether a write was among the four transactions before.
     pub written: bool,

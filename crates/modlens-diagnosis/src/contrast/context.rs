@@ -14,6 +14,9 @@ use crate::observation::{is_write, response_part, Data, FrameObservation, Observ
 /// A write is remembered for so many transactions.
 const WRITE_MEMORY: u64 = 4;
 
+/// An answer that is late meets one of so many requests after its own.
+const FAILURE_MEMORY: u8 = 3;
+
 /// Runs of damage and noise are remembered until their transactions come.
 const MAX_RUNS: usize = 1024;
 
@@ -119,8 +122,8 @@ pub(super) struct Context {
     bad_runs: BTreeMap<u64, BadRun>,
     /// Unit and silence of the last transaction.
     previous: Option<(u8, bool)>,
-    /// Whether it failed.
-    previous_failed: bool,
+    /// For so many further transactions, damage may be that of a late answer: one failed shortly before.
+    after_failure: u8,
     /// Start of the request before, if the recording shows no answer to it.
     open_since: Option<Ns>,
     /// The good answer before, on a network.
@@ -199,7 +202,7 @@ impl Context {
         let hasty = self.open_since.zip(start).map(|(open, start)| start - open);
         Before {
             previous: self.previous,
-            failed: self.previous_failed,
+            failed: self.after_failure > 0,
             written,
             request,
             overtaken,
@@ -220,7 +223,7 @@ impl Context {
     /// The request right before the next one, if nothing has failed there.
     #[inline]
     pub fn request_before(&self) -> Option<RequestKey> {
-        self.previous.filter(|(_, was_silent)| !was_silent && !self.previous_failed && self.open_since.is_none())?;
+        self.previous.filter(|(_, was_silent)| !was_silent && self.after_failure == 0 && self.open_since.is_none())?;
         self.previous_request.filter(|before| before.age == 0).map(|before| before.key)
     }
 
@@ -252,7 +255,7 @@ impl Context {
         }
         if seen.outcome.counts() {
             self.previous = Some((seen.unit, seen.outcome == Outcome::Silent));
-            self.previous_failed = seen.outcome.is_failure();
+            self.after_failure = if seen.outcome.is_failure() { FAILURE_MEMORY } else { self.after_failure.saturating_sub(1) };
             let failed = seen.outcome.is_failure();
             self.previous_request = match (seen.key(), self.previous_request) {
                 (Some(key), _) => Some(PreviousRequest { key, failed, age: 0 }),
@@ -299,7 +302,7 @@ impl Context {
     /// Notes exchanges that went well, the last of which asked this; their data are already among the `recent` ones.
     #[inline]
     pub fn follow_clean(&mut self, key: RequestKey) {
-        (self.previous, self.previous_failed) = (Some((key.unit, false)), false);
+        (self.previous, self.after_failure) = (Some((key.unit, false)), 0);
         self.previous_request = Some(PreviousRequest { key, failed: false, age: 0 });
         self.asked = Some(key);
     }
@@ -367,7 +370,7 @@ impl Context {
         self.last_good = later.last_good.or(self.last_good);
         self.last_txn = later.last_txn.max(self.last_txn);
         if with_transactions {
-            self.previous_failed = if later.previous.is_some() { later.previous_failed } else { self.previous_failed };
+            self.after_failure = if later.previous.is_some() { later.after_failure } else { self.after_failure };
             self.previous = later.previous.or(self.previous);
             self.previous_request = later.previous_request.or(self.previous_request);
             self.asked = later.asked.or(self.asked);

@@ -90,7 +90,7 @@ pub struct UnitCounts {
     pub not_seen: Tally,
     /// Runs of those.
     pub not_seen_runs: Runs,
-    /// Damage by whether the transaction before failed, too.
+    /// Damage by whether one of the last few transactions failed, too.
     pub damage_after_failure: [Share; 2],
     /// Failures by the silence before the request, where another unit was asked before.
     pub by_gap_after_others: ByDuration,

@@ -116,7 +116,9 @@ fn dead(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     // As if it failed as often as the others do, and at least once in twenty.
     let usual = view.others(unit, |other| other.silent.share()).rate().clamp(0.05, 0.5);
     let chance = view.significant(at_least(counts.silent.share(), usual))?;
-    let mut claim = Claim::new("dead_unit_cost", &counts.silent, chance).of_unit(unit);
+    // A damaged request is not silence, but no answer either: it does not end a run.
+    let always = Claim::new("dead_unit_cost", &counts.failures, 0.0);
+    let mut claim = Claim::new("dead_unit_cost", &counts.silent, chance).of_unit(unit).in_the_time_of(&always);
     if let (Some(waited), Some((first, last))) = (counts.waited.percentile(0.5), view.bus.frames.span) {
         let lost = waited as f64 * counts.silent.failed as f64 / (last - first).max(1) as f64;
         let words = format!("; the master waits {} for each, {} of its time", duration(waited), percent(lost.min(1.0)));
