@@ -95,10 +95,10 @@ sdist: $(VENV)/.release
 # The tap without Python for gateways, static: make gateway MACHINE=aarch64, and as a package of Debian: make deb. Tried
 # on a pseudo terminal, those for other processors under qemu-user: make try-gateway MACHINE=armv7.
 MACHINE ?= x86_64
-gateway: $(VENV)/.release
+gateway: $(VENV)/.release $(VENV)/.installed $(PAGE_CORE)
 	$(BIN)/python -m release.gateways $(MACHINE)
 
-deb: $(VENV)/.release
+deb: $(VENV)/.release $(VENV)/.installed $(PAGE_CORE)
 	$(BIN)/python -m release.gateways --deb $(MACHINE)
 
 # Alerts on an ordinary day of 24 hours, and what diff finds between pairs of days (HOURS each).

@@ -640,7 +640,9 @@ class LiveRun:
         """
     def finish(self, session: Session) -> None:
         """Stop reading, decode what was read, and decide what is still open."""
-    def record(self, recorder: Recorder | None = None, server: Server | None = None) -> None:
+    def record(
+        self, recorder: Recorder | None = None, servers: Sequence[Server] | None = None
+    ) -> None:
         """Record or serve all reads from now on, and those that are not decoded yet."""
     def take_messages(self) -> list[str]:
         """Sentences for the user since the last call."""
@@ -716,13 +718,23 @@ def latency_timer(name: str) -> int | None:
 class Server:
     """Serves the reads of a live run at `[HOST:]PORT`, in a thread (modlens-recorder/src/serve).
 
-    `memory` is that of what clients have not got yet, in bytes. ValueError for an address that
-    means nothing, or one that other computers can reach without a token; OSError if it is in use.
+    `memory` is that of what clients have not got yet, in bytes. With a `page`, browsers get that,
+    and it gets the stream; a token is made where other computers can reach the address and none is
+    given. ValueError for an address that means nothing, or without a page one that other computers
+    can reach without a token; OSError if it is in use.
     """
 
     def __new__(
-        cls, place: str, *, token: str | None = None, memory: int | None = None
+        cls,
+        place: str,
+        *,
+        token: str | None = None,
+        memory: int | None = None,
+        page: bytes | None = None,
     ) -> Server: ...
+    @property
+    def url(self) -> str:
+        """What to open in a browser, with the token."""
     @property
     def address(self) -> str:
         """The address and port that it listens at."""

@@ -119,7 +119,9 @@ class LiveRun:
             )
 
     def record(
-        self, recorder: _modlens.Recorder | None, server: _modlens.Server | None = None
+        self,
+        recorder: _modlens.Recorder | None,
+        servers: Sequence[_modlens.Server] = (),
     ) -> None:
         """Record or serve all reads from now on, and those that are not decoded yet.
 
@@ -128,7 +130,7 @@ class LiveRun:
         of the recording decides the last rows at the same moment.
         """
         with self._turn:
-            self._run.record(recorder, server)
+            self._run.record(recorder, servers)
 
     def batches(self) -> Iterator[_modlens.Batch]:
         """The rows as they are decided, by reads or by time that has passed; ends when closed."""

@@ -32,7 +32,11 @@ def build(name: str) -> Path:
     triple = GATEWAYS[name].triple
     words = ["cargo-zigbuild", "zigbuild", "--quiet", "--release", "--locked"]
     words += ["--package", "modlens-tap", "--target", triple]
-    subprocess.run(words, cwd=ROOT, env=environment([triple]), check=True)
+    page = ROOT / "target" / "live.html"
+    write_page = [sys.executable, "-m", "analyzer", "page", "--live", "-o", str(page)]
+    subprocess.run(write_page, cwd=ROOT, check=True)
+    env = environment([triple]) | {"MODLENS_PAGE": str(page)}
+    subprocess.run(words, cwd=ROOT, env=env, check=True)
     DIST.mkdir(exist_ok=True)
     return Path(shutil.copy(ROOT / "target" / triple / "release" / "modlens-tap", binary(name)))
 

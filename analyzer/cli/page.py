@@ -27,6 +27,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         help="the page to write, such as modlens.html; - is standard output",
     )
+    parser.add_argument(
+        "--live",
+        action="store_true",
+        help="the page that `modlens tap --web` serves, for a build of modlens-tap",
+    )
     parser.epilog = EPILOG
 
 
@@ -34,5 +39,5 @@ def run(options: argparse.Namespace) -> int:
     """Write the page; gives the exit status."""
     from analyzer.page import page  # noqa: PLC0415
 
-    write_page(options.output, page())
+    write_page(options.output, page(live=options.live))
     return 0

@@ -19,7 +19,7 @@ from analyzer.cli.standard_streams import report
 from analyzer.cli.stop_signals import StopSignals
 from analyzer.cli.tap_messages import TapMessages
 from analyzer.cli.tap_recording import TapRecording
-from analyzer.cli.tap_server import TapServer
+from analyzer.cli.tap_server import WEB_PLACE, TapServers
 from analyzer.cli.tap_sinks import take_event_files, tap_sinks, troubles
 from analyzer.cli.triggers import (
     HourlySummary,
@@ -180,6 +180,14 @@ def _add_feeds(parser: argparse.ArgumentParser) -> None:
         help="file with the token that clients have to send (default: $MODLENS_SERVE_TOKEN)",
     )
     group.add_argument(
+        "--web",
+        nargs="?",
+        const=WEB_PLACE,
+        metavar="[HOST:]PORT",
+        help=f"serve a page that shows the line in any browser (default: {WEB_PLACE}); other"
+        " computers need the token that is in the printed address",
+    )
+    group.add_argument(
         "--metrics", metavar="[HOST:]PORT", help="serve Prometheus metrics over HTTP"
     )
     group.add_argument(
@@ -215,7 +223,7 @@ def _tap(  # noqa: PLR0915 - in the order in which a tap begins and ends
     stop_conditions = StopConditions(options.count, _seconds(options.duration), options.stop_on)
     report_silence_limits(settings, messages)
     recording = TapRecording(options, tap_messages)
-    server = TapServer(options, tap_messages)
+    servers = TapServers(options, tap_messages)
     live = LiveRun(
         taps,
         settings,
@@ -244,7 +252,7 @@ def _tap(  # noqa: PLR0915 - in the order in which a tap begins and ends
         )
         outputs.add_observers(
             recording,
-            server,
+            servers,
             *([] if watch is None else [watch]),
             *[stop_conditions] * stop_conditions.any_set,
             HourlySummary(live.stats, tap_messages.info),
@@ -258,8 +266,8 @@ def _tap(  # noqa: PLR0915 - in the order in which a tap begins and ends
         # The recording begins only when the ports are open, so that no empty file is left where
         # they fail.
         recording.open(opened)
-        server.open(opened)
-        live.record(recording.core, server.core)
+        servers.open(opened)
+        live.record(recording.core, servers.cores)
         limited = LimitedRun(live, options.count, lambda: stop_conditions.reached)
         try:
             with tap_messages.use_screen():
@@ -273,7 +281,7 @@ def _tap(  # noqa: PLR0915 - in the order in which a tap begins and ends
                 )
         finally:
             recording.close()
-            server.close()
+            servers.close()
             outputs.close()
             if watch is not None:
                 watch.finish()

@@ -1,7 +1,8 @@
 """The page that decodes recordings in a browser, with nothing installed and nothing uploaded.
 
 `make page` compiles the core to WebAssembly and packs it; `modlens page` writes the page: one HTML
-file that works from a disk. Its policy forbids every connection.
+file that works from a disk. Its policy forbids every connection. `modlens tap --web` serves the
+same page, which then shows the line while it is listened to.
 """
 
 from __future__ import annotations
@@ -31,11 +32,15 @@ _REPORT_SCRIPTS = (
     "strips.js",
     "sections.js",
 )
-_SCRIPTS = ("unpack.js", "grid.js", "filters.js", "page.js")
+_CONNECT = " connect-src 'self';"
+_SCRIPTS = ("unpack.js", "grid.js", "filters.js", "page.js", "live.js")
 
 
-def page() -> bytes:
-    """The page as UTF-8; `SourceError` where the core has not been compiled."""
+def page(*, live: bool = False) -> bytes:
+    """The page as UTF-8; `SourceError` where the core has not been compiled.
+
+    With `live` it shows what the server of a tap sends, the only one that it can connect to.
+    """
     if not CORE.exists():
         raise SourceError(
             "this installation has no page in it; `make page` in the repository builds it"
@@ -45,14 +50,14 @@ def page() -> bytes:
     policy = (
         f"default-src 'none'; script-src '{sha256_source(script)}' 'wasm-unsafe-eval';"
         f" worker-src blob:; style-src '{sha256_source(style)}'; img-src data: blob:;"
-        " base-uri 'none'; form-action 'none'"
+        f"{_CONNECT * live} base-uri 'none'; form-action 'none'"
     )
     layout = escape(json.dumps(model.layout(), separators=(",", ":")), quote=False)
     core = base64.b64encode(CORE.read_bytes()).decode()
     return "".join(
         (
             html_head("modlens: what is wrong on this Modbus line", policy, style),
-            f"<main>\n{_own('page.html')}</main>\n",
+            f"<main>\n{_own('live.html' if live else 'page.html')}{_own('results.html')}</main>\n",
             '<footer><p id="said" role="status" aria-live="polite"></p>',
             '<p id="version"></p></footer>\n',
             f'<template id="layout">{layout}</template>\n',

@@ -62,7 +62,7 @@ const Page = (() => {
 
   function refuse(why) {
     document.documentElement.dataset.state = "refused";
-    $("progress").hidden = true;
+    if ($("progress")) $("progress").hidden = true;
     $("trouble").hidden = false;
     $("trouble").textContent = Model.visible(why);
   }
@@ -123,7 +123,7 @@ const Page = (() => {
     const seconds = Math.max(0, ...statistics.buses.map((bus) => bus.duration_us || 0)) / 1e6;
     const summary = {
       name: recording.name.replace(/^.*[/\\]/, ""), period: seconds ? `${Model.fixed(seconds, 1)} s` : "Without times.",
-      sources: `${recording.name}, ${Model.fixed(recording.blob.size, 0)} bytes, read as ${source.format}`,
+      sources: `${recording.name}, ${Model.fixed(recording.blob?.size ?? recording.bytes, 0)} bytes, read as ${source.format}`,
     };
     return {
       summary, format: "modlens report", version: 1, program: `modlens ${words.version}`, sources: [source], doctor, statistics,
@@ -165,14 +165,22 @@ const Page = (() => {
     });
   }
 
-  async function showTables(found) {
-    const counts = {};
+  // One tab a table, with the number of its rows.
+  async function showTabs() {
     for (const name of Object.keys(COLUMNS)) {
-      if (name === "frames" && !hasFrames) continue;
-      counts[name] = (await ask({ call: "rows", table: name, columns: [], where: null, from: 0, count: 0 })).total;
+      if (name === "frames" && !hasFrames) {
+        $("tab-frames")?.remove();
+        continue;
+      }
+      const { total } = await ask({ call: "rows", table: name, columns: [], where: null, from: 0, count: 0 });
+      if (!$(`tab-${name}`)) $("tabs").append(el("button", { role: "tab", id: `tab-${name}`, "data-table": name, "aria-controls": "table" }));
+      $(`tab-${name}`).textContent = `${name[0].toUpperCase()}${name.slice(1)} (${Model.fixed(total, 0)})`;
+      $(`tab-${name}`).hidden = !total && name === "connections";
     }
-    $("tabs").replaceChildren(...Object.entries(counts).filter(([name, count]) => count || name !== "connections").map(([name, count]) =>
-      el("button", { role: "tab", id: `tab-${name}`, "data-table": name, "aria-controls": "table" }, `${name[0].toUpperCase()}${name.slice(1)} (${Model.fixed(count, 0)})`)));
+  }
+
+  async function showTables(found) {
+    await showTabs();
     const notes = [];
     if (!hasFrames) notes.push(`Frames are listed of recordings up to ${SMALL >> 20} MB.`);
     if (found.isCut) notes.push(`The first ${Model.fixed(found.rows, 0)} transactions are listed: more are too big for this tab. Causes and statistics are those of all.`);
@@ -228,18 +236,58 @@ const Page = (() => {
     if (at !== null) await grid.choose(at, true);
   }
 
+  // ---- a line that is listened to
+
+  // Begins; `bytes` of what `live` says grow with what came.
+  async function follow(live, known) {
+    recording = live;
+    hasFrames = true;
+    data = null;
+    document.documentElement.dataset.state = "waiting";
+    document.body.classList.add("opened");
+    $("trouble").hidden = true;
+    await request("follow", { settings: { name: live.name, ...known } });
+  }
+
+  // Shows what has come: rows, and with `all` the causes and the report.
+  async function showLive(all) {
+    const isFirst = data === null;
+    if (isFirst || all) {
+      data = complete(await ask({ call: "document" }), await ask({ call: "status" }));
+      if (!data.statistics.buses.length) {
+        data = null;
+        return;
+      }
+      showReport();
+    }
+    if (isFirst) {
+      await showTables({});
+      document.documentElement.dataset.state = "live";
+      return;
+    }
+    await showTabs();
+    const { total } = await ask({ call: "rows", table, columns: [], ...Filters.of(table), from: 0, count: 0 });
+    $("shown").textContent = `${Model.fixed(total, 0)} rows`;
+    const isAtEnd = grid.first >= grid.lastFirst;
+    await grid.show(total, isAtEnd ? total : grid.first);
+  }
+
   // ---- exports
+
+  function saveAs(name, blob) {
+    const link = el("a", { href: URL.createObjectURL(blob), download: name });
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+    document.documentElement.dataset.saved = `${name} ${blob.size}`;
+    say(`${name}: ${Model.fixed(blob.size, 0)} bytes`);
+  }
 
   async function save(format) {
     try {
       say(`making ${format}…`);
       const blob = format === "pcapng" ? await capture() : await request("save", { question: { table, ...Filters.of(table), format } });
       const name = `${recording.name.replace(/^.*[/\\]/, "").replace(/\.[^.]*$/, "")}-${format === "pcapng" ? "modlens" : table}.${format}`;
-      const link = el("a", { href: URL.createObjectURL(blob), download: name });
-      link.click();
-      setTimeout(() => URL.revokeObjectURL(link.href), 60000);
-      document.documentElement.dataset.saved = `${name} ${blob.size}`;
-      say(`${name}: ${Model.fixed(blob.size, 0)} bytes`);
+      saveAs(name, blob);
     } catch (error) {
       say(error.message);
     }
@@ -254,7 +302,8 @@ const Page = (() => {
 
   // ---- hands
 
-  function listen() {
+  // Files that are dropped, pasted or chosen.
+  function takeFiles() {
     const body = document.body;
     body.addEventListener("dragover", (event) => { event.preventDefault(); body.classList.add("dropping"); });
     body.addEventListener("dragleave", () => body.classList.remove("dropping"));
@@ -280,6 +329,9 @@ const Page = (() => {
     $("which").addEventListener("change", () => open(recordings[Number($("which").value)]));
     $("again").addEventListener("click", () => { if (recording) open(recording); });
     $("cancel").addEventListener("click", () => request("cancel"));
+  }
+
+  function listen() {
     $("tabs").addEventListener("click", (event) => { if (event.target.dataset.table) choose(event.target.dataset.table); });
     for (const id of ["unit", "failed", "finding"]) $(id).addEventListener("change", refresh);
     $("where").addEventListener("change", async () => { if (await Filters.check(table, ask)) await refresh(); });
@@ -297,8 +349,10 @@ const Page = (() => {
   }
 
   document.body.classList.add("scripted");
+  if ($("welcome")) takeFiles();
   listen();
-  start().catch((error) => refuse(`This browser cannot run the decoder: ${error.message}`));
+  const ready = start();
+  ready.catch((error) => refuse(`This browser cannot run the decoder: ${error.message}`));
   // Tests ask the core by the same way as the page.
-  return { ask, take, request, get recording() { return recording; } };
+  return { ask, take, request, ready, follow, showLive, refuse, saveAs, get recording() { return recording; } };
 })();

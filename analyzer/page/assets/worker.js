@@ -65,6 +65,21 @@ function drain(pieces) {
   while (call("export_more")) pieces.push(output().slice());
 }
 
+// A line that is listened to: bytes of its raw recording come one after the other.
+async function follow({ settings }) {
+  turn++;
+  await restart();
+  call("open", encode({ ...settings, purpose: "live", format: "pcapng" }));
+}
+
+// A read of a port; the bytes of the raw recording that it adds.
+function read(question) {
+  ask(question);
+  const pieces = [];
+  drain(pieces);
+  return pieces;
+}
+
 // Rows as a file, made in pieces.
 async function save(question) {
   ask({ ...question, call: "export" });
@@ -87,6 +102,10 @@ const CALLS = {
   decode,
   ask: async (id, request) => ask(request.question),
   save: async (id, request) => save(request.question),
+  follow: async (id, request) => follow(request),
+  feed: async (id, request) => call("feed", request.bytes),
+  read: async (id, request) => read(request.question),
+  end: async () => call("finish"),
   cancel: async () => { turn++; },
 };
 

@@ -5,7 +5,7 @@
 //!
 //! - `lexer`, `parser`, `syntax`: the text, as Python reads it.
 //! - `compiler`, `values`, `comparing`, `registers`, `moments`, `address`: what it means for a table.
-//! - `refusals`, `words`, `word_tables`, `similar`: what people write instead, and the answers they get.
+//! - `refusals`, `words`, `word_tables`, `similar`: what people write instead, and what to write.
 //! - `spelling`: the normalized spelling.
 
 mod address;

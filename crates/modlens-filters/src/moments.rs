@@ -45,7 +45,7 @@ impl Rest<'_> {
         found
     }
 
-    /// The part after the second, in nanoseconds.
+    /// What follows a second, in nanoseconds.
     fn fraction(&mut self) -> Option<i64> {
         if !self.takes(".") && !self.takes(",") {
             return Some(0);

@@ -140,7 +140,7 @@ fn is_visible(letter: char) -> bool {
     if letter.is_ascii() {
         return !letter.is_ascii_control();
     }
-    // After another letter an accent is visible as well.
+    // After another letter an accent is visible, too.
     format!("a{letter}").escape_debug().count() == 2
 }
 

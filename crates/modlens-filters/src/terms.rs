@@ -68,7 +68,7 @@ impl Term<'_> {
         (self.tree[0] == "text").then(|| self.tree[1].as_str()).flatten()
     }
 
-    /// Whether it is a number in the filter.
+    /// Whether it is a number that is in the filter.
     pub fn is_constant(&self) -> bool {
         self.tree[0] == "num"
     }

@@ -140,7 +140,7 @@ pub fn wrong_operator(text: &str) -> Option<(usize, String)> {
     None
 }
 
-/// The length of the part that letters begin with: a text in quotes, an operator, a word; 0 for anything else.
+/// The length of the token that letters begin with: a text in quotes, an operator, a word; 0 for anything else.
 fn piece(letters: &[char]) -> usize {
     let run = |is_part: &dyn Fn(char) -> bool| letters.iter().take_while(|letter| is_part(**letter)).count();
     let first = letters[0];
@@ -163,7 +163,7 @@ fn piece(letters: &[char]) -> usize {
     }
 }
 
-/// What to write instead of a part of a text that is no expression; `None` for a right one.
+/// What to write instead of a token of a text that is no expression; `None` for a right one.
 fn instead_of_piece(word: &str, previous: &str) -> Option<String> {
     if CURLY_QUOTES.contains(word) {
         return Some(String::from("write texts in straight quotes, as in 'ok'"));

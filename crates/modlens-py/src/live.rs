@@ -146,9 +146,9 @@ impl LiveRun {
         session.note_buses(&statuses);
     }
 
-    #[pyo3(signature = (recorder=None, server=None))]
-    fn record(&self, py: Python<'_>, recorder: Option<&Recorder>, server: Option<&Server>) {
-        let feeds = recorder.map(Recorder::feed).into_iter().chain(server.map(Server::feed));
+    #[pyo3(signature = (recorder=None, servers=None))]
+    fn record(&self, py: Python<'_>, recorder: Option<&Recorder>, servers: Option<Vec<PyRef<'_, Server>>>) {
+        let feeds = recorder.map(Recorder::feed).into_iter().chain(servers.iter().flatten().map(|server| server.feed()));
         let feed = Feed::join(feeds);
         self.with(py, |core| core.record(feed));
     }

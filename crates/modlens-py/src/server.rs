@@ -16,9 +16,13 @@ pub struct Server {
 #[pymethods]
 impl Server {
     #[new]
-    #[pyo3(signature = (place, *, token=None, memory=None))]
-    fn new(place: &str, token: Option<String>, memory: Option<usize>) -> PyResult<Self> {
-        let mut options = ServerOptions::parse(place, token).map_err(value_error)?;
+    #[pyo3(signature = (place, *, token=None, memory=None, page=None))]
+    fn new(place: &str, token: Option<String>, memory: Option<usize>, page: Option<&[u8]>) -> PyResult<Self> {
+        let options = match page {
+            None => ServerOptions::parse(place, token),
+            Some(page) => ServerOptions::with_page(place, token, page.into()),
+        };
+        let mut options = options.map_err(value_error)?;
         options.memory = memory.unwrap_or(options.memory);
         Ok(Self { core: Mutex::new(Core::start(options)?) })
     }
@@ -26,6 +30,11 @@ impl Server {
     #[getter]
     fn address(&self) -> String {
         self.core().address().to_string()
+    }
+
+    #[getter]
+    fn url(&self) -> String {
+        self.core().url()
     }
 
     fn take_messages(&self) -> Vec<String> {

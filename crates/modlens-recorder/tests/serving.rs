@@ -280,3 +280,40 @@ fn the_lines_of_a_bus_that_is_tapped_on_two_come_as_neighbouring_ports_in_order(
         [(4, Some(request), false), (5, Some(answer), false), (4, Some(next), false), (5, Some(end), true), (4, None, false)]
     );
 }
+
+/// What a request is answered, all of it or as much as comes in a second.
+fn asked(server: &Server, request: &str) -> String {
+    let mut stream = TcpStream::connect(server.address()).unwrap();
+    stream.set_read_timeout(Some(Duration::from_secs(1))).unwrap();
+    stream.write_all(request.as_bytes()).unwrap();
+    let mut answer = Vec::new();
+    let mut block = [0; 4096];
+    while let Ok(length @ 1..) = stream.read(&mut block) {
+        answer.extend_from_slice(&block[..length]);
+    }
+    String::from_utf8_lossy(&answer).into_owned()
+}
+
+#[test]
+fn a_page_is_served_with_its_stream_beside_it() {
+    let page: Arc<[u8]> = b"<p>the page</p>".as_slice().into();
+    let server = Server::start(ServerOptions::with_page("0", None, page).unwrap()).unwrap();
+    assert_eq!(server.url(), format!("http://{}/", server.address()));
+    let found = asked(&server, "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n");
+    assert!(found.starts_with("HTTP/1.1 200 OK\r\nContent-Type: text/html"), "{found}");
+    assert!(found.ends_with("<p>the page</p>"), "{found}");
+    let found = asked(&server, "GET /recording.pcapng HTTP/1.1\r\nHost: localhost\r\n\r\n");
+    assert!(found.starts_with("HTTP/1.1 200 OK\r\nContent-Type: application/x-pcapng"), "{found}");
+    assert!(found.contains("recording session="), "{found}");
+}
+
+#[test]
+fn a_page_that_others_can_reach_has_a_token_of_its_own() {
+    let token_of = |token: Option<&str>| {
+        let page: Arc<[u8]> = b"page".as_slice().into();
+        ServerOptions::with_page("0.0.0.0:0", token.map(str::to_owned), page).unwrap().token.unwrap()
+    };
+    assert!(token_of(None).len() >= 32);
+    assert_ne!(token_of(None), token_of(None));
+    assert_eq!(token_of(Some("sixteen-characters")), "sixteen-characters");
+}

@@ -29,6 +29,8 @@ pub struct Options {
     pub ports: Option<Vec<u16>>,
     /// What its times mean.
     pub clock: ClockSettings,
+    /// It is still being made: its first bytes are not waited for until they are a whole sample.
+    pub is_live: bool,
 }
 
 /// Where the bytes of a recording go.
@@ -58,7 +60,7 @@ impl Recording {
             return Ok(());
         }
         self.sample.extend_from_slice(block);
-        if self.sample.len() < SAMPLE_BYTES {
+        if self.sample.len() < SAMPLE_BYTES && (!self.options.is_live || self.sample.is_empty()) {
             return Ok(());
         }
         self.begin(session)

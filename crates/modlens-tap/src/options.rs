@@ -22,6 +22,7 @@ Listens to a serial port, or to what another tap serves (modlens://host:port), a
   --rotate N            start a new file every so often, or at this size: 1h, 64MB
   --keep N              keep the newest N files, or at most this size: 168, 2GB
   --serve [HOST:]PORT   pass the raw bytes on to Wireshark or another modlens, as pcapng over TCP
+  --web [[HOST:]PORT]   serve a page that shows the line in any browser (default: 127.0.0.1:4080)
   --serve-token-file FILE     file with the token of its clients (default: $MODLENS_SERVE_TOKEN)
   --mqtt URL            publish to mqtt://[user@]host[:port]/prefix, or mqtts:// for TLS
   --mqtt-password-file FILE   file with the password (default: $MODLENS_MQTT_PASSWORD)
@@ -31,6 +32,12 @@ Listens to a serial port, or to what another tap serves (modlens://host:port), a
 
 Exit status: 0 done; 2 wrong use; 3 output not writable; 4 port trouble.
 ";
+
+/// The page that `--web` serves; empty where the program was built without it.
+const PAGE: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/page.html"));
+
+/// Where it is served unless another place is named.
+const WEB_PLACE: &str = "127.0.0.1:4080";
 
 /// What the command line asks for.
 pub enum Wanted {
@@ -62,6 +69,8 @@ pub struct Options {
     pub retention: Retention,
     /// Where the reads are served.
     pub serve: Option<ServerOptions>,
+    /// Where the page is served.
+    pub web: Option<ServerOptions>,
     /// The token of servers, ours and that of the tap that is listened to.
     pub serve_token: Option<String>,
     /// Where to publish.
@@ -83,14 +92,19 @@ pub fn parse(words: &[String]) -> Result<Wanted, String> {
         rotation: Rotation::Never,
         retention: Retention::All,
         serve: None,
+        web: None,
         serve_token: None,
         broker: None,
         count: None,
     };
     let (mut url, mut password_file, mut authorities) = (None, None, None);
-    let (mut serve, mut token_file) = (None, None);
-    let mut rest = words.iter();
+    let (mut serve, mut web, mut token_file) = (None, None, None);
+    let mut rest = words.iter().peekable();
     while let Some(word) = rest.next() {
+        if word == "--web" {
+            web = Some(rest.next_if(|next| is_place(next)).map_or(WEB_PLACE, String::as_str));
+            continue;
+        }
         let mut value = || rest.next().ok_or(format!("{word}: a value is missing"));
         match word.as_str() {
             "-h" | "--help" => return Ok(Wanted::Text(HELP.into())),
@@ -124,10 +138,22 @@ pub fn parse(words: &[String]) -> Result<Wanted, String> {
         let token = found.serve_token.clone();
         found.serve = Some(ServerOptions::parse(place, token).map_err(|why| format!("--serve {place}: {why}"))?);
     }
+    if let Some(place) = web {
+        if PAGE.is_empty() {
+            return Err("--web: this program was built without the page; `make gateway` builds it in".into());
+        }
+        let token = found.serve_token.clone();
+        found.web = Some(ServerOptions::with_page(place, token, PAGE.into()).map_err(|why| format!("--web {place}: {why}"))?);
+    }
     if let Some(url) = url {
         found.broker = Some(Broker::parse(&url, password_file.as_deref(), authorities)?);
     }
     Ok(Wanted::Tap(Box::new(found)))
+}
+
+/// Whether a word is `[HOST:]PORT`, and not a port to listen to.
+fn is_place(word: &str) -> bool {
+    word.rsplit(':').next().is_some_and(|port| port.parse::<u16>().is_ok()) && !word.contains('/')
 }
 
 /// The token in this file, or else in the environment.
@@ -180,6 +206,16 @@ mod tests {
         assert_eq!(found.retention, Retention::Bytes(2_000_000_000));
         let found = tap(&["/dev/ttyUSB0", "--rotate", "64MB", "--keep", "168"]).unwrap();
         assert_eq!((found.rotation, found.retention), (Rotation::Bytes(64_000_000), Retention::Segments(168)));
+    }
+
+    #[test]
+    fn the_place_of_the_page_may_be_left_out() {
+        for word in ["4080", "0.0.0.0:4080", "[::1]:4080"] {
+            assert!(is_place(word), "{word}");
+        }
+        for word in ["/dev/ttyUSB0", "--quiet", "COM3", "bus=/dev/ttyS1", "modlens://10.0.0.1:4010"] {
+            assert!(!is_place(word), "{word}");
+        }
     }
 
     #[test]

@@ -72,8 +72,8 @@ fn tap(options: &Options, stop: &AtomicBool) -> Result<u8, Trouble> {
     let mut rows = Rows::open(options).map_err(|error| failed("output", &error))?;
     // The recording begins only when the port is open, so that no empty file is left where that fails.
     let mut recorder = record(options).map_err(|error| failed("--record", &error))?;
-    let mut server = serve(options).map_err(|error| failed("--serve", &error))?;
-    run.record(Feed::join(recorder.iter().map(Recorder::feed).chain(server.iter().map(Server::feed))));
+    let mut servers = serve(options)?;
+    run.record(Feed::join(recorder.iter().map(Recorder::feed).chain(servers.iter().map(Server::feed))));
     let at = options.line.map_or(String::new(), |line| format!(" at {line}"));
     say(&format!("{}: listening to {}{at}; nothing is sent", options.bus, options.port));
     let mut ended = Ok(());
@@ -83,13 +83,13 @@ fn tap(options: &Options, stop: &AtomicBool) -> Result<u8, Trouble> {
         run.take_messages()
             .iter()
             .chain(&recorder.iter().flat_map(Recorder::take_messages).collect::<Vec<_>>())
-            .chain(&server.iter().flat_map(Server::take_messages).collect::<Vec<_>>())
+            .chain(&servers.iter().flat_map(Server::take_messages).collect::<Vec<_>>())
             .for_each(|text| say(text));
     }
     run.finish(&mut session);
     rows.put(session.take());
     run.take_messages().iter().for_each(|text| say(text));
-    server.iter_mut().for_each(Server::close);
+    servers.iter_mut().for_each(Server::close);
     let is_recorded = recorder.as_mut().is_none_or(|recorder| close_recording(options, recorder));
     say(&format!("{}: {} transactions", options.bus, rows.count));
     let is_delivered = rows.close(stop);
@@ -112,12 +112,20 @@ fn record(options: &Options) -> io::Result<Option<Recorder>> {
     Recorder::start(RecorderOptions { rotation, retention, ..RecorderOptions::new(path) }).map(Some)
 }
 
-/// Begins to serve the reads, if that is wanted.
-fn serve(options: &Options) -> io::Result<Option<Server>> {
-    let Some(wanted) = &options.serve else { return Ok(None) };
-    let server = Server::start(wanted.clone())?;
-    say(&format!("{}: serving at {}", options.bus, server.address()));
-    Ok(Some(server))
+/// Begins to serve the reads, to programs and to browsers, as far as that is wanted.
+fn serve(options: &Options) -> Result<Vec<Server>, Trouble> {
+    let mut servers = Vec::new();
+    if let Some(wanted) = &options.serve {
+        let server = Server::start(wanted.clone()).map_err(|error| failed("--serve", &error))?;
+        say(&format!("{}: serving at {}", options.bus, server.address()));
+        servers.push(server);
+    }
+    if let Some(wanted) = &options.web {
+        let server = Server::start(wanted.clone()).map_err(|error| failed("--web", &error))?;
+        say(&format!("{}: open {} in a browser", options.bus, server.url()));
+        servers.push(server);
+    }
+    Ok(servers)
 }
 
 /// Opens a serial port, or a line that another tap serves.

@@ -16,6 +16,8 @@ const MAX_ROWS: u64 = 1000;
 ///
 /// | `call` | with | answer |
 /// |--|--|--|
+/// | `listen` | `name`, `line` of a port | null; `export_more` gives the bytes of its raw recording |
+/// | `read` | `hex`, `time`, `hole` of a read of it | null; as before |
 /// | `check` | `table`, `where` | `text` (normalized spelling), `notes` of the filter |
 /// | `rows` | `table`, `columns`, `where` (a filter or null), `from`, `count` | `total`, `rows` (texts of the cells) |
 /// | `row` | `table`, `where`, `at` | texts of all its columns by name |
@@ -27,6 +29,8 @@ const MAX_ROWS: u64 = 1000;
 /// A filter with a time of day that is local needs `local`, the changes of the computer's offset from UTC, in seconds.
 pub fn answer(decoding: &mut Decoding, question: &Json) -> Result<Json, String> {
     match question["call"].as_str().unwrap_or_default() {
+        "listen" => decoding.listen(question).map(|()| Json::Null),
+        "read" => decoding.read(question).map(|()| Json::Null),
         "check" => check(question),
         "rows" => rows(decoding, question),
         "row" => row(decoding, question),

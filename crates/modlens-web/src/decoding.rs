@@ -29,7 +29,12 @@ pub enum Purpose {
     Rows,
     /// A capture is written, no row is kept.
     Capture,
+    /// A line that is listened to: the newest rows of every table are kept, causes are sought.
+    Live,
 }
+
+/// Transactions that are kept of a line that is listened to, and whole batches beside them.
+const LIVE_ROWS: usize = 200_000;
 
 /// A recording that is being read, or has been.
 pub struct Decoding {
@@ -43,12 +48,12 @@ pub struct Decoding {
     pub(crate) views: Views,
     rows: usize,
     capture: Option<Capture>,
-    captured: Vec<u8>,
+    pub(crate) captured: Vec<u8>,
     pub(crate) export: Option<Export>,
 }
 
 impl Decoding {
-    /// Opens a recording. Settings: `name`; `purpose` (all, causes, rows, capture); `format`, `mode`, `line`, `ports` where
+    /// Opens a recording. Settings: `name`; `purpose` (all, causes, rows, capture, live); `format`, `mode`, `line`, `ports` where
     /// the user knows them. The message says what is wrong with them.
     pub fn open(settings: &Json) -> Result<Self, String> {
         let purpose = match settings["purpose"].as_str().unwrap_or("all") {
@@ -56,12 +61,13 @@ impl Decoding {
             "causes" => Purpose::Causes,
             "rows" => Purpose::Rows,
             "capture" => Purpose::Capture,
-            other => return Err(format!("purpose {other:?} is not one of all, causes, rows, capture")),
+            "live" => Purpose::Live,
+            other => return Err(format!("purpose {other:?} is not one of all, causes, rows, capture, live")),
         };
-        let seeks_causes = matches!(purpose, Purpose::All | Purpose::Causes);
+        let seeks_causes = matches!(purpose, Purpose::All | Purpose::Causes | Purpose::Live);
         let wanted = WantedTables { frames: purpose != Purpose::Rows, transactions: true, findings: true };
         let functions = Arc::new(Functions::default());
-        let mut session = Session::new(Arc::clone(&functions), wanted, false, None);
+        let mut session = Session::new(Arc::clone(&functions), wanted, purpose == Purpose::Live, None);
         if purpose == Purpose::Causes {
             session.emit_compact();
         }
@@ -69,7 +75,7 @@ impl Decoding {
             purpose,
             functions,
             session,
-            recording: Recording::new(options(settings)?),
+            recording: Recording::new(Options { is_live: purpose == Purpose::Live, ..options(settings)? }),
             contrast: seeks_causes.then(Contrast::default),
             overview: seeks_causes.then(Overview::default),
             report: None,
@@ -134,9 +140,9 @@ impl Decoding {
         Json::Object(named.collect())
     }
 
-    /// Appends the next bytes of the capture that is being written, or of the export of rows.
+    /// Appends the next bytes of the capture or recording that is being written, or of the export of rows.
     pub fn export_more(&mut self, out: &mut Vec<u8>) {
-        if self.capture.is_some() {
+        if self.capture.is_some() || !self.captured.is_empty() {
             out.append(&mut self.captured);
         } else if let Some(export) = &mut self.export {
             export.more(out);
@@ -158,8 +164,11 @@ impl Decoding {
             capture.add_batch(&batch, None);
             capture.append_ready(BLOCK_BYTES, &mut self.captured);
         }
-        if matches!(self.purpose, Purpose::All | Purpose::Rows) && !is_empty(&batch) {
+        if matches!(self.purpose, Purpose::All | Purpose::Rows | Purpose::Live) && !is_empty(&batch) {
             self.views.add(batch);
+        }
+        if self.purpose == Purpose::Live {
+            self.views.forget_all_but(LIVE_ROWS);
         }
     }
 }

@@ -11,6 +11,7 @@ mod abi;
 mod answers;
 mod decoding;
 mod export;
+mod listening;
 mod view;
 mod words;
 

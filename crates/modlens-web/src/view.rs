@@ -37,6 +37,18 @@ impl Views {
         self.batches.push(batch);
     }
 
+    /// Forgets the oldest batches while the others have this many transactions or more.
+    pub fn forget_all_but(&mut self, transactions: usize) {
+        let mut kept: usize = self.batches.iter().map(|batch| batch.transaction_count()).sum();
+        let is_old = |batch: &&Arc<Batch>| {
+            kept -= batch.transaction_count();
+            kept >= transactions
+        };
+        let count = self.batches.iter().take_while(is_old).count();
+        self.batches.drain(..count);
+        self.shown.iter_mut().for_each(|view| view.forget(count));
+    }
+
     /// The rows of a `table` that satisfy `where`, a filter (empty or null for all rows). The message says what is wrong
     /// with it.
     pub fn of(&mut self, question: &Json) -> Result<&View, String> {
@@ -82,6 +94,17 @@ impl View {
             self.starts.push(self.rows);
             self.rows += part.len();
             self.parts.push(part);
+        }
+    }
+
+    /// Forgets the oldest parts, as far as it has them.
+    fn forget(&mut self, count: usize) {
+        self.parts.drain(..count.min(self.parts.len()));
+        self.starts.clear();
+        self.rows = 0;
+        for part in &self.parts {
+            self.starts.push(self.rows);
+            self.rows += part.len();
         }
     }
 

@@ -5,7 +5,8 @@ use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
 use super::hub::{Hub, Position};
-use super::request::{answer, answer_silence, refuse, Answer, MAX_REQUEST_BYTES};
+use super::request::{answer, answer_silence, refuse, Answer, Terms, MAX_REQUEST_BYTES};
+use super::ServerOptions;
 
 /// A client that has sent nothing by then wants the plain stream; with a token, it has to ask until `REQUEST_TIME`.
 const SILENCE: Duration = Duration::from_millis(300);
@@ -25,8 +26,8 @@ enum Phase {
         position: Position,
         is_timed: bool,
     },
-    /// It gets the rest of its answer, then the end.
-    Refused,
+    /// It gets the rest of its answer, a page or a refusal, then the end.
+    Ending,
 }
 
 /// A connected client.
@@ -44,8 +45,8 @@ pub struct Client {
 /// Why a client has gone.
 #[derive(Debug)]
 pub enum Gone {
-    /// It was refused, or has asked for nothing.
-    Refused,
+    /// It has its page, was refused, or has asked for nothing.
+    Answered,
     /// It has ended the connection.
     Left,
     /// It took nothing for [`STALL`].
@@ -63,10 +64,10 @@ impl Client {
     }
 
     /// Does what can be done at this moment. Whether its stream has just begun.
-    pub fn serve(&mut self, hub: &Hub, token: Option<&str>, has_room: bool) -> Result<bool, Gone> {
+    pub fn serve(&mut self, hub: &Hub, options: &ServerOptions, has_room: bool) -> Result<bool, Gone> {
         let mut begins = false;
         if let Phase::Asking { .. } = self.phase {
-            self.ask(hub, token, has_room)?;
+            self.ask(hub, options, has_room)?;
             begins = self.is_streaming();
         } else if self.receive()?.is_none() {
             return Err(Gone::Left);
@@ -79,8 +80,8 @@ impl Client {
             if !self.write()? {
                 return if self.last_progress.elapsed() > STALL { Err(Gone::Stalled) } else { Ok(begins) };
             }
-            if let Phase::Refused = self.phase {
-                return Err(Gone::Refused);
+            if let Phase::Ending = self.phase {
+                return Err(Gone::Answered);
             }
         }
     }
@@ -106,19 +107,20 @@ impl Client {
     }
 
     /// Looks at its request, and begins the answer.
-    fn ask(&mut self, hub: &Hub, token: Option<&str>, has_room: bool) -> Result<(), Gone> {
-        let Some(more) = self.receive()? else { return Err(Gone::Refused) };
+    fn ask(&mut self, hub: &Hub, options: &ServerOptions, has_room: bool) -> Result<(), Gone> {
+        let terms = Terms { token: options.token.as_deref(), has_page: options.page.is_some() };
+        let Some(more) = self.receive()? else { return Err(Gone::Answered) };
         let Phase::Asking { request, since } = &mut self.phase else { return Ok(()) };
         request.extend_from_slice(&more);
         let found = if !request.is_empty() {
-            answer(request, token)
+            answer(request, terms)
         } else if since.elapsed() > SILENCE {
-            answer_silence(token)
+            answer_silence(terms)
         } else {
             None
         };
         match found {
-            None if since.elapsed() > REQUEST_TIME => Err(Gone::Refused),
+            None if since.elapsed() > REQUEST_TIME => Err(Gone::Answered),
             None => Ok(()),
             Some(Answer::Stream { head, is_timed }) if has_room => {
                 self.out.extend_from_slice(head.as_bytes());
@@ -130,12 +132,19 @@ impl Client {
                 self.last_progress = Instant::now();
                 Ok(())
             }
+            Some(Answer::Page { head }) => {
+                self.out.extend_from_slice(head.as_bytes());
+                self.out.extend_from_slice(options.page.as_deref().unwrap_or_default());
+                self.phase = Phase::Ending;
+                self.last_progress = Instant::now();
+                Ok(())
+            }
             Some(other) => {
                 let busy = refuse("503 Service Unavailable", "");
                 if let Answer::Refused(text) = if let Answer::Refused(_) = other { other } else { busy } {
                     self.out.extend_from_slice(text.as_bytes());
                 }
-                self.phase = Phase::Refused;
+                self.phase = Phase::Ending;
                 Ok(())
             }
         }

@@ -4,6 +4,9 @@
 //! gets it by HTTP, with `Authorization: Bearer TOKEN`; `GET /timed` as well, with packets that say how time advances while
 //! the line is silent, for [`Remote`](crate::Remote). Each stream begins with the header and the descriptions of the ports.
 //!
+//! With a page, which decodes the stream in a browser, `GET /` gets the page, and `GET /recording.pcapng` the timed stream
+//! (`modlens tap --web`). The token of a page is in its address, since a browser sends no field that it is not asked for.
+//!
 //! One thread serves all clients, and the readers of ports only append to a bounded queue (`hub`). A client that is too slow
 //! misses blocks, which its stream marks as a loss; one that takes nothing is disconnected.
 
@@ -12,12 +15,13 @@ mod hub;
 pub(crate) mod request;
 
 use std::io;
-use std::net::{IpAddr, SocketAddr, TcpListener};
+use std::net::{IpAddr, SocketAddr, TcpListener, UdpSocket};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use crate::feed::{Feed, ReadSink};
+use crate::segments::new_session;
 use client::{Client, Gone};
 use hub::Hub;
 
@@ -44,22 +48,41 @@ pub struct ServerOptions {
     pub clients: usize,
     /// The memory of blocks that clients have not got yet, in bytes.
     pub memory: usize,
+    /// The page that shows the stream.
+    pub page: Option<Arc<[u8]>>,
 }
 
 impl ServerOptions {
     /// Eight clients and 4 MiB: five minutes of a line that is full at 9600 baud.
     pub fn new(address: SocketAddr) -> Self {
-        Self { address, token: None, clients: 8, memory: 1 << 22 }
+        Self { address, token: None, clients: 8, memory: 1 << 22, page: None }
     }
 
     /// Parses `[HOST:]PORT`, on loopback unless a host is given. Other computers need a token to read the line.
     pub fn parse(place: &str, token: Option<String>) -> Result<Self, String> {
+        let (host, port) = Self::address_of(place)?;
+        Self::at(SocketAddr::new(host, port), token)
+    }
+
+    /// Parses where a page is served, as `parse`. Where other computers can reach it without a token, one is made, which is
+    /// in the address to open.
+    pub fn with_page(place: &str, token: Option<String>, page: Arc<[u8]>) -> Result<Self, String> {
+        let (host, port) = Self::address_of(place)?;
+        let token = token.or_else(|| (!host.is_loopback()).then(|| new_session() + &new_session()));
+        Ok(Self { page: Some(page), ..Self::at(SocketAddr::new(host, port), token)? })
+    }
+
+    fn address_of(place: &str) -> Result<(IpAddr, u16), String> {
         let (host, port) = place.rsplit_once(':').unwrap_or(("127.0.0.1", place));
         let host = if host.eq_ignore_ascii_case("localhost") { "127.0.0.1" } else { host.trim_matches(['[', ']']) };
         let (Ok(host), Ok(port)) = (host.parse::<IpAddr>(), port.parse()) else {
             return Err("write a port as 4010, or address:port as 0.0.0.0:4010".into());
         };
-        if token.is_none() && !host.is_loopback() {
+        Ok((host, port))
+    }
+
+    fn at(address: SocketAddr, token: Option<String>) -> Result<Self, String> {
+        if token.is_none() && !address.ip().is_loopback() {
             return Err(
                 "other computers can reach this address: set a token, as with MODLENS_SERVE_TOKEN=$(openssl rand -hex 16)".into(),
             );
@@ -68,7 +91,7 @@ impl ServerOptions {
         {
             return Err(format!("the token needs {MIN_TOKEN_BYTES} or more characters without spaces: openssl rand -hex 16"));
         }
-        Ok(Self { token, ..Self::new(SocketAddr::new(host, port)) })
+        Ok(Self { token, ..Self::new(address) })
     }
 }
 
@@ -82,6 +105,7 @@ pub struct Server {
     hub: Arc<Hub>,
     shared: Arc<Shared>,
     address: SocketAddr,
+    token: Option<String>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -92,10 +116,11 @@ impl Server {
         listener.set_nonblocking(true)?;
         let address = listener.local_addr()?;
         let hub = Arc::new(Hub::new(format!("modlens {}", env!("CARGO_PKG_VERSION")), options.memory));
+        let token = options.token.clone();
         let shared = Arc::new(Shared { messages: Mutex::default(), is_closing: Mutex::new(false) });
         let mut worker = Worker { listener, options, hub: Arc::clone(&hub), shared: Arc::clone(&shared), clients: Vec::new() };
         let thread = std::thread::Builder::new().name("modlens server".into()).spawn(move || worker.run())?;
-        Ok(Self { hub, shared, address, thread: Some(thread) })
+        Ok(Self { hub, shared, address, token, thread: Some(thread) })
     }
 
     /// Where the reads go that it serves.
@@ -106,6 +131,16 @@ impl Server {
     /// The address that it listens at; the port is one of the system's where port 0 was asked for.
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// What to open in a browser.
+    pub fn url(&self) -> String {
+        let mut address = self.address;
+        if address.ip().is_unspecified() {
+            address.set_ip(own_address().unwrap_or(address.ip()));
+        }
+        let token = self.token.as_ref().map(|token| format!("?token={token}")).unwrap_or_default();
+        format!("http://{address}/{token}")
     }
 
     /// Sentences for the user since the last call: clients that have come and gone.
@@ -126,6 +161,13 @@ impl Drop for Server {
     fn drop(&mut self) {
         self.close();
     }
+}
+
+/// The address by which others most probably reach this computer. Nothing is sent to find out.
+fn own_address() -> Option<IpAddr> {
+    let socket = UdpSocket::bind("0.0.0.0:0").ok()?;
+    socket.connect("192.0.2.1:9").ok()?;
+    Some(socket.local_addr().ok()?.ip())
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -164,11 +206,10 @@ impl Worker {
     }
 
     fn serve(&mut self) {
-        let token = self.options.token.clone();
         let mut streaming = self.clients.iter().filter(|client| client.is_streaming()).count();
         for mut client in std::mem::take(&mut self.clients) {
             let (lost, was_streaming) = (client.lost(), client.is_streaming());
-            let done = client.serve(&self.hub, token.as_deref(), streaming < self.options.clients);
+            let done = client.serve(&self.hub, &self.options, streaming < self.options.clients);
             if lost == 0 && client.lost() > 0 {
                 self.say(format!("{} reads too slowly: bytes are missing in its stream", client.name));
             }
@@ -183,7 +224,7 @@ impl Worker {
                 }
                 Err(Gone::Left) if was_streaming => self.say(left(&client)),
                 Err(Gone::Stalled) => self.say(format!("{} took nothing for a minute and was disconnected", client.name)),
-                Err(Gone::Refused | Gone::Left) => {}
+                Err(Gone::Answered | Gone::Left) => {}
             }
             if client.is_streaming() {
                 self.hub.leave();

@@ -48,6 +48,7 @@ complete -c modlens -n '__fish_seen_subcommand_from tap' -l mqtt-spool -r -d 'fi
 complete -c modlens -n '__fish_seen_subcommand_from tap' -l home-assistant -d 'with --mqtt: publish Home Assistant discovery messages'
 complete -c modlens -n '__fish_seen_subcommand_from tap' -l serve -x -d 'pass the raw bytes on to Wireshark or another modlens tap, as pcapng over TCP'
 complete -c modlens -n '__fish_seen_subcommand_from tap' -l serve-token-file -r -d 'file with the token that clients have to send (default: $MODLENS_SERVE_TOKEN)'
+complete -c modlens -n '__fish_seen_subcommand_from tap' -l web -x -d 'serve a page that shows the line in any browser (default: 127.0.0.1:4080); other computers need the token that is in the printed address'
 complete -c modlens -n '__fish_seen_subcommand_from tap' -l metrics -x -d 'serve Prometheus metrics over HTTP'
 complete -c modlens -n '__fish_seen_subcommand_from tap' -l notify -x -d 'run this command, or POST to this URL, when a trouble begins, changes or ends; the event is JSON on standard input or in the body (repeatable)'
 complete -c modlens -n '__fish_seen_subcommand_from tap' -l security -d 'report security findings as they begin (modlens security --list prints the rules)'
@@ -370,6 +371,7 @@ complete -c modlens -n '__fish_seen_subcommand_from report' -l stop -x -d 'with 
 complete -c modlens -n '__fish_seen_subcommand_from page' -f
 complete -c modlens -n '__fish_seen_subcommand_from page' -s h -l help -d 'show this help message and exit'
 complete -c modlens -n '__fish_seen_subcommand_from page' -s o -r -d 'the page to write, such as modlens.html; - is standard output'
+complete -c modlens -n '__fish_seen_subcommand_from page' -l live -d 'the page that `modlens tap --web` serves, for a build of modlens-tap'
 complete -c modlens -n '__fish_seen_subcommand_from plot' -s h -l help -d 'show this help message and exit'
 complete -c modlens -n '__fish_seen_subcommand_from plot' -l from -x -d 'format of the files, instead of detecting it (modlens formats lists them)'
 complete -c modlens -n '__fish_seen_subcommand_from plot' -l timezone -x -d 'time zone of timestamps that do not state one: local, Europe/Berlin or +01:00 (without it, such a recording has only times since its start)'
