@@ -7,11 +7,11 @@ use modlens_protocol::renamed::{current, Vocabulary};
 use serde_json::{json, Value as Json};
 
 use crate::error::FilterError;
+use crate::moments::LocalChanges;
 use crate::spelling::quoted;
 use crate::syntax::{Kind, Node};
 use crate::terms::{join, Term, TermKind};
 use crate::words::{closed_set, column_of_word, columns_of, operations_of_word};
-use crate::LocalChanges;
 
 /// A tree, or why there is none.
 pub type Tree = Result<Json, FilterError>;

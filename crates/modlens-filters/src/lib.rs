@@ -27,15 +27,12 @@ mod words;
 
 pub use error::FilterError;
 use modlens_tables::predicate::Predicate;
-pub use moments::Changes;
+pub use moments::{Changes, LocalChanges};
 use serde_json::Value as Json;
 pub use similar::similar_name;
 
 /// The longest filter, in characters.
 pub const MAX_CHARACTERS: usize = 4096;
-
-/// Gives the changes of the UTC offset of this computer, for times such as `'12:00 local'`.
-pub type LocalChanges<'a> = &'a dyn Fn() -> Changes;
 
 /// A filter for the rows of one table.
 #[derive(Clone, Debug, PartialEq)]

@@ -11,6 +11,9 @@ const MINUTE_NS: i64 = 60 * SECOND_NS;
 /// From when on an offset from UTC holds, and the offset; both in nanoseconds.
 pub type Changes = Vec<(i64, i64)>;
 
+/// Gives the changes of the UTC offset of this computer, for times such as `'12:00 local'`.
+pub type LocalChanges<'a> = &'a dyn Fn() -> Changes;
+
 /// A time of day: nanoseconds since midnight, and its zone.
 #[derive(Debug, PartialEq, Eq)]
 pub struct TimeOfDay {
