@@ -6,7 +6,6 @@ use std::time::{Duration, Instant};
 
 use super::hub::{Hub, Position};
 use super::request::{answer, answer_silence, refuse, Answer, Terms, MAX_REQUEST_BYTES};
-use super::ServerOptions;
 
 /// A client that has sent nothing by then wants the plain stream; with a token, it has to ask until `REQUEST_TIME`.
 const SILENCE: Duration = Duration::from_millis(300);
@@ -64,10 +63,10 @@ impl Client {
     }
 
     /// Does what can be done at this moment. Whether its stream has just begun.
-    pub fn serve(&mut self, hub: &Hub, options: &ServerOptions, has_room: bool) -> Result<bool, Gone> {
+    pub fn serve(&mut self, hub: &Hub, terms: Terms<'_>, has_room: bool) -> Result<bool, Gone> {
         let mut begins = false;
         if let Phase::Asking { .. } = self.phase {
-            self.ask(hub, options, has_room)?;
+            self.ask(hub, terms, has_room)?;
             begins = self.is_streaming();
         } else if self.receive()?.is_none() {
             return Err(Gone::Left);
@@ -107,8 +106,7 @@ impl Client {
     }
 
     /// Looks at its request, and begins the answer.
-    fn ask(&mut self, hub: &Hub, options: &ServerOptions, has_room: bool) -> Result<(), Gone> {
-        let terms = Terms { token: options.token.as_deref(), has_page: options.page.is_some() };
+    fn ask(&mut self, hub: &Hub, terms: Terms<'_>, has_room: bool) -> Result<(), Gone> {
         let Some(more) = self.receive()? else { return Err(Gone::Answered) };
         let Phase::Asking { request, since } = &mut self.phase else { return Ok(()) };
         request.extend_from_slice(&more);
@@ -134,7 +132,7 @@ impl Client {
             }
             Some(Answer::Page { head }) => {
                 self.out.extend_from_slice(head.as_bytes());
-                self.out.extend_from_slice(options.page.as_deref().unwrap_or_default());
+                self.out.extend_from_slice(terms.page.unwrap_or_default());
                 self.phase = Phase::Ending;
                 self.last_progress = Instant::now();
                 Ok(())

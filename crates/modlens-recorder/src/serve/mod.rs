@@ -24,6 +24,7 @@ use crate::feed::{Feed, ReadSink};
 use crate::segments::new_session;
 use client::{Client, Gone};
 use hub::Hub;
+use request::Terms;
 
 /// The thread looks after clients so often, or after new ones where there are none.
 const INTERVAL: Duration = Duration::from_millis(10);
@@ -206,10 +207,12 @@ impl Worker {
     }
 
     fn serve(&mut self) {
+        let (token, page) = (self.options.token.clone(), self.options.page.clone());
+        let terms = Terms { token: token.as_deref(), page: page.as_deref() };
         let mut streaming = self.clients.iter().filter(|client| client.is_streaming()).count();
         for mut client in std::mem::take(&mut self.clients) {
             let (lost, was_streaming) = (client.lost(), client.is_streaming());
-            let done = client.serve(&self.hub, &self.options, streaming < self.options.clients);
+            let done = client.serve(&self.hub, terms, streaming < self.options.clients);
             if lost == 0 && client.lost() > 0 {
                 self.say(format!("{} reads too slowly: bytes are missing in its stream", client.name));
             }

@@ -31,13 +31,13 @@ pub enum Answer {
 pub struct Terms<'a> {
     /// What clients have to know.
     pub token: Option<&'a str>,
-    /// Whether there is a page, which asks for the stream beside it.
-    pub has_page: bool,
+    /// The page, which asks for the stream beside it.
+    pub page: Option<&'a [u8]>,
 }
 
 /// The answer to a client that has sent nothing by now. A browser may open connections before it asks for something.
 pub fn answer_silence(terms: Terms<'_>) -> Option<Answer> {
-    (terms.token.is_none() && !terms.has_page).then_some(Answer::Stream { head: "", is_timed: false })
+    (terms.token.is_none() && terms.page.is_none()).then_some(Answer::Stream { head: "", is_timed: false })
 }
 
 /// The answer to these bytes of a client; `None` while its request is not complete.
@@ -59,7 +59,7 @@ pub fn answer(bytes: &[u8], terms: Terms<'_>) -> Option<Answer> {
         Some(token) => {
             let in_field = field("authorization").and_then(|value| value.strip_prefix("Bearer "));
             // A page cannot be opened with a field, so that its token is in its address.
-            let in_query = query.split('&').find_map(|part| part.strip_prefix("token=")).filter(|_| terms.has_page);
+            let in_query = query.split('&').find_map(|part| part.strip_prefix("token=")).filter(|_| terms.page.is_some());
             in_field.or(in_query).is_some_and(|it| is_same(it, token))
         }
         // A page in a browser that has its own name resolved to this computer must not read the line.
@@ -69,9 +69,9 @@ pub fn answer(bytes: &[u8], terms: Terms<'_>) -> Option<Answer> {
         return Some(refuse("401 Unauthorized", "WWW-Authenticate: Bearer\r\n"));
     }
     Some(match path {
-        "/" if terms.has_page => Answer::Page { head: PAGE },
-        RECORDING_PATH if terms.has_page => Answer::Stream { head: OK, is_timed: true },
-        _ if terms.has_page => refuse("404 Not Found", ""),
+        "/" if terms.page.is_some() => Answer::Page { head: PAGE },
+        RECORDING_PATH if terms.page.is_some() => Answer::Stream { head: OK, is_timed: true },
+        _ if terms.page.is_some() => refuse("404 Not Found", ""),
         _ => Answer::Stream { head: OK, is_timed: path == TIMED_PATH },
     })
 }
@@ -99,7 +99,7 @@ mod tests {
     use super::*;
 
     fn asked(text: &str, token: Option<&str>) -> String {
-        answered(text, Terms { token, has_page: false })
+        answered(text, Terms { token, page: None })
     }
 
     fn answered(text: &str, terms: Terms<'_>) -> String {
@@ -128,13 +128,13 @@ mod tests {
             assert_eq!(asked(text, token), expected, "{text:?}");
         }
         assert_eq!(asked(&"x".repeat(MAX_REQUEST_BYTES), None), "431");
-        assert_eq!(answer_silence(Terms { token: Some("secret"), has_page: false }), None);
+        assert_eq!(answer_silence(Terms { token: Some("secret"), page: None }), None);
     }
 
     #[test]
     fn a_page_has_its_stream_beside_it() {
-        let local = Terms { token: None, has_page: true };
-        let remote = Terms { token: Some("secret"), has_page: true };
+        let local = Terms { token: None, page: Some(b"page") };
+        let remote = Terms { token: Some("secret"), page: Some(b"page") };
         for (text, terms, expected) in [
             ("GET / HTTP/1.1\r\nHost: 127.0.0.1:4080\r\n\r\n", local, "page"),
             ("GET /recording.pcapng HTTP/1.1\r\nHost: localhost:4080\r\n\r\n", local, "stream true"),
