@@ -484,3 +484,34 @@ fn fields_that_their_header_does_not_announce_are_no_frame() {
     let registers = "reg 1: 0001\nreg 2: 0000\nreg 3: 0006\nreg 4: 0103\nreg 5: 006B\nreg 6: 0003\n";
     assert_eq!(read(registers).0, [], "no field ends with the unit");
 }
+
+#[test]
+fn frames_are_joined_that_are_listed_a_byte_a_line_after_its_place() {
+    let (request, response) =
+        (rtu(&[1, 3, 0, 0, 0, 8]), rtu(&[1, 3, 16, 0, 7, 1, 44, 0, 0, 255, 255, 0, 9, 0, 200, 18, 52, 0, 1]));
+    let lists: &[fn(usize, u8) -> String] = &[
+        |at, byte| format!("{at:02X}: {byte:02X}"),
+        |at, byte| format!("{at}: {byte}"),
+        |at, byte| format!("data[{at}]={byte}"),
+        |at, byte| format!("[{at}] {byte:02X}"),
+        |at, byte| format!("buf[{at}]: {byte:08b}"),
+        |at, byte| format!("byte {at} | {byte:#04x},"),
+        |at, byte| format!("frame.buffer[{at:>2}] = {byte:>3};"),
+    ];
+    for (number, list) in lists.iter().enumerate() {
+        let listed = |bytes: &[u8]| {
+            let lines = bytes.iter().enumerate().map(|(at, byte)| list(at, *byte) + "\n");
+            lines.collect::<String>()
+        };
+        let text = format!("Sent:\n{}Received:\n{}", listed(&request), listed(&response)).repeat(2);
+        let (strings, unread) = read(&text);
+        let frames = [(Some(Side::Sent), request.clone()), (Some(Side::Received), response.clone())];
+        // The titles are the four lines without bytes.
+        assert_eq!((strings, unread), ([&frames[..], &frames[..]].concat(), 4), "list {number}");
+    }
+    // A list of other numbers is no frame, and one that lacks a place neither.
+    let place = |at: usize| at + usize::from(at > 3);
+    let holed = each(&request, "\n", |byte| format!("{byte:02X}"));
+    let holed = holed.lines().enumerate().map(|(at, byte)| format!("{:02X}: {byte}", place(at))).collect::<Vec<_>>().join("\n");
+    assert_eq!(read(&holed).0, []);
+}

@@ -4,11 +4,12 @@
 //! `runs` finds bytes in all notations, `frames` says which of them are frames, `sender` takes the direction from the words in
 //! front of them. A line whose text in front of the bytes (`shapes`) was seen in front of frames is read even if its bytes
 //! prove nothing, because damaged frames are what people look for. `pieces` joins frames that are printed over several lines,
-//! `listing` those that are printed a field a line.
+//! `listing` those that are printed a field a line, `items` those with the place of each byte in front of it.
 
 mod candidates;
 mod found;
 mod frames;
+mod items;
 mod line_runs;
 mod listing;
 mod pieces;
@@ -23,6 +24,7 @@ use crate::chunk::Side;
 use crate::text::frame_evidence::has_frame_layout;
 use candidates::{candidates, fronts, mentions};
 use found::{found, with_fronts, MIN_LISTED_BYTES, MIN_NEIGHBOUR_BYTES};
+use items::Items;
 use line_runs::{part_end, proved_runs, shifted, style_of_frames};
 use listing::Listing;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
@@ -43,6 +45,7 @@ pub(super) struct ProvedHex {
     statements: Statements,
     pieces: Pieces,
     listing: Listing,
+    items: Items,
 }
 
 impl ProvedHex {
@@ -77,6 +80,9 @@ impl ProvedHex {
     pub fn read(&mut self, line: &[u8], number: u64) -> Vec<Found> {
         if let Some((fields, side)) = self.listing.add(line, number) {
             return vec![listed(fields, side, number)];
+        }
+        if let Some((lines, side)) = self.items.add(line, number) {
+            return vec![listed(lines, side, number)];
         }
         if !line.iter().any(u8::is_ascii_digit) {
             return Vec::new();
