@@ -40,6 +40,16 @@ const Page = (() => {
       worker.port.postMessage({ id, call, ...content });
     });
   }
+  // Ends what is being decoded: the page goes on at once, the worker after the block that it is at.
+  function cancel() {
+    request("cancel");
+    for (const [id, asked] of worker.waiting) {
+      if (!asked.progress) continue;
+      worker.waiting.delete(id);
+      asked.resolve({ cancelled: true });
+    }
+  }
+
   const ask = (question) => request("ask", { question });
 
   // ---- recordings
@@ -328,7 +338,7 @@ const Page = (() => {
     $("decode-text").addEventListener("click", () => { if ($("text").value.trim()) take([new File([$("text").value], "pasted text")]); });
     $("which").addEventListener("change", () => open(recordings[Number($("which").value)]));
     $("again").addEventListener("click", () => { if (recording) open(recording); });
-    $("cancel").addEventListener("click", () => request("cancel"));
+    $("cancel").addEventListener("click", cancel);
   }
 
   function listen() {

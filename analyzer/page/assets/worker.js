@@ -94,7 +94,7 @@ async function save(question) {
 
 const CALLS = {
   start: async (id, request) => {
-    module = request.module;
+    module = request.module || module;
     memoryLimit = request.memoryLimit || memoryLimit;
     await restart();
     return ask({ call: "words" });
