@@ -30,6 +30,7 @@ _FRAME_LINES = 3
 """Lines of the screen besides the view: title, state of the buses, foot."""
 
 _FOOT = "l log t table m map h health  p pause / filter ? keys q quit"
+_SHORT_FOOT = "l log t table m map h health  ? keys q quit"
 _KEYS = (
     ("PageUp, b", "a page back"),
     ("PageDown, n", "a page on"),
@@ -170,7 +171,9 @@ class LiveScreen:
         # The filter is that of the log: the other views show all transactions.
         wanted = self._state.history.filter if self._view == LOG else None
         shown = f"filter: {wanted}  " if wanted else ""
-        left = fit(f"{visible(shown)}{_FOOT}", max(width - len(pages), 0))
+        room = max(width - len(pages), 0)
+        foot = _FOOT if len(_FOOT) <= room else _SHORT_FOOT
+        left = fit(f"{visible(shown)}{foot}", room)
         return [(left, "dim"), (pages[-width:], "note")]
 
     def _handle_key(self, key: str) -> None:

@@ -21,6 +21,8 @@ pub enum CellContent<'a> {
     Named(String, String),
     /// Texts and lists, each in its own style and separated by spaces; what does not fit is cut.
     Run(Vec<(CellContent<'a>, Style)>),
+    /// The time of the row, which `Grid::row` is given because it depends on previous rows.
+    Time,
 }
 
 impl CellContent<'_> {
@@ -30,27 +32,29 @@ impl CellContent<'_> {
             Self::Text(text) => text.clone(),
             Self::ValueList(values) => values.full_text(),
             Self::Named(name, value) => named(name, " ", value, usize::MAX),
-            Self::Run(_) => String::new(),
+            Self::Run(_) | Self::Time => String::new(),
         }
     }
 }
 
 /// The head of a column: its title, its least and greatest width, its alignment, and its share of the free room.
 ///
-/// A column with `max_width` and `room_share` 0 is never cut.
+/// A column with `max_width` and `room_share` 0 is never cut. Where the terminal is too narrow for all columns, those with
+/// a `drop_rank` are left out, the lowest first; 0 is never left out.
 #[derive(Clone, Debug)]
 pub struct ColumnHead {
     pub title: String,
     pub min_width: usize,
     pub max_width: usize,
     pub room_share: usize,
+    pub drop_rank: u8,
     pub is_right_aligned: bool,
 }
 
 impl ColumnHead {
     /// A column of left-aligned text, as wide as its widest cell in the first rows.
     pub fn left(title: &str, min_width: usize) -> Self {
-        Self { title: title.to_owned(), min_width, max_width: 0, room_share: 0, is_right_aligned: false }
+        Self { title: title.to_owned(), min_width, max_width: 0, room_share: 0, drop_rank: 0, is_right_aligned: false }
     }
 
     /// A column of right-aligned numbers.
@@ -66,6 +70,11 @@ impl ColumnHead {
     /// Gives the column a share of the room that is left.
     pub fn sharing(self) -> Self {
         Self { room_share: 1, ..self }
+    }
+
+    /// Lets the column be left out where the terminal is too narrow, after those with a lower rank.
+    pub fn dropped(self, drop_rank: u8) -> Self {
+        Self { drop_rank, ..self }
     }
 
     /// The width of the column for these cells.
@@ -104,10 +113,16 @@ pub struct Grid {
 
 impl Grid {
     /// Derives the widths from the first rows, for `room` columns of the terminal.
-    pub fn new(columns: Vec<GridColumn>, rows: &[RowRef<'_>], room: usize, gap: &'static str) -> Self {
+    pub fn new(mut columns: Vec<GridColumn>, rows: &[RowRef<'_>], room: usize, gap: &'static str) -> Self {
         let mut column_widths: Vec<usize> =
             columns.iter().map(|column| column.head.width(rows.iter().map(|row| (column.read)(row).0.full_text()))).collect();
-        let taken = column_widths.iter().sum::<usize>() + gap.len() * (columns.len() - 1);
+        let mut taken = column_widths.iter().sum::<usize>() + gap.len() * (columns.len() - 1);
+        while taken > room {
+            let ranks = columns.iter().map(|column| column.head.drop_rank).enumerate();
+            let Some((index, _)) = ranks.filter(|&(_, rank)| rank > 0).min_by_key(|&(_, rank)| rank) else { break };
+            columns.remove(index);
+            taken -= column_widths.remove(index) + gap.len();
+        }
         let mut room_left = room.saturating_sub(taken);
         let mut shares: usize = columns.iter().map(|column| column.head.room_share).sum();
         for (column, width) in columns.iter().zip(&mut column_widths) {
@@ -127,15 +142,11 @@ impl Grid {
         self.line(titles)
     }
 
-    /// The line of a row. The text of the column `replaced_column` is `cell`.
-    pub fn row(&self, row: &RowRef<'_>, replaced_column: usize, cell: String) -> Vec<StyledText> {
-        let mut cell = Some(cell);
-        self.line(self.columns.iter().enumerate().map(|(index, column)| {
-            let (shown, style) = (column.read)(row);
-            match cell.take_if(|_| index == replaced_column) {
-                Some(text) => (CellContent::Text(text), style),
-                None => (shown, style),
-            }
+    /// The line of a row, whose time is shown as `time`.
+    pub fn row(&self, row: &RowRef<'_>, time: &str) -> Vec<StyledText> {
+        self.line(self.columns.iter().map(|column| match (column.read)(row) {
+            (CellContent::Time, style) => (CellContent::Text(time.to_owned()), style),
+            cell => cell,
         }))
     }
 
@@ -156,6 +167,7 @@ impl Grid {
                     shown.extend(std::iter::repeat_n(' ', room.saturating_sub(width(&shown))));
                     parts.push((shown, style));
                 }
+                CellContent::Time => {}
                 CellContent::Text(text) => parts.push((fit_to_width(text, &column.head, room), style)),
             }
         }
@@ -183,7 +195,7 @@ fn push_run(pieces: &[(CellContent<'_>, Style)], room: usize, parts: &mut Vec<St
             CellContent::ValueList(values) => values.fitting_text(columns_left),
             CellContent::Text(text) => text.clone(),
             CellContent::Named(name, value) => named(name, " ", value, columns_left),
-            CellContent::Run(_) => continue,
+            CellContent::Run(_) | CellContent::Time => continue,
         };
         let text_width = width(&text);
         let text = match piece {

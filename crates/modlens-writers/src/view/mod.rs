@@ -7,6 +7,7 @@
 mod cell_texts;
 mod grid;
 mod notation;
+mod room;
 mod safe_text;
 mod style;
 mod table_columns;
@@ -18,12 +19,10 @@ pub use style::{Style, StyledText};
 
 use cell_texts::{ColumnLookup, TransactionValues};
 use grid::{CellContent, Grid, GridColumn};
+use room::Room;
 use time_column::TimeColumn;
 
 use modlens_tables::columns::{RowRef, Table, TableKind};
-
-/// From this terminal width on, columns have two spaces between them, names are longer, and times have microseconds.
-const WIDE_COLUMNS: usize = 120;
 
 /// The appearance of a table.
 pub struct TableOptions {
@@ -49,21 +48,24 @@ pub struct TableLines {
 /// The index of the time column.
 const TIME_COLUMN_INDEX: usize = 1;
 
+/// The time is the last column to be left out.
+const TIME_RANK: u8 = u8::MAX;
+
 impl TableLines {
     /// The lines of a table that begins with these rows, of which there must be at least one.
     pub fn new(kind: TableKind, rows: &[RowRef<'_>], options: TableOptions) -> Self {
-        let is_wide = options.width >= WIDE_COLUMNS;
-        let mut time_column = TimeColumn::new(options.times, kind, &rows[0], if is_wide { 6 } else { 3 }, options.zone);
-        let mut columns = table_columns::columns(kind, options.addresses, rows, is_wide);
+        let room = Room::of(options.width);
+        let mut time_column = TimeColumn::new(options.times, kind, &rows[0], room, options.zone);
+        let mut columns = table_columns::columns(kind, options.addresses, rows, room);
         // The cells of the time column depend on previous rows, unlike those of all other columns.
         let widest = rows.iter().map(|row| safe_text::width(&time_column.cell(row))).max().unwrap_or(0);
         let head = time_column.head();
         let head = grid::ColumnHead { min_width: head.min_width.max(widest), ..head };
-        columns.insert(TIME_COLUMN_INDEX, GridColumn::new(head, |_| (CellContent::Text(String::new()), Style::Dim)));
+        columns.insert(TIME_COLUMN_INDEX, GridColumn::new(head.dropped(TIME_RANK), |_| (CellContent::Time, Style::Dim)));
         if let Some(labels) = options.labels {
             columns.insert(TIME_COLUMN_INDEX + 1, table_columns::bus(kind, labels));
         }
-        let grid = Grid::new(columns, rows, options.width, if is_wide { "  " } else { " " });
+        let grid = Grid::new(columns, rows, options.width, if room.is_wide() { "  " } else { " " });
         Self { grid, time_column, started: false }
     }
 
@@ -76,7 +78,7 @@ impl TableLines {
     pub fn row(&mut self, row: &RowRef<'_>) -> Vec<StyledText> {
         let time = self.time_column.cell(row);
         self.time_column.advance(row);
-        self.grid.row(row, TIME_COLUMN_INDEX, time)
+        self.grid.row(row, &time)
     }
 
     /// Passes on the lines of a range of rows, with the titles before the first row of all, and each date before its

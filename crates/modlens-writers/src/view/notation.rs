@@ -37,6 +37,16 @@ impl AddressNotation {
         }
     }
 
+    /// The title of an address column in a narrow terminal.
+    pub(super) fn short_title(self) -> &'static str {
+        match self {
+            Self::Wire => "from 0",
+            Self::Hex => "hex",
+            Self::Five => "40001",
+            Self::Six => "400001",
+        }
+    }
+
     /// A wire address in this notation; in wire notation if the table is unknown. Five digits suffice up to 9999;
     /// higher addresses are shown with six.
     pub(super) fn address(self, wire: i64, kind: Option<&str>) -> String {

@@ -6,6 +6,7 @@
 use crate::view::cell_texts::{self, ColumnLookup, TransactionValues};
 use crate::view::grid::{CellContent, ColumnHead, GridColumn};
 use crate::view::notation::AddressNotation;
+use crate::view::room::Room;
 use crate::view::safe_text::{visible, width};
 use crate::view::style::Style;
 use crate::view::value_list::ValueList;
@@ -14,20 +15,24 @@ use modlens_tables::columns::{Cell, RowRef, TableKind};
 /// The maximum width of a bus's short name.
 const BUS_LABEL_COLUMNS: usize = 16;
 
+/// The bus is left out after all other columns but the time.
+const BUS_RANK: u8 = u8::MAX - 1;
+
 type Pieces<'a> = Vec<(CellContent<'a>, Style)>;
 
 /// The columns of a table except its times. In a narrow terminal some are shorter or merged with their neighbour.
-pub fn columns(kind: TableKind, base: AddressNotation, rows: &[RowRef<'_>], is_wide: bool) -> Vec<GridColumn> {
+pub fn columns(kind: TableKind, base: AddressNotation, rows: &[RowRef<'_>], room: Room) -> Vec<GridColumn> {
     let keys = ColumnLookup(kind);
+    let is_wide = room.is_wide();
     let has_times = || {
         let elapsed = keys.at("elapsed_us");
         rows.iter().any(|row| !matches!(row.cell(elapsed), Cell::Null))
     };
     match kind {
-        TableKind::Transactions => transactions(keys, base, has_times(), is_wide),
+        TableKind::Transactions => transactions(keys, base, has_times(), room),
         TableKind::Frames => frames(keys, has_times(), is_wide),
         TableKind::Connections => connections(keys, is_wide),
-        TableKind::Readings => readings(keys, base, rows, is_wide),
+        TableKind::Readings => readings(keys, base, rows, room),
         TableKind::Findings => findings(keys, is_wide),
         TableKind::Diagnoses => diagnoses(keys),
     }
@@ -37,16 +42,17 @@ pub fn columns(kind: TableKind, base: AddressNotation, rows: &[RowRef<'_>], is_w
 pub fn bus(kind: TableKind, labels: Vec<(String, String)>) -> GridColumn {
     let at = ColumnLookup(kind).at("bus");
     let widest = labels.iter().map(|(_, label)| width(label)).max().unwrap_or(0);
-    plain(ColumnHead::left("bus", widest.min(BUS_LABEL_COLUMNS)), move |row| {
+    plain(ColumnHead::left("bus", widest.min(BUS_LABEL_COLUMNS)).dropped(BUS_RANK), move |row| {
         let name = cell_texts::word(row, at).unwrap_or_default();
         labels.iter().find(|(known, _)| known == name).map_or_else(|| visible(name), |(_, label)| label.clone())
     })
 }
 
 /// The columns of the table of transactions.
-fn transactions(keys: ColumnLookup, base: AddressNotation, has_times: bool, is_wide: bool) -> Vec<GridColumn> {
-    let own_number = number(keys, "txn", ColumnHead::right(if is_wide { "transaction" } else { "no." }, 4));
-    let mut chosen = vec![own_number, unit(keys), function(keys, is_wide), addresses(keys, base)];
+fn transactions(keys: ColumnLookup, base: AddressNotation, has_times: bool, room: Room) -> Vec<GridColumn> {
+    let is_wide = room.is_wide();
+    let own_number = number(keys, "txn", ColumnHead::right(if is_wide { "transaction" } else { "no." }, 4).dropped(1));
+    let mut chosen = vec![own_number, unit(keys), function(keys, is_wide), addresses(keys, base, room)];
     if has_times {
         chosen.push(response_time(keys, is_wide));
     }
@@ -74,7 +80,7 @@ fn transactions(keys: ColumnLookup, base: AddressNotation, has_times: bool, is_w
 fn frames(keys: ColumnLookup, has_times: bool, is_wide: bool) -> Vec<GridColumn> {
     let (code, name, direction) = (keys.at("function"), keys.at("function_name"), keys.at("direction"));
     let mut chosen = vec![
-        number(keys, "frame", ColumnHead::right("frame", 5)),
+        number(keys, "frame", ColumnHead::right("frame", 5).dropped(1)),
         plain(ColumnHead::left("dir", 3), move |row| match cell_texts::word(row, direction) {
             Some("request") => "req".into(),
             Some("response") => "rsp".into(),
@@ -93,7 +99,9 @@ fn frames(keys: ColumnLookup, has_times: bool, is_wide: bool) -> Vec<GridColumn>
     ];
     if has_times {
         let gap = keys.at("gap_us");
-        chosen.push(plain(ColumnHead::right("gap ms", 6), move |row| cell_texts::milliseconds(row, gap).unwrap_or_default()));
+        chosen.push(plain(ColumnHead::right("gap ms", 6).dropped(2), move |row| {
+            cell_texts::milliseconds(row, gap).unwrap_or_default()
+        }));
     }
     let (verdict, found, hex) = (keys.at("verdict"), keys.at("findings"), keys.at("hex"));
     let state = move |row: &RowRef<'_>| {
@@ -143,7 +151,8 @@ fn state_and_content(
 /// The columns of the table of readings.
 ///
 /// A narrow terminal has no room for raw registers beside names and values.
-fn readings(keys: ColumnLookup, base: AddressNotation, rows: &[RowRef<'_>], is_wide: bool) -> Vec<GridColumn> {
+fn readings(keys: ColumnLookup, base: AddressNotation, rows: &[RowRef<'_>], room: Room) -> Vec<GridColumn> {
+    let is_wide = room.is_wide();
     let (address, kind, raw) = (keys.at("address"), keys.at("register_type"), keys.at("raw"));
     let [name, value, unit_of_measure] = ["name", "value_text", "unit_of_measure"].map(|key| keys.at(key));
     let mut chosen = vec![
@@ -152,10 +161,10 @@ fn readings(keys: ColumnLookup, base: AddressNotation, rows: &[RowRef<'_>], is_w
         plain(ColumnHead::left("type", 4), move |row| {
             cell_texts::short_name(cell_texts::word(row, kind)).unwrap_or_default().into()
         }),
-        plain(ColumnHead::right(base.title(), 6), move |row| {
+        plain(ColumnHead::right(address_title(base, room), 6), move |row| {
             cell_texts::address_range(cell_texts::number(row, address), Some(1), cell_texts::word(row, kind), base)
         }),
-        word(keys, "operation", ColumnHead::left(if is_wide { "operation" } else { "op" }, 5), |_| Style::Plain),
+        word(keys, "operation", ColumnHead::left(if is_wide { "operation" } else { "op" }, 5).dropped(2), |_| Style::Plain),
     ];
     if is_wide || rows.iter().all(|row| matches!(row.cell(name), Cell::Null)) {
         chosen.push(GridColumn::new(ColumnHead::right("raw", 5), move |row| match row.cell(raw) {
@@ -187,10 +196,10 @@ fn readings(keys: ColumnLookup, base: AddressNotation, rows: &[RowRef<'_>], is_w
 fn findings(keys: ColumnLookup, is_wide: bool) -> Vec<GridColumn> {
     let (severity, code) = (keys.at("severity"), keys.at("code"));
     let mut chosen = vec![
-        number(keys, "frame", ColumnHead::right("frame", 5)),
+        number(keys, "frame", ColumnHead::right("frame", 5).dropped(2)),
         transaction(keys, is_wide),
         unit(keys),
-        word(keys, "severity", ColumnHead::left("severity", 8), cell_texts::severity_style),
+        word(keys, "severity", ColumnHead::left("severity", 8).dropped(3), cell_texts::severity_style),
         GridColumn::new(ColumnHead::left("code", 16), move |row| {
             let style = cell_texts::severity_style(cell_texts::word(row, severity).unwrap_or_default());
             (CellContent::Text(cell_texts::text(row, code)), style)
@@ -211,7 +220,7 @@ fn connections(keys: ColumnLookup, is_wide: bool) -> Vec<GridColumn> {
     let framing = ["client_framing", "server_framing"].map(|key| keys.at(key));
     let is_set = |row: &RowRef<'_>, column: usize| matches!(row.cell(column), Cell::Bool(true));
     let mut chosen = vec![
-        number(keys, "connection", ColumnHead::right("conn", 4)),
+        number(keys, "connection", ColumnHead::right("conn", 4).dropped(1)),
         plain(ColumnHead::left("client", 15).at_most(28), move |row| {
             let port = cell_texts::number(row, port).unwrap_or_default();
             format!("{}:{port}", visible(&cell_texts::text(row, client)))
@@ -258,8 +267,8 @@ fn diagnoses(keys: ColumnLookup) -> Vec<GridColumn> {
             (CellContent::Text(cell_texts::text(row, code)), style)
         }),
         number(keys, "unit", ColumnHead::right("unit", 4)),
-        number(keys, "failed", ColumnHead::right("failed", 6)),
-        number(keys, "total", ColumnHead::right("of", 6)),
+        number(keys, "failed", ColumnHead::right("failed", 6).dropped(2)),
+        number(keys, "total", ColumnHead::right("of", 6).dropped(1)),
         text(keys, "sentence", ColumnHead::left("what is wrong", 12).sharing()),
     ]
 }
@@ -277,7 +286,7 @@ fn number(keys: ColumnLookup, key: &str, head: ColumnHead) -> GridColumn {
 
 /// The column with the number of the transaction that a row belongs to.
 fn transaction(keys: ColumnLookup, is_wide: bool) -> GridColumn {
-    number(keys, "txn", ColumnHead::right(if is_wide { "transaction" } else { "txn" }, 4))
+    number(keys, "txn", ColumnHead::right(if is_wide { "transaction" } else { "txn" }, 4).dropped(1))
 }
 
 /// The column with the unit address.
@@ -315,11 +324,20 @@ fn function(keys: ColumnLookup, is_wide: bool) -> GridColumn {
     })
 }
 
+/// The title of a column of addresses.
+fn address_title(base: AddressNotation, room: Room) -> &'static str {
+    if room == Room::Narrow {
+        base.short_title()
+    } else {
+        base.title()
+    }
+}
+
 /// The column with the addresses that were read, or else those that were written.
-fn addresses(keys: ColumnLookup, base: AddressNotation) -> GridColumn {
+fn addresses(keys: ColumnLookup, base: AddressNotation, room: Room) -> GridColumn {
     let kind = keys.at("register_type");
     let ranges = [["address", "quantity"], ["write_address", "write_quantity"]].map(|range| range.map(|key| keys.at(key)));
-    plain(ColumnHead::left(base.title(), 11), move |row| {
+    plain(ColumnHead::left(address_title(base, room), if room == Room::Narrow { 6 } else { 11 }), move |row| {
         let range = ranges.iter().find(|[first, _]| cell_texts::number(row, *first).is_some());
         range.map_or_else(String::new, |&[first, quantity]| {
             cell_texts::address_range(
@@ -335,7 +353,7 @@ fn addresses(keys: ColumnLookup, base: AddressNotation) -> GridColumn {
 /// The column with the response time, or with the time that the master waited in vain.
 fn response_time(keys: ColumnLookup, is_wide: bool) -> GridColumn {
     let [took, late, waited] = ["response_time_us", "late_response_us", "waited_us"].map(|key| keys.at(key));
-    plain(ColumnHead::right(if is_wide { "response ms" } else { "resp. ms" }, 5), move |row| {
+    plain(ColumnHead::right(if is_wide { "response ms" } else { "resp. ms" }, 5).dropped(2), move |row| {
         let answer = cell_texts::milliseconds(row, took).or_else(|| cell_texts::milliseconds(row, late));
         let vain = || cell_texts::milliseconds(row, waited).map(|waited| format!(">{waited}"));
         answer.or_else(vain).unwrap_or_default()

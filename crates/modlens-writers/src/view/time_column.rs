@@ -5,6 +5,7 @@
 
 use crate::view::grid::ColumnHead;
 use crate::view::notation::{TimeDisplay, Zone};
+use crate::view::room::Room;
 use modlens_protocol::source::Place;
 use modlens_protocol::timestamp::push_time;
 use modlens_protocol::Ns;
@@ -41,14 +42,14 @@ pub struct TimeColumn {
 }
 
 impl TimeColumn {
-    /// A time column for rows like `first`, with `digits` decimals of a second. Falls back to elapsed time or position
-    /// if the wanted times are not known.
-    pub fn new(wanted: TimeDisplay, table: TableKind, first: &RowRef<'_>, digits: usize, zone: Zone) -> Self {
+    /// A time column for rows like `first`, with as many decimals of a second as there is room for. Falls back to elapsed
+    /// time or position if the wanted times are not known.
+    pub fn new(wanted: TimeDisplay, table: TableKind, first: &RowRef<'_>, room: Room, zone: Zone) -> Self {
         let column = |key| table.column(key).ok();
         let mut column = Self {
             content: TimeColumnContent::Place,
             title: String::new(),
-            digits,
+            digits: if room.is_wide() { 6 } else { 3 },
             time: column(table.time_column()),
             elapsed: column("elapsed_us"),
             source: column("source"),
@@ -61,7 +62,11 @@ impl TimeColumn {
         match (wanted, column.time(first)) {
             (TimeDisplay::Clock, Some(ns)) => {
                 column.content = TimeColumnContent::Clock;
-                column.title = format!("time {}", zone_text(column.utc_offset(ns)));
+                let zone = zone_text(column.utc_offset(ns));
+                column.title = if room == Room::Narrow { zone } else { format!("time {zone}") };
+                if room == Room::Narrow {
+                    column.digits = 0;
+                }
             }
             (TimeDisplay::Delta, _) if relative => (column.content, column.title) = (TimeColumnContent::Delta, "delta s".into()),
             _ if relative => (column.content, column.title) = (TimeColumnContent::Elapsed, "elapsed s".into()),
@@ -74,7 +79,7 @@ impl TimeColumn {
     /// The head of the column.
     pub fn head(&self) -> ColumnHead {
         let least = match self.content {
-            TimeColumnContent::Clock => "00:00:00.".len() + self.digits,
+            TimeColumnContent::Clock => self.clock_width(),
             TimeColumnContent::Place => 7,
             TimeColumnContent::Elapsed | TimeColumnContent::Delta => 5 + self.digits,
         };
@@ -85,7 +90,7 @@ impl TimeColumn {
     pub fn cell(&mut self, row: &RowRef<'_>) -> String {
         match self.content {
             TimeColumnContent::Clock => {
-                self.time(row).map_or_else(String::new, |ns| self.local(ns)[11..=19 + self.digits].to_owned())
+                self.time(row).map_or_else(String::new, |ns| self.local(ns)[11..11 + self.clock_width()].to_owned())
             }
             TimeColumnContent::Place => self.position(row).map_or_else(String::new, |(_, number)| number.to_string()),
             TimeColumnContent::Elapsed => self.elapsed_us(row).map_or_else(String::new, |us| self.seconds(us)),
@@ -137,6 +142,11 @@ impl TimeColumn {
             Some(Cell::Source(_, position, number)) => Some((position, number)),
             _ => None,
         }
+    }
+
+    /// The width of a time of day: hours to seconds, and the decimals after a point.
+    fn clock_width(&self) -> usize {
+        "00:00:00".len() + if self.digits > 0 { 1 + self.digits } else { 0 }
     }
 
     /// A duration in seconds, with the decimals of the column.
