@@ -425,3 +425,29 @@ fn a_live_tap_waits_for_bytes_that_an_adapter_holds_back() {
     live.poll(now + 1000 * MS);
     assert_eq!(all_good(&live.take()), expected);
 }
+
+#[test]
+fn a_tap_that_starts_inside_an_exchange_reports_nothing_about_it() {
+    const CHAR: i64 = 572_916;
+    let exchanges: Vec<_> = (0..8u8).map(|i| pair(read_request(1, 10, 4), counting_response(1, 4, i))).collect();
+    let first_two: usize = exchanges[..2].iter().flatten().map(|(bytes, _)| bytes.len()).sum();
+    for heard_from in 0..first_two {
+        let (mut session, bus) = session(true, Clock::Utc);
+        let (mut now, mut sent) = (START, 0);
+        for (bytes, _) in exchanges.iter().flatten() {
+            now += 6 * MS;
+            for byte in bytes.chunks(1) {
+                now += CHAR;
+                sent += 1;
+                if sent > heard_from {
+                    session.feed(bus, &Chunk { bytes: byte, times: Times::Read(now), ..Chunk::default() });
+                }
+            }
+        }
+        session.flush();
+        let batch = session.take();
+        assert!(batch.findings.is_empty(), "from {heard_from}: {:?}", batch.findings);
+        assert!(batch.transactions.iter().all(|row| row.status == Status::Ok), "from {heard_from}");
+        assert!((6..=8).contains(&batch.transactions.len()), "from {heard_from}");
+    }
+}

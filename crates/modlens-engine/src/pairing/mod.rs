@@ -221,6 +221,7 @@ impl Pairing {
             (false, Direction::Response) if self.is_wire_order => self.add_damaged(functions, frame, next_txn, done),
             (_, _) if frame.adu.len() < 2 => PairingResult::default(),
             (true, Direction::Request) => self.add_request(functions, frame, next_txn, done),
+            (true, Direction::Response) if frame.lacks_request => PairingResult::default(),
             (true, Direction::Response) => self.add_response(functions, frame, next_txn, done),
             (true, Direction::Unknown) => PairingResult::default(),
             (false, _) => self.add_damaged(functions, frame, next_txn, done),

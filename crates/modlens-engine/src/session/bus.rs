@@ -74,6 +74,8 @@ pub(crate) struct BusState {
     pub(crate) now: Option<Ns>,
     /// The survey of who speaks on which line is over; see `survey_is_open`.
     pub(crate) is_surveyed: bool,
+    /// A tap began somewhere in the traffic, and what came so far may be due to that; see `tap_start`.
+    pub(crate) begins_inside: bool,
     /// The clock went back with the last chunk, and no frame was emitted since.
     pub(crate) clock_jumped: bool,
     /// The finding that only one side was heard is made.
@@ -124,6 +126,7 @@ impl BusState {
             latest: None,
             now: None,
             is_surveyed: false,
+            begins_inside: false,
             clock_jumped: false,
             has_one_side_finding: false,
             has_no_valid_frame_finding: false,

@@ -302,6 +302,7 @@ impl Session {
         let from =
             if self.decoder.live { (port.name.clone(), Place::Offset) } else { (state.options.source.clone(), Place::Packet) };
         let bus = self.add_serial(state, port.name.clone(), from, line);
+        self.decoder.buses[bus].begins_inside = true;
         self.recorded.push((segment.clone(), bus));
         bus
     }

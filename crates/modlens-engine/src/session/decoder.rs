@@ -120,7 +120,9 @@ impl Decoder {
         Arc::make_mut(&mut self.bus_rows).push(options.bus.clone());
         let counts = self.stats.add_bus(&options.bus.name);
         let profiles = Profiles::of_bus(&self.assignments, &options.bus.name);
-        self.buses.push(BusState::new(options, Pairing::new(self.timeout, self.live), counts, profiles));
+        let mut state = BusState::new(options, Pairing::new(self.timeout, self.live), counts, profiles);
+        state.begins_inside = self.live;
+        self.buses.push(state);
         self.open.insert(self.buses.len() - 1);
         self.buses.len() - 1
     }

@@ -13,6 +13,7 @@ use crate::session::frame_timing::{FrameTiming, TimingConfig};
 use crate::session::lateness::Lateness;
 use crate::session::line::add_vote;
 use crate::session::rows::{elapsed, FindingPlace};
+use crate::session::tap_start;
 use crate::session::unit_habits::UnitHabits;
 use crate::stats::Stats;
 use modlens_protocol::direction::Direction;
@@ -44,11 +45,17 @@ impl Decoder {
         let wire = &input.bytes()[..framed.length];
         let responses_of = |unit| self.stats.responses_of(state.counts, unit);
         let recognised = recognise((&mut state.habits, responses_of), &state.pairing, framed, wire, config.mode);
-        let framed = recognised.as_ref().unwrap_or(framed);
+        let rest = state.begins_inside.then(|| tap_start::rest_of_frame(input, framed)).flatten();
+        let framed = rest.as_ref().or(recognised.as_ref()).unwrap_or(framed);
         let mut frame = observed(number, wire, adu, framed, &timing, config.mode);
-        frame.is_cut = is_cut_by_recording(input, framed, state.now);
+        frame.is_cut = is_cut_by_recording(input, framed, (state.now, state.begins_inside));
+        frame.lacks_request = state.begins_inside && tap_start::lacks_request(input, &state.pairing);
         self.found.clear();
         find_on_frame(&self.functions, input, framed, &frame, (&config, rule, proven_pause), &mut self.found);
+        if state.begins_inside {
+            self.found.retain(|(finding, _)| !tap_start::is_due_to_start(framed, timing.offset, *finding));
+            state.begins_inside = frame.is_cut || tap_start::goes_on(framed, timing.offset);
+        }
         if let Some(rule) = rule.filter(|_| config.has_clock && input.has_times && config.mode == Mode::Rtu) {
             count_silence(&mut self.stats, state.counts, input, &frame, (timing.offset, rule));
         }
@@ -164,6 +171,7 @@ fn observed<'a>(
         unconfirmed: framed.unconfirmed,
         confidence: framed.confidence,
         is_cut: false,
+        lacks_request: false,
         side: timing.side,
         codes: &[],
     }
@@ -191,13 +199,13 @@ fn find_on_frame(
 
 /// Whether an incomplete frame at the head of the input lacks only what was sent before the recording began or after it ended:
 /// neither its sender nor the line nor the tap has failed. Records are whole, and a recording that is one frame has no more.
-fn is_cut_by_recording(input: &Input, framed: &FrameResult, now: Option<Ns>) -> bool {
+/// Where a tap `begins_inside` the traffic, that needs no further evidence.
+fn is_cut_by_recording(input: &Input, framed: &FrameResult, (now, begins_inside): (Option<Ns>, bool)) -> bool {
     let is_all = framed.length == input.bytes().len() && input.is_ended;
-    let comes_in_records = input.first_read().is_some_and(|read| read.starts_record);
-    if framed.verdict != Verdict::Incomplete || comes_in_records || (is_all && input.offset() == 0) {
+    if framed.verdict != Verdict::Incomplete || tap_start::comes_in_records(input) || (is_all && input.offset() == 0) {
         return false;
     }
-    let lacks_head = framed.direction == Direction::Unknown;
+    let lacks_head = framed.direction == Direction::Unknown || begins_inside;
     let lacks_end = match framed.damage {
         None | Some(DamageKind::Truncated { .. }) => true,
         Some(DamageKind::LostBytes { at, .. }) => at == framed.length,

@@ -6,6 +6,7 @@
 //! | what a source feeds: bytes and time, text, captures, logic samples | `feed`, `text`, `capture` (`in_turn`), `logic` (state: `sources`) |
 //! | how another thread reads a text or a capture for it | `read_ahead` |
 //! | what is known of a bus and of a line | `bus`, `line`, `profiles` |
+//! | what the start of a tap may have cut | `tap_start` |
 //! | which line of a two-line tap is next | `two_lines` |
 //! | when a frame was on the line, and how exact that is | `frame_timing`, `lateness` |
 //! | what nearly all frames of a line have in common | `line_patterns` |
@@ -45,6 +46,7 @@ mod read_ahead;
 mod reimport;
 pub(crate) mod rows;
 mod sources;
+mod tap_start;
 mod text;
 mod transactions;
 mod two_lines;

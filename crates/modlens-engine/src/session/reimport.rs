@@ -85,6 +85,7 @@ fn observed<'a>(
         unconfirmed: is_unconfirmed(frame_words),
         confidence: confidence_of(frame_words),
         is_cut: false,
+        lacks_request: false,
         side: None,
         codes: &[],
     }

@@ -64,6 +64,7 @@ fn observed<'a>(batch: &'a Batch, row: &Frame) -> ObservedFrame<'a> {
         confidence: row.confidence,
         // A frame that the recording cuts is the only incomplete one without a finding.
         is_cut: row.verdict == Verdict::Incomplete && !codes.contains(&INCOMPLETE),
+        lacks_request: false,
         side: None,
         codes,
     }

@@ -42,6 +42,8 @@ pub struct ObservedFrame<'a> {
     pub confidence: u8,
     /// The beginning or the end of the recording cuts it: what is missing was never lost.
     pub is_cut: bool,
+    /// A tap began between the request and this response, if it is one.
+    pub lacks_request: bool,
     /// The recording's word for who sent it.
     pub side: Option<Side>,
     /// The findings on the frame itself.
