@@ -289,7 +289,7 @@ class Outputs:
             if sink.table and (sink is not self._on_screen or self._filtered):
                 self._messages.info(f"{sink.name}: {_outcome(sink)}")
             if self._has_times and sink.table and not sink.row_count:
-                self._messages.info(
+                self._messages.error(
                     "--between: no row has such a time; times without a zone are those of the table"
                     " (--times), and a log without a date or zone has none but seconds since its"
                     " start (--date and --timezone give them)"
