@@ -366,3 +366,5 @@ const Page = (() => {
   // Tests ask the core by the same way as the page.
   return { ask, take, request, ready, follow, showLive, refuse, saveAs, get recording() { return recording; } };
 })();
+// Drivers of Firefox see what belongs to the window only.
+window.Page = Page;

@@ -1,0 +1,40 @@
+"""The page in Firefox: the rows of the command there, too."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.firefox import Firefox, running
+from tests.support.page import RECORDINGS, SAVED, STATE, TABLES, TROUBLE, of_command
+
+
+@pytest.fixture(scope="module")
+def firefox(tmp_path_factory: pytest.TempPathFactory, written: Path) -> Iterator[Firefox]:
+    with running(tmp_path_factory.mktemp("firefox")) as found:
+        found.open(written, "ready")
+        yield found
+
+
+def test_the_rows_are_those_of_the_command(firefox: Firefox, tmp_path: Path) -> None:
+    """All recordings, all tables, cell by cell."""
+    for path in RECORDINGS:
+        firefox.run(f"{STATE} = 'waiting'")
+        firefox.send_file("#file", path)
+        firefox.wait(f"['shown', 'refused'].includes({STATE})")
+        assert firefox.run(f"return {STATE}") == "shown", firefox.run(TROUBLE)
+        for table, text in of_command(path, TABLES, tmp_path).items():
+            assert firefox.ask(SAVED, table) == text, (path, table)
+
+
+def test_no_connection_is_possible(firefox: Firefox) -> None:
+    """Its policy holds in this browser as well."""
+    found = firefox.ask("fetch('http://127.0.0.1:9/')")
+    assert str(found).startswith("error: ")
+    assert firefox.ask(
+        "new Promise((done) => { addEventListener('securitypolicyviolation',"
+        " ({ violatedDirective }) => done(violatedDirective), { once: true });"
+        " fetch('http://127.0.0.1:9/').catch(() => 0); })"
+    ) in ("connect-src", "default-src")
