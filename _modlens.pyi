@@ -249,6 +249,8 @@ class Survey:
         `samples` and what follows are those of the first register. Bits have `address` and these
         only. `ValueError` for another table.
         """
+    def anchor(self, unit: int, space: str, address: int, factor: float, bits: float) -> None:
+        """Take the scale of a point as known; `ValueError` for another table."""
     def fit(self, unit: int, profile: Profile) -> str:
         """How well a profile fits a unit, as JSON: {percent, bits, share, fits, reasons}."""
     @property

@@ -23,7 +23,7 @@ from analyzer.views.candidates import show_candidates
 from analyzer.views.screen import stdout
 from dissectors.errors import UsageError
 
-__all__ = ["add_arguments", "run"]
+__all__ = ["Search", "add_arguments", "add_known_value", "check_times", "run"]
 
 CHANGES = ("up", "down", "same", "changed")
 DEFAULT_WITHIN = "10s"
@@ -49,24 +49,7 @@ since its start. Write a value with the digits that the display showed.
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     add_input(parser)
-    group = parser.add_argument_group("what is known of the value")
-    group.add_argument(
-        "--value", dest="values", action="append", default=[], metavar="X",
-        help="a display showed X, such as 231.4; repeatable, each with its --at",
-    )  # fmt: skip
-    group.add_argument(
-        "--at", dest="times_shown", action="append", default=[], metavar="T",
-        help="when the value before it was shown (without: at some time in the recording)",
-    )  # fmt: skip
-    group.add_argument(
-        "--within", metavar="TIME", default=DEFAULT_WITHIN,
-        help=f"how far the clocks may differ (default: {DEFAULT_WITHIN})",
-    )  # fmt: skip
-    group.add_argument(
-        "--like", metavar="FILE[:NAME]",
-        help="a history of the value: a CSV file with times and numbers, exported from Home"
-        " Assistant, Grafana or a web page; NAME chooses a column or an entity",
-    )  # fmt: skip
+    group = add_known_value(parser)
     for word, meaning in zip(
         CHANGES, ("went up", "went down", "was the same", "changed"), strict=True
     ):
@@ -87,23 +70,38 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
 
 
+def add_known_value(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+    """The options that say what is known of a value."""
+    group = parser.add_argument_group("what is known of the value")
+    group.add_argument(
+        "--value", dest="values", action="append", default=[], metavar="X",
+        help="a display showed X, such as 231.4; repeatable, each with its --at",
+    )  # fmt: skip
+    group.add_argument(
+        "--at", dest="times_shown", action="append", default=[], metavar="T",
+        help="when the value before it was shown (without: at some time in the recording)",
+    )  # fmt: skip
+    group.add_argument(
+        "--within", metavar="TIME", default=DEFAULT_WITHIN,
+        help=f"how far the clocks may differ (default: {DEFAULT_WITHIN})",
+    )  # fmt: skip
+    group.add_argument(
+        "--like", metavar="FILE[:NAME]",
+        help="a history of the value: a CSV file with times and numbers, exported from Home"
+        " Assistant, Grafana or a web page; NAME chooses a column or an entity",
+    )  # fmt: skip
+    return group
+
+
 def run(options: argparse.Namespace) -> int:
     """Search the recordings; gives the exit status."""
     _check(options)
-    history = _history(options.like)
-    within = _modlens.parse_duration(options.within) if options.within else None
-    if within is None:
-        raise UsageError(f"--within {options.within}: not a duration; write 5s or 500ms")
-    finder = _modlens.Finder(_kept(options, within))
+    search = Search(options)
     messages = Messages(quiet=options.to is not None, timezone=options.timezone)
     files = file_run(options, replace(settings(options), tables=("transactions",)), messages)
     for batch in files.batches():
-        finder.add(batch)
-    if finder.span is None:
-        raise UsageError("find: no register was read or written at a known time in this recording")
-    times = RecordedTimes(*finder.span, local=options.times == "local")
-    query = _query(options, times, within, history)
-    found = json.loads(finder.find(json.dumps(query)))
+        search.add(batch)
+    times, found = search.found()
     if options.to == "jsonl":
         print_text(_jsonl(found["candidates"][: options.limit]))
     else:
@@ -111,18 +109,51 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+class Search:
+    """The search for the register that holds what the options say of a value."""
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        self._options = options
+        self._history = _history(options.like)
+        within = _modlens.parse_duration(options.within) if options.within else None
+        if within is None:
+            raise UsageError(f"--within {options.within}: not a duration; write 5s or 500ms")
+        self._within = within
+        self._finder = _modlens.Finder(_kept(options, within))
+
+    def add(self, batch: _modlens.Batch) -> None:
+        """Add what a batch read and wrote."""
+        self._finder.add(batch)
+
+    def found(self) -> tuple[RecordedTimes, dict[str, Any]]:
+        """The times of the recording, and the candidates, best first."""
+        if self._finder.span is None:
+            raise UsageError(
+                "find: no register was read or written at a known time in this recording"
+            )
+        times = RecordedTimes(*self._finder.span, local=self._options.times == "local")
+        query = _query(self._options, times, self._within, self._history)
+        found: dict[str, Any] = json.loads(self._finder.find(json.dumps(query)))
+        return times, found
+
+
 def _check(options: argparse.Namespace) -> None:
     """`UsageError` where nothing is known, or not every value has a time."""
     moves = any(getattr(options, word) for word in CHANGES)
+    check_times(options)
     if not (options.values or options.like or moves):
         raise UsageError("find: say what is known of the value: --value, --like, --up, --down ...")
+    if options.limit < 1:
+        raise UsageError(f"--limit {options.limit}: at least 1")
+
+
+def check_times(options: argparse.Namespace) -> None:
+    """`UsageError` where only some values have a time."""
     if options.times_shown and len(options.times_shown) != len(options.values):
         raise UsageError(
             f"find: {len(options.values)} --value and {len(options.times_shown)} --at;"
             " give a time for each value, or for none"
         )
-    if options.limit < 1:
-        raise UsageError(f"--limit {options.limit}: at least 1")
 
 
 def _history(name: str | None) -> History | None:
@@ -140,7 +171,7 @@ def _kept(options: argparse.Namespace, within: int) -> list[tuple[int, int]]:
     margin = within + 60_000_000_000
     texts = [*options.times_shown]
     for word in CHANGES:
-        texts += [part for text in getattr(options, word) for part in text.split("..")]
+        texts += [part for text in getattr(options, word, ()) for part in text.split("..")]
     moments = [parsed_time(text, local=options.times == "local") for text in texts]
     return [(moment - margin, moment + margin) for moment in moments if moment is not None]
 
@@ -156,7 +187,7 @@ def _query(
             shown[-1][2:] = [times.moment(options.times_shown[at], "--at"), within]
     moves = []
     for word in CHANGES:
-        for text in getattr(options, word):
+        for text in getattr(options, word, ()):
             first, dots, last = text.partition("..")
             if not dots:
                 raise UsageError(f"--{word} {text}: write two times, such as 9:30..9:35")

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import _modlens
+from analyzer.cli.find import Search, add_known_value, check_times
 from analyzer.cli.import_ import show_notes, write_text
 from analyzer.cli.parser import add_decoding, add_input, add_line
 from analyzer.cli.register_survey import Table, chosen_unit, points, survey, tables_of
@@ -18,6 +20,9 @@ __all__ = ["add_arguments", "run"]
 
 REGISTERS = ("ir", "hr")
 
+LEAST_ODDS = 3.0
+"""The odds in bits from which on a register is taken to hold a value."""
+
 ALL_ROWS = 512
 """The samples that are kept of a block unless memory is short."""
 
@@ -26,10 +31,12 @@ examples:
   modlens learn bus.bin --unit 3 -o device.toml
   modlens learn bus.bin
   modlens learn bus.bin --to jsonl
+  modlens learn day.pcapng --value 231.4 --at 12:03:10
 
 The profile goes to standard output, the evidence to standard error. Registers
 are combined into 32-bit or longer types only where the data support it, and
-role, scale and quantity are given only where the data decide them.
+role, scale and quantity are given only where the data decide them. A value that
+a display showed settles the scale of its register and of what belongs to it.
 """
 
 
@@ -49,6 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="toml",
         help="toml: a profile (default); jsonl: an object per value, each answer with its odds",
     )
+    add_known_value(parser)
     add_decoding(parser)
     add_line(parser)
     parser.epilog = EPILOG
@@ -56,7 +64,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Learn; gives the exit status."""
-    found = survey(options)
+    check_times(options)
+    search = Search(options) if options.values or options.like else None
+    found = survey(options, search)
+    if search is not None:
+        show_notes([_anchored(found, search.found()[1]["candidates"])])
     tables = tables_of(found)
     if options.to == "jsonl":
         chosen = [table for table in tables if options.unit in (None, table["unit"])]
@@ -67,6 +79,19 @@ def run(options: argparse.Namespace) -> int:
     write_text("".join(_profile(found, chosen, options.files[0])), options.output)
     show_notes(_evidence(found, chosen))
     return 0
+
+
+def _anchored(found: _modlens.Survey, candidates: Sequence[Mapping[str, Any]]) -> str:
+    """Take the scale of the register that holds the value; gives a note about it."""
+    if not candidates:
+        return "no register holds the value; modlens find says what was tried"
+    best = candidates[0]
+    place = f"unit {best['unit']} {best['space']} {best['address']}"
+    if best["odds_bits"] < LEAST_ODDS or best["bit"] is not None or best["offset"]:
+        odds = f"{best['odds_bits']:.0f} bits"
+        return f"which register holds the value is open: perhaps {place} ({odds}); add another"
+    found.anchor(best["unit"], best["space"], best["address"], best["scale"], best["odds_bits"])
+    return f"{place} x {best['scale']:g} holds the value ({best['odds_bits']:.0f} bits)"
 
 
 def _answers(found: _modlens.Survey, tables: list[Table]) -> Iterator[str]:

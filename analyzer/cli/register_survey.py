@@ -11,6 +11,7 @@ from typing import Any
 import _modlens
 from analyzer.cli.chosen_settings import settings
 from analyzer.cli.file_input import file_run
+from analyzer.cli.find import Search
 from analyzer.cli.messages import Messages
 from dissectors.errors import UsageError
 
@@ -22,14 +23,16 @@ CHUNK = 1024
 """The points that are objects of Python at a time."""
 
 
-def survey(options: argparse.Namespace) -> _modlens.Survey:
-    """Survey the registers in the input files."""
+def survey(options: argparse.Namespace, search: Search | None = None) -> _modlens.Survey:
+    """Survey the registers in the input files; what is searched in them gets all batches, too."""
     messages = Messages(quiet=False)
     chosen = replace(settings(options), tables=("transactions",))
     files = file_run(options, chosen, messages)
     found = _modlens.Survey()
     for batch in files.batches():
         found.add(batch)
+        if search is not None:
+            search.add(batch)
     return found
 
 

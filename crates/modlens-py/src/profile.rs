@@ -119,6 +119,13 @@ impl Survey {
         Ok(py.detach(|| self.core.points(unit, space, first, most).to_string()))
     }
 
+    /// Takes the scale of a point as known, with the evidence for it in bits.
+    fn anchor(&mut self, unit: u8, space: &str, address: u16, factor: f64, bits: f64) -> PyResult<()> {
+        let space = Space::from_word(space).ok_or_else(|| value_error(format!("no table {space:?}")))?;
+        self.core.anchor(unit, space, learn::Anchor { address, factor, bits });
+        Ok(())
+    }
+
     /// How well a profile fits a unit.
     fn fit(&mut self, py: Python<'_>, unit: u8, profile: &Profile) -> String {
         let found = py.detach(|| self.core.fit(unit, &profile.plan));

@@ -9,7 +9,7 @@ use crate::columns::{read_data, read_range, row_of, write_data, write_range, Ite
 use modlens_engine::records::{Batch, Transaction};
 use modlens_profiles::find::LayoutHint;
 use modlens_profiles::fit::{fit, Fit, SeenTable};
-use modlens_profiles::learn::{conclude, Counts, Learned, ObservedTable, MOST_ROWS};
+use modlens_profiles::learn::{conclude, Anchor, Counts, Learned, ObservedTable, MOST_ROWS};
 use modlens_profiles::points::Plan;
 use modlens_protocol::register_type::Space;
 use modlens_protocol::status::Status;
@@ -23,13 +23,15 @@ pub struct RegisterSurvey {
     units: BTreeMap<(u8, Space), ObservedTable>,
     /// The samples that are kept of each block.
     most_rows: usize,
+    /// Scales that are known from elsewhere.
+    anchors: BTreeMap<(u8, Space), Vec<Anchor>>,
     /// What was learnt of each table, once it was asked for.
     learned: BTreeMap<(u8, Space), Vec<Learned>>,
 }
 
 impl Default for RegisterSurvey {
     fn default() -> Self {
-        Self { units: BTreeMap::new(), most_rows: MOST_ROWS, learned: BTreeMap::new() }
+        Self { units: BTreeMap::new(), most_rows: MOST_ROWS, anchors: BTreeMap::new(), learned: BTreeMap::new() }
     }
 }
 
@@ -76,8 +78,16 @@ impl RegisterSurvey {
     fn learn(&mut self, unit: u8) {
         self.learned.retain(|place, _| place.0 == unit);
         for (place, table) in self.units.range((unit, Space::Coil)..).take_while(|(place, _)| place.0 == unit) {
-            self.learned.entry(*place).or_insert_with(|| if place.1.is_bits() { Vec::new() } else { conclude(table) });
+            let anchors = self.anchors.get(place).map_or(&[][..], |anchors| &anchors[..]);
+            let learn = || if place.1.is_bits() { Vec::new() } else { conclude(table, anchors) };
+            self.learned.entry(*place).or_insert_with(learn);
         }
+    }
+
+    /// Takes the scale of a point as known: what was learnt before is forgotten.
+    pub fn anchor(&mut self, unit: u8, space: Space, anchor: Anchor) {
+        self.learned.clear();
+        self.anchors.entry((unit, space)).or_default().push(anchor);
     }
 
     /// How well a profile fits a unit.
@@ -93,7 +103,7 @@ impl RegisterSurvey {
     pub fn layout_hints(&self) -> Vec<LayoutHint> {
         let mut found = Vec::new();
         for ((unit, space), table) in self.units.iter().filter(|((_, space), _)| !space.is_bits()) {
-            for layout in conclude(table).into_iter().map(|learned| learned.layout).filter(|layout| layout.is_certain) {
+            for layout in conclude(table, &[]).into_iter().map(|learned| learned.layout).filter(|layout| layout.is_certain) {
                 let (address, count, kind, order) = (layout.address, layout.count, layout.kind, layout.order);
                 found.push(LayoutHint { unit: *unit, space: *space, address, count, kind, order });
             }

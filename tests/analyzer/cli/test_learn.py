@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import _modlens
 from analyzer import decode
 from dissectors.profile import parse
-from tests.conftest import CAPTURES, Modlens
+from tests.conftest import CAPTURES, Done, Modlens
 from tests.support.typed_device import SINGLES, TRUTH
 
 TYPES = str(CAPTURES / "pymodbus_types" / "recording.jsonl")
@@ -164,3 +165,48 @@ def test_order_mismatch_is_found(tmp_path: Path, modlens: Modlens) -> None:
     assert [row.detail.split(":")[0] for row in rows] == ["power"]
     assert "CDAB, not ABCD" in rows[0].detail
     assert modlens("explain", "order_mismatch").status == 0
+
+
+def phases(tmp_path: Path) -> Path:
+    """Three voltages of a mains of 120 V, three currents and powers, in integers, once a second."""
+    lines = []
+    for turn in range(200):
+        volts = [1203 + turn * step % 31 for step in (7, 11, 13)]
+        amps = [400 + turn * step % 350 for step in (17, 23, 29)]
+        watts = [round(0.97 * u * i / 1000) for u, i in zip(volts, amps, strict=True)]
+        data = b"".join(word.to_bytes(2, "big") for word in (*volts, *amps, *watts))
+        for delay, body in ((0.0, b"\x01\x03\x00\x00\x00\x09"), (0.05, b"\x01\x03\x12" + data)):
+            frame = body + _modlens.crc16(body).to_bytes(2, "little")
+            lines.append(json.dumps({"t": 1_781_515_800 + turn + delay, "hex": frame.hex()}))
+    path = tmp_path / "phases.jsonl"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_a_value_that_a_display_showed_settles_the_scale_of_its_group(
+    tmp_path: Path, modlens: Modlens
+) -> None:
+    """Of 120 V nothing is known beforehand; one voltage says it of all three phases."""
+    path = phases(tmp_path)
+    scales = {
+        row["address"]: row["scale"] for row in rows_of(modlens("learn", path, "--to", "jsonl"))
+    }
+    assert scales[0] is None
+    value = f"{(1203 + 100 * 7 % 31) / 10}"
+    shown = ("--value", value, "--at", "2026-06-15T09:31:40Z", "--within", "1s")
+    more = ("--value", f"{(1203 + 150 * 7 % 31) / 10}", "--at", "2026-06-15T09:32:30Z")
+    done = modlens("learn", path, "--to", "jsonl", *shown, *more)
+    assert "unit 1 hr 0 x 0.1 holds the value" in done.err
+    scales = {row["address"]: row["scale"] for row in rows_of(done)}
+    assert [scales[at] for at in range(3)] == [0.1, 0.1, 0.1]
+
+
+def test_a_value_that_no_register_holds_settles_nothing(tmp_path: Path, modlens: Modlens) -> None:
+    words = ("--value", "77777.7", "--at", "2026-06-15T09:31:40Z")
+    assert "which register holds the value is open" in modlens("learn", phases(tmp_path), *words).err
+
+
+def rows_of(done: Done) -> list[dict[str, Any]]:
+    """The rows of JSON lines."""
+    assert done.status == 0, done.err
+    return [json.loads(line) for line in done.out.splitlines()]

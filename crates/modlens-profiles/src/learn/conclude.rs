@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
+use crate::learn::anchor::{self, Anchor};
 use crate::learn::calibration::{layout_bits, role_bits};
 use crate::learn::grid;
 use crate::learn::layout::{best_blocks, layout, BestBlocks};
@@ -33,8 +34,8 @@ pub struct Learned {
     pub range: Option<(f64, f64)>,
 }
 
-/// Learns about all registers of a table, in the order of their addresses.
-pub fn conclude(table: &ObservedTable) -> Vec<Learned> {
+/// Learns about all registers of a table, in the order of their addresses; `anchors` are scales known from elsewhere.
+pub fn conclude(table: &ObservedTable, anchors: &[Anchor]) -> Vec<Learned> {
     let best = best_blocks(table);
     let mut points = layout(table, &best);
     grid::fill(table, &mut points);
@@ -52,6 +53,11 @@ pub fn conclude(table: &ObservedTable) -> Vec<Learned> {
     let ranges: Vec<_> = courses.iter().map(|(course, _)| (!course.numbers.is_empty()).then(|| course.range())).collect();
     let roles: Vec<_> = courses.iter().map(|(_, role)| role.map(|role| (role, role_bits(role)))).collect();
     let mut scales = scales(&courses);
+    for anchor in anchors {
+        if let Ok(at) = points.binary_search_by_key(&anchor.address, |point| point.address) {
+            anchor::apply(&courses, at, anchor, &mut scales);
+        }
+    }
     relate(&courses, &mut scales);
     let rest = roles.into_iter().zip(scales).zip(ranges);
     let learned = |(mut layout, ((role, scale), range)): (LayoutPoint, _)| {
@@ -192,7 +198,7 @@ mod tests {
 
     #[test]
     fn layout_role_scale_and_quantity() {
-        let learned = conclude(&table());
+        let learned = conclude(&table(), &[]);
         let at = |address: u16| learned.iter().find(|one| one.layout.address == address).unwrap();
         for phase in 0..3 {
             let (one, scale) = (at(phase), at(phase).scale.unwrap());

@@ -54,19 +54,26 @@ pub(super) fn layout(table: &ObservedTable, best: &BestBlocks<'_>) -> Vec<Layout
     chosen
 }
 
-/// Whether a number may be the lower half of one of four registers: two registers that stay zero stand before it, and its
-/// upper register never changed, or a number like it follows or precedes it at a distance of four or eight.
+/// Whether a number may be the lower half of one of four registers: two registers that stay zero stand on its upper side,
+/// and its upper register never changed, or a number like it follows or precedes it at a distance of four or eight.
 fn is_end_of_longer_number(table: &ObservedTable, point: &LayoutPoint) -> bool {
     let counts = |at: i32| u16::try_from(at).ok().and_then(|at| table.registers.get(&at));
     let is_zero = |at: i32| counts(at).is_some_and(|counts| counts.changes() == 0 && counts.first == 0);
-    let has_zeros_before =
-        |at: i32| is_zero(at - 1) && is_zero(at - 2) && counts(at + 1).is_some_and(|counts| counts.changes() > 0);
-    let at = i32::from(point.address);
-    let upper = counts(at).is_some_and(|counts| counts.changes() == 0);
+    // From the upper register of the pair: which way the zeros lie, and which way the lower register.
+    let (upper, outward) = match point.order {
+        Order::Abcd => (i32::from(point.address), -1),
+        Order::Cdab => (i32::from(point.address) + 1, 1),
+        _ => return false,
+    };
+    let has_zeros = |upper: i32| {
+        is_zero(upper + outward)
+            && is_zero(upper + 2 * outward)
+            && counts(upper - outward).is_some_and(|counts| counts.changes() > 0)
+    };
+    let is_still = counts(upper).is_some_and(|counts| counts.changes() == 0);
     matches!(point.kind, Type::U32 | Type::S32)
-        && point.order == Order::Abcd
-        && has_zeros_before(at)
-        && (upper || [-8, -4, 4, 8].iter().any(|distance| has_zeros_before(at + distance)))
+        && has_zeros(upper)
+        && (is_still || [-8, -4, 4, 8].iter().any(|distance| has_zeros(upper + distance)))
 }
 
 /// The texts in registers that never change.

@@ -1,6 +1,7 @@
 //! Learns what registers are from the values that they had over time: which belong together, with type and order; what
 //! each is for; its scale and quantity.
 
+mod anchor;
 mod calibration;
 mod conclude;
 mod evidence;
@@ -19,6 +20,7 @@ mod scale;
 mod sequence;
 pub mod text;
 
+pub use anchor::Anchor;
 pub use conclude::{conclude, Learned};
 pub use evidence::{TypeHypothesis, MIN_MARGIN_BITS};
 pub use habits::Habits;

@@ -93,7 +93,7 @@ fn products(points: Points<'_, '_>, scales: &mut [Option<Scale>]) {
 }
 
 /// The share that the third number is of the product of the first two, if it is steady while they move.
-fn steady_share([one, other, product]: &[&Course<'_>; 3]) -> Option<f64> {
+pub(super) fn steady_share([one, other, product]: &[&Course<'_>; 3]) -> Option<f64> {
     if one.numbers.len() < 16 || !one.is_in_step_with(other) || !one.is_in_step_with(product) {
         return None;
     }

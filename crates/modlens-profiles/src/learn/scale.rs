@@ -108,8 +108,12 @@ pub(super) fn scales(courses: &[(Course<'_>, Option<Role>)]) -> Vec<Option<Scale
             let moving = courses.iter().enumerate().filter(|(_, (course, _))| !course.is_constant());
             let fits: Vec<(usize, bool)> = moving.map(|(i, (course, role))| (i, fits(anchor, factor, course, *role))).collect();
             for run in fits.chunk_by(|a, b| a.1 == b.1) {
-                if run[0].1 && run.len() >= anchor.alike && (anchor.alike > 1 || run.len() <= 2) {
-                    for (i, _) in run {
+                if !run[0].1 {
+                    continue;
+                }
+                let run = alike(courses, run.iter().map(|(i, _)| *i).collect());
+                if run.len() >= anchor.alike && (anchor.alike > 1 || run.len() <= 2) {
+                    for i in &run {
                         found[*i] = Some(Scale::of(factor, anchor.unit, anchor.quantity, anchor.bits, anchor.reason));
                     }
                 }
@@ -117,6 +121,21 @@ pub(super) fn scales(courses: &[(Course<'_>, Option<Role>)]) -> Vec<Option<Scale
         }
     }
     found
+}
+
+/// By what share cells, or phases, may differ from the middle one.
+const MOST_UNLIKE: f64 = 0.08;
+
+/// The points whose middle is near that of all.
+fn alike(courses: &[(Course<'_>, Option<Role>)], run: Vec<usize>) -> Vec<usize> {
+    let middle = |at: usize| {
+        let (low, high) = courses[at].0.range();
+        f64::midpoint(low, high)
+    };
+    let mut middles: Vec<f64> = run.iter().map(|&at| middle(at)).collect();
+    middles.sort_by(f64::total_cmp);
+    let median = middles[middles.len() / 2];
+    run.into_iter().filter(|&at| (middle(at) / median - 1.0).abs() <= MOST_UNLIKE).collect()
 }
 
 /// Whether a point moves in the range of an anchor.
