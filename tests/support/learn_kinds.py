@@ -119,7 +119,7 @@ def _truth(kind: Kind, item: Item, values: list[bytes]) -> Truth:
 
 
 def learned(path: Path) -> list[dict[str, Any]]:
-    """What `modlens learn` says of a recording."""
+    """What `modlens learn` reports about a recording."""
     words = [sys.executable, "-m", "analyzer", "learn", str(path), "--to", "jsonl"]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     return [json.loads(line) for line in done.stdout.splitlines()]

@@ -203,7 +203,8 @@ def test_a_value_that_a_display_showed_settles_the_scale_of_its_group(
 
 def test_a_value_that_no_register_holds_settles_nothing(tmp_path: Path, modlens: Modlens) -> None:
     words = ("--value", "77777.7", "--at", "2026-06-15T09:31:40Z")
-    assert "which register holds the value is open" in modlens("learn", phases(tmp_path), *words).err
+    done = modlens("learn", phases(tmp_path), *words)
+    assert "which register holds the value is open" in done.err
 
 
 def rows_of(done: Done) -> list[dict[str, Any]]:
