@@ -4,6 +4,7 @@ use modlens_diagnosis::contrast::Contrast;
 use modlens_diagnosis::report::Report;
 use modlens_engine::session::{BusOptions, Session};
 use modlens_protocol::checksum::crc16;
+use modlens_protocol::source::Clock;
 use modlens_readers::chunk::{Chunk, Times};
 
 fn framed(body: &[u8]) -> Vec<u8> {
@@ -111,4 +112,42 @@ fn a_unit_whose_answers_come_twice_is_two_devices_and_not_a_second_master() {
     });
     assert_eq!(found["diagnoses"][0]["code"], "duplicate_address", "{found}");
     assert_eq!(found["diagnoses"][0]["unit"], 1, "{found}");
+}
+
+/// Four units in turn, each twentieth answer spoilt in the middle; now and then a request comes right after itself.
+fn in_turn(is_repeated: impl Fn(u16) -> bool) -> serde_json::Value {
+    let mut session = Session::default();
+    let mut options = BusOptions::named("line");
+    options.line = Some("19200-8E1".parse().unwrap());
+    options.bus.clock = Clock::Utc;
+    let bus = session.add_bus(options);
+    let mut contrast = Contrast::default();
+    let (mut time, mut place) = (0i64, 0u16);
+    for number in 0..800u16 {
+        place += u16::from(!is_repeated(number));
+        let unit = 1 + (place % 4) as u8;
+        let mut answer = framed(&[unit, 3, 4, 0, number as u8, 3, 1]);
+        if number % 20 == 7 {
+            answer[5] ^= 0x5A;
+            answer[6] ^= 0x3C;
+        }
+        for (bytes, after) in [(framed(&[unit, 3, 0, 0, 0, 2]), 0), (answer, 20_000_000)] {
+            session.feed(bus, &Chunk { bytes: &bytes, times: Times::Read(time + after), ..Chunk::default() });
+        }
+        time += 90_000_000;
+        contrast.observe(&session.take());
+    }
+    session.flush();
+    contrast.observe(&session.take());
+    Report::of(&contrast).json()
+}
+
+#[test]
+fn a_list_whose_requests_come_right_after_themselves_is_that_of_two_masters() {
+    let found = in_turn(|number| number % 14 == 5);
+    assert_eq!(found["diagnoses"][0]["code"], "two_masters", "{found}");
+    for other in [in_turn(|_| false), in_turn(|number| number % 2 == 1)] {
+        let codes = other["diagnoses"].as_array().unwrap().iter().map(|row| row["code"].to_string());
+        assert!(!codes.collect::<String>().contains("two_masters"), "{other}");
+    }
 }

@@ -19,6 +19,8 @@ pub(super) struct Before {
     pub overtaken: Option<(u8, Place, Ns, Ns)>,
     /// Hash of the request before, if it is another one and came right before, and whether it failed.
     pub request: Option<(u64, bool)>,
+    /// The request before is the same, came right before, and went well.
+    pub is_repeated: bool,
     /// The request before.
     pub asked: Option<RequestKey>,
     /// From the start of the request before, to which no answer was seen, to that of this one.

@@ -237,9 +237,13 @@ impl BusContrast {
     /// Counts how often exchanges that went well came right behind others.
     pub(super) fn count_pairs(&mut self, key: RequestKey, slot: Option<u16>, before: RequestKey, pairs: u32) {
         self.clean_units.of(key.unit).by_previous.add(before.unit, pairs.into());
-        // A request sent again says nothing about the order of requests.
-        if let Some(counts) = slot.filter(|_| before != key).and_then(|slot| self.requests.at(slot.into(), &key)) {
-            counts.count_pairs(before, pairs);
+        if let Some(counts) = slot.and_then(|slot| self.requests.at(slot.into(), &key)) {
+            if before == key {
+                // A request sent again says nothing about the order of requests.
+                counts.repeated += u64::from(pairs);
+            } else {
+                counts.count_pairs(before, pairs);
+            }
         }
     }
 

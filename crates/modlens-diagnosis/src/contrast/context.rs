@@ -195,6 +195,8 @@ impl Context {
     /// What came before a request with this key and start.
     pub fn before(&self, key: Option<RequestKey>, start: Option<Ns>) -> Before {
         // A request sent again, and one behind bytes that could not be read, say nothing about the order of requests.
+        let is_repeated =
+            self.previous_request.is_some_and(|before| before.age == 0 && !before.failed && Some(before.key) == key);
         let request = self.previous_request.filter(|before| before.age == 0 && Some(before.key) != key);
         let request = request.map(|before| (before.key.hash(), before.failed));
         let (written, overtaken) = (self.is_behind_write(), self.overtaken(start));
@@ -205,6 +207,7 @@ impl Context {
             failed: self.after_failure > 0,
             written,
             request,
+            is_repeated,
             overtaken,
             asked,
             id: self.last_id,

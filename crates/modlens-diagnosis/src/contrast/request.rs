@@ -77,6 +77,8 @@ pub struct RequestCounts {
     pub near_zeros: u64,
     /// By the request before.
     pub after: Sample<u64, Pair, MAX_BEFORE>,
+    /// How often it came right after itself, answered well, and no other request between.
+    pub repeated: u64,
     /// The longest time without it: the start of the last request before, and that of the first one after.
     pub longest_pause: Option<(Ns, Ns)>,
     /// How often the clock stood lower than at the one before.
@@ -139,6 +141,7 @@ impl RequestCounts {
     /// Counts a transaction. What is pending of its request has to be counted.
     pub(super) fn count(&mut self, seen: &Observation, before: Before) {
         self.writes = seen.writes;
+        self.repeated += u64::from(before.is_repeated && !seen.is_retry);
         if let Some((request, failed)) = before.request {
             if let Some(pair) = self.after.entry(request, request) {
                 pair.count(failed, seen.outcome.is_failure());
@@ -246,6 +249,7 @@ impl RequestCounts {
         self.of_another.merge(&later.of_another);
         self.near_ones += later.near_ones;
         self.near_zeros += later.near_zeros;
+        self.repeated += later.repeated;
         self.after.merge(&later.after, Pair::merge);
         self.written.merge(&later.written);
         let is_change = self.last_written != 0 && later.first_written != 0 && self.last_written != later.first_written;

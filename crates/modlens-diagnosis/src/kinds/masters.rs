@@ -68,7 +68,9 @@ fn upset(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let outside = all.without(inside);
     let several = after_answers().count() as f64;
     let corrected = view.significant(chance * several)?;
-    if inside.rate() <= 3.0 * outside.rate() || best_by_request(view, unit) <= chance {
+    // A unit whose answers are late answers into the request after the next one, too (slow_answers).
+    let is_slow = || super::answers::slow_answers(view).iter().any(|claim| claim.unit == Some(other));
+    if inside.rate() <= 3.0 * outside.rate() || best_by_request(view, unit) <= chance || is_slow() {
         return None;
     }
     Some(

@@ -32,7 +32,8 @@ pub(super) fn two_masters(view: &View<'_>) -> Vec<Claim> {
     let is_foreign = super::wires::is_surely_foreign(view);
     let met = crossings.failed + if is_foreign { 0 } else { hasty(view) };
     let crossed = at_least(Share { failed: met, total: met + failed }, CROSSED_BY_NOISE);
-    let is_certain = (crossings.failed > 0 && by_noise(odd) <= MAX_CHANCE) || (met > 1 && crossed <= MAX_CHANCE);
+    let is_certain =
+        has_one_list_twice(view) || (crossings.failed > 0 && by_noise(odd) <= MAX_CHANCE) || (met > 1 && crossed <= MAX_CHANCE);
     let met = by_noise(crossings.failed + view.bus.frames.collisions.failed);
     // A late answer meets the next request, too: who asks it is one master.
     let is_slow = || !super::answers::slow_answers(view).is_empty();
@@ -111,6 +112,29 @@ fn superimposed(view: &View<'_>) -> f64 {
         return 1.0;
     }
     both(at_most(Share { failed: single, total: damaged }, NOISE_OF_ONE_BIT), at_least(odd, NOISE_OF_ODD_LENGTH))
+}
+
+/// More often than this, a request that comes right after itself is in the list of one master twice.
+const TWICE_IN_LIST: f64 = 0.3;
+
+/// Whether several reads now and then come right after themselves, though they were answered, and frames are damaged: two
+/// masters with the same list meet in it as they drift. One master asks for all others before it asks again.
+fn has_one_list_twice(view: &View<'_>) -> bool {
+    let requests = view.bus.requests.sorted();
+    let reads: Vec<Share> = requests
+        .iter()
+        .filter(|(_, counts)| !counts.writes && counts.sent() >= FEW)
+        .map(|(_, counts)| Share { failed: counts.repeated.min(counts.sent()), total: counts.sent() })
+        .collect();
+    let repeated = reads.iter().filter(|share| share.failed > 0).count();
+    let all = reads.iter().copied().fold(Share::default(), Share::with);
+    let damaged: u64 = view.units().map(|(_, counts)| counts.garbled.failed + counts.bad_requests.failed).sum();
+    let asked: u64 = view.units().map(|(_, counts)| counts.failures.total).sum();
+    reads.len() > 2
+        && repeated * 2 >= reads.len()
+        && reads.iter().all(|share| share.rate() < TWICE_IN_LIST)
+        && view.beyond_accident(all).is_some()
+        && view.beyond_accident(Share { failed: damaged.min(asked), total: asked }).is_some()
 }
 
 /// The order of requests: that of one master's list, and how often they come in another one.
