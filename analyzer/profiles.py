@@ -23,6 +23,7 @@ import _modlens
 from dissectors import importers
 from dissectors.errors import ModlensError, ProfileError, SourceError, UsageError
 from dissectors.function_lookup import similar_name
+from dissectors.importers.profile_builder import SeveralUnitsError
 from dissectors.profile import FORMS, Profile, parse, shipped, shipped_names
 
 if TYPE_CHECKING:
@@ -43,6 +44,8 @@ ENTRY_POINTS = "modlens.profiles"
 HIGHEST_UNIT = 255
 
 _SAYS_PROFILE = re.compile(r"^\s*#?\s*profile\s*[:=]", re.MULTILINE)
+
+_SAYS_BUS = re.compile(r"^\s*\[\[bus\]\]", re.MULTILINE)
 
 _UNITS = re.compile(r"[\d\s,\-*]+")
 
@@ -121,11 +124,15 @@ def load(word: str) -> Profile:
 
 
 def _of_file(path: str) -> Profile:
-    """The profile in a file; a `ProfileError` says if it is the map of another program."""
+    """The profile in a file; a `ProfileError` says if it is a bus file or another program's map."""
     text = read(path)
     try:
         return parse(text, path)
     except (ProfileError, UsageError):
+        if _SAYS_BUS.search(text):
+            raise ProfileError(
+                f"no profile, but a bus file: write --bus {path} instead of --profile", path=path
+            ) from None
         form = None if _SAYS_PROFILE.search(text) else _map_format(text, path)
         if form is None:
             raise
@@ -141,6 +148,8 @@ def _map_format(text: str, path: str) -> str | None:
     """The format of another program's map; None where it is of none."""
     try:
         return importers.detect(text, path)
+    except SeveralUnitsError as error:
+        return error.form or None
     except ModlensError:
         return None
 

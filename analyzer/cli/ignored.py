@@ -19,7 +19,10 @@ def ignored_in(options: argparse.Namespace, to: str | None, formats: Collection[
     written = {*formats, *([to] if to is not None else [])}
     found = []
     if options.context and not written & {*CAPTURES}:
-        found.append("--context is ignored: frames around a match are for pcap and pcapng outputs")
+        found.append(
+            "--context is ignored: frames around a match are for pcap and pcapng outputs, such as"
+            " -o cut.pcapng"
+        )
     if not written & {"table", *FOR_PEOPLE}:
         if options.address != "wire":
             found.append("--address is ignored: files have wire addresses; it is for tables")

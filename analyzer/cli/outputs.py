@@ -101,6 +101,10 @@ def run_files(
             messages.error(_interruption(outputs.partial))
         if not quiet:
             messages.summary(run.stats())
+        if outputs.are_full:
+            messages.info(
+                "--limit: reading stopped there, and the counts are of what was read until then"
+            )
         if signal is not None:
             return SIGNALLED + signal
     if options.strict and not outputs.status and (messages.unparsed_lines or damaged(run.stats())):
@@ -256,12 +260,13 @@ class Outputs:
         pump(
             run,
             sinks,
-            stop=lambda: stop() or self._failures >= len(self._sinks) or self._are_full(),
+            stop=lambda: stop() or self._failures >= len(self._sinks) or self.are_full,
             on_failure=self._on_failure,
             pool=pool if all(getattr(sink, "any_thread", False) for sink in sinks) else None,
         )
 
-    def _are_full(self) -> bool:
+    @property
+    def are_full(self) -> bool:
         """Whether every output has the rows that `--limit` allows it."""
         return all(getattr(sink, "is_full", False) for sink in self._sinks)
 

@@ -26,8 +26,16 @@ ENTITIES = """modbus:
 """
 
 
+SECOND_UNIT = ENTITIES[ENTITIES.index("      - name") :].replace("slave: 1", "slave: 2")
+
+
 @pytest.mark.parametrize(
-    ("name", "text", "form"), [("map.csv", TABLE, "csv"), ("ha.yaml", ENTITIES, "homeassistant")]
+    ("name", "text", "form"),
+    [
+        ("map.csv", TABLE, "csv"),
+        ("ha.yaml", ENTITIES, "homeassistant"),
+        ("ha.yaml", ENTITIES + SECOND_UNIT, "homeassistant"),
+    ],
 )
 def test_a_map_given_as_profile_is_to_be_imported(
     name: str, text: str, form: str, tmp_path: Path, modlens: Modlens
@@ -40,6 +48,15 @@ def test_a_map_given_as_profile_is_to_be_imported(
     assert f"first modlens import {form} {path}" in done.err
     assert "looks like a map" in done.err
     assert len(done.err.strip().splitlines()) == 1
+
+
+def test_a_bus_file_given_as_profile(tmp_path: Path, modlens: Modlens) -> None:
+    """What `modlens import` writes of several units belongs to --bus."""
+    path = tmp_path / "ha.toml"
+    path.write_text('plant = 1\n\n[[bus]]\nname = "pumps"\n', encoding="utf-8")
+    done = modlens("decode", RECORDING, "--profile", str(path))
+    assert (done.status, done.err.count("\n")) == (2, 1)
+    assert f"write --bus {path}" in done.err
 
 
 def test_mistakes_in_a_profile_are_still_told(tmp_path: Path, modlens: Modlens) -> None:
