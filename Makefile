@@ -11,7 +11,7 @@ SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 # The core of the page, compiled for WebAssembly.
 PAGE_CORE := analyzer/page/modlens.wasm.gz
 
-.PHONY: demo check test page lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels try-windows quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak line-loss esphome grafana openings settings bench bench-family bench-memory bench-captures bench-text bench-readings bench-exports bench-threads false-alarms speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
+.PHONY: demo check test page lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels try-windows quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak line-loss growth esphome grafana openings settings bench bench-family bench-memory bench-captures bench-text bench-readings bench-exports bench-threads false-alarms speed accuracy noise fuzz properties mutations deny audit lock captures vectors corpus clean
 
 demo: export PAGER := cat
 demo: $(VENV)/.installed
@@ -163,6 +163,10 @@ memory: $(VENV)/.tested
 spark: $(VENV)/.tested
 	MODLENS_SPARK=1 $(BIN)/python -m pytest tests/analyzer/test_spark.py
 
+# Memory and time of every command on recordings of 1, 4 and 16 MB; minutes.
+growth: $(VENV)/.tested
+	$(BIN)/python -m tests.faults.growth
+
 # Three megabaud for ten minutes into both taps, beside processes that compute: what the kernel refused, what a tap lost.
 line-loss: $(VENV)/.tested
 	$(BIN)/python -m bench.line_loss --seconds 600
@@ -201,12 +205,13 @@ noise:
 
 # libFuzzer on stable Rust, without sanitizers: make fuzz SECONDS=60. What it finds stays in fuzz/artifacts.
 SECONDS ?= 600
+FUZZ_TARGETS ?= session text recording tables diagnosis profiles recorder
 fuzz: export CARGO_TARGET_DIR := target/fuzz
 fuzz: export RUSTFLAGS := -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
 	-Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \
 	-Cllvm-args=-sanitizer-coverage-trace-compares -Ccodegen-units=1
 fuzz:
-	for target in session text; do \
+	for target in $(FUZZ_TARGETS); do \
 		mkdir -p fuzz/corpus/$$target fuzz/artifacts/$$target && \
 		cargo run --release --manifest-path fuzz/Cargo.toml --target $$(rustc -vV | sed -n 's/host: //p') --bin $$target -- \
 			-max_total_time=$(SECONDS) -max_len=2048 -artifact_prefix=fuzz/artifacts/$$target/ fuzz/corpus/$$target || exit 1; \
@@ -222,10 +227,18 @@ properties: $(VENV)/.tested
 mutations: $(VENV)/.tested
 	$(BIN)/python -m tests.faults.mutation_bar --cases 10000
 
-# Licences, versions and sources of the crates, as deny.toml allows them, and advisories.
+# Licences, versions and sources of the crates, as deny.toml allows them, and advisories, whose database is on the network:
+# without it they are skipped, with a word. ADVISORIES=yes fails then, ADVISORIES=no does not ask.
+ADVISORIES ?= auto
 deny:
 	@cargo deny --version >/dev/null 2>&1 || { echo "make deny needs cargo-deny: cargo install --locked cargo-deny" >&2; false; }
-	cargo deny --locked check
+	cargo deny --locked check bans licenses sources
+	@case $(ADVISORIES) in \
+	no) echo "advisories: NOT checked (ADVISORIES=no)" ;; \
+	yes) cargo deny --locked check advisories ;; \
+	*) if cargo deny --locked fetch db >/dev/null 2>&1; then cargo deny --locked check advisories; \
+		else echo "advisories: NOT checked, their database cannot be reached; ADVISORIES=yes makes that a failure"; fi ;; \
+	esac
 
 # Known vulnerabilities: of the crates and of the Python packages. Both databases are on the network.
 audit: $(BIN)/python

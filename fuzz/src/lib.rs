@@ -1,6 +1,12 @@
 //! The properties that have to hold for any bytes, however they are split and timed. The fuzz targets only pass on their
 //! input.
 
+mod files;
+mod rows;
+
+pub use files::{profile_holds, recorder_holds, recording_holds};
+pub use rows::{diagnosis_holds, tables_hold};
+
 use modlens_engine::records::Batch;
 use modlens_engine::session::{BusOptions, Session};
 use modlens_protocol::framing::Mode;
@@ -10,6 +16,9 @@ use modlens_readers::text::{Dialects, Reader};
 
 /// Pauses between reads, in ns: none, inside frames, between frames, timeouts, and a clock that runs backwards.
 const PAUSES_NS: [i64; 8] = [0, 600_000, 2_100_000, 9_000_000, 33_000_000, 120_000_000, 1_500_000_000, -2_000_000];
+
+/// When the first read comes.
+const START_NS: i64 = 1_700_000_000_000_000_000;
 
 /// A live or recorded session of one framing, as reads with the pause before each.
 struct Script<'a> {
@@ -69,7 +78,7 @@ pub fn session_holds(data: &[u8]) {
     let script = parse_script(data);
     let bytes: Vec<u8> = script.reads.iter().flat_map(|(_, bytes)| *bytes).copied().collect();
     let (mut session, bus) = session(script.mode, Clock::Utc, script.live);
-    let mut now = 1_700_000_000_000_000_000;
+    let mut now = START_NS;
     for (pause, bytes) in &script.reads {
         now += pause;
         session.feed(bus, &Chunk { bytes, times: Times::Read(now), ..Chunk::default() });

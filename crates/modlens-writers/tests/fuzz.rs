@@ -97,6 +97,11 @@ fn check(seed: u64) {
     let holds = std::panic::catch_unwind(|| {
         checks::session_holds(&case);
         checks::text_holds(&text);
+        checks::tables_hold(&case);
+        checks::recording_holds(&case);
+        checks::recorder_holds(&case);
+        checks::diagnosis_holds(&case);
+        checks::profile_holds(&text);
     });
     assert!(holds.is_ok(), "seed {seed}: {}", hex(&case));
 }
