@@ -509,6 +509,11 @@ fn frames_are_joined_that_are_listed_a_byte_a_line_after_its_place() {
         // The titles are the four lines without bytes.
         assert_eq!((strings, unread), ([&frames[..], &frames[..]].concat(), 4), "list {number}");
     }
+    // With a time in front, and other output between the bytes.
+    let logged =
+        |(at, byte): (usize, &u8)| format!("[N] {}| receive: {:>3}: {byte:02X}\n[N] 7| receive: tick!\n", 4460 + at, at + 1);
+    let logged = response.iter().enumerate().map(logged).collect::<Vec<_>>().concat();
+    assert_eq!(read(&logged).0, [(Some(Side::Received), response)]);
     // A list of other numbers is no frame, and one that lacks a place neither.
     let place = |at: usize| at + usize::from(at > 3);
     let holed = each(&request, "\n", |byte| format!("{byte:02X}"));

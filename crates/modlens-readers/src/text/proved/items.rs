@@ -1,7 +1,7 @@
 //! Joins frames that are listed a byte a line, each after its place: `00: 02`, `data[3] = 17`, `[0] 01`.
 //!
-//! A line of a list has a name or none, a place that is one more than that of the line before, and a byte in hex, decimal or
-//! binary. A list is a frame if its bytes end with their CRC in one of these notations and have the layout of a function.
+//! A line of a list ends with a place that is one more than that of the line before, and a byte in hex, decimal or binary; a
+//! few other lines may be between. A list is a frame if its bytes end with their CRC in one of these notations and have the layout of a function.
 
 use crate::chunk::Side;
 use crate::text::proved::frames::fits_known_function;
@@ -13,8 +13,11 @@ use modlens_protocol::functions::EXCEPTION_BIT;
 /// The fewest and the most bytes of an RTU frame with a function (serial line specification, 2.5.1).
 const FRAME_BYTES: std::ops::RangeInclusive<usize> = 5..=256;
 
+/// How many other lines may be between two of a list.
+const MAX_LINES_BETWEEN: u64 = 8;
+
 /// The most characters of a line of a list, and between place and byte.
-const MAX_LINE_CHARS: usize = 80;
+const MAX_LINE_CHARS: usize = 120;
 const MAX_SEPARATOR_CHARS: usize = 6;
 
 /// A byte as hex, decimal and binary digits; `None` where they are none.
@@ -23,12 +26,14 @@ type Readings = [Option<u8>; 3];
 /// A place as decimal and as hex digits.
 type Place = [Option<u32>; 2];
 
-/// The lines of a list so far, and what the line above it says about its sender.
+/// The lines of a list so far, and who sent it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Items {
     lines: Vec<(Piece, Readings)>,
     place: Place,
     side: Option<Side>,
+    /// Who sent what follows, by the words of the last line that was no item.
+    title: Option<Side>,
 }
 
 impl Items {
@@ -36,12 +41,14 @@ impl Items {
     pub fn add(&mut self, line: &[u8], number: u64) -> Option<(Vec<Piece>, Option<Side>)> {
         let Some((place, start, readings)) = item(line) else {
             if !line.trim_ascii().is_empty() {
-                *self = Self { side: sender(line), ..Self::default() };
+                self.title = sender(line);
             }
             return None;
         };
-        if !follows(self.place, place) || self.lines.len() == *FRAME_BYTES.end() {
+        let is_far = self.lines.last().is_some_and(|(last, _)| last.number + MAX_LINES_BETWEEN < number);
+        if is_far || !follows(self.place, place) || self.lines.len() == *FRAME_BYTES.end() {
             self.lines.clear();
+            self.side = self.title.take().or_else(|| sender(&line[..start]));
         }
         self.place = place;
         self.lines.push((Piece { number, line: line.to_vec(), start, bytes: Vec::new() }, readings));
@@ -82,11 +89,10 @@ fn item(line: &[u8]) -> Option<(Place, usize, Readings)> {
         }
         at += word.len();
     }
-    let [names @ .., (place_at, place), (start, byte)] = &parts[..] else { return None };
-    let is_named = names.iter().all(|(_, name)| name[0].is_ascii_alphabetic()) && names.len() <= 3;
+    let [.., (place_at, place), (start, byte)] = &parts[..] else { return None };
     let separator = &line[place_at + place.len()..*start];
     let place = number(place);
-    (is_named && separator.len() <= MAX_SEPARATOR_CHARS && place != [None; 2])
+    (separator.len() <= MAX_SEPARATOR_CHARS && place != [None; 2])
         .then(|| (place, *start, readings(byte)))
         .filter(|(.., readings)| *readings != [None; 3])
 }
