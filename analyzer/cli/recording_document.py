@@ -12,7 +12,7 @@ from analyzer.cli.chosen_settings import settings
 from analyzer.cli.ignored import ignored_for
 from analyzer.cli.messages import Messages
 from analyzer.cli.segmentation import report_silence_limits
-from analyzer.cli.selection import check_selected
+from analyzer.cli.selection import check_selected, selection_text
 from analyzer.cli.standard_streams import print_text
 from analyzer.cli.stop_signals import StopSignals
 from analyzer.session import FileRun, RecordingStatus
@@ -61,7 +61,10 @@ class RecordingDocument:
         from analyzer.report.document import complete  # noqa: PLC0415
 
         functions = self._settings.functions
-        return complete(self.counted, self._statuses, functions, title=self._title)
+        made = complete(self.counted, self._statuses, functions, title=self._title)
+        if selected := selection_text(self._options):
+            made["summary"]["period"] += f" Only what meets {selected}."
+        return made
 
     @cached_property
     def counted(self) -> dict[str, Any]:

@@ -94,3 +94,12 @@ def test_a_selection_of_nothing_is_an_error(
     output = ["-o", "-"] if command == "report" else []
     assert main([command, DISTURBED, "--where", "unit == 200", *output]) != 0
     assert "--where: nothing in this recording meets this" in capsys.readouterr().err
+
+
+def test_a_report_says_that_it_is_of_a_selection(capsys: pytest.CaptureFixture[str]) -> None:
+    """And of which, beside the period."""
+    words = ["--line", "19200-8E1", "--where", "unit == 1 and write", "-o", "-"]
+    assert main(["report", DISTURBED, *words]) == 0
+    assert "Only what meets unit == 1 and write." in capsys.readouterr().out
+    assert main(["report", DISTURBED, "--line", "19200-8E1", "-o", "-"]) == 0
+    assert "Only what meets" not in capsys.readouterr().out
