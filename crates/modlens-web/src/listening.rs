@@ -39,3 +39,36 @@ impl Decoding {
         self.feed(blocks).map(drop)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+    use crate::answer;
+
+    /// Three exchanges (Application Protocol V1.1b3, 6.3); bytes were lost before the last one.
+    #[test]
+    fn reads_of_a_port_are_decoded_and_recorded() {
+        let mut decoding = Decoding::open(&json!({"purpose": "live", "format": "pcapng", "name": "port"})).expect("valid");
+        answer(&mut decoding, &json!({"call": "listen", "name": "port", "line": "19200-8E1"})).expect("a port");
+        let exchanges = ["010300000001840a0103020007f986"; 3];
+        for (at, hex) in exchanges.iter().enumerate() {
+            let time = (1_700_000_000_000_000_000 + at as i64 * 100_000_000).to_string();
+            answer(&mut decoding, &json!({"call": "read", "hex": hex, "time": time, "hole": at == 2})).expect("a read");
+        }
+        let mut recording = Vec::new();
+        decoding.export_more(&mut recording);
+        assert_eq!(decoding.finish(), Ok(3));
+        let mut again = Decoding::open(&json!({"purpose": "live", "format": "pcapng", "name": "port"})).expect("valid");
+        again.feed(&recording).expect("a recording");
+        assert_eq!(again.finish(), Ok(3));
+        let rows = |decoding: &mut Decoding| {
+            answer(decoding, &json!({"call": "rows", "columns": ["time", "unit", "data", "status"], "from": 0, "count": 9}))
+                .expect("rows")
+        };
+        assert_eq!(rows(&mut decoding), rows(&mut again));
+        assert_eq!(rows(&mut again)["rows"][0][1], "1");
+        assert!(answer(&mut again, &json!({"call": "read", "hex": "0", "time": "1"})).is_err());
+    }
+}
