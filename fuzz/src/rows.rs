@@ -50,7 +50,9 @@ pub fn diagnosis_holds(data: &[u8]) {
     let script = parse_script(data);
     let counted = |batches: &[Batch]| {
         let mut contrast = Contrast::default();
-        batches.iter().for_each(|batch| contrast.observe(batch));
+        for batch in batches {
+            contrast.observe(batch);
+        }
         contrast
     };
     let all = batches(&script, 3);
