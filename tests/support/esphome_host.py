@@ -23,7 +23,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from tests.support.ptybus import PtyBus
-from tests.support.side_by_side import MASTER, UNIT, Heard, differences, poll
+from tests.support.side_by_side import MASTER, UNIT, WHOLE, Heard, differences, poll
 
 LINE = Path("/tmp") / f"modlens-esphome-{os.getpid()}"
 """A link to the pty: ESPHome takes paths of two parts only."""
@@ -115,7 +115,10 @@ def running(program: Path, folder: Path) -> Iterator[Firmware]:
 def compare(program: Path, folder: Path, seconds: float) -> bool:
     """Play traffic, print what both taps heard; whether it is the same but for the reconnects."""
     due = [seconds * (one + 1) / (RECONNECTS + 1) for one in range(RECONNECTS)]
-    with PtyBus([MASTER, UNIT, "tap", "proxy"], 19200, 10) as bus, contextlib.ExitStack() as opened:
+    with (
+        PtyBus([MASTER, UNIT, "tap", "proxy"], 19200, 10, trigger=WHOLE) as bus,
+        contextlib.ExitStack() as opened,
+    ):
         LINE.symlink_to(bus.path("proxy"))
         opened.callback(LINE.unlink)
         firmware = opened.enter_context(running(program, folder))

@@ -26,6 +26,7 @@ from tests.support.ptybus import PtyBus
 __all__ = [
     "MASTER",
     "UNIT",
+    "WHOLE",
     "Differences",
     "Heard",
     "Row",
@@ -36,10 +37,12 @@ __all__ = [
 ]
 
 MASTER, UNIT = "master", "unit"
+WHOLE = 14
+"""The FIFO of receivers, which holds a whole frame: a busy machine pauses between two reads."""
 SETTLE_S = 30.0
 
 Row = tuple[Any, ...]
-"""What does not depend on the way: unit, function, address, values, status."""
+"""What does not depend on the way: unit, function, request, values, status."""
 
 
 class Heard:
@@ -86,7 +89,7 @@ class Heard:
 def row_of(transaction: Any) -> Row:
     """A transaction as it is compared."""
     one = transaction
-    return one.unit, one.function, one.address, tuple(one.data or ()), one.status
+    return one.unit, one.function, one.request_hex, tuple(one.data or ()), one.status
 
 
 def exchanges() -> Iterator[tuple[bytes, bytes | None]]:
@@ -104,7 +107,7 @@ def exchanges() -> Iterator[tuple[bytes, bytes | None]]:
         elif kind == 13:
             yield _frame(9, 3, place + b"\0\1"), None
         else:
-            count = kind // 2 + 1
+            count = kind % 4 + 1
             data = b"".join(struct.pack(">H", (number + one) % 65_536) for one in range(count))
             yield (
                 _frame(unit, 4, place + bytes([0, count])),

@@ -16,7 +16,16 @@ from analyzer import decode
 from tests.conftest import ROOT, need_program
 from tests.support.gateway_programs import free_port
 from tests.support.ptybus import PtyBus
-from tests.support.side_by_side import MASTER, UNIT, Differences, Heard, differences, poll, row_of
+from tests.support.side_by_side import (
+    MASTER,
+    UNIT,
+    WHOLE,
+    Differences,
+    Heard,
+    differences,
+    poll,
+    row_of,
+)
 
 MODEM_LINES = ROOT / "tests" / "support" / "modem_lines.c"
 
@@ -76,7 +85,7 @@ def test_all_ways_have_the_rows_of_the_line(tmp_path: Path, modem_lines: str) ->
         f"trace-both: {trace}", "trace-both-hexdump: true", "trace-both-timestamp: true",
     ]  # fmt: skip
     with (
-        PtyBus([MASTER, UNIT, "tap", "raw", "2217"], 19200, 10) as bus,
+        PtyBus([MASTER, UNIT, "tap", "raw", "2217"], 19200, 10, trigger=WHOLE) as bus,
         gateway(tmp_path, "tcp", bus.path("raw"), *options) as raw,
         gateway(tmp_path, "telnet(rfc2217),tcp", bus.path("2217"), preload=modem_lines) as telnet,
         Heard(f"{bus.path('tap')}@19200-8N1") as direct,
