@@ -14,6 +14,7 @@ import random
 import re
 import struct
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator
 
 __all__ = ["restructured"]
@@ -31,6 +32,7 @@ MOST_BYTES = 4 << 20
 """A case is no larger: what large files take is measured elsewhere (`make growth`)."""
 
 MOST_PACKED = 50_000
+UNREADABLE = (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, RuntimeError)
 
 LIMITS = [0, 1, 2, 0x7F, 0x80, 0xFF, 0x7FFF, 0x8000, 0xFFFF, 2**24, 2**31 - 1, 2**31, 2**32 - 1,
           2**32, 2**53, 2**63 - 1, 2**63, 2**64 - 1, 2**64]  # fmt: skip
@@ -189,7 +191,7 @@ def _session(data: bytes, chance: random.Random) -> bytes:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = {name: archive.read(name) for name in archive.namelist()}
-    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError, RuntimeError):
+    except UNREADABLE:
         return _zip(data, chance)
     name = chance.choice(list(members))
     match chance.randrange(4):
