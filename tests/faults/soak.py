@@ -73,6 +73,7 @@ class TapUnderTest:
         self._end = FarEnd(folder / "ttyA")
         self._sent, self._said = bytearray(), bytearray()
         self._plugged = True
+        self._reading: threading.Thread | None = None
         words = [
             *program, f"soak={self._end.link}", "--line", "115200-8N1",
             "--record", str(folder / "raw.pcapng"), "--rotate", "500kB",
@@ -110,7 +111,8 @@ class TapUnderTest:
 
     def read_on(self) -> None:
         """Somebody reads standard output from now on."""
-        threading.Thread(target=self._read_away, daemon=True).start()
+        self._reading = threading.Thread(target=self._read_away, daemon=True)
+        self._reading.start()
 
     def pull(self) -> None:
         """Unplug the port. What a pty still holds is lost then, which is not the tap's fault."""
@@ -133,18 +135,22 @@ class TapUnderTest:
         self.result.status = self._tap.wait(30)
         self.result.seconds_to_end = time.monotonic() - begun
         self._hearing.join()
+        if self._reading:
+            self._reading.join()
         self._end.pull()
         self.result.said = self._said.decode()
         self._examine()
         return self.result
 
     def _hear(self, errors: IO[bytes]) -> None:
-        while block := os.read(errors.fileno(), 4096):
-            self._said += block
+        with errors:
+            while block := os.read(errors.fileno(), 4096):
+                self._said += block
 
     def _read_away(self) -> None:
-        while os.read(self._rows.fileno(), 4096):
-            pass
+        with self._rows:
+            while os.read(self._rows.fileno(), 4096):
+                pass
 
     def _examine(self) -> None:
         result, recorded = self.result, bytearray()

@@ -105,6 +105,8 @@ def tests_of(file: str) -> Iterator[str]:
     path = Path(file)
     if file in TESTS_OF_FILES:
         yield TESTS_OF_FILES[file]
+        if path.suffix == ".py":
+            yield file  # Its doctests.
     elif path.parts[0] == "tests" and path.name.startswith("test_"):
         yield file
     elif path.parts[0] in ("modlens", "analyzer", "dissectors"):
