@@ -166,9 +166,11 @@ const Page = (() => {
     return COLUMNS[name].split(" ").filter((key) => key in known && (buses > 1 || key !== "bus") && (ofNetwork || key !== "client" || name === "connections")).map((key) => {
       const { title, type, help } = known[key];
       const isDuration = type === "us";
+      // Two more, for what is left free on both sides.
+      const width = (WIDTHS[key] || 9) + 2;
       return {
         key, title: isDuration ? `${title} ${key === "elapsed_us" ? "s" : "ms"}` : title, help,
-        least: WIDTHS[key] || 9, width: `minmax(${WIDTHS[key] || 9}ch, ${WIDTHS[key] || 9}fr)`, right: ["int", "us", "float"].includes(type),
+        least: width, width: `minmax(${width}ch, ${width}fr)`, right: ["int", "us", "float"].includes(type),
         show: key === "elapsed_us" ? (text) => text && Model.fixed(Number(text) / 1e6, 6) : isDuration ? (text) => text && Model.fixed(Number(text) / 1000, 3) : null,
         mark: key === "status" || key === "verdict" || key === "severity" ? (text) => [`is-${text}`] : null,
       };

@@ -188,3 +188,15 @@ def test_pasted_text_is_decoded(opened: Browser) -> None:
     )
     opened.wait("document.documentElement.dataset.state === 'shown'")
     assert saved(opened, "transactions").count("\n") == 2
+
+
+def test_titles_are_above_their_columns(opened: Browser) -> None:
+    """Bold characters are wider, which must not move them."""
+    show(opened, CAPTURES / "pymodbus_disturbed" / "recording.jsonl")
+    places = (
+        "return [...document.querySelector(selector).children]"
+        ".map((it) => Math.round(it.getBoundingClientRect().left))"
+    )
+    titles = opened.run(f"const selector = '.grid-head'; {places}")
+    cells = opened.run(f"const selector = '.grid-lines .grid-row'; {places}")
+    assert titles == cells
