@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -15,7 +14,7 @@ from analyzer.cli.file_input import file_run
 from analyzer.cli.known_devices import device_hints, usable_profiles
 from analyzer.cli.messages import Messages
 from analyzer.cli.parser import add_decoding, add_input, add_line
-from analyzer.cli.register_survey import tables_of
+from analyzer.cli.register_survey import chunks, tables_of
 from analyzer.cli.selection import add_selection
 from analyzer.cli.standard_streams import report
 from analyzer.cli.stop_signals import StopSignals
@@ -25,9 +24,6 @@ from analyzer.views.screen import stdout
 __all__ = ["add_arguments", "run"]
 
 SIGNALLED = 128
-
-CHUNK = 1024
-"""The rows that are objects of Python at a time."""
 
 EPILOG = """\
 examples:
@@ -85,9 +81,7 @@ class MapRows:
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
         """All rows of the chosen unit; only those with a name where they are wanted."""
-        first = 0
-        while chunk := json.loads(self._found.rows(first, CHUNK)):
+        for chunk in chunks(self._found.rows):
             for row in chunk:
                 if self._unit in (None, row["unit"]) and (row["name"] or not self._named):
                     yield row
-            first += CHUNK

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import _modlens
@@ -15,12 +16,12 @@ from analyzer.cli.find import Search
 from analyzer.cli.messages import Messages
 from dissectors.errors import UsageError
 
-__all__ = ["chosen_unit", "points", "survey", "tables_of"]
+__all__ = ["chosen_unit", "chunks", "points", "survey", "tables_of"]
 
 Table = Mapping[str, Any]
 
 CHUNK = 1024
-"""The points that are objects of Python at a time."""
+"""The rows that are objects of Python at a time."""
 
 
 def survey(options: argparse.Namespace, search: Search | None = None) -> _modlens.Survey:
@@ -44,8 +45,13 @@ def tables_of(found: _modlens.Survey) -> list[Table]:
 
 def points(found: _modlens.Survey, table: Table) -> Iterator[list[dict[str, Any]]]:
     """What was learned of the points of a table, some of them at a time."""
+    return chunks(partial(found.points, table["unit"], table["space"]))
+
+
+def chunks(core: Callable[[int, int], str]) -> Iterator[list[dict[str, Any]]]:
+    """Rows of the core, some of them at a time: `core` gives so many from a place on, as JSON."""
     first = 0
-    while chunk := json.loads(found.points(table["unit"], table["space"], first, CHUNK)):
+    while chunk := json.loads(core(first, CHUNK)):
         yield chunk
         first += CHUNK
 

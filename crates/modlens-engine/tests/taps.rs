@@ -2,10 +2,14 @@
 
 mod wire;
 
+use std::sync::Arc;
+
 use modlens_engine::records::Batch;
-use modlens_engine::session::Session;
+use modlens_engine::session::{BusOptions, Session, WantedTables};
 use modlens_protocol::direction::Direction;
-use modlens_protocol::framing::Verdict;
+use modlens_protocol::finding::Finding;
+use modlens_protocol::framing::{Mode, Verdict};
+use modlens_protocol::functions::Functions;
 use modlens_protocol::source::Clock;
 use modlens_protocol::status::Status;
 use modlens_readers::chunk::{Chunk, Times};
@@ -450,4 +454,28 @@ fn a_tap_that_starts_inside_an_exchange_reports_nothing_about_it() {
         assert!(batch.transactions.iter().all(|row| row.status == Status::Ok), "from {heard_from}");
         assert!((6..=8).contains(&batch.transactions.len()), "from {heard_from}");
     }
+}
+
+/// Exchanges of an ASCII line are taken whole, without the slow path.
+#[test]
+fn a_tap_that_starts_between_exchanges_reports_the_first_damage() {
+    let mut session = Session::new(
+        Arc::new(Functions::default()),
+        WantedTables { frames: true, transactions: true, findings: true },
+        true,
+        None,
+    );
+    let mut options = BusOptions { mode: Some(Mode::Ascii), ..BusOptions::named("bus") };
+    options.bus.clock = Clock::Utc;
+    let bus = session.add_bus(options);
+    // Read one register, value 7; then half of a request.
+    let exchange = [":010300000001FB\r\n", ":0103020007F3\r\n"];
+    for (at, text) in exchange.iter().cycle().take(8).chain(&[":0103000", ":010300000001FB\r\n"]).enumerate() {
+        let times = Times::Read(START + 200 * MS * at as i64);
+        session.feed(bus, &Chunk { bytes: text.as_bytes(), times, ..Chunk::default() });
+    }
+    session.flush();
+    let batch = session.take();
+    assert!(batch.transactions[..4].iter().all(|row| row.status == Status::Ok));
+    assert!(batch.findings.iter().any(|row| row.finding == Finding::Incomplete), "{:?}", batch.findings);
 }

@@ -153,7 +153,7 @@ impl Pairing {
 
     /// Keeps the last response of a run of such exchanges, which the next frame may repeat, with the number of its transaction and
     /// its identifier on a connection.
-    pub fn sync_after_batch(&mut self, of: (u64, Option<u16>), unit: u8, response: &[u8]) {
-        self.history.sync_after_batch(of, unit, response);
+    pub fn sync_after_batch(&mut self, txn_and_id: (u64, Option<u16>), unit: u8, response: &[u8]) {
+        self.history.sync_after_batch(txn_and_id, unit, response);
     }
 }

@@ -170,8 +170,8 @@ impl History {
     }
 
     /// Sets the last response after a run of the fast path.
-    pub(crate) fn sync_after_batch(&mut self, of: (u64, Option<u16>), unit: u8, pdu: &[u8]) {
-        self.set_last_response(of, unit, pdu, false);
+    pub(crate) fn sync_after_batch(&mut self, txn_and_id: (u64, Option<u16>), unit: u8, pdu: &[u8]) {
+        self.set_last_response(txn_and_id, unit, pdu, false);
     }
 
     fn set_last_response(&mut self, (txn, id): (u64, Option<u16>), unit: u8, pdu: &[u8], is_to_retry: bool) {
@@ -196,8 +196,9 @@ impl History {
         self.last_response.as_ref().filter(|last| last.is_to_retry).map(|last| (last.unit, &last.pdu[..]))
     }
 
-    /// The transaction of the last response, if this one has its identifier, unit and function, an exception or not, and other
-    /// content. Not so where the client has used the identifier for a request without response, too: it may be the late response to that.
+    /// Returns the transaction of the last response, if this one has its identifier, unit and function, an exception or not, and
+    /// other content. `None` where the client has used the identifier for a request without response as well: it may be the late
+    /// response to that.
     pub(super) fn contradicted_by(&self, frame: &ObservedFrame<'_>) -> Option<u64> {
         let last = self.last_response.as_ref().filter(|last| last.id.is_some() && last.id == frame.mbap_id)?;
         let has_function = last.pdu.first().is_some_and(|code| code & !EXCEPTION_BIT == frame.function());

@@ -278,8 +278,8 @@ impl Pairing {
     /// transaction.
     ///
     /// A request that is still open though it has timed out comes first (`mark_late`). If the last open request arrived
-    /// damaged, nothing is decided: it may be the response to that. Then, that it contradicts the last response; else the closed transactions are asked
-    /// (`classify_unexpected`).
+    /// damaged, nothing is decided: it may be the response to that. Then it may contradict the last response; else the closed
+    /// transactions are asked (`classify_unexpected`).
     fn explain_unrequested(&mut self, functions: &Functions, frame: &ObservedFrame<'_>, txn: u64) -> Explanation {
         if let Some(late) = self.mark_late(functions, frame) {
             return late;

@@ -64,7 +64,7 @@ impl Exchange {
     /// How it ended.
     #[inline]
     pub fn status(&self) -> Status {
-        if self.exception == 0 {
+        if self.exception == NOT_REFUSED {
             Status::Ok
         } else {
             Status::Exception

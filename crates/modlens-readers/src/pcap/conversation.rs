@@ -20,6 +20,9 @@ pub(super) struct ConnectionKey {
     pub(super) is_udp: bool,
 }
 
+/// Contradictions that are held until it is known what a connection carries; further ones are only counted.
+const MAX_HELD_CONFLICTS: usize = 16;
+
 /// What is known about the content of a connection.
 #[derive(Debug)]
 pub(super) enum ConversationState {
@@ -191,7 +194,7 @@ impl Conversation {
     }
 
     /// Counts bytes that contradict those before them, and reports both versions, once it is known that the connection carries
-    /// Modbus.
+    /// Modbus. Until then only the first few are held.
     pub(super) fn note_conflict(
         &mut self,
         conflict: Conflict,
@@ -206,8 +209,10 @@ impl Conversation {
             ConversationState::Modbus => {
                 (context.each)(Event::Conflict { slot: self.slot, conflict: &conflict, packet, time });
             }
-            ConversationState::Undecided(_) => self.held_conflicts.push((conflict, packet, time)),
-            ConversationState::Other | ConversationState::Over => {}
+            ConversationState::Undecided(_) if self.held_conflicts.len() < MAX_HELD_CONFLICTS => {
+                self.held_conflicts.push((conflict, packet, time));
+            }
+            _ => {}
         }
     }
 

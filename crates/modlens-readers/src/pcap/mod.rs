@@ -3,8 +3,8 @@
 //! Nearly all packets of a connection are like the one before, go straight to its stream (`classic`, `plain`,
 //! `known_connections`) and are handed on many at once (`in_turn`). For the others, in the order in which data passes through:
 //! `file` cuts the file into packets, `net` finds the TCP or UDP segment in a packet through all tunnels (`fragments` reassembles
-//! IP packets), `connections` finds its connection, `stream` puts the bytes of TCP in order (`delivered` compares them with those that come again), `conversation` reports them and the
-//! events of the connection, `classify` decides whether it carries Modbus and in which framing, and `lifecycle` keeps what its
+//! IP packets), `connections` finds its connection, `stream` puts the bytes of TCP in order (`delivered`
+//! compares them with those that come again), `conversation` reports them and the events of the connection, `classify` decides whether it carries Modbus and in which framing, and `lifecycle` keeps what its
 //! packets tell beside their bytes: opened, refused, ended, by whom. `serial` reads the link types of serial lines, and `metadata`
 //! the metadata that modlens itself has written. The engine makes frames of the streams; where another thread reads, it takes the
 //! events from `kept_events`.

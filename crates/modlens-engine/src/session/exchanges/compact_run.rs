@@ -202,7 +202,7 @@ impl CompactRun {
         let lengths = expected.rtu_lengths();
         let (request, response) = block.bytes[self.length..].split_at(lengths[0]);
         self.silence_share = None;
-        let is_mirrored = expected.echoes_request && *exception == 0;
+        let is_mirrored = expected.echoes_request && *exception == NOT_REFUSED;
         let response_bits = if is_mirrored { self.mirrored_bits(known, block, expected.unit) } else { u8::MAX };
         known.framer.learn_in_run(&mut self.learned, request, response, expected.echoes_request);
         self.mirrored += u32::from(expected.echoes_request);
@@ -210,7 +210,7 @@ impl CompactRun {
         self.last = Some(self.length);
         self.length += lengths[0] + lengths[1];
         known.note_unit(expected.unit);
-        if *exception == 0 {
+        if *exception == NOT_REFUSED {
             known.count_unknown(request, *expected);
         } else {
             known.stats.record_refusal(known.counts, (expected.key(), *exception), None, None);
@@ -226,7 +226,7 @@ impl RunContext<'_> {
         if self.profiles.are_none() {
             return LearnOutcome::Settled;
         }
-        if *exception != 0 {
+        if *exception != NOT_REFUSED {
             return if self.profiles.pass_over_refusal(expected.unit, expected.code) {
                 LearnOutcome::Learned
             } else {

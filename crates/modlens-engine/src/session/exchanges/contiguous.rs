@@ -7,7 +7,7 @@
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rtu_exchange::LastExchange;
 use crate::findings::{words, REFUSED};
-use crate::records::{ExchangeRun, Span};
+use crate::records::{ExchangeRun, Span, NOT_REFUSED};
 use crate::session::decoder::Decoder;
 use crate::session::exchanges::compact_run::{CompactRun, RunBytes, RunContext};
 use crate::session::exchanges::matching::RtuRun;
@@ -42,7 +42,7 @@ impl Decoder {
         let odds = run.take(known, &block, &mut self.batch.exchanges);
         let Some(at) = run.last else { return };
         let expected = ExpectedExchange::announced_by(&self.functions, Mode::Rtu, &bytes[at..]).expect("it was matched");
-        let is_refused = self.batch.exchanges.last().is_some_and(|exchange| exchange.exception != 0);
+        let is_refused = self.batch.exchanges.last().is_some_and(|exchange| exchange.exception != NOT_REFUSED);
         let expected = if is_refused { expected.refused() } else { expected };
         self.end_compact_run(bus, first, &run, LastExchange { expected, odds });
         if run.refusals > 0 && self.wanted.findings {
@@ -74,7 +74,7 @@ impl Decoder {
     fn report_refusals(&mut self) {
         let Some(run) = self.batch.exchange_runs.last() else { return };
         for (at, exchange) in run.exchanges.of(&self.batch.exchanges).iter().enumerate() {
-            if exchange.exception == 0 {
+            if exchange.exception == NOT_REFUSED {
                 continue;
             }
             let row = run.transaction(&self.batch.exchanges, &[], at);

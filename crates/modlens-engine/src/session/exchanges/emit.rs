@@ -1,7 +1,9 @@
 //! What a session makes of a matched exchange, whatever its framing: its rows or its compact form, and what is learned from it.
 
 use crate::findings::{words, REFUSED};
-use crate::records::{Exchange, ExchangeRun, ExchangeTiming, Frame, FrameRef, PacketPair, PacketsOfRun, Span, Transaction};
+use crate::records::{
+    Exchange, ExchangeRun, ExchangeTiming, Frame, FrameRef, PacketPair, PacketsOfRun, Span, Transaction, NOT_REFUSED,
+};
 use crate::session::bus::{learn_side, BusState, FROM_CLIENT, FROM_SERVER};
 use crate::session::decoder::Decoder;
 use crate::session::exchanges::matching::{MatchedExchange, LENGTH_AT};
@@ -42,12 +44,12 @@ impl Decoder {
         let [request, response] = &timings;
         let starts = request.start.zip(response.start).map(<[Ns; 2]>::from);
         if let (Some(starts), Some(_)) = (starts, matched.mbap_id) {
-            let status = if matched.exception == 0 { Status::Ok } else { Status::Exception };
+            let status = if matched.exception == NOT_REFUSED { Status::Ok } else { Status::Exception };
             state.connection.note_exchange(self.next_txn, status, matched.mbap_id, starts, &state.pairing);
         }
         let response_time = learn_exchange(state, matched, &timings).filter(|&ns| ns >= run.min_measurable_ns);
         let (expected, key) = (&matched.expected, matched.expected.key());
-        if matched.exception == 0 {
+        if matched.exception == NOT_REFUSED {
             let spans = [request.span(), response.span()];
             self.stats.record_exchange(state.counts, (key, matched.counters), spans, response_time);
             if matched.counters.is_none() && matched.mode != Mode::Ascii {
@@ -169,7 +171,7 @@ fn learn_exchange(state: &mut BusState, matched: &MatchedExchange, [request, res
     learn_side(&mut state.side_votes, request.side, Direction::Request);
     learn_side(&mut state.side_votes, response.side, Direction::Response);
     let response_time = state.pairing.measurable_interval(request.end, response.start, response.clean_start);
-    let is_mirrored = expected.echoes_request && matched.exception == 0;
+    let is_mirrored = expected.echoes_request && matched.exception == NOT_REFUSED;
     let poll_pause = request.gap.filter(|_| expected.echoes_request);
     state.pairing.record_exchange(matched.mbap_id, expected.echoes_request);
     state.pairing.learn_times(poll_pause, response_time, is_mirrored);

@@ -60,6 +60,7 @@ impl Decoder {
     pub(super) fn end_run(&mut self, bus: usize, mode: Mode, totals: &BatchTotals, run: &mut RtuRun) {
         let state = &mut self.buses[bus];
         self.stats.record_batch(state.counts, mode, totals.exchanges, totals.bytes as u64);
+        state.begins_inside = false;
         let Some(last) = run.last_exchange else { return };
         let line = &mut state.lines[0].1;
         let lengths = last.expected.rtu_lengths();

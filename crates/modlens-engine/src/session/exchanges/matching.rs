@@ -21,7 +21,7 @@ use modlens_protocol::checksum::lrc;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::hex::decode_pairs;
-use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
+use modlens_protocol::mbap::{transaction_id, PREFIX_BYTES as MBAP_PREFIX_BYTES};
 use modlens_protocol::Ns;
 
 /// Where in a message the length is that its header announces (messaging on TCP/IP, 3.1.3); after it come unit and PDU.
@@ -183,7 +183,7 @@ pub(super) fn match_tcp(
     if refusal.is_some() {
         (expected, counters) = (expected.refused(), None);
     }
-    let id = u16::from_be_bytes([header[0], header[1]]);
+    let id = transaction_id(header);
     let is_whole = request.len() == expected.request_bytes && response.len() == expected.response_bytes;
     let is_answered = is_whole
         && open.stay_open_across(id, times)
@@ -192,7 +192,7 @@ pub(super) fn match_tcp(
         && (refusal.is_some()
             || expected.is_answered_by(request, response)
                 && profiles.learn_on_fast_path(functions, request, expected.read_data(response)));
-    let (lengths, exception) = ([asked.len(), answered.len()], refusal.unwrap_or(0));
+    let (lengths, exception) = ([asked.len(), answered.len()], refusal.unwrap_or(NOT_REFUSED));
     let (mode, mbap_id, odds) = (Mode::Tcp, Some(id), CERTAIN_DIRECTION_BITS);
     is_answered.then_some(MatchedExchange { expected, mode, mbap_id, lengths, odds, counters, exception })
 }
