@@ -197,11 +197,16 @@ def compared(found: Truth, truth: Truth, open_pairs: int) -> str:
 
 def export(path: Path, out: Path | None) -> list[str]:
     """The words that export a recording; without `out` as JSON lines to standard output."""
-    raw = ["--from", "raw", "--mode", "rtu"] if path.suffix == ".bin" else []
     target = ["--to", "jsonl"] if out is None else ["-o", str(out)]
     # With several threads more CPU is spent, and the peers have one.
-    words = ["export", str(path), *raw, "--threads", "1", *target]
+    words = ["export", *source(path), "--threads", "1", *target]
     return [sys.executable, "-m", "analyzer", *words]
+
+
+def source(path: Path) -> list[str]:
+    """The words that read a recording."""
+    mode = {".bin": "rtu", ".ascii": "ascii"}.get(path.suffix)
+    return [str(path), *(["--from", "raw", "--mode", mode] if mode else [])]
 
 
 def own(files: Files) -> list[Program]:
@@ -209,12 +214,10 @@ def own(files: Files) -> list[Program]:
     frames, capture, out = files.frames["bytes"], files.captures["bytes"], files.scratch
     begin, ten = "modlens, start", ["--columns", COLUMNS]
     python = [sys.executable, "-c"]
-    stats = [sys.executable, "-m", "analyzer", "stats", str(files.raw), "--from", "raw"]
+    stats = [sys.executable, "-m", "analyzer", "stats", *source(files.raw)]
     programs = [
         Program(begin, [*python, "import modlens, analyzer.api, analyzer.cli.outputs"], 0),
-        Program(
-            "statistics of raw RTU", [*stats, "--mode", "rtu"], frames, begin, "yardstick, columns"
-        ),
+        Program("statistics of raw RTU", stats, frames, begin, "yardstick, columns"),
         Program(
             "raw RTU to CSV", [*export(files.raw, out / "a.csv"), *ten], frames, begin,
             "yardstick, CSV",
@@ -268,9 +271,7 @@ def peers(files: Files, block_frames: int) -> list[Program]:
 
 def yardstick(files: Files, folder: Path, build: Path) -> list[Program]:
     """What has to be done and nothing else, by the program in this folder."""
-    program = build / "limit"
-    rustc = ["rustc", "--edition", "2021", "-O", "-o", str(program), str(folder / "limit.rs")]
-    subprocess.run(rustc, check=True)
+    program = compiled(folder, build)
     frames, raw, out = files.frames["bytes"], str(files.raw), files.scratch / "a.csv"
     capture = str(files.captures["bytes"])
     return [
@@ -278,6 +279,14 @@ def yardstick(files: Files, folder: Path, build: Path) -> list[Program]:
         Program("yardstick, CSV", [str(program), raw, f"bincsv:{out}"], frames),
         Program("yardstick, pcap to CSV", [str(program), capture, f"tcpcsv:{out}"], frames),
     ]
+
+
+def compiled(yardstick: Path, folder: Path) -> Path:
+    """Compiles the program in the folder of the yardstick into the other one."""
+    program = folder / "limit"
+    rustc = ["rustc", "--edition", "2021", "-O", "-o", str(program), str(yardstick / "limit.rs")]
+    subprocess.run(rustc, check=True)
+    return program
 
 
 def table(programs: list[Program]) -> list[str]:

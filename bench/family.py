@@ -24,7 +24,17 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench.compare import ARROW, COLUMNS, FIELDS, ROOT, Program, installed
+from bench.compare import (
+    ARROW,
+    COLUMNS,
+    FIELDS,
+    ROOT,
+    Program,
+    compiled,
+    export,
+    installed,
+    source,
+)
 from bench.support.workload import Truth, read_truth
 
 MAX_OPEN_SHARE = 0.002
@@ -70,14 +80,6 @@ def main() -> None:
         sys.stdout.write("\n".join(table(rows, starts)) + "\n")
 
 
-def compiled(yardstick: Path, folder: Path) -> Path:
-    """Compiles the yardstick."""
-    limit = folder / "limit"
-    rustc = ["rustc", "--edition", "2021", "-O", "-o", str(limit), str(yardstick / "limit.rs")]
-    subprocess.run(rustc, check=True)
-    return limit
-
-
 def measured(
     kind: str,
     options: argparse.Namespace,
@@ -102,22 +104,11 @@ def measured(
     return row
 
 
-def source(path: Path) -> list[str]:
-    """The words that read a recording."""
-    mode = {".bin": "rtu", ".ascii": "ascii"}.get(path.suffix)
-    return [str(path), *(["--from", "raw", "--mode", mode] if mode else [])]
-
-
-def export(path: Path, out: Path, columns: str) -> list[str]:
-    """The words that export a recording as CSV."""
-    words = [*source(path), "--threads", "1", "--columns", columns, "-o", str(out)]
-    return [sys.executable, "-m", "analyzer", "export", *words]
-
-
 def check(name: str, path: Path, scratch: Path, truth: Truth) -> None:
     """Ends with an error where an export differs from what was generated."""
     out = scratch / "check.csv"
-    subprocess.run(export(path, out, "status,function,data"), check=True, cwd=ROOT)
+    run = [*export(path, out), "--columns", "status,function,data"]
+    subprocess.run(run, check=True, cwd=ROOT)
     with out.open(newline="") as file:
         found = read_truth(csv.DictReader(file))
     requests = truth.ok + truth.exception + truth.no_response
@@ -130,10 +121,10 @@ def check(name: str, path: Path, scratch: Path, truth: Truth) -> None:
 
 def programs(path: Path, scratch: Path, frames: int, limit: Path | None) -> dict[str, Program]:
     """What is timed on a recording, by the name of its column."""
-    own = [sys.executable, "-m", "analyzer"]
+    own, ten = [sys.executable, "-m", "analyzer"], ["--columns", COLUMNS]
     found = {
         "stats": Program("stats", [*own, "stats", *source(path)], frames, "modlens"),
-        "CSV": Program("CSV", export(path, scratch / "a.csv", COLUMNS), frames, "modlens"),
+        "CSV": Program("CSV", [*export(path, scratch / "a.csv"), *ten], frames, "modlens"),
     }
     if path.suffix == ".bin" and installed("pyarrow"):
         arrow = [*PYTHON, ARROW, str(path), COLUMNS]
