@@ -65,6 +65,9 @@ TESTS_OF_FILES = {
     "README.md": "tests/docs/test_readme.py",
     "CONTRIBUTING.md": "tests/docs/test_contributing.py",
     "ARCHITECTURE.md": "tests/docs/test_contributing.py",
+    "docs/figures.md": "tests/docs/test_figures.py",
+    "docs/segmentation.md": "tests/docs/test_figures.py",
+    "docs/speed.md": "tests/docs/test_figures.py",
 }
 
 
@@ -107,6 +110,8 @@ def tests_of(file: str) -> Iterator[str]:
         yield TESTS_OF_FILES[file]
         if path.suffix == ".py":
             yield file  # Its doctests.
+        if file == "README.md":
+            yield TESTS_OF_FILES["docs/figures.md"]  # It quotes them.
     elif path.parts[0] == "tests" and path.name.startswith("test_"):
         yield file
     elif path.parts[0] in ("modlens", "analyzer", "dissectors"):
