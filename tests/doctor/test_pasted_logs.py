@@ -274,3 +274,31 @@ def test_a_stray_byte_before_an_answer_without_checksum_is_no_other_unit(tmp_pat
 
 def test_a_refused_value_says_nothing_about_addresses(tmp_path: Path) -> None:
     assert codes(doctor(exchange(rtu(7, b"\x83\x03"), 2), tmp_path)) == ["block_too_long"]
+
+
+def numbered(answered_as: int) -> list[str]:
+    """A log of Modbus/TCP in which the identifier of each answer is so much higher."""
+    lines = []
+    for number in range(1, 21):
+        asked = mbap(number, 1, read_request(3, 100, 2))
+        answer = mbap(number + answered_as, 1, bytes([3, 4, 0, number, 0, 9]))
+        lines += [f"10:00:{number:02}.100 Tx: {asked.hex(' ')}"]
+        lines += [f"10:00:{number:02}.110 Rx: {answer.hex(' ')}"]
+    return lines
+
+
+def mbap(identifier: int, unit: int, pdu: bytes) -> bytes:
+    """Messaging on TCP/IP, 3.1.3."""
+    head = identifier.to_bytes(2, "big") + b"\0\0" + (len(pdu) + 1).to_bytes(2, "big")
+    return head + bytes([unit]) + pdu
+
+
+def test_answers_with_other_identifiers_are_a_mix_up_in_a_log_too(tmp_path: Path) -> None:
+    """A client that compares identifiers drops each of them, whatever the values are."""
+    found = doctor(numbered(1000), tmp_path)
+    assert codes(found)[0] == "gateway_mixup", found["sentence"]
+    assert "transaction identifier" in found["diagnoses"][0]["sentence"]
+
+
+def test_answers_with_the_identifiers_of_their_requests_are_none(tmp_path: Path) -> None:
+    assert codes(doctor(numbered(0), tmp_path)) == []

@@ -175,9 +175,6 @@ fn unreachable(counts: &UnitCounts) -> u64 {
 
 /// Answers with identifier, unit or function of another request.
 pub(super) fn gateway_mixup(view: &View<'_>) -> Vec<Claim> {
-    if !view.bus.facts.is_network {
-        return Vec::new();
-    }
     let sum = |of: fn(&UnitCounts) -> Tally| {
         view.bus.units.values().fold(Tally::default(), |mut sum, counts| {
             sum.merge(&of(counts));
@@ -205,7 +202,9 @@ pub(super) fn gateway_mixup(view: &View<'_>) -> Vec<Claim> {
     let second = sum(|counts| counts.second_answers.clone());
     let several = view.bus.connections.clients.sorted().len() > 1;
     let kinds = kinds.into_iter().chain([("the unit", sum(for_others))]).chain(several.then_some(("the data", second)));
-    let (what, mut tally) = kinds.max_by_key(|(_, tally)| tally.failed).expect("three at least");
+    // Only messages of Modbus/TCP have an identifier, in a log as well; all else has other causes on a line.
+    let kinds = kinds.take(if view.bus.facts.is_network { usize::MAX } else { 1 });
+    let (what, mut tally) = kinds.max_by_key(|(_, tally)| tally.failed).expect("one at least");
     let share = Share { failed: tally.failed, total: view.bus.requests_seen.total.max(tally.failed) };
     let Some(chance) = view.beyond_accident(share) else { return Vec::new() };
     (tally.total, tally.before, tally.after) = (share.total, 0, 0);
