@@ -162,7 +162,7 @@ def main() -> int:
     parser.add_argument("--esphome", default="esphome", help="ESPHome's command")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
-        program = build(options.esphome, Path(place))
+        program = build(os.path.abspath(options.esphome), Path(place))
         return 0 if compare(program, Path(place), options.minutes * 60) else 1
 
 
