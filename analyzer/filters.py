@@ -61,7 +61,7 @@ unit == 1 and 'retry' in findings
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -91,9 +91,23 @@ class Filter:
     def __str__(self) -> str:
         return self.text
 
+    @property
+    def columns(self) -> frozenset[str]:
+        """The columns that it compares."""
+        return frozenset(_columns(self.tree))
+
     def predicate(self) -> _modlens.Predicate:
         """The compiled filter for `Table.where(predicate)`."""
         return _modlens.Predicate(self.table, json.dumps(self.tree))
+
+
+def _columns(tree: Any) -> Iterator[str]:
+    """The columns in a tree."""
+    if isinstance(tree, list) and tree[:1] == ["col"]:
+        yield tree[1]
+    elif isinstance(tree, list):
+        for part in tree:
+            yield from _columns(part)
 
 
 def parse(text: str, table: str = "transactions") -> Filter:

@@ -15,10 +15,10 @@ _TYPES: dict[str, type[Any]] = {"string": str, "integer": int, "boolean": bool, 
 def check(tool: str, arguments: Mapping[str, Any], schema: Mapping[str, Any]) -> None:
     """`UsageError` for an argument that is missing, unknown, or of the wrong kind.
 
-    >>> check("rows", {"file": "a"}, {"properties": {"file": {"type": "string"}}, "required": []})
+    >>> check("rows", {"file": "a"}, {"properties": {"file": {"type": "string"}}})
     """
     known = schema["properties"]
-    for name in schema["required"]:
+    for name in schema.get("required", ()):
         if name not in arguments:
             raise UsageError(f"{tool}: the argument {name} is missing")
     for name, value in arguments.items():

@@ -84,6 +84,11 @@ class Reading:
         """What the recordings turned out to be, and what of them could not be read."""
         return [_source(one) for one in self._statuses.values()]
 
+    @property
+    def has_dates(self) -> bool:
+        """Whether a recording has moments in UTC; rows of others have no time."""
+        return any(one.details.get("clock") == "utc" for one in self._statuses.values())
+
     def _note(self, status: RecordingStatus) -> None:
         self._statuses[status.name] = status
 

@@ -9,7 +9,9 @@ from typing import Any
 from analyzer.assistants.answers import page
 from analyzer.assistants.fence import Fence
 from analyzer.assistants.reading import Reading
+from analyzer.assistants.sorting import Sorted
 from analyzer.columns import pick
+from analyzer.filters import parse
 
 __all__ = ["answer"]
 
@@ -33,15 +35,23 @@ def answer(fence: Fence, arguments: Mapping[str, Any]) -> str:
     table, wanted = arguments.get("table", "transactions"), arguments.get("columns")
     columns = pick(table, _DEFAULT.get(table) if wanted is None else _named(wanted))
     offset, limit = arguments.get("offset", 0), arguments.get("limit", LIMIT)
+    order = arguments.get("sort")
+    ordered = None if order is None else Sorted(table, order, offset + limit)
     total, found = 0, list[dict[str, Any]]()
     for rows in reading.rows(table, arguments.get("where")):
         start, missing = max(offset - total, 0), limit - len(found)
-        if missing and start < len(rows):
+        if ordered is not None:
+            ordered.add(rows, lambda some: _objects(some, columns))
+        elif missing and start < len(rows):
             found += _objects(rows.slice(start, missing), columns)
         total += len(rows)
+    if ordered is not None:
+        found = ordered.rows(offset)
     head = reading.head | {"table": table}
     if wanted is not None:
         head |= _empty(columns, found)
+    if not total:
+        head |= _missing_dates(reading, table, arguments.get("where"))
     head |= _common_bus(found)
     return page(head, [("rows", row) for row in found], offset=offset, total=total)
 
@@ -64,6 +74,13 @@ def _empty(columns: tuple[str, ...], rows: list[dict[str, Any]]) -> dict[str, An
     writes = {f"write_{column}" for column in empty} & _WRITES
     hint = {"hint": f"writes have {', '.join(sorted(writes))}"} if writes else {}
     return {"empty_columns": empty} | hint if empty else {}
+
+
+def _missing_dates(reading: Reading, table: str, where: str | None) -> dict[str, Any]:
+    """A hint where a condition asks for the time of rows that have none."""
+    if where is None or "time" not in parse(where, table).columns or reading.has_dates:
+        return {}
+    return {"hint": "its clock has no date or zone, so that no row has a time: use elapsed_us"}
 
 
 def _common_bus(rows: list[dict[str, Any]]) -> dict[str, str]:

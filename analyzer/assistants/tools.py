@@ -43,27 +43,24 @@ class Tool:
     def schema(self) -> dict[str, Any]:
         """The JSON schema of the arguments."""
         shared = DECODING if self.decodes else {}
-        return {
-            "type": "object",
-            "properties": {**shared, **self.arguments},
-            "required": list(self.required),
-            "additionalProperties": False,
-        }
+        required = {"required": list(self.required)} if self.required else {}
+        properties = {"properties": {**shared, **self.arguments}}
+        return {"type": "object", **properties, **required, "additionalProperties": False}
 
 
 DECODING: dict[str, dict[str, Any]] = {
-    "file": {"type": "string", "description": "as overview lists it"},
-    "line": {"type": "string", "description": "line settings, if known: 19200-8E1"},
+    "file": {"type": "string", "description": "from overview"},
+    "line": {"type": "string", "description": "line settings: 19200-8E1"},
     "profile": {"type": "string", "description": "device profile: 1=eastron-sdm630"},
     "ports": {
         "type": "array",
         "items": {"type": "integer", "maximum": 65535},
-        "description": "Modbus/TCP ports if not 502; [] is any",
+        "description": "TCP ports if not 502; [] is any",
     },
 }
 """The arguments that say which recording to read, and how."""
 
-_OFFSET = {"offset": {"type": "integer", "minimum": 0, "description": "next_offset of a page"}}
+_OFFSET = {"offset": {"type": "integer", "minimum": 0, "description": "next_offset"}}
 _UNIT = {"unit": {"type": "integer", "minimum": 0, "maximum": 255}}
 
 
@@ -97,7 +94,7 @@ TOOLS = {
                         "transactions", "frames", "readings", "findings", "connections",
                         "diagnoses",
                     ],
-                    "description": "transactions if absent",
+                    "default": "transactions",
                 },
                 "where": {
                     "type": "string",
@@ -108,7 +105,8 @@ TOOLS = {
                     "type": "string",
                     "description": "txn,unit,status, or all; explain columns lists them",
                 },
-                "limit": {"type": "integer", "minimum": 1, "maximum": 50, "description": "20"},
+                "sort": {"type": "string", "description": "column; -column: largest first"},
+                "limit": {"type": "integer", "minimum": 1, "maximum": 50, "default": 20},
                 **_OFFSET,
             },
             ("file",),

@@ -57,6 +57,16 @@ MOST_THREADS = 4
 TABLE = "table"
 """The value of `--to` that means the table for people on standard output."""
 
+_DATELESS = (
+    "a log without a date or zone has none but seconds since its start (--date and --timezone give"
+    " them)"
+)
+NO_SUCH_TIME = (
+    "--between: no row has such a time; times without a zone are those of the table (--times), and"
+    f" {_DATELESS}"
+)
+NO_MATCH = f"--where: no row matches; times without a zone are UTC, and {_DATELESS}"
+
 
 def run_settings(options: argparse.Namespace) -> Settings:
     """The settings from the options, with the tables that the outputs need."""
@@ -194,10 +204,12 @@ class Outputs:
         self._messages = messages
         zone: Literal["local", "utc"] = "utc" if options.times == "utc" else "local"
         where = _filter(options, zone)
-        by_time = where is not None and ("(time" in where or "(opened" in where)
-        self._has_times = options.between is not None and by_time
         self._filtered = where is not None
-        for note in () if where is None else _notes(where, options.table):
+        notes, by_time = ((), False) if where is None else _remarks(where, options.table)
+        self._without_rows = ""
+        if by_time:
+            self._without_rows = NO_SUCH_TIME if options.between is not None else NO_MATCH
+        for note in notes:
             messages.info(f"--where: {note}")
         self._sinks: list[OutputSink] = list(extra_sinks)
         self._on_screen: OutputSink | None = None
@@ -293,12 +305,8 @@ class Outputs:
                 self.partial.append(sink.name)
             if sink.table and (sink is not self._on_screen or self._filtered):
                 self._messages.info(f"{sink.name}: {_outcome(sink)}")
-            if self._has_times and sink.table and not sink.row_count:
-                self._messages.error(
-                    "--between: no row has such a time; times without a zone are those of the table"
-                    " (--times), and a log without a date or zone has none but seconds since its"
-                    " start (--date and --timezone give them)"
-                )
+            if self._without_rows and sink.table and not sink.row_count:
+                self._messages.error(self._without_rows)
             remark = sink.closing_remark() if isinstance(sink, ExportSink) else ""
             if remark:
                 self._messages.info(f"{sink.name}: {remark}")
@@ -331,11 +339,12 @@ def _filter(options: argparse.Namespace, zone: Literal["local", "utc"]) -> str |
     return combine_filters(options.where, options.between, zone=zone, table=options.table)
 
 
-def _notes(where: str, table: str) -> Sequence[str]:
-    """What has to be said of a filter."""
+def _remarks(where: str, table: str) -> tuple[Sequence[str], bool]:
+    """The notes on a filter, and whether it compares moments."""
     from analyzer.filters import parse  # noqa: PLC0415 - loaded where there is a filter
 
-    return parse(where, table).notes
+    found = parse(where, table)
+    return found.notes, bool(found.columns & {"time", "opened"})
 
 
 def targets(options: argparse.Namespace) -> list[Target]:

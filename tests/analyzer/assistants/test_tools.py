@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import subprocess
@@ -12,6 +13,7 @@ import pytest
 
 from analyzer.assistants.answers import MAX_CHARACTERS
 from analyzer.assistants.fence import Fence
+from analyzer.assistants.protocol import Server
 from analyzer.assistants.tools import TOOLS, RecordingTools
 from tests.conftest import CAPTURES, ROOT, Modlens, command, environment
 
@@ -47,7 +49,12 @@ def everything(tool: str, key: str, **arguments: Any) -> list[dict[str, Any]]:
 def test_the_list_of_tools_is_short() -> None:
     """An assistant has it in its context all the time; nothing in it may write."""
     assert list(TOOLS) == ["overview", "diagnose", "rows", "show", "registers", "explain"]
-    assert len(json.dumps(TOOL_SET.listed, separators=(",", ":"))) < 5000
+    for meta in ({}, {"io.modelcontextprotocol/protocolVersion": "2026-07-28"}):
+        request = {"jsonrpc": "2.0", "id": 1, "method": "tools/list", "params": {"_meta": meta}}
+        response = io.BytesIO()
+        server = Server(TOOL_SET, name="modlens", version="0.1.0", instructions="")
+        server.serve(io.BytesIO(json.dumps(request).encode() + b"\n"), response)
+        assert len(response.getvalue()) < 5000
     for tool in TOOL_SET.listed:
         assert tool["annotations"]["readOnlyHint"] is True
         assert tool["inputSchema"]["type"] == "object"
@@ -90,6 +97,43 @@ def test_rows_are_counted_and_chosen() -> None:
     assert answer["next_offset"] == 2
     frames = ask("rows", file=DISTURBED, table="frames", where="verdict == 'noise'", limit=1)
     assert frames["rows_in_all"] == 6
+
+
+def test_rows_are_sorted_page_by_page(modlens: Modlens) -> None:
+    """As Python sorts all rows; those without a value are last, either way."""
+    lines = modlens("decode", CAPTURES / DISTURBED, "--to", "jsonl").out.splitlines()
+    known = [json.loads(line) for line in lines]
+    timed = [row for row in known if "response_time_us" in row]
+    without = [row["txn"] for row in known if "response_time_us" not in row]
+    assert without
+    for order, descends in (("response_time_us", False), ("-response_time_us", True)):
+        expected = sorted(timed, key=lambda row: row["response_time_us"], reverse=descends)
+        found = everything("rows", "rows", file=DISTURBED, sort=order, columns="txn", limit=7)
+        assert [row["txn"] for row in found] == [row["txn"] for row in expected] + without
+    last = ask("rows", file=DISTURBED, sort="-time", columns="txn,time", limit=1)["rows"]
+    assert last == [max(({k: row[k] for k in ("txn", "time")} for row in known), key=_moment)]
+    assert "name one column" in refused("rows", file=DISTURBED, sort="txn,unit")
+    assert "choose fewer rows" in refused("rows", file=DISTURBED, sort="txn", offset=1000)
+
+
+def _moment(row: dict[str, Any]) -> str:
+    return str(row["time"]).removesuffix("Z")
+
+
+def test_a_clock_without_dates_is_named(tmp_path: Path) -> None:
+    """A condition on the time of rows that have none looks as if nothing had happened."""
+    log = tmp_path / "meter.log"
+    log.write_text(
+        "16 10:54:16.226 G  TX 01 04 03 E8 00 08 71 BC \n"
+        "16 10:54:16.273 G  RX 01 04 10 27 D8 03 15 30 39 09 29 00 00 00 00 00 00 00 00 55 68 \n"
+    )
+    tools = RecordingTools(Fence([str(tmp_path)]))
+    for where, words in (("time > '10:54'", "use elapsed_us"), ("unit == 3", None)):
+        text, _ = tools.call("rows", {"file": "meter.log", "where": where})
+        found = json.loads(text)
+        assert found["rows_in_all"] == 0
+        assert words is None or words in found["hint"]
+        assert ("hint" in found) is (words is not None)
 
 
 def test_columns_without_a_value_are_named() -> None:

@@ -128,6 +128,16 @@ def test_nothing_between_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert "no row has such a time; times without a zone are" in capsys.readouterr().err
 
 
+def test_a_condition_on_times_that_selects_nothing_is_told(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Only where the condition compares times."""
+    assert main(["decode", DISTURBED, "--where", "time < '2001-01-01'"]) == 0
+    assert "--where: no row matches; times without a zone are UTC" in capsys.readouterr().err
+    assert main(["decode", DISTURBED, "--where", "unit == 77"]) == 0
+    assert "no row matches" not in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("bounds", "said"),
     [
