@@ -33,7 +33,7 @@ _REPORT_SCRIPTS = (
     "sections.js",
 )
 _CONNECT = " connect-src 'self';"
-_SCRIPTS = ("unpack.js", "grid.js", "filters.js", "page.js", "live.js")
+_SCRIPTS = ("unpack.js", "grid.js", "filters.js", "page.js", "live.js", "serial.js")
 
 
 def page(*, live: bool = False) -> bytes:

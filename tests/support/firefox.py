@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from tests.conftest import need_program
@@ -67,14 +68,21 @@ class Firefox:
 
     def send_file(self, selector: str, path: Path) -> None:
         """Choose a file in an input of the page."""
-        found = self._call("WebDriver:FindElement", {"using": "css selector", "value": selector})
-        element = next(iter(found["value"].values()))
+        element = self._element(selector)
         self._call("WebDriver:ElementSendKeys", {"id": element, "text": str(path)})
+
+    def click(self, selector: str) -> None:
+        """Click as a person does."""
+        self._call("WebDriver:ElementClick", {"id": self._element(selector)})
 
     def close(self) -> None:
         """End the connection."""
         self._stream.close()
         self._connection.close()
+
+    def _element(self, selector: str) -> str:
+        found = self._call("WebDriver:FindElement", {"using": "css selector", "value": selector})
+        return str(next(iter(found["value"].values())))
 
     def _call(self, name: str, parameters: Mapping[str, Any]) -> Any:
         self._number += 1
@@ -95,14 +103,17 @@ class Firefox:
 
 
 @contextmanager
-def running(folder: Path) -> Iterator[Firefox]:
+def running(
+    folder: Path, preferences: Mapping[str, bool | int | str] = MappingProxyType({})
+) -> Iterator[Firefox]:
     """A browser that leaves its files in this folder, until the block ends.
 
     The test is skipped where it is not installed.
     """
     profile = folder / "profile"
     profile.mkdir()
-    lines = [f"user_pref({json.dumps(key)}, {json.dumps(it)});" for key, it in PREFERENCES.items()]
+    wanted = {**PREFERENCES, **preferences}
+    lines = [f"user_pref({json.dumps(key)}, {json.dumps(it)});" for key, it in wanted.items()]
     (profile / "user.js").write_text("\n".join(lines))
     program = need_program("firefox-esr")
     words = [program, "--headless", "--marionette", "--no-remote", "--profile", str(profile)]

@@ -55,6 +55,7 @@ const Page = (() => {
   // ---- recordings
 
   async function take(files) {
+    await Serial.stop();
     recordings = [];
     const troubles = [];
     for (const file of files) {
@@ -96,7 +97,7 @@ const Page = (() => {
     document.documentElement.dataset.state = "decoding";
     document.body.classList.add("opened");
     $("trouble").hidden = $("welcome").hidden = true;
-    $("progress").hidden = false;
+    $("another").hidden = $("progress").hidden = false;
     $("results").hidden = true;
     try {
       const began = performance.now();
@@ -211,6 +212,7 @@ const Page = (() => {
       fetch: (from, count) => ask({ call: "rows", table: name, columns: columns.map((one) => one.key), ...Filters.of(table), from, count }),
     });
     $("detail").replaceChildren();
+    $("detail").parentElement.classList.remove("chosen");
     await refresh();
   }
 
@@ -236,6 +238,8 @@ const Page = (() => {
       return [el("h3", {}, title), el("p", {}, why), el("p", {}, el("strong", {}, "Check: "), advice)];
     });
     $("detail").replaceChildren(el("h2", {}, `${table.slice(0, -1)} ${row.txn || row.frame || row.connection || at + 1}`), ...meaning, el("dl", {}, ...list));
+    $("detail").parentElement.classList.add("chosen");
+    $("detail").scrollIntoView({ block: "nearest" });
     document.documentElement.dataset.detail = String(at);
   }
 
@@ -337,9 +341,13 @@ const Page = (() => {
       target.value = "";
       if (files.length) take(files);
     });
+    $("another").addEventListener("click", () => {
+      $("welcome").hidden = false;
+      $("file").focus();
+    });
     $("decode-text").addEventListener("click", () => { if ($("text").value.trim()) take([new File([$("text").value], "pasted text")]); });
     $("which").addEventListener("change", () => open(recordings[Number($("which").value)]));
-    $("again").addEventListener("click", () => { if (recording) open(recording); });
+    $("again").addEventListener("click", () => { if (recording?.blob) open(recording); });
     $("cancel").addEventListener("click", cancel);
   }
 

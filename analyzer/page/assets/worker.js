@@ -72,12 +72,11 @@ async function follow({ settings }) {
   call("open", encode({ ...settings, purpose: "live", format: "pcapng" }));
 }
 
-// A read of a port; the bytes of the raw recording that it adds.
+// A read of a port: what the core answers, and the bytes of the raw recording that it adds.
 function read(question) {
-  ask(question);
-  const pieces = [];
+  const answer = ask(question), pieces = [];
   drain(pieces);
-  return pieces;
+  return { answer, pieces };
 }
 
 // Rows as a file, made in pieces.

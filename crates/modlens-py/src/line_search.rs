@@ -25,7 +25,7 @@ impl LineSearch {
     #[new]
     #[pyo3(signature = (*, marks_errors=true))]
     fn new(marks_errors: bool) -> Self {
-        Self { core: Search::new(SearchOptions { marks_errors, mode: None }) }
+        Self { core: Search::new(SearchOptions { marks_errors, ..SearchOptions::default() }) }
     }
 
     fn line(&self) -> String {

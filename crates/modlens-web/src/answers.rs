@@ -16,8 +16,9 @@ const MAX_ROWS: u64 = 1000;
 ///
 /// | `call` | with | answer |
 /// |--|--|--|
-/// | `listen` | `name`, `line` of a port | null; `export_more` gives the bytes of its raw recording |
-/// | `read` | `hex`, `time`, `hole` of a read of it | null; as before |
+/// | `listen` | `name`, `line` of a port | `line` to open it with, `searching`, `said`; `export_more` gives the bytes of its raw recording |
+/// | `read` | `hex`, `time`, `hole`, `is_set` of a read of it | as before |
+/// | `hang_up` | `time` when its last read returned | as before |
 /// | `check` | `table`, `where` | `text` (normalized spelling), `notes` of the filter |
 /// | `rows` | `table`, `columns`, `where` (a filter or null), `from`, `count` | `total`, `rows` (texts of the cells) |
 /// | `row` | `table`, `where`, `at` | texts of all its columns by name |
@@ -29,8 +30,9 @@ const MAX_ROWS: u64 = 1000;
 /// A filter with a time of day that is local needs `local`, the changes of the computer's offset from UTC, in seconds.
 pub fn answer(decoding: &mut Decoding, question: &Json) -> Result<Json, String> {
     match question["call"].as_str().unwrap_or_default() {
-        "listen" => decoding.listen(question).map(|()| Json::Null),
-        "read" => decoding.read(question).map(|()| Json::Null),
+        "listen" => decoding.listen(question),
+        "read" => decoding.read(question),
+        "hang_up" => decoding.hang_up(question),
         "check" => check(question),
         "rows" => rows(decoding, question),
         "row" => row(decoding, question),

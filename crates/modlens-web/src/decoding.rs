@@ -16,6 +16,7 @@ use modlens_writers::BLOCK_BYTES;
 use serde_json::{json, Value as Json};
 
 use crate::export::Export;
+use crate::listening::Port;
 use crate::view::Views;
 
 /// What a recording is read for.
@@ -49,6 +50,8 @@ pub struct Decoding {
     rows: usize,
     capture: Option<Capture>,
     pub(crate) captured: Vec<u8>,
+    pub(crate) mode: Option<Mode>,
+    pub(crate) port: Option<Port>,
     pub(crate) export: Option<Export>,
 }
 
@@ -71,11 +74,14 @@ impl Decoding {
         if purpose == Purpose::Causes {
             session.emit_compact();
         }
+        let options = options(settings)?;
         Ok(Self {
             purpose,
             functions,
             session,
-            recording: Recording::new(Options { is_live: purpose == Purpose::Live, ..options(settings)? }),
+            mode: options.mode,
+            port: None,
+            recording: Recording::new(Options { is_live: purpose == Purpose::Live, ..options }),
             contrast: seeks_causes.then(Contrast::default),
             overview: seeks_causes.then(Overview::default),
             report: None,

@@ -47,6 +47,27 @@ def test_nobody_is_shut_out(width: int, scheme: str, opened: Browser) -> None:
         opened.shape(1280)
 
 
+@pytest.mark.parametrize("width", [1280, 390])
+def test_the_chosen_row_is_in_view_with_the_table(width: int, opened: Browser) -> None:
+    """Below the table where there is no room beside it; another recording is one button away."""
+    opened.shape(width, 800)
+    try:
+        show(opened, CAPTURES / "pymodbus_disturbed" / "recording.jsonl")
+        opened.run("document.querySelectorAll('.grid-lines .grid-row')[1].click()")
+        opened.wait("document.documentElement.dataset.detail === '1'")
+        tops = opened.run(
+            "return ['.grid', '#detail h2'].map((one) => {"
+            " const { top, bottom } = document.querySelector(one).getBoundingClientRect();"
+            " return top < innerHeight && bottom > 0; })"
+        )
+        assert tops == [True, True]
+        opened.run("document.getElementById('another').click()")
+        assert opened.run("return document.activeElement.id") == "file"
+        assert not opened.run("return document.getElementById('welcome').hidden")
+    finally:
+        opened.shape(1280)
+
+
 def test_reading_is_cancelled_at_once(opened: Browser, tmp_path: Path) -> None:
     path = tmp_path / "large.bin"
     path.write_bytes(EXCHANGE * 1_500_000)

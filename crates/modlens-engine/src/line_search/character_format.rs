@@ -1,6 +1,6 @@
 //! Finds data bits, parity and stop bits of a line whose rate is known.
 //!
-//! While the rate is searched, three character formats are tried. 8E1 has eleven bits: 8O1 and 8N2 can be received with
+//! While the rate is searched, three character formats are tried, or four (`SearchOptions::drops_damaged`). 8E1 has eleven bits: 8O1 and 8N2 can be received with
 //! it as well, with line errors where the driver checks parity. 8N1 has ten bits: 7E1, 7O1 and 7N2 can be received with it,
 //! with their parity or stop bit in bit 7. 7N1 has nine bits. Once frames are received, the formats are tried that could
 //! also have given these bytes, until one is received without line errors.
@@ -9,6 +9,7 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::line::{LineSettings, Parity};
 
 use super::trial::{is_of_ascii_frames, Trial};
+use super::SearchOptions;
 
 /// Data bits, parity and stop bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,8 +42,8 @@ const ODD: CharacterFormat = CharacterFormat::with_one_stop_bit(8, Parity::Odd);
 /// 8M1 is the same on the line as 8N2: the first of two stop bits is a parity bit that is always 1.
 const MARK: CharacterFormat = CharacterFormat::with_one_stop_bit(8, Parity::Mark);
 
-/// What is tried at each rate: characters of eleven, ten and nine bits.
-pub(super) const FORMATS: [CharacterFormat; 3] = [EVEN, NONE, SEVEN];
+/// What is tried at each rate: characters of eleven, ten and nine bits, and odd parity where it cannot be received as even.
+pub(super) const FORMATS: [CharacterFormat; 4] = [EVEN, NONE, SEVEN, ODD];
 
 /// Bytes needed to confirm a format.
 const CONFIRM_BYTES: usize = 20;
@@ -72,7 +73,8 @@ pub(super) struct FormatSearch {
 
 impl FormatSearch {
     /// Begins; `line` may be known at once.
-    pub fn new(trial: &Trial, mode: Mode, marks_errors: bool) -> Self {
+    pub fn new(trial: &Trial, mode: Mode, options: SearchOptions) -> Self {
+        let marks_errors = options.marks_errors;
         let format = CharacterFormat::of(trial.line);
         let others: &[CharacterFormat] = match (marks_errors, format) {
             (false, _) => &[NONE],
@@ -84,7 +86,8 @@ impl FormatSearch {
         let bit_7 = if mode == Mode::Ascii { bit_7_of(trial) } else { None };
         let (error_shares, fallback) = (Vec::new(), trial.line);
         let mut search = Self { mode, line: None, candidate, error_shares, candidates, marks_errors, bit_7, fallback };
-        if format == SEVEN || (format == EVEN && marks_errors && trial.marked_bytes == 0) || (!marks_errors && format == NONE) {
+        let is_clean = format == EVEN && marks_errors && trial.marked_bytes == 0;
+        if format == SEVEN || is_clean || (!marks_errors && format == NONE) || options.drops_damaged {
             search.settle(trial.line);
         } else if !marks_errors {
             search.error_shares.push("not reported by the port, so even and odd parity cannot be distinguished".into());

@@ -52,6 +52,8 @@ const INVERTED_SHARE: f64 = 0.7;
 const TEXT_FACTOR: usize = 3;
 /// Fewer bytes than these say nothing about a line.
 const MIN_TO_JUDGE: usize = 200;
+/// How long settings are tried that prove nothing, where a port drops damaged bytes.
+const PATIENCE_NS: Ns = 3_000_000_000;
 const MAX_KEPT_BYTES: usize = 1 << 20;
 /// A silence that may complete a frame.
 const IDLE_NS: Ns = 30_000_000;
@@ -64,6 +66,8 @@ const SETTLE_NS: Ns = 20_000_000;
 pub struct SearchOptions {
     /// The driver marks line errors.
     pub marks_errors: bool,
+    /// Bytes with line errors are taken out: wrong settings may give no bytes at all, so that trials end by time, too.
+    pub drops_damaged: bool,
     /// The framing, if it is known: RTU or ASCII.
     pub mode: Option<Mode>,
 }
@@ -107,6 +111,8 @@ pub struct LineSearch {
     kept_bytes: usize,
     /// Reads up to here belong to the settings before.
     unsettled: Option<Ns>,
+    /// When the present trial began, once it is known.
+    begun: Option<Ns>,
 }
 
 impl LineSearch {
@@ -131,6 +137,7 @@ impl LineSearch {
             heard_bytes: 0,
             kept_bytes: 0,
             unsettled: None,
+            begun: None,
         }
     }
 
@@ -180,6 +187,15 @@ impl LineSearch {
             }
             self.decide();
         }
+        self.lose_patience(now);
+    }
+
+    /// Ends a trial that has lasted for too long.
+    fn lose_patience(&mut self, now: Ns) {
+        let begun = *self.begun.get_or_insert(now);
+        if self.found.is_none() && self.formats.is_none() && self.options.drops_damaged && now - begun > PATIENCE_NS {
+            self.give_up("nothing was proven in time");
+        }
     }
 
     /// All reads so far, or the newest where they are too many, with the settings of the time.
@@ -220,6 +236,7 @@ impl LineSearch {
     fn begin(&mut self, line: LineSettings) {
         self.trial = Trial::new(line);
         self.listeners = Listener::all(line, self.options.mode);
+        self.begun = None;
     }
 
     /// Evaluates the trial so far: goes on with it, changes the rate, or the character format.
@@ -232,7 +249,7 @@ impl LineSearch {
             }
             self.formats = Some(formats);
         } else if let Some((mode, proof)) = proof {
-            let formats = FormatSearch::new(&self.trial, mode, self.options.marks_errors);
+            let formats = FormatSearch::new(&self.trial, mode, self.options);
             self.evidence = format!("{proof} in {} bytes", self.trial.bytes.len());
             self.reads.clone_from(&self.trial.reads);
             self.follow(&formats);
@@ -265,27 +282,36 @@ impl LineSearch {
         self.pulses.insert(rate, rates::pulse_lengths(&self.trial.bytes));
         let log_odds = self.log_odds();
         let here = log_odds.iter().find(|one| one.0 == rate).map_or(f64::NEG_INFINITY, |one| one.1);
-        let untried = log_odds.iter().filter(|one| (0..FORMATS.len()).any(|format| !self.tried.contains(&(one.0, format))));
+        let untried =
+            log_odds.iter().filter(|one| (0..self.formats_tried()).any(|format| !self.tried.contains(&(one.0, format))));
         // The first of equals, as the most usual rates are first.
         let best = untried.copied().reduce(|best, one| if one.1 > best.1 { one } else { best });
         let limit = self.limit * if self.trial.looks_like_text() { TEXT_FACTOR } else { 1 };
         match best {
             Some((likely, odds)) if odds - here > MIN_ODDS.ln() => self.begin_next(&format!("looks like {likely} baud")),
-            _ if self.trial.bytes.len() >= limit => {
-                if let Some(format) = FORMATS.iter().position(|format| *format == CharacterFormat::of(self.trial.line)) {
-                    self.tried.insert((rate, format));
-                }
-                self.check_swapped_wires();
-                self.begin_next("no checksum matches");
-            }
+            _ if self.trial.bytes.len() >= limit => self.give_up("no checksum matches"),
             _ => {}
         }
+    }
+
+    /// Counts rate and format as tried, and begins the next trial.
+    fn give_up(&mut self, why: &str) {
+        if let Some(format) = FORMATS.iter().position(|format| *format == CharacterFormat::of(self.trial.line)) {
+            self.tried.insert((self.trial.line.baud, format));
+        }
+        self.check_swapped_wires();
+        self.begin_next(why);
+    }
+
+    /// How many of `FORMATS` are tried: the last one is received with that before, unless damaged bytes are missing.
+    fn formats_tried(&self) -> usize {
+        FORMATS.len() - usize::from(!self.options.drops_damaged)
     }
 
     /// The log odds of each rate: how usual it is, the pulse lengths seen, and failed trials.
     fn log_odds(&self) -> Vec<(u32, f64)> {
         let of = |&(rate, usual): &(u32, f64)| {
-            let failed = (0..FORMATS.len()).filter(|&format| self.tried.contains(&(rate, format))).count();
+            let failed = (0..self.formats_tried()).filter(|&format| self.tried.contains(&(rate, format))).count();
             let seen = self.pulses.iter().map(|(at, counts)| rates::log_likelihood(counts, f64::from(*at) / f64::from(rate)));
             (rate, usual.ln() - FAILED_TRIAL_COST * failed as f64 + seen.sum::<f64>())
         };
@@ -294,7 +320,7 @@ impl LineSearch {
 
     fn begin_next(&mut self, why: &str) {
         let trial = &self.trial;
-        let zeros = trial.zeros() as f64 / trial.bytes.len() as f64;
+        let zeros = trial.zeros() as f64 / trial.bytes.len().max(1) as f64;
         let marked = if trial.marked_bytes > 0 { format!(", {} with line errors", trial.marked_bytes) } else { String::new() };
         let text = format!("{}: {} bytes, {:.0}% are 00{marked}: {why}", trial.line, trial.bytes.len(), 100.0 * zeros);
         self.messages.push(text);
@@ -308,7 +334,7 @@ impl LineSearch {
         let mut log_odds = self.log_odds();
         log_odds.sort_by(|a, b| b.1.total_cmp(&a.1));
         for (rate, _) in log_odds {
-            if let Some(format) = (0..FORMATS.len()).find(|&format| !self.tried.contains(&(rate, format))) {
+            if let Some(format) = (0..self.formats_tried()).find(|&format| !self.tried.contains(&(rate, format))) {
                 return FORMATS[format].at(rate);
             }
         }

@@ -164,7 +164,7 @@ impl LiveBus {
         let marks_errors = self.ports.clone().all(|port| ports.marks_errors(port));
         // Lines with settings have serial framing only.
         let mode = self.template.mode.filter(|mode| *mode != Mode::Tcp);
-        let search = LineSearch::new(SearchOptions { marks_errors, mode });
+        let search = LineSearch::new(SearchOptions { marks_errors, mode, ..SearchOptions::default() });
         self.say(ports, "detecting the line settings; waiting for traffic");
         self.set_line(ports, search.line());
         (self.search, self.check, self.origin) = (Some(search), None, Origin::Searching);
