@@ -16,7 +16,7 @@ use modlens_writers::BLOCK_BYTES;
 use serde_json::{json, Value as Json};
 
 use crate::export::Export;
-use crate::listening::Port;
+use crate::port::Port;
 use crate::view::Views;
 
 /// What a recording is read for.

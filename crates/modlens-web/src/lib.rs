@@ -12,6 +12,7 @@ mod answers;
 mod decoding;
 mod export;
 mod listening;
+mod port;
 mod view;
 mod words;
 

@@ -8,17 +8,8 @@ use modlens_protocol::line::LineSettings;
 use modlens_protocol::Ns;
 use serde_json::{json, Value as Json};
 
+use crate::port::Port;
 use crate::Decoding;
-
-/// The port that is listened to.
-pub struct Port {
-    name: String,
-    line: Option<LineSettings>,
-    /// While its settings are not known.
-    search: Option<LineSearch>,
-    /// The number of its next description in the recording: one for each setting that was decoded with.
-    next_interface: u32,
-}
 
 impl Decoding {
     /// Begins the recording of a port: `name`, and `line` where the settings are known; else they are searched.

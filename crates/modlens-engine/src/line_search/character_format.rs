@@ -8,8 +8,8 @@
 use modlens_protocol::framing::Mode;
 use modlens_protocol::line::{LineSettings, Parity};
 
+use super::options::SearchOptions;
 use super::trial::{is_of_ascii_frames, Trial};
-use super::SearchOptions;
 
 /// Data bits, parity and stop bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

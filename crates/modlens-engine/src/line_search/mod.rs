@@ -14,6 +14,7 @@ mod character_format;
 mod check;
 mod evidence;
 mod offline;
+mod options;
 mod rates;
 mod read;
 mod trial;
@@ -33,6 +34,7 @@ use trial::Trial;
 pub use check::LineCheck;
 pub use evidence::proof_in;
 pub use offline::{readings, Reading};
+pub use options::SearchOptions;
 pub use rates::{likely_rates, RATES};
 pub use read::SearchRead;
 
@@ -60,17 +62,6 @@ const IDLE_NS: Ns = 30_000_000;
 /// Bytes that come so soon after a change of the settings may have been received with the old ones: an adapter holds them
 /// back for up to 16 ms.
 const SETTLE_NS: Ns = 20_000_000;
-
-/// What is known before the search begins.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct SearchOptions {
-    /// The driver marks line errors.
-    pub marks_errors: bool,
-    /// Bytes with line errors are taken out: wrong settings may give no bytes at all, so that trials end by time, too.
-    pub drops_damaged: bool,
-    /// The framing, if it is known: RTU or ASCII.
-    pub mode: Option<Mode>,
-}
 
 /// The settings found.
 #[derive(Clone, Debug)]
