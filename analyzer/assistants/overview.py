@@ -63,4 +63,8 @@ def _bus_counts(bus: Mapping[str, Any]) -> dict[str, Any]:
 def _times(found: Mapping[str, Any] | None) -> dict[str, Any]:
     """The figures of a distribution that answers need; `modlens stats --to json` has all."""
     wanted = ("count", "requests", "min_us", "mean_us", "p50_us", "p95_us", "max_us")
-    return without_empty({key: (found or {}).get(key) for key in wanted})
+    times = {key: (found or {}).get(key) for key in wanted}
+    if times["mean_us"] is not None:
+        times["mean_us"] = round(times["mean_us"])
+    error = (found or {}).get("percentile_error")
+    return without_empty(times | {"percentile_error": error or None})

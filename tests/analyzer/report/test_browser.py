@@ -186,7 +186,7 @@ def test_strips_show_a_unit_over_time(opened: Browser) -> None:
     )
     assert labels[0] == "unit 1: answered share over time"
     assert labels[1].startswith("unit 1: 95 % of the responses take up to ")
-    assert labels[1].endswith(" ms, the timeout is 302.0 ms")
+    assert labels[1].endswith(" ms, the timeout is 297.4 ms")
 
 
 def test_a_link_opens_its_example(opened: Browser) -> None:

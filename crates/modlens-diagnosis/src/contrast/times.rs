@@ -1,10 +1,11 @@
-//! Histograms of durations with logarithmic buckets, which merge by addition.
+//! Histograms of durations with logarithmic buckets, which merge by addition. A bucket has the sum of its durations as well, so
+//! that what is printed is a mean of durations that were seen, and not the edge of a bucket.
 
 use modlens_protocol::Ns;
 
 use crate::statistics::Share;
 
-/// Buckets for each factor of two: percentiles are right within 5 %.
+/// Buckets for each factor of two, so that a bucket is an eighth wide at most.
 const STEPS: usize = 8;
 /// From 2^13 ns (8 us) on ...
 const FIRST_OCTAVE: usize = 13;
@@ -18,7 +19,14 @@ pub struct Durations {
     pub count: u64,
     /// The longest.
     pub most: Ns,
-    buckets: Vec<u64>,
+    buckets: Vec<Bucket>,
+}
+
+/// How many durations a bucket has, and their sum.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Bucket {
+    count: u64,
+    sum: Ns,
 }
 
 impl Durations {
@@ -26,11 +34,13 @@ impl Durations {
     #[inline]
     pub fn add(&mut self, ns: Ns) {
         if self.buckets.is_empty() {
-            self.buckets.resize(OCTAVES * STEPS, 0);
+            self.buckets.resize(OCTAVES * STEPS, Bucket::default());
         }
         self.count += 1;
         self.most = self.most.max(ns);
-        self.buckets[bucket(ns)] += 1;
+        let bucket = &mut self.buckets[bucket(ns)];
+        bucket.count += 1;
+        bucket.sum = bucket.sum.saturating_add(ns);
     }
 
     /// Adds others.
@@ -38,33 +48,44 @@ impl Durations {
         if other.count == 0 {
             return;
         }
-        self.buckets.resize(OCTAVES * STEPS, 0);
+        self.buckets.resize(OCTAVES * STEPS, Bucket::default());
         self.count += other.count;
         self.most = self.most.max(other.most);
-        self.buckets.iter_mut().zip(&other.buckets).for_each(|(own, more)| *own += more);
+        for (own, more) in self.buckets.iter_mut().zip(&other.buckets) {
+            own.count += more.count;
+            own.sum = own.sum.saturating_add(more.sum);
+        }
     }
 
-    /// The duration that this share does not exceed; `None` of none.
+    /// A bound for what is decided: this share does not exceed it, and it is an eighth too long at most. `None` of none.
     pub fn percentile(&self, share: f64) -> Option<Ns> {
+        self.bucket_of(share).map(|(at, _)| upper(at).min(self.most))
+    }
+
+    /// What is printed: the mean of the durations that are about as long as the one which this share does not exceed. It is exact
+    /// where they are equal, or only one. `None` of none.
+    pub fn typical(&self, share: f64) -> Option<Ns> {
+        self.bucket_of(share).map(|(_, bucket)| bucket.sum / bucket.count as Ns)
+    }
+
+    /// The bucket of the duration that this share does not exceed.
+    fn bucket_of(&self, share: f64) -> Option<(usize, Bucket)> {
         let rank = ((self.count as f64 * share).ceil() as u64).max(1);
         let mut below = 0;
-        for (bucket, count) in self.buckets.iter().enumerate() {
-            below += count;
-            if below >= rank {
-                return Some(upper(bucket).min(self.most));
-            }
-        }
-        None
+        self.buckets.iter().copied().enumerate().find(|(_, bucket)| {
+            below += bucket.count;
+            below >= rank
+        })
     }
 
     /// How many are shorter than this duration, to the precision of the buckets.
     pub fn below(&self, ns: Ns) -> u64 {
-        self.buckets.iter().take(bucket(ns)).sum()
+        self.buckets.iter().take(bucket(ns)).map(|bucket| bucket.count).sum()
     }
 
     /// How many exceed this duration, to the precision of the buckets.
     pub fn above(&self, ns: Ns) -> u64 {
-        self.buckets.iter().skip(bucket(ns) + 1).sum()
+        self.buckets.iter().skip(bucket(ns) + 1).map(|bucket| bucket.count).sum()
     }
 }
 
@@ -132,6 +153,21 @@ mod tests {
             assert!(found >= ms * 0.99 && found <= ms * 1.13, "{share}: {found}");
         }
         assert_eq!(Durations::default().percentile(0.5), None);
+    }
+
+    #[test]
+    fn what_is_printed_was_seen() {
+        let mut all = Durations::default();
+        [300, 530, 532, 537, 2000].iter().for_each(|ms| all.add(ms * 1_000_000));
+        // A bucket ends at 2^29 ns = 536.870912 ms.
+        assert_eq!(all.typical(0.2), Some(300_000_000));
+        assert_eq!(all.typical(0.5), Some(531_000_000));
+        assert_eq!(all.typical(0.8), Some(537_000_000));
+        assert_eq!(all.typical(1.0), Some(2_000_000_000));
+        let mut twice = all.clone();
+        twice.merge(&all);
+        assert_eq!((twice.count, twice.typical(0.5)), (10, Some(531_000_000)));
+        assert_eq!(Durations::default().typical(0.5), None);
     }
 
     #[test]

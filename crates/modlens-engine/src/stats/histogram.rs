@@ -1,4 +1,4 @@
-//! A histogram of times with logarithmic buckets: percentiles in bounded memory.
+//! A histogram of times with logarithmic buckets: percentiles in bounded memory. Those of few times are exact.
 
 use modlens_protocol::Ns;
 use serde_json::{json, Value as Json};
@@ -6,6 +6,12 @@ use serde_json::{json, Value as Json};
 /// Histogram buckets for each factor of two. With 32, percentiles are right within 2 %.
 const BUCKETS_PER_OCTAVE: usize = 1 << BUCKET_BITS;
 const BUCKET_BITS: u32 = 5;
+
+/// So many times are kept as they are.
+const KEPT: usize = 64;
+
+/// The share by which a percentile of more times may be wrong: half the width of a bucket, and what rounding adds.
+const ERROR: f64 = 0.02;
 
 /// A histogram of times with logarithmic buckets.
 #[derive(Clone, Debug, Default)]
@@ -17,6 +23,8 @@ pub(super) struct TimeHistogram {
     /// The number of the first bucket in `buckets`, which reach as far as there are times: most requests take about as long.
     first: usize,
     buckets: Vec<u64>,
+    /// The times, as long as they are few; empty once there are more.
+    kept: Vec<Ns>,
 }
 
 /// Buckets up to 2^40 ns, which are 18 minutes. The last one counts everything longer.
@@ -30,10 +38,23 @@ impl TimeHistogram {
         self.most = self.most.max(ns);
         self.count += 1;
         self.sum += ns;
+        if self.count <= KEPT as u64 + 1 {
+            self.keep(ns);
+        }
         let at = bucket(ns).wrapping_sub(self.first);
         match self.buckets.get_mut(at) {
             Some(count) => *count += 1,
             None => self.add_bucket(bucket(ns)),
+        }
+    }
+
+    /// Keeps one of the first times, or gives them up with the first that is too many.
+    #[cold]
+    fn keep(&mut self, ns: Ns) {
+        if self.kept.len() < KEPT {
+            self.kept.push(ns);
+        } else {
+            self.kept = Vec::new();
         }
     }
 
@@ -51,18 +72,32 @@ impl TimeHistogram {
         self.buckets[at] += 1;
     }
 
-    /// The time in ns that this share (0 to 1) of the observations does not exceed: the middle of its bucket, but within the
-    /// least and the greatest time counted. 0 without any.
+    /// The time in ns that this share (0 to 1) of the observations does not exceed: exact of few times, otherwise three digits
+    /// of the middle of its bucket, but within the least and the greatest time counted. 0 without any.
     pub(super) fn percentile(&self, share: f64) -> Ns {
         let rank = (self.count as f64 * share).ceil() as u64;
+        if !self.kept.is_empty() {
+            let mut times = self.kept.clone();
+            times.sort_unstable();
+            return times[(rank.max(1) as usize - 1).min(times.len() - 1)];
+        }
         let mut below = 0;
         for (bucket, count) in self.buckets.iter().enumerate() {
             below += count;
             if below >= rank {
-                return middle(self.first + bucket).clamp(self.least, self.most);
+                return three_digits(middle(self.first + bucket)).clamp(self.least, self.most);
             }
         }
         self.most
+    }
+
+    /// The share by which a percentile may be wrong.
+    fn error(&self) -> f64 {
+        if self.kept.is_empty() {
+            ERROR
+        } else {
+            0.0
+        }
     }
 
     /// As `json`, with the 99th percentile and the counts of its buckets, joined to eight for each factor of two: their edges
@@ -83,7 +118,7 @@ impl TimeHistogram {
         found
     }
 
-    /// Count, extremes, mean and percentiles in microseconds; null without any time.
+    /// Count, extremes, mean and percentiles in microseconds, and how exact these are; null without any time.
     pub(super) fn json(&self) -> Json {
         if self.count == 0 {
             return Json::Null;
@@ -92,6 +127,7 @@ impl TimeHistogram {
         json!({
             "count": self.count, "min_us": us(self.least), "mean_us": us(self.sum) / self.count as f64,
             "p50_us": us(self.percentile(0.5)), "p95_us": us(self.percentile(0.95)), "max_us": us(self.most),
+            "percentile_error": self.error(),
         })
     }
 }
@@ -126,6 +162,12 @@ pub fn middle(bucket: usize) -> Ns {
     ((1u64 << octave) as f64 * (1.0 + (step as f64 + 0.5) / BUCKETS_PER_OCTAVE as f64)) as Ns
 }
 
+/// A time with three significant digits.
+fn three_digits(ns: Ns) -> Ns {
+    let unit = 10i64.pow(ns.max(1).ilog10().saturating_sub(2));
+    (ns + unit / 2) / unit * unit
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -138,8 +180,21 @@ mod tests {
         }
         // Four octaves of 32 buckets, and both ends.
         assert_eq!(times.buckets.len(), bucket(16_000_000) - bucket(1_000_000) + 1);
-        assert_eq!((times.percentile(0.4), times.percentile(1.0)), (middle(bucket(1_000_000)), 16_000_000));
+        assert_eq!((times.percentile(0.4), times.percentile(0.41), times.percentile(1.0)), (1_000_000, 2_000_000, 16_000_000));
         assert_eq!((times.count, times.buckets.iter().sum::<u64>()), (5, 5));
+    }
+
+    #[test]
+    fn percentiles_of_few_times_are_exact_and_of_more_have_three_digits() {
+        let mut times = TimeHistogram::default();
+        (1..=64).rev().for_each(|ms| times.add(ms * 1_000_003));
+        assert_eq!((times.percentile(0.5), times.percentile(0.95)), (32 * 1_000_003, 61 * 1_000_003));
+        assert_eq!(times.json()["percentile_error"], 0.0);
+        times.add(65 * 1_000_003);
+        // 33,000,099 ns is in the bucket from 32.505856 to 33.030144 ms, the middle of which is 32.768 ms.
+        assert_eq!(times.percentile(0.5), 32_800_000);
+        assert_eq!(times.json()["percentile_error"], 0.02);
+        assert_eq!([0, 7, 1_234, 99_960].map(three_digits), [0, 7, 1_230, 100_000]);
     }
 
     #[test]
