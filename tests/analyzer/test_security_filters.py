@@ -1,7 +1,7 @@
-"""Rules of another detector as filters: the requests of Suricata's Modbus test, and its counts.
+"""Rules of another detector as filters: the traffic of Suricata's Modbus test, and its counts.
 
-The requests are made here from their description (function, address, unit 10); the counts are those
-that suricata-verify expects of its seven rules.
+The packets are made here from their description (function, address, unit 10; five responses that no
+request asked for); the counts are those that suricata-verify expects of its seven rules.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from analyzer import decode
+from tests.corpus.score_rules import SURICATA
 from tests.support.packets import Packet, write_capture
 
 REQUESTS = (
@@ -19,34 +20,24 @@ REQUESTS = (
     *("11",) * 2, "0100000001", "0100020002", "0300050002", "050002FF00", "0500010000",
     "0600050001",
 )  # fmt: skip
-ASSIGNED = "function in (1, 2, 3, 4, 5, 6, 7, 8, 11, 12, 15, 16, 17, 20, 21, 22, 23, 24, 43)"
+UNASKED = ("8105",) * 5
 
 
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("suricata") / "modbus.pcap"
     packets = []
-    for number, text in enumerate(REQUESTS):
-        pdu = bytes.fromhex(text)
+    for number, text in enumerate((*REQUESTS, *UNASKED)):
+        pdu, is_request = bytes.fromhex(text), text not in UNASKED
         data = struct.pack(">HHHB", number, 0, len(pdu) + 1, 10) + pdu
-        packets.append(Packet(number / 2, "10.0.0.57", "10.0.0.3", data, True))
+        ends = ("10.0.0.57", "10.0.0.3") if is_request else ("10.0.0.8", "10.0.0.57")
+        packets.append(Packet(number / 2, *ends, data, is_request))
     write_capture(path, packets)
     return path
 
 
-@pytest.mark.parametrize(
-    ("where", "count"),
-    [
-        ("function == 1", 2),
-        (ASSIGNED, 18),
-        ("read", 3),
-        ("unit == 10", 18),
-        ("unit == 10 and function == 43", 2),
-        # Between its addresses 0 and 2, which count from 1: address 0 on the wire.
-        ("unit > 9 and function == 1 and address < 1", 1),
-        ("write", 3),
-        ("function == 8", 8),
-    ],
-)
+@pytest.mark.parametrize(("where", "count"), [row[1:] for row in SURICATA])
 def test_the_counts_of_suricata_are_those_of_filters(where: str, count: int, capture: Path) -> None:
-    assert len(decode(capture).transactions.where(where)) == count
+    rows = decode(capture).transactions
+    assert len(rows) == len(REQUESTS) + len(UNASKED)
+    assert len(rows.where(where)) == count
