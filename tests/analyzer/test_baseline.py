@@ -6,6 +6,7 @@ who writes a setpoint, registers that move. What is planted is the expected resu
 
 from __future__ import annotations
 
+import itertools
 import json
 import random
 import struct
@@ -78,12 +79,18 @@ def exchanges(
         yield 901.5, HMI, write, write, 0.02
 
 
-def day(path: Path, plant: Plant, seed: int) -> str:
-    """Write the capture of a day; gives its path."""
+def day(path: Path, plant: Plant, seed: int, *later: Plant) -> str:
+    """Write the capture of a day, on which other things may happen later; gives its path."""
     packets: list[Packet] = []
-    for number, (time, client, request, response, delay) in enumerate(
-        sorted(exchanges(plant, random.Random(seed)))
-    ):
+    plants = (plant, *later)
+    begins = itertools.accumulate((one.seconds for one in plants), initial=0)
+    events = (
+        (begin, *event)
+        for place, (begin, one) in enumerate(zip(begins, plants, strict=False))
+        for event in sorted(exchanges(one, random.Random(seed + 1000 * place)))
+    )
+    for number, (begin, at_s, client, request, response, delay) in enumerate(events):
+        time = begin + at_s
         head = struct.pack(">HH", number & 0xFFFF, 0)
         for sender, pdu, at in ((client, request, time), (SERVER, response, time + delay)):
             if pdu is not None:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import os
+import re
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from analyzer.cli import main
-from tests.analyzer.test_baseline import ORDINARY, STRANGER, day
+from tests.analyzer.test_baseline import CHANGES, ORDINARY, STRANGER, day
 from tests.support.gateway_model import crc
 from tests.support.ptybus import PtyBus
 from tests.support.usual_days import alarms
@@ -39,6 +41,26 @@ def test_deviations_are_reported_while_a_recording_is_decoded(
     assert "high new_writer: 10.0.0.10 writes to unit 2" in said[1]
     assert main(["decode", str(folder / "like.pcap"), *words]) == 0
     assert " high " not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "new_client", "new_writer", "new_function", "new_request", "missing_request",
+        "period_moved", "value_never_written", "response_time_shifted",
+    ],
+)  # fmt: skip
+def test_a_deviation_between_ordinary_traffic_is_reported(
+    code: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By `decode` when it happens, and by the doctor; the other half hours are as usual."""
+    odd = day(tmp_path / "odd.pcap", ORDINARY, 5, CHANGES[code], ORDINARY)
+    baseline = ["--baseline", str(folder / "usual.toml")]
+    assert main(["decode", odd, *baseline, "-o", str(tmp_path / "rows.csv")]) == 0
+    said = re.findall(r" (?:high|medium|low) (\w+): ", capsys.readouterr().err)
+    assert set(said) == {code}
+    assert main(["doctor", odd, *baseline]) == 0
+    assert set(re.findall(r"\d\. (?:high|medium|low) (\w+)", capsys.readouterr().out)) == {code}
 
 
 def test_the_doctor_shows_them_after_its_verdict(
@@ -69,14 +91,14 @@ def test_accepting_one_finding_accepts_no_other(
     assert "new_client:" not in said
 
 
-def test_a_tap_reports_an_order_to_be_silent(capsys: pytest.CaptureFixture[str]) -> None:
-    """On a serial line, without a baseline."""
+def tap(frames: Sequence[str], *words: str) -> None:
+    """Tap a serial line on which a master sends these frames, one a second."""
     with PtyBus(["master", "tap"], 19200, 11) as bus:
         path = bus.path("master")
 
         def send() -> None:
             port = os.open(path, os.O_RDWR | os.O_NOCTTY)
-            for frame in ("010300000001", "010800040000", "010300000001", "010300000001"):
+            for frame in frames:
                 time.sleep(1)
                 data = bytes.fromhex(frame)
                 os.write(port, data + crc(data))
@@ -84,10 +106,32 @@ def test_a_tap_reports_an_order_to_be_silent(capsys: pytest.CaptureFixture[str])
 
         sender = threading.Thread(target=send)
         sender.start()
-        words = ["--line", "19200-8E1", "--security", "--duration", "6s", "--to", "jsonl"]
-        assert main(["tap", bus.path("tap"), *words]) == 0
+        more = ["--line", "19200-8E1", "--duration", f"{len(frames) + 2}s", "--to", "jsonl"]
+        assert main(["tap", bus.path("tap"), *more, *words]) == 0
         sender.join()
+
+
+READ = "010300000001"
+
+
+def test_a_tap_reports_an_order_to_be_silent(capsys: pytest.CaptureFixture[str]) -> None:
+    """On a serial line, without a baseline."""
+    tap([READ, "010800040000", READ, READ], "--security")
     assert "high listen_only: The master ordered unit 1" in capsys.readouterr().err
+
+
+def test_a_tap_reports_what_its_own_recording_never_had(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """On a serial line: the baseline is of another recording of that line."""
+    recording, usual = str(tmp_path / "line.pcapng"), str(tmp_path / "usual.toml")
+    tap([READ, READ, READ], "--record", recording)
+    assert main(["baseline", recording, "--line", "19200-8E1", "-o", usual]) == 0
+    capsys.readouterr()
+    tap([READ, "010400000001", READ], "--baseline", usual)
+    said = capsys.readouterr().err
+    assert "medium new_function: The master uses function 4 on unit 1" in said
+    assert said.count(" new_") == 1
 
 
 def test_wrong_use_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

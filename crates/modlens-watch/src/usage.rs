@@ -127,18 +127,21 @@ pub struct Usage {
 impl Usage {
     /// Counts the transactions of a batch.
     pub fn observe(&mut self, batch: &Batch) {
-        for row in batch.all_transactions() {
-            let bus = &batch.buses[row.bus as usize];
-            if !self.buses.contains_key(&bus.name) {
-                if self.buses.len() >= MAX_BUSES {
-                    self.not_counted += 1;
-                    continue;
-                }
-                self.buses.insert(bus.name.clone(), BusUsage { has_dates: bus.clock == Clock::Utc, ..BusUsage::default() });
+        batch.all_transactions().iter().for_each(|row| self.count(batch, row));
+    }
+
+    /// Counts one of the transactions of a batch.
+    pub fn count(&mut self, batch: &Batch, row: &Transaction) {
+        let bus = &batch.buses[row.bus as usize];
+        if !self.buses.contains_key(&bus.name) {
+            if self.buses.len() >= MAX_BUSES {
+                self.not_counted += 1;
+                return;
             }
-            let client = bus.network.as_ref().map(|network| network.client.as_str());
-            self.buses.get_mut(&bus.name).expect("just inserted").add(batch, row, client);
+            self.buses.insert(bus.name.clone(), BusUsage { has_dates: bus.clock == Clock::Utc, ..BusUsage::default() });
         }
+        let client = bus.network.as_ref().map(|network| network.client.as_str());
+        self.buses.get_mut(&bus.name).expect("just inserted").add(batch, row, client);
     }
 
     /// All of it as JSON: what `Usual::new` reads, and what a baseline holds.
