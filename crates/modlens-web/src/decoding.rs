@@ -103,6 +103,8 @@ impl Decoding {
     /// Ends the recording, and returns how many transactions it has.
     pub fn finish(&mut self) -> Result<usize, String> {
         self.recording.finish(&mut self.session).map_err(message)?;
+        // The recording of a tap may go on in another file, but not here.
+        self.session.flush();
         self.take();
         self.report = self.contrast.as_ref().map(Report::of);
         if let Some(report) = &self.report {

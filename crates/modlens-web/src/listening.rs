@@ -181,4 +181,18 @@ mod tests {
         decoding.export_more(&mut recording);
         assert!(recording.windows(3).any(|bytes| bytes == [0xa1, 0xb2, 0xc3]));
     }
+
+    /// A recording of a tap that was cut off behind a request: nothing says that its port was closed.
+    #[test]
+    fn what_a_recording_ends_with_is_a_row() {
+        let mut decoding = Decoding::open(&json!({"purpose": "live", "format": "pcapng", "name": "port"})).expect("valid");
+        answer(&mut decoding, &json!({"call": "listen", "name": "port", "line": "9600-8E1"})).expect("a port");
+        let read = json!({"call": "read", "hex": "010300000001840a", "time": "1700000000000000000"});
+        answer(&mut decoding, &read).expect("a read");
+        let mut recording = Vec::new();
+        decoding.export_more(&mut recording);
+        let mut again = Decoding::open(&json!({"purpose": "all", "format": "pcapng", "name": "cut off"})).expect("valid");
+        again.feed(&recording).expect("a recording");
+        assert_eq!(again.finish(), Ok(1));
+    }
 }
