@@ -71,35 +71,34 @@ def pymodbus_gateway(path: str, program: str | None) -> Iterator[int]:
 def mbusd(path: str, program: str | None) -> Iterator[int]:
     """The gateway of github.com/3cky/mbusd."""
     port = free_port()
-    command = [
-        *(program or "mbusd", "-d", "-L", "-", "-v", "0", "-p", path, "-s", "19200", "-m", "8e1"),
-        *("-A", "127.0.0.1", "-P", str(port), "-R", "5", "-W", "500", "-N", "0"),
-    ]
-    running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        wait_for(port)
+    words = ("-d", "-L", "-", "-v", "0", "-p", path, "-s", "19200", "-m", "8e1")
+    more = ("-A", "127.0.0.1", "-P", str(port), "-R", "5", "-W", "500", "-N", "0")
+    with running([program or "mbusd", *words, *more], port):
         yield port
-    finally:
-        running.terminate()
-        running.wait()
 
 
 @contextlib.contextmanager
 def modbus_proxy(path: str, program: str | None) -> Iterator[int]:
     """The gateway of the package modbus-proxy; `path` is the port of the device."""
     port = free_port()
-    command = [program or "modbus-proxy", "-b", f"tcp://127.0.0.1:{port}"]
-    command += ["--modbus", f"tcp://127.0.0.1:{path}"]
-    running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        wait_for(port)
+    words = ("-b", f"tcp://127.0.0.1:{port}", "--modbus", f"tcp://127.0.0.1:{path}")
+    with running([program or "modbus-proxy", *words], port):
         yield port
-    finally:
-        running.terminate()
-        running.wait()
 
 
 GATEWAYS = {"pymodbus": pymodbus_gateway, "mbusd": mbusd, "modbus-proxy": modbus_proxy}
+
+
+@contextlib.contextmanager
+def running(command: list[str], port: int) -> Iterator[None]:
+    """Run a program that serves a port, from when it listens."""
+    program = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        wait_for(port)
+        yield
+    finally:
+        program.terminate()
+        program.wait()
 
 
 def wait_for(port: int) -> None:

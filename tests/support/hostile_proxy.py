@@ -25,7 +25,10 @@ __all__ = ["KINDS", "HostileProxy"]
 KINDS = ("dropped", "cached", "late_answer", "wrong_client")
 FIRST_CLIENT = 21
 CLIENTS = 3
-CLIENT_TIMEOUT_S = 1.5
+CLIENT_TIMEOUT_S = 3.0
+"""Longer than the gateway takes with a request that it sends twice."""
+SWAP_S = 0.3
+"""So long an answer waits for the one that it is swapped with."""
 GIVES_UP_S = 0.2
 """So long the program waits before it says that nobody answered."""
 APART_S = 0.5
@@ -34,12 +37,11 @@ NO_RESPONSE = b"\x83\x0b"
 
 @dataclass
 class Swap:
-    """Two answers that wait for each other."""
+    """Two clients whose answers wait for each other."""
 
-    client: int
-    answer: bytes
-    came: threading.Event = field(default_factory=threading.Event)
-    other: bytes = b""
+    clients: list[int]
+    answers: dict[int, bytes] = field(default_factory=dict)
+    is_given_up: bool = False
 
 
 class HostileProxy:
@@ -50,9 +52,9 @@ class HostileProxy:
         self._chance = random.Random(seed)
         self._left = dict.fromkeys(KINDS, each)
         self._next = time.monotonic() + 2
-        self._lock = threading.Lock()
+        self._lock = threading.Condition()
         self._swap: Swap | None = None
-        self._swap_until = 0.0
+        self._swap_of: dict[int, Swap] = {}
         self._kept: dict[int, bytes] = {}
         self._answers: dict[tuple[int, bytes], bytes] = {}
         self.done: defaultdict[int, dict[int, str]] = defaultdict(dict)
@@ -90,7 +92,7 @@ class HostileProxy:
             if who in self._kept:
                 return "late_answer"
             if self._swap is not None:
-                return "swapped" if is_own and self._swap.client != who else "forwarded"
+                return self._joins(self._swap, who) if is_own else "forwarded"
             left = [kind for kind, count in self._left.items() if count]
             if not left or not is_own or time.monotonic() < self._next:
                 return "forwarded"
@@ -100,8 +102,16 @@ class HostileProxy:
             self._left[kind] -= 1
             self._next = time.monotonic() + APART_S
             if kind == "wrong_client":
-                self._swap = Swap(who, b"")
+                self._swap = self._swap_of[who] = Swap([who])
             return {"late_answer": "gateway_timeout", "wrong_client": "swapped"}.get(kind, kind)
+
+    def _joins(self, swap: Swap, who: int) -> str:
+        """The second client of a swap takes part in it."""
+        if len(swap.clients) == 2 or who in swap.clients:
+            return "forwarded"
+        swap.clients.append(who)
+        self._swap_of[who] = swap
+        return "swapped"
 
     def _forwarded(self, who: int, frame: bytes, server: socket.socket) -> bytes | None:
         server.sendall(frame)
@@ -136,24 +146,20 @@ class HostileProxy:
 
     def _swapped(self, who: int, frame: bytes, server: socket.socket) -> bytes | None:
         """Wait for the answer to another client, and give each the other one's."""
+        swap = self._swap_of.pop(who)
         answer = self._forwarded(who, frame, server) or b""
         with self._lock:
-            swap = self._swap
-            if swap is not None and swap.client != who:
-                swap.other, self._swap = answer, None
-                self._note(who, frame, "wrong_client")
-                swap.came.set()
-                return swap.answer
-        if swap is None:
-            return answer
-        swap.answer = answer
-        if not swap.came.wait(0.3):
-            with self._lock:
-                self._swap = None
-                self._left["wrong_client"] += 1
-            return answer
-        self._note(who, frame, "wrong_client")
-        return swap.other
+            swap.answers[who] = answer
+            self._lock.notify_all()
+            self._lock.wait_for(lambda: len(swap.answers) == 2, SWAP_S)
+            if self._swap is swap:
+                # The first one that goes on decides for both.
+                self._swap, swap.is_given_up = None, len(swap.answers) < 2
+                self._left["wrong_client"] += swap.is_given_up
+            if swap.is_given_up:
+                return answer
+            self._note(who, frame, "wrong_client")
+            return next(one for client, one in swap.answers.items() if client != who)
 
     def run(self, port: int) -> None:
         """Run clients on a port until all faults are planted, and a second more."""
@@ -165,7 +171,7 @@ class HostileProxy:
             client.start()
             # The order of connections is that of names.
             time.sleep(0.2)
-        while any(self._left.values()):
+        while any(self._left.values()) or self._swap is not None or self._kept:
             time.sleep(0.1)
         time.sleep(1.5)
         over.set()

@@ -21,6 +21,9 @@ use super::hull::Hulls;
 /// Matched pairs from which the difference right now is taken.
 const RECENT: usize = 256;
 
+/// With fewer pairs the first difference is kept as far as they permit: two that a busy gateway held back for long say little.
+const SETTLED: usize = 16;
+
 /// By so much times of one recording may be late: USB adapters and drivers hold bytes back for up to 16 ms.
 pub(super) const LATENESS: Ns = 20_000_000;
 
@@ -75,7 +78,11 @@ impl ClockPair {
         }
         let most = self.recent.iter().map(|pair| pair.0).min().unwrap_or(request);
         let least = self.recent.iter().map(|pair| pair.1).max().unwrap_or(response);
-        self.offset = least + (most - least) / 2;
+        self.offset = if self.recent.len() < SETTLED && least <= most {
+            self.offset.clamp(least, most)
+        } else {
+            least + (most - least) / 2
+        };
         let (first, base) = *self.origin.get_or_insert((time, request));
         let at = (time - first) as f64 / 1e9;
         let [request, response] = [request, response].map(|difference| (difference - base) as f64 / 1e9);
@@ -187,6 +194,17 @@ mod tests {
         assert!((number(&found, "offset_s") - 2.9995).abs() < 1e-6, "{found}");
         assert!((number(&found, "offset_error_s") - 0.0015).abs() < 1e-6, "{found}");
         assert_eq!(found["drift_ppm"], Json::Null);
+    }
+
+    #[test]
+    fn the_first_pairs_of_a_busy_gateway_move_nothing() {
+        let mut clocks = ClockPair::new(SHIFT);
+        clocks.add(START, SHIFT + 139_000_000, SHIFT - 71_000_000);
+        clocks.add(START + 100_000_000, SHIFT + 67_000_000, SHIFT - 10_000_000);
+        assert_eq!(clocks.offset(), SHIFT);
+        // What cannot be is given up.
+        clocks.add(START + 200_000_000, SHIFT - 5_000_000, SHIFT - 9_000_000);
+        assert_eq!(clocks.offset(), SHIFT - 5_000_000);
     }
 
     #[test]
