@@ -162,13 +162,13 @@ impl Session {
     fn sweep_all_connections(&mut self, state: &mut CaptureState, now: Ns) {
         state.last_sweep = Some(now);
         // A request that is not decided yet has no deadline.
-        if self.decoder.message_run.as_ref().is_some_and(|run| run.is_due(now)) {
+        if self.decoder.message_runs.is_due(now) {
             self.decoder.decide_waiting();
         }
         let is_due = |session: &Self, bus: usize| session.decoder.buses[bus].pairing.deadline().is_some_and(|due| due <= now);
         for bus in state.slots.iter().filter_map(|slot| slot.bus) {
             if is_due(self, bus) {
-                self.decoder.decide_waiting();
+                self.decoder.end_messages_of(bus);
                 self.decoder.advance_pairing(bus, now);
             }
         }

@@ -7,7 +7,8 @@ use crate::findings::{self, Found};
 use crate::pairing::{Pairing, PendingTransaction};
 use crate::records::{Batch, Buses};
 use crate::session::bus::{BusOptions, BusState, FROM_CLIENT, FROM_SERVER};
-use crate::session::exchanges::message_run::{MessageRun, MessageTries};
+use crate::session::exchanges::message_run::MessageTries;
+use crate::session::exchanges::message_runs::MessageRuns;
 use crate::session::held_rows::PendingRows;
 use crate::session::profiles::{Assignment, Profiles};
 use crate::session::rows::FindingPlace;
@@ -63,8 +64,8 @@ pub(crate) struct Decoder {
     pub(super) found: Found,
     /// Scratch: their codes.
     pub(super) codes: Vec<Finding>,
-    /// The connection or log of which packets or lines are matched as they come.
-    pub(crate) message_run: Option<Box<MessageRun>>,
+    /// The connections and logs of which packets or lines are matched as they come.
+    pub(crate) message_runs: MessageRuns,
     /// When to look again whether the lines of a log may be.
     pub(crate) message_tries: MessageTries,
     /// The bus with bytes that `feed_later` has left undecided.
@@ -94,7 +95,7 @@ impl Decoder {
             done: Vec::new(),
             found: Vec::new(),
             codes: Vec::new(),
-            message_run: None,
+            message_runs: MessageRuns::default(),
             message_tries: MessageTries::default(),
             waiting: None,
         }

@@ -13,7 +13,11 @@ impl Session {
         // Those after it tell nothing more of the clock.
         state.note_time(first.time, interface, &mut self.decoder.origin);
         loop {
+            let before = packets.len();
             packets = self.take_pairs(state, packets);
+            if packets.len() < before {
+                continue; // with another connection
+            }
             let Some((packet, behind)) = packets.split_first() else { return };
             packets = behind;
             self.sweep_connections(state, packet.time);
@@ -25,13 +29,11 @@ impl Session {
         }
     }
 
-    /// Takes the pairs at the head of these packets that are unambiguous exchanges of the connection at hand; gives those
+    /// Takes the pairs at the head of these packets that are unambiguous exchanges of one connection; gives those
     /// after them. None of them may move the clock on so far that requests of other connections have to be looked after.
     fn take_pairs<'a, 'b>(&mut self, state: &mut CaptureState, packets: &'b [PacketInTurn<'a>]) -> &'b [PacketInTurn<'a>] {
-        let (Some(bus), Some(first), Some(last_sweep)) = (self.decoder.bus_of_pairs(), packets.first(), state.last_sweep) else {
-            return packets;
-        };
-        if state.slot(first.slot as usize).bus != Some(bus) {
+        let (Some(first), Some(last_sweep)) = (packets.first(), state.last_sweep) else { return packets };
+        if !state.slot(first.slot as usize).bus.is_some_and(|bus| self.decoder.message_runs.turn_to_pairs(bus)) {
             return packets;
         }
         self.decoder.match_pairs(packets, |packet| packet.slot == first.slot && (packet.time - last_sweep).abs() < SWEEP_NS)

@@ -11,7 +11,7 @@ use crate::records::{ExchangeRun, Span, NOT_REFUSED};
 use crate::session::decoder::Decoder;
 use crate::session::exchanges::compact_run::{CompactRun, RunBytes, RunContext};
 use crate::session::exchanges::matching::RtuRun;
-use crate::session::exchanges::run::BatchTotals;
+use crate::session::exchanges::run::{BatchTotals, ExchangeEnd};
 use crate::session::rows::FindingPlace;
 use modlens_protocol::framing::Mode;
 
@@ -67,7 +67,8 @@ impl Decoder {
         self.batch.exchange_runs.push(ExchangeRun { bus: bus as u32, number, frame, offset, exchanges, packets: None, points });
         self.next_txn += u64::from(count);
         self.next_frame += 2 * u64::from(count);
-        self.end_run(bus, Mode::Rtu, &BatchTotals { exchanges: u64::from(count), bytes }, &mut RtuRun::ended_by(last));
+        let totals = BatchTotals { exchanges: u64::from(count), bytes };
+        self.end_run(bus, Mode::Rtu, &totals, (&mut RtuRun::ended_by(last), ExchangeEnd::newest(&self.batch, self.next_txn)));
     }
 
     /// Adds the rows of the findings on those exchanges of the run emitted last that were refused.

@@ -5,7 +5,7 @@ use crate::session::bus::{declared_direction, BusState};
 use crate::session::decoder::Decoder;
 use crate::session::exchanges::emit::{adjacent_spans, ExchangePlaces};
 use crate::session::exchanges::matching::{match_ascii, match_rtu, MatchedExchange, RtuContext, RtuRun};
-use crate::session::exchanges::run::{BatchTotals, Run};
+use crate::session::exchanges::run::{BatchTotals, ExchangeEnd, Run};
 use crate::session::frame_timing::{FrameTiming, TimingConfig};
 use crate::session::line::LineState;
 use modlens_protocol::direction::Direction;
@@ -51,13 +51,13 @@ impl Decoder {
         }
         self.adus = adus;
         if run.totals.exchanges > 0 {
-            self.end_run(bus, mode, &run.totals, &mut rtu);
+            self.end_run(bus, mode, &run.totals, (&mut rtu, ExchangeEnd::newest(&self.batch, self.next_txn)));
         }
     }
 
-    /// Does what is done once for a whole run, the exchanges of which have just been consumed; the arena ends with the
-    /// bytes of the last one. Of ASCII `run.last_exchange` is `None`, and nothing is learned here.
-    pub(super) fn end_run(&mut self, bus: usize, mode: Mode, totals: &BatchTotals, run: &mut RtuRun) {
+    /// Does what is done once for a whole run, the exchanges of which are consumed; the last one ends there. Of ASCII
+    /// `run.last_exchange` is `None`, and nothing is learned here.
+    pub(super) fn end_run(&mut self, bus: usize, mode: Mode, totals: &BatchTotals, (run, end): (&mut RtuRun, ExchangeEnd)) {
         let state = &mut self.buses[bus];
         self.stats.record_batch(state.counts, mode, totals.exchanges, totals.bytes as u64);
         state.begins_inside = false;
@@ -65,14 +65,14 @@ impl Decoder {
         let line = &mut state.lines[0].1;
         let lengths = last.expected.rtu_lengths();
         let response_length = if mode == Mode::Rtu { lengths[1] } else { last.expected.response_bytes };
-        let (before, response) = self.batch.arena.split_at(self.batch.arena.len() - response_length);
+        let (before, response) = self.batch.arena[..end.arena].split_at(end.arena - response_length);
         if let Some(framer) = line.framer.rtu_mut().filter(|_| mode == Mode::Rtu) {
             framer.learn_run(&mut run.learning);
             let request = &before[before.len() - lengths[0]..];
             framer.sync_after_batch(request, response, line.input.offset(), last.odds);
         }
         let id = before.last_chunk().filter(|_| mode == Mode::Tcp).map(mbap::transaction_id);
-        state.pairing.sync_after_batch((self.next_txn - 1, id), response[0], &response[1..last.expected.response_bytes]);
+        state.pairing.sync_after_batch((end.txn, id), response[0], &response[1..last.expected.response_bytes]);
     }
 }
 

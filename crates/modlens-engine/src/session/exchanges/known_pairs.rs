@@ -12,8 +12,11 @@ use crate::session::bus::{learn_sides, BusState};
 use crate::session::decoder::Decoder;
 use crate::session::exchanges::matching::confidence_by_id;
 use crate::session::exchanges::message_run::MessageRun;
+use crate::session::exchanges::run::ExchangeEnd;
+use crate::session::held_exchanges::ExchangeStart;
 use crate::stats::RequestPlace;
 use crate::weights::CERTAIN_DIRECTION_BITS;
+use modlens_protocol::framing::Mode;
 use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
 use modlens_protocol::Ns;
 use modlens_readers::pcap::PacketInTurn;
@@ -79,7 +82,13 @@ impl Decoder {
             self.batch.store(response.bytes);
             let exchange = known.expected.compact(start, lengths, confidence_by_id(), NOT_REFUSED);
             let pair = PacketPair { starts: times, gap, response_time, packet: request.number, mbap_id: id };
-            self.held.exchanges.push_next(exchange, pair);
+            if pairs.exchanges > 0 {
+                self.held.exchanges.push_next(exchange, pair);
+            } else {
+                let (number, frame, recording_start) = (self.next_txn, self.next_frame, self.origin);
+                let start = ExchangeStart { bus: current.bus as u32, number, frame, recording_start, mode: Mode::Tcp };
+                self.held.exchanges.push(exchange, pair, &start);
+            }
             pairs.add(lengths, times);
             pairs.last = Some(*known);
             packets = rest.as_slice();
@@ -98,6 +107,7 @@ impl Decoder {
                 side.add(pairs.bytes[at], pairs.longest[at], pairs.times[at]);
             }
             current.newest = Some(pairs.times[1]);
+            current.end = ExchangeEnd::newest(&self.batch, self.next_txn);
             current.rtu.last_exchange = Some(LastExchange { expected, odds: CERTAIN_DIRECTION_BITS });
         }
         packets

@@ -5,7 +5,7 @@ use crate::framer::Framer;
 use crate::records::InnerPauses;
 use crate::session::bus::{BusState, FROM_SERVER};
 use crate::session::exchanges::matching::RtuRun;
-use crate::session::exchanges::run::Run;
+use crate::session::exchanges::run::{ExchangeEnd, Run};
 use crate::session::frame_timing::FrameTiming;
 use crate::session::line::LineState;
 use modlens_protocol::framing::Mode;
@@ -40,6 +40,8 @@ pub(crate) struct MessageRun {
     pub(super) request: PendingRequest,
     /// Time of the newest bytes, those of the pending request left out.
     pub(super) newest: Option<Ns>,
+    /// Where its last exchange ends.
+    pub(super) end: ExchangeEnd,
 }
 
 /// A sender, whose messages are taken without its line.
@@ -84,7 +86,7 @@ impl MessageRun {
         let sides = [server_first, 1 - server_first].map(|line| MessageSide::of(line, &state.lines[line].1));
         let (open, newest) = (state.pairing.open_requests()?.passed(), state.latest);
         let (rtu, request) = (RtuRun::default(), PendingRequest::default());
-        Some(Self { bus, sides, is_connection: true, run, rtu, open, request, newest })
+        Some(Self { bus, sides, is_connection: true, run, rtu, open, request, newest, end: ExchangeEnd::default() })
     }
 
     /// Returns a run on the only line of a log, on which nothing is undecided; `None` if something is, or without a clock.
@@ -98,7 +100,8 @@ impl MessageRun {
         let line = &mut state.lines[0].1;
         let rtu = RtuRun::after(line.framer.rtu_mut());
         let sides = [0; 2].map(|_| MessageSide { break_ns: Ns::MAX, ..MessageSide::of(0, line) });
-        Some(Self { bus, sides, is_connection: false, run, rtu, open, request: PendingRequest::default(), newest })
+        let (request, end) = (PendingRequest::default(), ExchangeEnd::default());
+        Some(Self { bus, sides, is_connection: false, run, rtu, open, request, newest, end })
     }
 
     /// Returns whether it has to end before a request of the client with this time: its pending request has no response, or an

@@ -14,6 +14,7 @@ use crate::session::exchanges::emit::ExchangePlaces;
 use crate::session::exchanges::known_pairs::next_with_bytes;
 use crate::session::exchanges::matching::{match_rtu, match_tcp, plain_request, RtuContext};
 use crate::session::exchanges::message_run::{Message, MessageRun};
+use crate::session::exchanges::run::ExchangeEnd;
 use crate::session::line::LineState;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::source::Place;
@@ -32,20 +33,20 @@ impl Decoder {
         if chunk.follows_loss || chunk.lacks_checksum || !may_be_frame {
             return false;
         }
-        let run = self.message_run.as_ref().filter(|run| run.bus == bus);
+        if let Some(ended) = self.message_runs.turn_to(bus) {
+            self.end_run_of_messages(*ended);
+        }
+        let run = self.message_runs.at_hand.as_ref();
         let is_request = chunk.line == FROM_CLIENT || chunk.line == 0 && run.is_none_or(|run| run.request.is_none());
         if is_request && run.is_none_or(|run| run.ends_before_request_at(time)) {
-            if run.is_some() {
-                self.end_messages();
-                self.advance_pairing(bus, time);
-            }
+            self.end_messages_of(bus);
             if !self.begin_messages(bus, chunk, time) {
                 return false;
             }
         } else if run.is_none() {
             return false;
         }
-        let Some(run) = self.message_run.as_deref_mut() else { return false };
+        let Some(run) = self.message_runs.at_hand.as_deref_mut() else { return false };
         if is_request {
             run.takes_request_at(time) && run.request.take(chunk, time)
         } else {
@@ -53,7 +54,7 @@ impl Decoder {
         }
     }
 
-    /// Begins a run on this bus with a request of this time, if nothing on it is undecided; that of another bus ends.
+    /// Begins a run on this bus with a request of this time, if nothing on it is undecided and no run is at hand.
     #[cold]
     fn begin_messages(&mut self, bus: usize, chunk: &Chunk<'_>, time: Ns) -> bool {
         let options = &self.buses[bus].options;
@@ -65,7 +66,9 @@ impl Decoder {
         if self.live || !may_begin {
             return false;
         }
-        self.decide_waiting();
+        if self.waiting.is_some() {
+            self.decide_waiting();
+        }
         let is_compact = self.emits_compact_messages(bus);
         let state = &mut self.buses[bus];
         let run = if is_connection {
@@ -76,8 +79,8 @@ impl Decoder {
         if run.is_none() && !is_connection {
             self.message_tries.note_run(0);
         }
-        self.message_run = run.map(Box::new);
-        self.message_run.is_some()
+        self.message_runs.at_hand = run.map(Box::new);
+        self.message_runs.at_hand.is_some()
     }
 
     /// Returns whether exchanges of this bus in a message each are emitted compact: on a connection or in a log, in a recording of
@@ -90,7 +93,7 @@ impl Decoder {
 
     /// Emits the exchange of the pending request and this chunk, if they are one unambiguously.
     fn take_response(&mut self, chunk: &Chunk<'_>, time: Ns) -> bool {
-        let Some(mut current) = self.message_run.take() else { return false };
+        let Some(mut current) = self.message_runs.at_hand.take() else { return false };
         let asked = std::mem::take(&mut current.request);
         let request = Message { bytes: &asked.bytes, time: asked.time, number: asked.chunk.origin, side: asked.chunk.side };
         let response = Message { bytes: chunk.bytes, time, number: chunk.origin, side: chunk.side };
@@ -99,19 +102,11 @@ impl Decoder {
         if is_taken {
             current.request.bytes.clear();
         }
-        self.message_run = Some(current);
+        self.message_runs.at_hand = Some(current);
         is_taken
     }
 
-    /// Returns the bus whose packets may be matched in pairs (`match_pairs`): exchanges on it are compact, and no request is
-    /// pending.
-    #[inline]
-    pub(crate) fn bus_of_pairs(&self) -> Option<usize> {
-        let takes_pairs = |run: &MessageRun| run.is_connection && run.run.is_compact && run.request.is_none();
-        self.message_run.as_deref().filter(|run| takes_pairs(run)).map(|run| run.bus)
-    }
-
-    /// Emits pairs of a request and its response at the head of these packets as compact exchanges of `bus_of_pairs`, as long as
+    /// Emits pairs of a request and its response at the head of these packets as compact exchanges of the run at hand, as long as
     /// they are exchanges unambiguously and packets `belong` to the connection; returns the packets after them. What is the same
     /// for all of a run is left to its end.
     pub(crate) fn match_pairs<'a, 'b>(
@@ -119,7 +114,7 @@ impl Decoder {
         mut packets: &'b [PacketInTurn<'a>],
         belongs: impl Fn(&PacketInTurn<'_>) -> bool,
     ) -> &'b [PacketInTurn<'a>] {
-        let Some(mut current) = self.message_run.take() else { return packets };
+        let Some(mut current) = self.message_runs.at_hand.take() else { return packets };
         let is_recorded = self.buses[current.bus].pairing.response_side_recorded;
         loop {
             if current.run.totals.exchanges > 0 {
@@ -143,7 +138,7 @@ impl Decoder {
             }
             packets = rest.as_slice();
         }
-        self.message_run = Some(current);
+        self.message_runs.at_hand = Some(current);
         packets
     }
 
@@ -177,14 +172,22 @@ impl Decoder {
         let timings = current.pass(&messages);
         let places = ExchangePlaces { wires: bytes.map(|bytes| self.batch.store(bytes)), pdus: None };
         self.emit_exchange(current.bus, &matched, &places, timings, &mut current.run);
+        current.end = ExchangeEnd::newest(&self.batch, self.next_txn);
         true
     }
 
-    /// Ends the run of exchanges that are matched in their messages, if there is one: its bus is brought up to date, and the
-    /// pending request, which has no response here, is fed.
+    /// Ends the runs of exchanges that are matched in their messages: their buses are brought up to date, and the pending
+    /// request, which has no response here, is fed.
     #[inline]
     pub(crate) fn end_messages(&mut self) {
-        if let Some(ended) = self.message_run.take() {
+        while let Some(ended) = self.message_runs.take(None) {
+            self.end_run_of_messages(*ended);
+        }
+    }
+
+    /// Does the same for this bus, which is to be brought up to date, and for a pending request of another one.
+    pub(crate) fn end_messages_of(&mut self, bus: usize) {
+        while let Some(ended) = self.message_runs.take(Some(bus)) {
             self.end_run_of_messages(*ended);
         }
     }
@@ -197,7 +200,7 @@ impl Decoder {
         }
         if ended.run.totals.exchanges > 0 {
             ended.leave(&mut self.buses[ended.bus]);
-            self.end_run(ended.bus, mode, &ended.run.totals, &mut ended.rtu);
+            self.end_run(ended.bus, mode, &ended.run.totals, (&mut ended.rtu, ended.end));
             self.decide(ended.bus, ended.newest);
         }
         if !ended.request.is_none() {
@@ -209,7 +212,7 @@ impl Decoder {
     /// they come, of a log together with what may follow.
     pub(crate) fn feed_message(&mut self, bus: usize, chunk: &Chunk<'_>) {
         if chunk.line == FROM_CLIENT || chunk.line == FROM_SERVER {
-            self.decide_waiting();
+            self.end_messages_of(bus);
             self.feed(bus, chunk);
         } else {
             self.feed_later(bus, chunk);

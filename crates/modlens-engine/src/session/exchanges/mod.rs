@@ -4,7 +4,7 @@
 //! |--|--|
 //! | in a block of an RTU line without a clock, compact | `contiguous` (`compact_run`) |
 //! | at the head of any other RTU or ASCII line | `heads` |
-//! | in the packets of a connection or the lines of a log with times, as they come | `messages` (`message_run`; reads of the memo: `known_pairs`) |
+//! | in the packets of a connection or the lines of a log with times, as they come | `messages` (`message_run`, `message_runs`; reads of the memo: `known_pairs`) |
 //!
 //! `matching` decides whether a request and the bytes after it are an exchange, `emit` makes rows or a compact exchange of it and
 //! learns from it, `run` has what stays the same in a run of exchanges. What qualifies, and why the rows are those of the slow
@@ -17,6 +17,7 @@ mod heads;
 mod known_pairs;
 mod matching;
 pub(crate) mod message_run;
+pub(crate) mod message_runs;
 mod messages;
 mod run;
 

@@ -1,5 +1,6 @@
 //! Exchanges that the fast path emits one after the other: what is the same for all of them, and what is counted once.
 
+use crate::records::Batch;
 use crate::session::bus::BusState;
 use crate::session::frame_timing::TimingConfig;
 use modlens_protocol::Ns;
@@ -9,6 +10,23 @@ use modlens_protocol::Ns;
 pub(super) struct BatchTotals {
     pub exchanges: u64,
     pub bytes: usize,
+}
+
+/// Where the last exchange of a run ends.
+#[derive(Clone, Copy, Default)]
+pub(super) struct ExchangeEnd {
+    /// Index of the arena after its bytes.
+    pub arena: usize,
+    /// Its number.
+    pub txn: u64,
+}
+
+impl ExchangeEnd {
+    /// That of the exchange emitted last.
+    #[inline]
+    pub fn newest(batch: &Batch, next_txn: u64) -> Self {
+        Self { arena: batch.arena.len(), txn: next_txn - 1 }
+    }
 }
 
 /// One run of the fast path over a bus: what stays the same in it, and what it has emitted so far.
