@@ -10,7 +10,7 @@ The judgement is the core's (crates/modlens-diagnosis); this file only draws it.
                 "failed", "total", "since", "until", "episodes", "certainty", "explains", "share",
                 "odds", "rival", "chance", "sentence", "evidence", "advice", "proof",
                 "examples": [int]}],          by harm
- "unexplained": [{"bus": text, "odd": int, "unexplained": int}],
+ "unexplained": [{"bus": text, "odd": int, "unexplained": int, "sentence": text}],
  "reserves": [{"bus": text, "unit": int, "requests": int, "answered": int, "damaged": int,
                "late": int, "timed": int,     answers with a usable response time
                "response_time_p99_us": float | null,
@@ -113,9 +113,8 @@ def level(row: Mapping[str, Any]) -> str:
 def unexplained(doctor: Mapping[str, Any]) -> Iterator[str]:
     """What no cause explains, in words; nothing where there is no diagnosis."""
     for row in doctor["unexplained"] if doctor["diagnoses"] else ():
-        if row["unexplained"]:
-            count = f"{row['unexplained']:,} of {row['odd']:,} odd transactions and bytes"
-            yield f"{row['bus']}: no cause above explains {count}."
+        if row["sentence"]:
+            yield f"{row['bus']}: {row['sentence']}"
 
 
 def _diagnosis(

@@ -10,7 +10,8 @@
 //! whose contrast shows nothing has its symptoms alone.
 
 use crate::claim::{Certainty, Claim, View};
-use crate::contrast::Symptom;
+use crate::contrast::{Seen, Symptom};
+use crate::odd::Odd;
 use crate::table::{diagnoses, diagnosis, Diagnosis};
 
 /// What no claim explains: any symptom of any unit, this much less likely than by a cause that shows all alike.
@@ -29,22 +30,27 @@ struct Cell {
     symptom: Symptom,
     unit: Option<u8>,
     count: f64,
+    /// The part of them that are failed requests.
+    failing: f64,
 }
 
 /// What is odd on a bus, and how much of it no claim explains.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Rest {
     /// Odd transactions and bytes.
-    pub odd: u64,
+    pub odd: Odd,
     /// Those that no claim explains.
-    pub unexplained: u64,
+    pub unexplained: Odd,
 }
 
 /// Divides what is odd among the claims, and weighs each against its best rival. `all` are the claims of all kinds, those
 /// that others explain among them.
 pub fn attribute(view: &View<'_>, claims: &mut [Claim], all: &[Claim]) -> Rest {
-    let cells: Vec<Cell> =
-        view.bus.symptoms.all().map(|(symptom, unit, tally)| Cell { symptom, unit, count: tally.failed as f64 }).collect();
+    let cell = |(symptom, unit, seen): (Symptom, Option<u8>, &Seen)| {
+        let count = seen.all.failed as f64;
+        Cell { symptom, unit, count, failing: seen.failed_requests as f64 / count.max(1.0) }
+    };
+    let cells: Vec<Cell> = view.bus.symptoms.all().map(cell).collect();
     let units = view.units().count().max(1) as f64;
     let (shares, rest) = divide(&cells, claims, units);
     for (claim, share) in claims.iter_mut().zip(shares) {
@@ -53,18 +59,32 @@ pub fn attribute(view: &View<'_>, claims: &mut [Claim], all: &[Claim]) -> Rest {
         if cause.symptoms.is_empty() || explains < 0.5 {
             continue;
         }
-        claim.explains = Some(explains.round() as u64);
+        claim.explains = Some(sum(cells.iter().zip(share.iter().copied())));
         if claim.certainty == Certainty::Diagnosed {
             let seen: Vec<(Symptom, f64)> = cells.iter().zip(share).map(|(cell, count)| (cell.symptom, count)).collect();
             claim.odds = odds(claim, cause, &seen, all);
         }
     }
-    let odd: f64 = cells.iter().map(|cell| cell.count).sum();
-    Rest { odd: odd as u64, unexplained: rest.round() as u64 }
+    let odd = sum(cells.iter().map(|cell| (cell, cell.count)));
+    // A failed request that looks like nothing of the table is one that no cause explains.
+    let failed = view.bus.requests_seen.failed.max(odd.failed);
+    let mut unexplained = sum(cells.iter().zip(rest));
+    unexplained.failed += failed - odd.failed;
+    Rest { odd: Odd { failed, ..odd }, unexplained }
+}
+
+/// Sums up shares of cells.
+fn sum<'a>(cells: impl Iterator<Item = (&'a Cell, f64)>) -> Odd {
+    let (mut failed, mut refused, mut other) = (0.0, 0.0, 0.0);
+    for (cell, count) in cells {
+        failed += count * cell.failing;
+        *(if cell.symptom.is_refusal() { &mut refused } else { &mut other }) += count * (1.0 - cell.failing);
+    }
+    Odd { failed: failed.round() as u64, refused: refused.round() as u64, other: other.round() as u64 }
 }
 
 /// Of each cell, how many each claim explains; and how many none does.
-fn divide(cells: &[Cell], claims: &[Claim], units: f64) -> (Vec<Vec<f64>>, f64) {
+fn divide(cells: &[Cell], claims: &[Claim], units: f64) -> (Vec<Vec<f64>>, Vec<f64>) {
     let unexplained = UNEXPLAINED / Symptom::ALL.len() as f64 / units;
     let likelihood = |claim: &Claim, cell: &Cell| match (claim.unit, diagnosis(claim.code)) {
         (Some(unit), _) if cell.unit.is_some_and(|other| other != unit) => ELSEWHERE,
@@ -85,7 +105,7 @@ fn divide(cells: &[Cell], claims: &[Claim], units: f64) -> (Vec<Vec<f64>>, f64) 
         }
         weights = shares.iter().map(|share| share.iter().sum::<f64>().max(1e-9)).collect();
     }
-    let rest = shares.pop().map_or(0.0, |share| share.iter().sum());
+    let rest = shares.pop().unwrap_or_default();
     (shares, rest)
 }
 

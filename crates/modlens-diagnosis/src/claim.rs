@@ -3,6 +3,7 @@
 use crate::contrast::gaps::{without_lone, Episode};
 use crate::contrast::tally::{Place, Tally};
 use crate::contrast::{BusContrast, UnitCounts};
+use crate::odd::Odd;
 use crate::statistics::{at_least, greatest_rate, least_rate, Share};
 use crate::MAX_CHANCE;
 use modlens_protocol::decimal::thousands;
@@ -119,7 +120,7 @@ pub struct Claim {
     /// The odds against the best rival, and its code, where they were weighed.
     pub odds: Option<(f64, &'static str)>,
     /// How many of the odd transactions and bytes of the bus it explains; `None` where no symptom shows it.
-    pub explains: Option<u64>,
+    pub explains: Option<Odd>,
     /// Transactions that show it.
     pub examples: Vec<u64>,
     /// At most so severe, whatever the table says.

@@ -30,7 +30,7 @@ pub use epochs::Epochs;
 pub use network::{ClientCounts, Connections};
 pub use noise::{NoiseCounts, NoiseKey, NoiseRuns};
 pub use request::{Lonely, Pair, RequestCounts};
-pub use symptoms::{Symptom, Symptoms};
+pub use symptoms::{Seen, Symptom, Symptoms};
 pub use unit::{LengthRatios, Overtaken, Pauses, Runs, UnitCounts, EXCEPTIONS};
 
 use crate::clean::Exchanges;
@@ -67,9 +67,20 @@ pub struct Contrast {
     buses: BTreeMap<String, BusContrast>,
     /// Whether something was left out, for want of room.
     overflowed: bool,
+    is_selection: bool,
 }
 
 impl Contrast {
+    /// Counters of transactions that a user has chosen: they say nothing of the whole line.
+    pub fn of_selection() -> Self {
+        Self { is_selection: true, ..Self::default() }
+    }
+
+    /// Whether a user has chosen what is counted.
+    pub fn is_selection(&self) -> bool {
+        self.is_selection
+    }
+
     /// Counts the rows of a batch. It has to have frames and transactions.
     pub fn observe(&mut self, batch: &Batch) {
         self.observe_connections(batch);

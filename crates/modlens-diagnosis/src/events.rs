@@ -22,7 +22,7 @@ use modlens_engine::records::{Batch, DiagnosisRow};
 use modlens_protocol::finding::Severity;
 use modlens_protocol::Ns;
 
-use crate::report::{Course, Report};
+use crate::report::{Course, Report, UNEXPLAINED};
 use crate::statistics::Share;
 use crate::table::diagnosis;
 use slices::Slices;
@@ -173,8 +173,11 @@ impl Events {
                 *shown += 1;
                 if *shown >= CONFIRMED {
                     self.shown.remove(key);
+                    let (key, seen) = likeliest(&sights, key).unwrap_or((key, seen));
                     self.begin(key, seen, now);
                 }
+            } else if let Some(seen) = all.iter().find(|sight| !sight.course.has_ended && self.lacks_cause(key)) {
+                self.begin(key, seen, now);
             }
         }
         self.end(now);
@@ -203,7 +206,14 @@ impl Events {
 
     /// Whether a trouble is open already, or another cause for the same failures of the same subject.
     fn is_told(&self, key: &Key) -> bool {
-        self.open.iter().any(|(other, one)| other == key || (!one.is_nearly_over() && are_related(other, key)))
+        let is_settled = |other: &Key, one: &Trouble| !one.is_nearly_over() && (other.1 != UNEXPLAINED || !self.lacks_cause(key));
+        self.open.iter().any(|(other, one)| other == key || (is_settled(other, one) && are_related(other, key)))
+    }
+
+    /// Whether the subject of this cause has a trouble whose cause is not known yet. That it has one is sure, so the chance of
+    /// any diagnosis is small enough to name its cause.
+    fn lacks_cause(&self, (subject, code): &Key) -> bool {
+        *code != UNEXPLAINED && self.open.contains_key(&(subject.clone(), UNEXPLAINED))
     }
 
     fn begin(&mut self, key: &Key, seen: &Sight, now: Ns) {
@@ -262,6 +272,14 @@ const APART: i64 = 7;
 const NEVER: &str = "dead_unit_cost";
 /// Two causes that show the same symptom in such shares of their failures explain the same failures.
 const MUCH: f64 = 0.3;
+
+/// The cause that a window names for a subject whose trouble no other window explains.
+fn likeliest<'a>(sights: &'a BTreeMap<Key, Vec<Sight>>, (subject, code): &Key) -> Option<(&'a Key, &'a Sight)> {
+    let causes = sights.iter().filter(|((other, _), _)| *code == UNEXPLAINED && other == subject);
+    let going_on = causes.filter(|((_, cause), _)| *cause != UNEXPLAINED);
+    let going_on = going_on.filter_map(|(key, all)| Some((key, all.iter().find(|sight| !sight.course.has_ended)?)));
+    going_on.min_by(|(_, one), (_, other)| one.row.chance.unwrap_or(1.0).total_cmp(&other.row.chance.unwrap_or(1.0)))
+}
 
 /// Whether two troubles are causes for the same failures of one subject.
 fn are_related(one: &Key, other: &Key) -> bool {

@@ -36,6 +36,7 @@ pub mod days;
 pub mod events;
 pub mod kinds;
 pub mod observation;
+mod odd;
 pub mod report;
 pub mod sight;
 pub mod statistics;

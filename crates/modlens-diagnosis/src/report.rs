@@ -9,6 +9,7 @@ mod unjudged;
 mod verdict;
 
 pub use course::Course;
+pub use unexplained::UNEXPLAINED;
 
 use modlens_engine::records::DiagnosisRow;
 use modlens_protocol::finding::Severity;
@@ -19,6 +20,7 @@ use crate::attribution::{attribute, Rest};
 use crate::claim::{Certainty, Claim, View, FEW};
 use crate::contrast::{BusContrast, Contrast};
 use crate::kinds;
+use crate::odd::Odd;
 use crate::statistics::Share;
 
 /// What the doctor says of a recording.
@@ -48,7 +50,7 @@ impl Report {
             let view = View::new(bus);
             let (claims, odd) = claims(&view);
             rows.extend(
-                claims.iter().map(|claim| (claim.harm, sentences::row(name, bus, claim, odd), Course::of(bus, claim, odd))),
+                claims.iter().map(|claim| (spoiled(claim), sentences::row(name, bus, claim, odd), Course::of(bus, claim, odd))),
             );
             rest.push((*name, odd));
             without_cause.extend(unexplained::of_bus(name, &view, &claims));
@@ -64,10 +66,17 @@ impl Report {
         }
         rows.sort_by_key(|(spoiled, row, _)| std::cmp::Reverse(harm(*spoiled, row)));
         let (rows, courses): (Vec<DiagnosisRow>, Vec<Course>) = rows.into_iter().map(|(_, row, course)| (row, course)).unzip();
-        let (word, sentence) = verdict::verdict(&buses, &rows, without_cause.first().map(|(row, _)| row));
+        let (word, sentence) =
+            verdict::verdict(&buses, contrast.is_selection(), &rows, without_cause.first().map(|(row, _)| row));
         let requests = buses.iter().fold(Share::default(), |sum, (_, bus)| sum.with(bus.requests_seen.share()));
-        let unexplained = rest.iter().filter(|(_, rest)| rest.odd > 0);
-        let unexplained = unexplained.map(|(bus, rest)| json!({"bus": bus, "odd": rest.odd, "unexplained": rest.unexplained}));
+        let unexplained = rest.iter().filter(|(_, rest)| rest.odd.total() > 0);
+        let unexplained = unexplained.map(|(bus, rest)| {
+            let words = course::in_words(rest.unexplained, rest.odd);
+            json!({
+                "bus": bus, "odd": rest.odd.total(), "unexplained": rest.unexplained.total(),
+                "sentence": Some(words).filter(|words| !words.is_empty()).map(|words| format!("no cause above explains {words}.")),
+            })
+        });
         let unexplained = unexplained.collect();
         Self {
             rows,
@@ -142,6 +151,13 @@ fn certainty(bus: &BusContrast, claim: &Claim) -> Certainty {
     }
 }
 
+/// Requests that a cause spoils: those whose symptoms it explains, else what it has counted itself, as a suspicion does, which
+/// is of a few examples.
+fn spoiled(claim: &Claim) -> u64 {
+    let explains = claim.explains.filter(|_| claim.certainty == Certainty::Diagnosed);
+    explains.map_or(claim.harm, |explains| explains.failed + explains.refused)
+}
+
 /// The order of diagnoses: by severity, then by how many failures they explain, then by how sure they are.
 fn harm(spoiled: u64, row: &DiagnosisRow) -> (u8, u64, u64, std::cmp::Reverse<String>) {
     let severity = match row.severity {
@@ -159,7 +175,8 @@ fn row_json(row: &DiagnosisRow, course: &Course) -> Json {
         "severity": row.severity.text(), "bus": row.bus, "unit": row.unit, "function": row.function, "address": row.address,
         "client": row.client, "failed": row.failed, "total": row.total,
         "since": row.since.map(time_text), "until": row.until.map(time_text), "episodes": course.episodes,
-        "certainty": row.certainty, "explains": course.explains, "share": row.share, "odds": row.odds, "rival": course.rival,
+        "certainty": row.certainty, "explains": course.explains.map(Odd::total),
+        "explains_failed": course.explains.map(|explains| explains.failed), "share": row.share, "odds": row.odds, "rival": course.rival,
         "chance": row.chance, "sentence": row.sentence, "evidence": course.evidence(), "advice": row.advice, "proof": row.proof, "examples": row.examples,
     })
 }

@@ -38,7 +38,7 @@ pub fn suspected(view: &View<'_>) -> Vec<Claim> {
 /// The symptoms with all their examples, and the unit where there is one.
 fn by_symptom(view: &View<'_>) -> Vec<Seen> {
     let mut seen: Vec<Seen> = Vec::new();
-    for (symptom, unit, tally) in view.bus.symptoms.all().chain(never_answered(view)) {
+    for (symptom, unit, tally) in all(view).chain(never_answered(view)) {
         let symptom = match (symptom, unit) {
             (Symptom::NoAnswer, Some(unit)) if is_mute(view, unit) => continue,
             (Symptom::AnswerWhole, Some(unit)) if has_no_valid_answer(view, unit) => Symptom::NeverValid,
@@ -55,11 +55,16 @@ fn by_symptom(view: &View<'_>) -> Vec<Seen> {
     seen
 }
 
+/// The symptoms of a bus with their examples.
+fn all<'a>(view: &View<'a>) -> impl Iterator<Item = (Symptom, Option<u8>, &'a Tally)> {
+    view.bus.symptoms.all().map(|(symptom, unit, seen)| (symptom, unit, &seen.all))
+}
+
 /// Whether no answer of a unit is in the recording, not even a damaged one.
 fn is_mute(view: &View<'_>, unit: u8) -> bool {
     let counts = view.bus.units.get(&unit);
     let is_never_heard = counts.is_some_and(|counts| counts.failures.total == counts.silent.failed && counts.late.failed == 0);
-    is_never_heard && view.bus.symptoms.all().all(|(symptom, of, _)| of != Some(unit) || symptom == Symptom::NoAnswer)
+    is_never_heard && all(view).all(|(symptom, of, _)| of != Some(unit) || symptom == Symptom::NoAnswer)
 }
 
 /// Whether no answer of a unit on a serial line is valid.

@@ -104,6 +104,7 @@ impl Session {
                 TableKind::Findings => wanted.findings = true,
                 // Its rows are always made: they are few.
                 TableKind::Connections => {}
+                TableKind::Diagnoses if select.is_some() => contrast = Some(Contrast::of_selection()),
                 TableKind::Diagnoses => contrast = Some(Contrast::default()),
             }
         }

@@ -97,19 +97,38 @@ symptoms! {
     Noise = "noise",
 }
 
+impl Symptom {
+    /// Whether the request was refused by an exception.
+    pub fn is_refusal(self) -> bool {
+        (Self::RefusedFunction..=Self::RefusedOther).contains(&self)
+    }
+}
+
 /// How often each symptom was seen, by unit; `None` where no unit is near.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Symptoms(BTreeMap<(Symptom, Option<u8>), Tally>);
+pub struct Symptoms(BTreeMap<(Symptom, Option<u8>), Seen>);
+
+/// How often a symptom was seen of a unit.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Seen {
+    /// All of them.
+    pub all: Tally,
+    /// Those that are failed requests; others are refusals, odd answers, and bytes between frames.
+    pub failed_requests: u64,
+}
 
 impl Symptoms {
-    fn count(&mut self, symptom: Symptom, unit: Option<u8>, place: Place) {
-        self.0.entry((symptom, unit)).or_default().count(true, place);
+    fn count(&mut self, symptom: Symptom, unit: Option<u8>, place: Place) -> &mut Seen {
+        let seen = self.0.entry((symptom, unit)).or_default();
+        seen.all.count(true, place);
+        seen
     }
 
     /// Counts a transaction, if it is odd.
     pub(super) fn transaction(&mut self, seen: &Observation, before: Before) {
         if let Some(symptom) = of_transaction(seen, before) {
-            self.count(symptom, Some(seen.unit), seen.place);
+            let is_failure = seen.outcome.counts() && seen.outcome.is_failure();
+            self.count(symptom, Some(seen.unit), seen.place).failed_requests += u64::from(is_failure);
         }
     }
 
@@ -129,14 +148,16 @@ impl Symptoms {
     }
 
     pub(super) fn merge(&mut self, later: &Self) {
-        for (key, tally) in &later.0 {
-            self.0.entry(*key).or_default().merge(tally);
+        for (key, seen) in &later.0 {
+            let own = self.0.entry(*key).or_default();
+            own.all.merge(&seen.all);
+            own.failed_requests += seen.failed_requests;
         }
     }
 
     /// All of them with their counts.
-    pub fn all(&self) -> impl Iterator<Item = (Symptom, Option<u8>, &Tally)> {
-        self.0.iter().map(|((symptom, unit), tally)| (*symptom, *unit, tally))
+    pub fn all(&self) -> impl Iterator<Item = (Symptom, Option<u8>, &Seen)> {
+        self.0.iter().map(|((symptom, unit), seen)| (*symptom, *unit, seen))
     }
 }
 

@@ -6,9 +6,10 @@ use serde_json::Value as Json;
 
 use super::episodes;
 use crate::attribution::{Rest, MOST_ODDS};
-use crate::claim::Claim;
+use crate::claim::{Certainty, Claim};
 use crate::contrast::tally::Place;
 use crate::contrast::BusContrast;
+use crate::odd::Odd;
 
 /// When the failures of a diagnosis were, on any clock, and which of all it explains.
 #[derive(Clone, Debug)]
@@ -22,8 +23,9 @@ pub struct Course {
     /// Its runs, as JSON.
     pub(super) episodes: Vec<Json>,
     /// How many of so many odd transactions and bytes it explains.
-    pub(super) explains: Option<u64>,
-    odd: u64,
+    pub(super) explains: Option<Odd>,
+    odd: Odd,
+    is_diagnosed: bool,
     odds: Option<f64>,
     /// Its best rival.
     pub(super) rival: Option<&'static str>,
@@ -40,21 +42,48 @@ impl Course {
             episodes: episodes::json(bus, claim),
             explains: claim.explains,
             odd: rest.odd,
+            is_diagnosed: claim.certainty == Certainty::Diagnosed,
             odds: claim.odds.map(|(odds, _)| odds),
             rival: claim.odds.map(|(_, rival)| rival),
         }
     }
 
-    /// The share of a diagnosis and its odds in words; `None` where no symptom shows it.
+    /// The share of a diagnosis and its odds in words, of a suspicion its odds alone: it is of a few examples. `None` where no
+    /// symptom shows it.
     pub(super) fn evidence(&self) -> Option<String> {
-        let (explains, odd) = (self.explains?, self.odd);
-        let said = format!("Explains {} of {} odd transactions and bytes", thousands(explains.min(odd)), thousands(odd));
-        Some(match (self.odds, self.rival) {
+        let explains = self.explains?;
+        let odds = match (self.odds, self.rival) {
             (Some(odds), Some(rival)) if odds >= 1.0 => {
                 let more = if odds >= MOST_ODDS { "over " } else { "" };
-                format!("{said}: {more}{} times likelier from this than from {rival}.", thousands(odds.round() as u64))
+                Some(format!("{more}{} times likelier from this than from {rival}.", thousands(odds.round() as u64)))
             }
-            _ => format!("{said}."),
-        })
+            _ => None,
+        };
+        if !self.is_diagnosed {
+            return odds.map(|odds| odds.replacen('o', "O", usize::from(odds.starts_with("over"))));
+        }
+        let said = format!("Explains {}", in_words(explains, self.odd));
+        Some(odds.map_or(format!("{said}."), |odds| format!("{said}: {odds}")))
+    }
+}
+
+/// So many of so many failed requests, refusals, and the rest, each where there is any.
+pub(super) fn in_words(some: Odd, all: Odd) -> String {
+    let mut parts: Vec<String> = [
+        (some.failed, all.failed, "failed request", "failed requests"),
+        (some.refused, all.refused, "refused request", "refused requests"),
+        (some.other, all.other, "odd answer or stray byte", "odd answers and stray bytes"),
+    ]
+    .into_iter()
+    .filter(|(some, ..)| *some > 0)
+    .map(|(some, all, one, several)| match all.max(some) {
+        1 => format!("the {one}"),
+        all if all == some => format!("all {} {several}", thousands(all)),
+        all => format!("{} of the {} {several}", thousands(some), thousands(all)),
+    })
+    .collect();
+    match parts.pop() {
+        Some(last) if !parts.is_empty() => format!("{} and {last}", parts.join(", ")),
+        last => last.unwrap_or_default(),
     }
 }

@@ -33,7 +33,7 @@ pub(super) fn row(bus: &str, contrast: &BusContrast, claim: &Claim, rest: Rest) 
         certainty: claim.certainty.text(),
         chance: Some(three_digits(claim.chance)).filter(|_| !is_sight),
         odds: claim.odds.map(|(odds, _)| three_digits(odds)),
-        share: claim.explains.map(|explains| (explains as f64 / rest.odd.max(1) as f64).min(1.0)),
+        share: claim.explains.map(|explains| (explains.total() as f64 / rest.odd.total().max(1) as f64).min(1.0)),
         episodes: super::episodes::intervals(contrast, claim),
         sentence: filled(if is_sight { "{sight}" } else { &known.sentence }, contrast, claim),
         advice: filled(at_sight(&known.sight_advice, &known.advice), contrast, claim),

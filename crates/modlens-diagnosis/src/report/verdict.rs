@@ -53,8 +53,44 @@ pub(super) fn is_open(bus: &BusContrast) -> bool {
     share.total < FEW || at_least(share, ACCIDENT) < MAX_CHANCE
 }
 
+/// What is judged, in words.
+#[derive(Clone, Copy)]
+struct Judged {
+    what: &'static str,
+    /// A user has chosen the transactions, perhaps those that failed: they say nothing of the line.
+    is_selection: bool,
+}
+
+impl Judged {
+    fn of(buses: &[(&str, BusContrast)], is_selection: bool) -> Self {
+        let what = match buses {
+            [(_, bus)] if bus.facts.is_network => "This network",
+            [_] => "This line",
+            _ => "What was recorded",
+        };
+        Self { what, is_selection }
+    }
+
+    /// How it works, with the numbers that show it.
+    fn state(self, state: &str, numbers: &str) -> String {
+        if self.is_selection {
+            return format!("Of what was selected, {numbers}");
+        }
+        format!("{} {state}: {numbers}", self.what)
+    }
+
+    fn problems(self, numbers: &str) -> String {
+        self.state("works, but has problems", numbers)
+    }
+}
+
 /// The verdict and its sentence; `rows` are the diagnoses, the worst first, `open` what a unit bears without a known cause.
-pub(super) fn verdict(buses: &[(&str, BusContrast)], rows: &[DiagnosisRow], open: Option<&DiagnosisRow>) -> (Verdict, String) {
+pub(super) fn verdict(
+    buses: &[(&str, BusContrast)],
+    is_selection: bool,
+    rows: &[DiagnosisRow],
+    open: Option<&DiagnosisRow>,
+) -> (Verdict, String) {
     let share = buses.iter().fold(Share::default(), |sum, (_, bus)| sum.with(bus.requests_seen.share()));
     let bytes = |verdict: FrameVerdict| -> u64 { buses.iter().map(|(_, bus)| bus.frames.bytes[verdict as usize]).sum() };
     let is_diagnosed = |row: &&DiagnosisRow| row.certainty == Certainty::Diagnosed.text();
@@ -70,11 +106,7 @@ pub(super) fn verdict(buses: &[(&str, BusContrast)], rows: &[DiagnosisRow], open
     } else {
         format!("{} of {} requests failed{refusals}", thousands(share.failed), thousands(share.total))
     };
-    let what = match buses {
-        [(_, bus)] if bus.facts.is_network => "This network",
-        [_] => "This line",
-        _ => "What was recorded",
-    };
+    let judged = Judged::of(buses, is_selection);
     if let Some(worst) = worst {
         let is_aside = share.failed == 0 && refused.failed > 0 && !EXPLAIN_REFUSALS.contains(&worst.code);
         let cause = format!("{}: {}", if is_aside { "What else was found" } else { rest(rows) }, worst.sentence);
@@ -82,15 +114,15 @@ pub(super) fn verdict(buses: &[(&str, BusContrast)], rows: &[DiagnosisRow], open
             return (Verdict::Broken, format!("No valid request was found. {cause}"));
         }
         if least_rate(share) > 0.3 {
-            return (Verdict::Broken, format!("{what} is broken: {numbers}. {cause}"));
+            return (Verdict::Broken, format!("{}. {cause}", judged.state("is broken", &numbers)));
         }
         if share.failed == 0 && refused.failed == 0 {
             return (Verdict::Trouble, all_answered(share.total, rows, worst));
         }
-        return (Verdict::Trouble, format!("{what} works, but has problems: {numbers}. {cause}"));
+        return (Verdict::Trouble, format!("{}. {cause}", judged.problems(&numbers)));
     }
     if let Some(suspected) = suspected {
-        return suspicion(share, &numbers, what, &suspected);
+        return suspicion(share, &judged.problems(&numbers), &suspected);
     }
     if share.total == 0 && bytes(FrameVerdict::Noise) > bytes(FrameVerdict::Ok) {
         let count = thousands(bytes(FrameVerdict::Noise));
@@ -100,33 +132,32 @@ pub(super) fn verdict(buses: &[(&str, BusContrast)], rows: &[DiagnosisRow], open
         return (Verdict::Unknown, format!("Cannot be judged: {}.", too_few(share, refused)));
     }
     if let Some(open) = open.filter(|open| open.severity != Severity::Info) {
-        return (Verdict::Trouble, format!("{what} works, but has problems: {numbers}. {}", open.sentence));
+        return (Verdict::Trouble, format!("{}. {}", judged.problems(&numbers), open.sentence));
     }
     if share.failed > 0 && at_least(share, ACCIDENT) < MAX_CHANCE {
-        let text = format!("{what} works, but has problems: {numbers}. No known cause explains it.");
+        let text = format!("{}. No known cause explains it.", judged.problems(&numbers));
         return (Verdict::Trouble, text);
     }
     if least_rate(refused) > MANY_REFUSED {
-        let text =
-            format!("{what} works, but has problems: {numbers}. There is no single reason; each transaction names its own.");
+        let text = format!("{}. There is no single reason; each transaction names its own.", judged.problems(&numbers));
         return (Verdict::Trouble, text);
     }
     let answered = share.total - share.failed;
-    let text = format!(
-        "{what} is healthy: {} of {} requests were answered ({}){refusals}.",
+    let numbers = format!(
+        "{} of {} requests were answered ({}){refusals}.",
         thousands(answered),
         thousands(share.total),
         percent(1.0 - share.rate())
     );
-    (Verdict::Healthy, text)
+    (Verdict::Healthy, judged.state("is healthy", &numbers))
 }
 
 /// The verdict where examples suggest a cause.
-fn suspicion(share: Share, numbers: &str, what: &str, suspected: &str) -> (Verdict, String) {
+fn suspicion(share: Share, problems: &str, suspected: &str) -> (Verdict, String) {
     if share.total < FEW {
         return (Verdict::Unknown, suspected.to_owned());
     }
-    (Verdict::Trouble, format!("{what} works, but has problems: {numbers}. {suspected}"))
+    (Verdict::Trouble, format!("{problems}. {suspected}"))
 }
 
 fn word(certainty: &str) -> &'static str {
