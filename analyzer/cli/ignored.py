@@ -21,7 +21,7 @@ def ignored_in(options: argparse.Namespace, to: str | None, formats: Collection[
     if options.context and not written & {*CAPTURES}:
         found.append(
             "--context is ignored: frames around a match are for pcap and pcapng outputs, such as"
-            " -o cut.pcapng"
+            ' -o cut.pcapng; in a table, --where "txn >= 1 and txn <= 9" shows those around txn 5'
         )
     if not written & {"table", *FOR_PEOPLE}:
         if options.address != "wire":

@@ -86,6 +86,7 @@ def run_files(
         rows_on_terminal=to is not None and sys.stdout.isatty(),
         timezone=options.timezone,
     )
+    _follow_outputs(options, to)
     settings = with_watched_tables(options, run_settings(options))
     watch = live_watch(options, messages.info)
     report_silence_limits(settings, messages)
@@ -109,17 +110,23 @@ def run_files(
             return 0
         if signal is not None:
             messages.error(_interruption(outputs.partial))
-        if not quiet:
-            messages.summary(run.stats())
         if outputs.are_full:
-            messages.info(
-                "--limit: reading stopped there, and the counts are of what was read until then"
-            )
+            # Counts of a part, cut in the middle of an exchange, would be taken for those of all.
+            messages.info("--limit: reading stopped there; without it, the summary counts all rows")
+        elif not quiet:
+            messages.summary(run.stats())
         if signal is not None:
             return SIGNALLED + signal
     if options.strict and not outputs.status and (messages.unparsed_lines or damaged(run.stats())):
         return DAMAGED
     return max(outputs.status, CaptureError.exit_status if run.unreadable else 0)
+
+
+def _follow_outputs(options: argparse.Namespace, to: str | None) -> None:
+    """Let `--where` be of the table that all outputs name, such as `-o readings:flow.csv`."""
+    tables = {one.table for one in targets(options)}
+    if to is None and len(tables) == 1:
+        options.table = tables.pop()
 
 
 def _pool(options: argparse.Namespace) -> Pool | None:
