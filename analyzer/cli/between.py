@@ -23,7 +23,7 @@ from analyzer.filters import parse
 from analyzer.times import parse_ns, parse_time_of_day
 from dissectors.errors import UsageError
 
-__all__ = ["combine_filters"]
+__all__ = ["combine_filters", "is_over_midnight"]
 
 Zone = Literal["local", "utc"]
 
@@ -90,6 +90,12 @@ def combine_filters(
     low, high = f"{column} >= {first.literal}", f"{column} < {last.literal}"
     inside = f"({low} {word} {high})"
     return inside if where is None else f"({where}) and {inside}"
+
+
+def is_over_midnight(between: Sequence[str]) -> bool:
+    """Whether two times of day stand for the hours from the evening to the morning."""
+    first, last = map(parse_time_of_day, between)
+    return first is not None and last is not None and last[0] < first[0]
 
 
 def _day(text: str, zone: Zone) -> str:

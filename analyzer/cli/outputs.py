@@ -215,7 +215,13 @@ class Outputs:
         notes, by_time = ((), False) if where is None else _remarks(where, options.table)
         self._without_rows = ""
         if by_time:
+            from analyzer.cli.between import is_over_midnight  # noqa: PLC0415 - rarely given
+
             self._without_rows = NO_SUCH_TIME if options.between is not None else NO_MATCH
+            if options.between is not None and is_over_midnight(options.between):
+                self._without_rows += (
+                    "; T2 is earlier in the day than T1, which means over midnight"
+                )
         for note in notes:
             messages.info(f"--where: {note}")
         self._sinks: list[OutputSink] = list(extra_sinks)

@@ -22,6 +22,7 @@ from analyzer.views.plot import png, show_plot, svg
 from analyzer.views.plot_series import AXES, Axis, Plot, Series, seconds_of
 from analyzer.views.screen import stdout
 from dissectors.errors import CaptureError, FilterError, UsageError
+from dissectors.function_lookup import similar_name
 
 __all__ = ["add_arguments", "run"]
 
@@ -78,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
         if not plot:
             raise UsageError(
                 f"plot: no reading with a number meets {options.expression!r};"
-                " modlens map lists what was read and written"
+                f"{_hint(options, messages)} modlens map lists what was read and written"
             )
         if draw is None:
             show_plot(plot, stdout(), axis)
@@ -87,6 +88,17 @@ def run(options: argparse.Namespace) -> int:
         if stop_signals.signal is not None:
             return SIGNALLED + stop_signals.signal
     return CaptureError.exit_status if files.unreadable else 0
+
+
+def _hint(options: argparse.Namespace, messages: Messages) -> str:
+    """The name in the recording that is most like the one that was given."""
+    files = file_run(options, replace(settings(options), tables=("readings",)), messages)
+    names: set[str] = set()
+    for batch in files.batches():
+        rows = batch.readings
+        names |= {str(name) for (name,) in rows.tuples(["name"], 0, len(rows)) if name is not None}
+    hint = similar_name(options.expression.strip(), sorted(names))
+    return f" did you mean {hint!r}?" if hint else ""
 
 
 def _picture(output: str | None) -> Callable[[Plot, Axis], bytes] | None:

@@ -125,7 +125,28 @@ def value(tree: Tree, moment_ns: int | None) -> Any:
 def test_nothing_between_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     """Where no row has such a time, with the zone that times are taken in."""
     assert main(["decode", DISTURBED, "--between", "3:00", "3:01"]) == 0
-    assert "no row has such a time; times without a zone are" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "no row has such a time; times without a zone are" in said
+    assert "over midnight" not in said
+    assert (
+        main(
+            [
+                "export",
+                DISTURBED,
+                "--between",
+                "3:01",
+                "3:00",
+                "--times",
+                "utc",
+                "--where",
+                "unit == 99",
+                "--to",
+                "csv",
+            ]
+        )
+        == 0
+    )
+    assert "T2 is earlier in the day than T1, which means over midnight" in capsys.readouterr().err
 
 
 def test_a_condition_on_times_that_selects_nothing_is_told(
