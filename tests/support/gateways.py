@@ -32,6 +32,7 @@ import tty
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from tests.support.gateway_model import crc
 from tests.support.gateway_programs import GATEWAYS, free_port
@@ -39,7 +40,7 @@ from tests.support.hostile_proxy import HostileProxy
 from tests.support.packets import Packet, write_capture
 from tests.support.ptybus import PtyBus, Sent
 
-__all__ = ["Score", "score", "score_faults"]
+__all__ = ["Score", "is_clean", "score", "score_faults"]
 
 SERVER = "10.0.0.3"
 SHIFT_S, DRIFT_PPM = 3.0, 50.0
@@ -47,6 +48,8 @@ CLIENTS = 3
 QUANTITY = 4
 LEAST = 25
 """Requests of a client."""
+GATEWAY_TIMEOUT_US = 900_000
+"""A little less than the second that the gateway of pymodbus waits for the line."""
 
 
 class Relay:
@@ -225,17 +228,32 @@ def score_faults(
 
 def transactions(path: Path) -> dict[int, tuple[str | None, bytes, bytes]]:
     """Client, request and response of each transaction, by its number."""
-    command = [sys.executable, "-m", "analyzer", "export", str(path), "--line", "19200-8E1"]
-    done = subprocess.run([*command, "--to", "jsonl"], capture_output=True, text=True, check=True)
-    rows = [json.loads(text) for text in done.stdout.splitlines()]
     return {
         row["txn"]: (
             row.get("client"),
             _pdu(row.get("request_hex", ""), row["mode"]),
             _pdu(row.get("response_hex", ""), row["mode"]),
         )
-        for row in rows
+        for row in exported(path)
     }
+
+
+def exported(path: Path) -> list[dict[str, Any]]:
+    """The rows of transactions."""
+    command = [sys.executable, "-m", "analyzer", "export", str(path), "--line", "19200-8E1"]
+    done = subprocess.run([*command, "--to", "jsonl"], capture_output=True, text=True, check=True)
+    return [json.loads(text) for text in done.stdout.splitlines()]
+
+
+def is_clean(folder: Path) -> bool:
+    """Whether each request on the line has its answer, and no client waited for a second.
+
+    Otherwise the gateway had given up and asked again, because this machine was busy: what it then
+    returns to whom is its own mistake.
+    """
+    line = exported(folder / "line.jsonl")
+    waits = [row.get("response_time_us", 0) for row in exported(folder / "network.pcap")]
+    return all(row["status"] == "ok" for row in line) and max(waits) < GATEWAY_TIMEOUT_US
 
 
 def _pdu(text: str, mode: str) -> bytes:
