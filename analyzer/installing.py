@@ -46,5 +46,7 @@ def _is_managed_by_distribution() -> bool:
 
 
 def _quoted(path: str) -> str:
-    """A path as the shell takes it; cmd.exe knows double quotes only."""
-    return f'"{path}"' if sys.platform == "win32" and " " in path else shlex.quote(path)
+    r"""A path as the shell takes it; cmd.exe knows double quotes only, and needs none for `\\`."""
+    if sys.platform == "win32":
+        return f'"{path}"' if " " in path else path
+    return shlex.quote(path)

@@ -25,6 +25,22 @@ def test_in_a_virtual_environment_it_is_its_python(prefix: Path) -> None:
     assert how_to_install("paho-mqtt") == f"{sys.executable} -m pip install paho-mqtt"
 
 
+@pytest.mark.parametrize(
+    ("python", "shown"),
+    [
+        ("C:\\modlens\\python.exe", "C:\\modlens\\python.exe"),
+        ("C:\\Program Files\\python.exe", '"C:\\Program Files\\python.exe"'),
+    ],
+)
+def test_cmd_takes_the_path_of_windows(
+    python: str, shown: str, prefix: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It knows double quotes only."""
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setattr(sys, "executable", python)
+    assert how_to_install("paho-mqtt") == f"{shown} -m pip install paho-mqtt"
+
+
 def test_an_environment_of_pipx(prefix: Path) -> None:
     """Pipx marks its environments with a file, and has a word of its own."""
     (prefix / "pipx_metadata.json").touch()
