@@ -182,7 +182,7 @@ mod tests {
         assert!(recording.windows(3).any(|bytes| bytes == [0xa1, 0xb2, 0xc3]));
     }
 
-    /// A recording of a tap that was cut off behind a request: nothing says that its port was closed.
+    /// A recording of a tap that was cut off after a request: nothing says that its port was closed.
     #[test]
     fn what_a_recording_ends_with_is_a_row() {
         let mut decoding = Decoding::open(&json!({"purpose": "live", "format": "pcapng", "name": "port"})).expect("valid");

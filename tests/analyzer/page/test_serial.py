@@ -149,7 +149,7 @@ def test_what_is_read_is_decoded_and_nothing_is_written(
 def test_an_error_is_a_mark_and_listening_goes_on(
     error: str, opened: Browser, tmp_path: Path, modlens: Modlens
 ) -> None:
-    """The browser has taken bytes of the second answer out, and names the error behind the rest."""
+    """The browser has taken bytes of the second answer out, and names the error after the rest."""
     steps = [*exchanges(1), (30, REQUEST), (10, RESPONSE[:8]), (1, error), *exchanges(3)]
     begin(opened, steps, "19200-8N1")
     opened.wait(f"window.port.at === {len(steps)}")
@@ -198,7 +198,7 @@ def test_the_settings_are_found(
     opened.wait(f"{STATE} === 'live'")
     end(opened)
     rows = assert_rows_of_tap(opened, tmp_path, modlens)
-    # The first answer may have a request that was not heard, the last request an end instead of one.
+    # The first answer may have a request that was not heard, the last request an end instead.
     assert {row["status"] for row in rows[1:-1]} == {"ok"}
     opens = [one[1] for one in opened.run("return window.port.calls") if one[0] == "open"]
     assert opens[0]["baudRate"] == 115200
@@ -245,7 +245,7 @@ WRITTEN = """
 def test_firefox_reads_its_own_double_of_a_port(
     firefox: Firefox, tmp_path: Path, modlens: Modlens
 ) -> None:
-    """Bytes in pieces of 61 through the browser's own stream of a port."""
+    """Bytes in blocks of 61 through the browser's own stream of a port."""
     if not firefox.run("return 'serial' in navigator"):
         without("a Firefox with Web Serial (151 and later)")
     assert "settings cannot be searched" in firefox.run("return document.body.innerText")

@@ -1,4 +1,4 @@
-//! What a search is told.
+//! The options of a search.
 
 use modlens_protocol::framing::Mode;
 
