@@ -19,6 +19,7 @@ from tests.faults.measured import measured
 # The example of section 6.3 of the specification, with the checksums that go with unit 1.
 WIRE = [bytes.fromhex("0103006b00037417"), bytes.fromhex("010306022b00000064057a")]
 TEXT = "".join(f"{frame.hex()}\n" for frame in WIRE).encode()
+MAX_S = 10
 BASE_MIB = 120
 """What any run may take: Python, the core, and the tables of a block."""
 
@@ -145,6 +146,19 @@ def test_a_long_line_of_something_else(tmp_path: Path) -> None:
     assert [row.split(",")[1] for row in rows] == ["ok"] * 42
     assert rows[-1].startswith(f"{path}:43")
     assert done.peak_mib < BASE_MIB
+
+
+@pytest.mark.parametrize("filling", ["[", "<", "[~", "0 "])
+def test_lines_of_brackets_and_gaps(filling: str, tmp_path: Path) -> None:
+    """8 MB in lines of 400 kB, which rows of dialects could begin to read at every character."""
+    read = '{"t": 1795259576.692151, "hex": "6e"}\n' * 50
+    long = '{"t": 1795259576.692151, "n": ' + (filling * 400_000)[:400_000] + "}\n"
+    path = tmp_path / "recording.jsonl"
+    path.write_text((read + long) * 20, encoding="ascii")
+    run = measured("export", path, "-o", tmp_path / "frames.jsonl")
+    assert run.status in {0, 3}, run.err
+    assert run.cpu_s < MAX_S
+    assert run.peak_mib < BASE_MIB
 
 
 def multiplied() -> str:

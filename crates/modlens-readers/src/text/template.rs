@@ -16,6 +16,9 @@ use modlens_protocol::Ns;
 /// The most characters that `{any}` may stand for.
 const MAX_ANY_CHARS: usize = 400;
 
+/// The most characters of a word, a number or a gap. After `{any}` they are counted again from each place.
+const MAX_RUN_CHARS: usize = 1024;
+
 /// The most characters of a device's name (`{key}`).
 const MAX_KEY_CHARS: usize = 64;
 
@@ -308,9 +311,11 @@ fn match_elements(
             Element::HexDigits => count_some(rest, |b| b.is_ascii_hexdigit())?,
             Element::Word => count_some(rest, |b| !b.is_ascii_whitespace() && b != b',')?,
             Element::Key(stop) => {
-                let length = count_some(&rest[..rest.len().min(MAX_KEY_CHARS)], |b| {
-                    stop.map_or(!b.is_ascii_whitespace(), |stop| b != stop)
-                })?;
+                let most = &rest[..rest.len().min(MAX_KEY_CHARS)];
+                let length = match stop {
+                    Some(stop) => Some(memchr(*stop, most).unwrap_or(most.len())).filter(|&length| length > 0)?,
+                    None => count_some(most, |b| !b.is_ascii_whitespace())?,
+                };
                 found.key = Some((at, at + length));
                 length
             }
@@ -422,9 +427,9 @@ fn parse_offset(text: &[u8], radix: u32, found: &mut LineMatch) -> Option<usize>
     Some(length)
 }
 
-/// The number of leading characters that `takes` accepts.
+/// The number of leading characters that `takes` accepts, at most `MAX_RUN_CHARS`.
 fn count_prefix(text: &[u8], takes: impl Fn(u8) -> bool) -> usize {
-    text.iter().take_while(|b| takes(**b)).count()
+    text.iter().take(MAX_RUN_CHARS).take_while(|b| takes(**b)).count()
 }
 
 /// The number of leading characters that `takes` accepts; `None` if there is none.

@@ -11,6 +11,9 @@ const SEPARATORS: [bool; 256] = separators();
 /// 0 for separators and `INVALID` for all other characters, to be combined with the values of digits.
 static SEPARATOR_VALUES: [u16; 256] = separator_values();
 
+/// The most separators between two bytes. A line of separators alone would else be read to its end from each of its places.
+const MAX_SEPARATORS: usize = 256;
+
 /// The most bytes in a line of a hex dump.
 const MAX_DUMP_LINE_BYTES: usize = 16;
 
@@ -176,11 +179,9 @@ pub(super) fn hex(text: &[u8], allow_single_digits: bool, out: &mut Vec<u8>, fla
                 at += behind;
             }
         }
-        let mut dashes = 0;
-        while text.get(at).is_some_and(|&b| SEPARATORS[b as usize]) {
-            dashes += usize::from(text[at] == b'-');
-            at += 1;
-        }
+        let separators = leading_separators(&text[at..]);
+        let dashes = separators.iter().filter(|&&b| b == b'-').count();
+        at += separators.len();
         // Dots mean that the program printed only a part: the numbers after them are no bytes, as in
         // `05 03 ... 72 more bytes`.
         if text[end..at].windows(3).any(|three| three == b"...") {
@@ -218,6 +219,12 @@ pub(super) fn hex(text: &[u8], allow_single_digits: bool, out: &mut Vec<u8>, fla
             end += 1;
         }
     }
+}
+
+/// The separators that the text begins with.
+fn leading_separators(text: &[u8]) -> &[u8] {
+    let count = text.iter().take(MAX_SEPARATORS).take_while(|&&b| SEPARATORS[b as usize]).count();
+    &text[..count]
 }
 
 /// Whether the word is in place of a checksum.
@@ -279,9 +286,7 @@ pub(super) fn groups(text: &[u8], out: &mut Vec<u8>) -> usize {
 pub(super) fn prefixed(text: &[u8], out: &mut Vec<u8>, flags: &mut NotationFlags) -> usize {
     let (mut at, mut end) = (0, 0);
     loop {
-        while text.get(at).is_some_and(|&b| SEPARATORS[b as usize]) {
-            at += 1;
-        }
+        at += leading_separators(&text[at..]).len();
         if let Some(length) = read_prefixed_byte(&text[at..], out) {
             at += length;
             end = at;
