@@ -75,6 +75,14 @@ def test_every_crate_comes_from_the_registry(crates: list[dict[str, Any]]) -> No
     assert {crate["source"] for crate in crates} == allowed
 
 
+def test_no_crate_of_ours_can_be_published() -> None:
+    """cargo-deny lets crates name each other by path only if none of them is for the registry."""
+    manifests = [*ROOT.glob("crates/*/Cargo.toml"), ROOT / "fuzz" / "Cargo.toml"]
+    told = {path: tomllib.loads(path.read_text("utf-8"))["package"] for path in manifests}
+    published = [str(path) for path, one in told.items() if one.get("publish") is not False]
+    assert published == []
+
+
 def test_packages_of_the_tests_are_pinned_with_hashes() -> None:
     """Every package that pyproject.toml asks for, in one version that its range holds."""
     lines = (ROOT / "requirements" / "test.txt").read_text(encoding="utf-8").splitlines()
