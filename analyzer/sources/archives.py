@@ -108,7 +108,8 @@ def _zip(file: IO[bytes], name: str, opened: ExitStack) -> list[Member] | None:
     # A capture of sigrok is a zip as well, and one recording.
     if {"metadata", "version"} <= set(archive.namelist()):
         return None
-    entries = [entry for entry in archive.infolist() if not entry.is_dir()]
+    # A damaged directory may have empty names, which is_dir() of Python 3.11 does not expect.
+    entries = [entry for entry in archive.infolist() if not entry.filename.endswith("/")]
     _check_number(len(entries), name)
 
     def opener(entry: zipfile.ZipInfo) -> Callable[[], IO[bytes]]:

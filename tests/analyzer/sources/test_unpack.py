@@ -285,6 +285,17 @@ def test_the_bytes_of_a_line_are_never_transformed(
     assert b"".join(bytes(row.hex) for row in rows) == data
 
 
+def test_a_member_of_a_zip_without_a_name(tmp_path: Path) -> None:
+    """As a damaged directory has it: one sentence, and what is beside it is read."""
+    packed = tmp_path / "bus.zip"
+    with zipfile.ZipFile(packed, "w") as archive:
+        archive.writestr("#", "no recording")
+        archive.writestr("bus.log", TEXT)
+    # A name ends at the first zero.
+    packed.write_bytes(packed.read_bytes().replace(b"#", b"\0"))
+    assert frames(packed) == WIRE
+
+
 def test_bytes_between_the_magic_of_gzip_and_its_end(tmp_path: Path) -> None:
     """A refusal with exception 8: the three bytes are those of a gzip header."""
     body = bytes.fromhex("1f8b08")
