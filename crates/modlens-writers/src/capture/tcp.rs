@@ -21,6 +21,10 @@ const TCP: u8 = 6;
 /// The maximum number of connections. Beyond it all of them are forgotten, and each begins again with a handshake.
 const MAX_CONNECTIONS: usize = 65_536;
 
+/// What the initial sequence numbers of two connections differ by: far enough that the second is no retransmission of the
+/// first where both have the same ports (RFC 9293, 3.4.1). 2^32 divided by the golden ratio, made odd.
+const INITIAL_STEP: u32 = 0x9E37_79B1;
+
 /// The next sequence numbers of a connection: the client's and the server's.
 type SequenceNumbers = [u32; 2];
 
@@ -28,6 +32,8 @@ type SequenceNumbers = [u32; 2];
 #[derive(Debug, Default)]
 pub struct Connections {
     open: HashMap<Ends, SequenceNumbers>,
+    /// How often all of them were forgotten.
+    generation: u32,
 }
 
 /// The ends of a connection.
@@ -79,12 +85,15 @@ impl Connections {
         let Segment { ends, to_server, id, adu } = segment;
         if self.open.len() > MAX_CONNECTIONS {
             self.open.clear();
+            self.generation += 1;
         }
+        let initial = (ends.connection as u32).wrapping_add(self.generation).wrapping_mul(INITIAL_STEP);
         let sequence_numbers = self.open.entry(ends).or_insert_with(|| {
-            emit(&ends.packet(true, [0, 0], SYN, &[]));
-            emit(&ends.packet(false, [0, 1], SYN_ACK, &[]));
-            emit(&ends.packet(true, [1, 1], ACK, &[]));
-            [1, 1]
+            let next = initial.wrapping_add(1);
+            emit(&ends.packet(true, [initial, 0], SYN, &[]));
+            emit(&ends.packet(false, [initial, next], SYN_ACK, &[]));
+            emit(&ends.packet(true, [next, next], ACK, &[]));
+            [next, next]
         });
         let mut bytes = Vec::with_capacity(7 + adu.len());
         bytes.extend_from_slice(&mbap(id, adu.len()));
@@ -186,6 +195,21 @@ mod tests {
                         c35001f6 00000001 00000001 50182000 b5620000 000400000006 010600010003";
         assert_eq!(packets.len(), 4);
         assert_eq!(packets[3], expected.split_whitespace().collect::<String>());
+    }
+
+    /// A SYN with the number of the one before would be its retransmission, and what follows a repetition (RFC 9293, 3.4.1).
+    #[test]
+    fn a_second_connection_of_the_same_ports_has_numbers_of_its_own() {
+        let mut connections = Connections::default();
+        let mut numbers = Vec::new();
+        for connection in [0, 1] {
+            let ends = Ends { connection, ..Ends::invented(1, 1, 50_000) };
+            let segment = Segment { ends, to_server: true, id: 4, adu: &[1, 6, 0, 1, 0, 3] };
+            connections.packets(segment, |packet| numbers.push(u32::from_be_bytes(packet[38..42].try_into().unwrap())));
+        }
+        let far = |a: u32, b: u32| a.abs_diff(b) > 1 << 24 && a.abs_diff(b) < u32::MAX - (1 << 24);
+        assert!(far(numbers[0], numbers[4]) && far(numbers[1], numbers[5]), "{numbers:x?}");
+        assert_eq!(numbers[7], numbers[4].wrapping_add(1));
     }
 
     /// The checksum by hand: the words of pseudo header, TCP header and data add up to FFFF with it (RFC 9293, 3.1).
