@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from analyzer import SourceError, UsageError
+from analyzer import SourceError, UsageError, decode
 from analyzer.sources import files
 from analyzer.sources.files import Recording
 
@@ -115,3 +115,18 @@ def test_a_format_that_does_not_exist(tmp_path: Path) -> None:
     path.write_bytes(HEX)
     with pytest.raises(UsageError, match=r"no such format; did you mean 'hex'\?"):
         Recording(str(path), read_as="hexx")
+
+
+def test_start_times_of_frames_that_come_back_to_back_do_not_run_back(tmp_path: Path) -> None:
+    """Two frames in a read that comes 0.1 ms after the one before: 17 characters take 1.5 ms."""
+    request, response = "010300000002c40b", "01030400000000fa33"
+    reads = [(0, request), (1, response + request), (2, response + request)]
+    path = tmp_path / "reads.jsonl"
+    path.write_text(
+        "".join(f'{{"t": 1795375189.000{ticks}, "hex": "{data}"}}\n' for ticks, data in reads),
+        "ascii",
+    )
+    rows = decode(path, line="115200-8N1").frames
+    times = [row.time for row in rows]
+    assert len(times) == 5
+    assert times == sorted(times)

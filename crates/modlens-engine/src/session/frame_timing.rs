@@ -72,7 +72,7 @@ impl FrameTiming {
     ///
     /// Without a clock, `start`, `end` and `gap` are `None`. The start is one character before the time at which the first byte
     /// had arrived, or that time itself where the line settings are not known; but not before `last_end`, unless the clock
-    /// jumped. `end` is the time at which the last byte had arrived. `gap` is `None`, too, where the frame begins inside a read
+    /// jumped. `end` is the time at which the last byte had arrived, and not before the start. `gap` is `None`, too, where the frame begins inside a read
     /// (but not on TCP), and where the silence is shorter than two steps of the clock, or not above 0.
     #[inline(always)]
     #[allow(clippy::inline_always)] // The result is large and mostly empty; inlined, the empty parts are never built.
@@ -94,7 +94,8 @@ impl FrameTiming {
         let has_offsets = setting.place == Place::Offset;
         Self {
             start,
-            end: time_of(length - 1),
+            // What a read brings back to back may be counted back further than the frame before had ended.
+            end: time_of(length - 1).map(|ns| start.filter(|_| !setting.clock_jumped).map_or(ns, |start| ns.max(start))),
             gap: gap.filter(|&gap| gap >= 2 * setting.resolution && gap > 0),
             pauses: if has_clock { input.pauses_inside(length) } else { InnerPauses::default() },
             clean_start,
