@@ -1,5 +1,7 @@
 //! Bytes as pairs of hex digits, with the separators, prefixes and suffixes that programs print.
 
+use memchr::memchr_iter;
+
 use crate::text::notation::tokens::{word, NotationFlags, CHARS_PER_STEP};
 use modlens_protocol::hex::{
     byte_at, decode_pairs, digit_at, DIGIT_VALUES, HIGH_DIGIT_VALUES, INVALID, INVALID_DIGIT, LOW_DIGIT_VALUES,
@@ -180,7 +182,7 @@ pub(super) fn hex(text: &[u8], allow_single_digits: bool, out: &mut Vec<u8>, fla
             }
         }
         let separators = leading_separators(&text[at..]);
-        let dashes = separators.iter().filter(|&&b| b == b'-').count();
+        let dashes = memchr_iter(b'-', separators).count();
         at += separators.len();
         // Dots mean that the program printed only a part: the numbers after them are no bytes, as in
         // `05 03 ... 72 more bytes`.
