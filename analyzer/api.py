@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any, BinaryIO, Literal, NoReturn, Self, cast
 
 import _modlens
-from analyzer.columns import columns
+from analyzer.columns import TABLES, columns
 from analyzer.data_frames import LEAST_REQUESTS, outages, response_times
 from analyzer.exports import format_of
 from analyzer.exports.sink import Target, with_suitable_table
@@ -130,12 +130,15 @@ class Decoding:
 
     def __getattr__(self, name: str) -> NoReturn:
         """What rows or a DataFrame have: `AttributeError` says what to write."""
-        instead = f"; write recording.transactions.{name}" if hasattr(Rows, name) else ""
+        call = "()" if callable(getattr(Rows, name, None)) else ""
+        instead = f"; write recording.transactions.{name}{call}" if hasattr(Rows, name) else ""
         raise AttributeError(f"a recording has no {name!r}{instead}")
 
     def __getitem__(self, place: object, /) -> NoReturn:
         """Raise `UsageError`: a recording has several tables."""
-        raise UsageError(f"a recording has tables: write recording.transactions[{place!r}]")
+        rows = place if isinstance(place, str) and place in TABLES else "transactions"
+        instead = "" if place == rows else f"[{place!r}]"
+        raise UsageError(f"a recording has tables: write recording.{rows}{instead}")
 
     def __repr__(self) -> str:
         chosen = "" if self._chosen is None else f" where {self._chosen}"
@@ -168,14 +171,18 @@ class Decoding:
         A row is a stretch in which every request to a unit was left unanswered: `bus`, `unit`,
         `begin` (the first such request), `end` (the next one with a response, empty where there is
         none), `duration`, `last_request`, `requests`. Without times in UTC, `begin` and `end` count
-        from the start. `UsageError` where pandas or pyarrow is not installed.
+        from the start. `UsageError` where pandas or pyarrow is not installed, or `requests` is no
+        whole number.
         """
+        if not isinstance(requests, int):
+            raise UsageError(f"requests is a number such as {LEAST_REQUESTS}, not {requests!r}")
         return outages(self.transactions, requests)
 
     def response_times(self, by: str | Sequence[str] = "unit", *, every: str | None = None) -> Any:
         """How fast requests were answered, as a `pandas.DataFrame`: count, p50, p95 and maximum.
 
-        `by` is a column of transactions, or several (`("unit", "function")`); with `every` ('1h',
+        `answered` counts the requests that had an answer, `count` those of them whose time the
+        recording tells: a time below twice the resolution of its clock is empty. `by` is a column of transactions, or several (`("unit", "function")`); with `every` ('1h',
         '15min') there is a row for each interval in which there were responses. Times are
         microseconds. `UsageError` where pandas or pyarrow is not installed.
         """

@@ -114,22 +114,24 @@ def response_times(transactions: Rows, by: str | Sequence[str], every: str | Non
     """How fast requests were answered; see `analyzer.api.Decoding.response_times`."""
     pandas = library("pandas")
     keys = [by] if isinstance(by, str) else list(by)
-    asked = transactions.where("response_time_us is not None")
+    asked = transactions.where("response_time_us is not None or status in ('ok', 'exception')")
     columns = dict.fromkeys(("time", "elapsed_us", *keys, "response_time_us"))
     found = typed(asked.select(*columns).to_arrow())
     groups: list[Any] = list(keys)
     if every is not None:
+        frequency = _interval(pandas, every)
         found["interval"] = _moments(pandas, found)
-        groups.insert(0, pandas.Grouper(key="interval", freq=_interval(pandas, every)))
+        groups.insert(0, pandas.Grouper(key="interval", freq=frequency))
     times = found.groupby(groups, observed=True)["response_time_us"]
     columns_by_name = {
-        "count": times.size(),
+        "answered": times.size(),
+        "count": times.count(),
         "p50_us": times.quantile(0.5),
         "p95_us": times.quantile(0.95),
         "max_us": times.max(),
     }
     table = pandas.DataFrame(columns_by_name)
-    return table[table["count"] > 0]
+    return table[table["answered"] > 0]
 
 
 def _labels(found: Any) -> Any:

@@ -197,8 +197,11 @@ class Rows(Generic[Item_co]):
     def __getitem__(self, place: int | slice, /) -> Item_co | Rows[Item_co]:
         if isinstance(place, str):
             raise UsageError(f'rows have numbers; write select("{place}") for a column')
-        if not isinstance(place, int | slice):
-            raise UsageError('rows have numbers; write select("unit", "status") for columns')
+        if isinstance(place, bool) or not isinstance(place, int | slice):
+            raise UsageError(
+                'rows have numbers; write where("unit == 3") for some of them,'
+                ' select("unit", "status") for columns'
+            )
         if isinstance(place, slice):
             return self._with(self._forward(place))
         at = place if place >= 0 else len(self) + place
@@ -211,7 +214,8 @@ class Rows(Generic[Item_co]):
         instead = ""
         if not name.startswith("_"):
             known = name in {column.key for column in columns(self.name)}
-            instead = f'; write select("{name}")' if known else "; a DataFrame may: to_pandas()"
+            column = f'; write select("{name}") for the column, where("{name} == ...") for rows'
+            instead = column if known else "; a DataFrame may: to_pandas()"
         raise AttributeError(f"{self.name} have no {name!r}{instead}")
 
     def __repr__(self) -> str:

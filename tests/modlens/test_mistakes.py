@@ -24,6 +24,8 @@ ROWS: Any = decode(HEX).transactions
         (lambda: decode(b"", profiles={1: "mightyzap"}), '["1=mightyzap"'),
         (lambda: ROWS.where(lambda row: row.unit == 1), 'where("unit == 1'),
         (lambda: ROWS["unit"], 'select("unit")'),
+        (lambda: ROWS[ROWS.select("unit") == 3], 'where("unit == 3")'),
+        (lambda: decode(HEX)["transactions"], "write recording.transactions"),
         (lambda: ROWS[["unit", "status"]], 'select("unit", "status")'),
         (lambda: ROWS.select(["unit", "status"]), 'select("unit", "status")'),
         (lambda: decode(b"")[0], "recording.transactions[0]"),
