@@ -181,10 +181,11 @@ class Decoding:
     def response_times(self, by: str | Sequence[str] = "unit", *, every: str | None = None) -> Any:
         """How fast requests were answered, as a `pandas.DataFrame`: count, p50, p95 and maximum.
 
-        `answered` counts the requests that had an answer, `count` those of them whose time the
-        recording tells: a time below twice the resolution of its clock is empty. `by` is a column of transactions, or several (`("unit", "function")`); with `every` ('1h',
-        '15min') there is a row for each interval in which there were responses. Times are
-        microseconds. `UsageError` where pandas or pyarrow is not installed.
+        `answered` counts the requests that had an answer, `count` those of them whose time is
+        known: a time below twice the resolution of the recording's clock is not. `by` is a column
+        of transactions, or several (`("unit", "function")`); with `every` ('1h', '15min') there is
+        a row for each interval in which there were responses. Times are microseconds.
+        `UsageError` where pandas or pyarrow is not installed.
         """
         return response_times(self.transactions, by, every)
 

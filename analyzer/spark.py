@@ -138,7 +138,7 @@ def _pieces(reader: Any, folder: str, bus_names: str, row_bytes: int) -> DataFra
     if bus_names not in BUS_NAMES:
         raise UsageError(f"bus_names {bus_names!r}; it is one of {', '.join(BUS_NAMES)}")
     files: DataFrame = reader.option("recursiveFileLookup", "true").load(folder)
-    # Files of this machine are called as they are here, others by their URL.
+    # Files of this machine get their plain path, without `file:`, others their URL.
     path = sql.regexp_replace("path", "^file:(//)?(?=/)", "")
     below = sql.regexp_replace(path, "^.*?" + re.escape(_last_parts(folder)) + "/+", "")
     own = sql.regexp_extract(below, r"([^/.]*)[^/]*$", 1)
@@ -160,7 +160,7 @@ def _pieces(reader: Any, folder: str, bus_names: str, row_bytes: int) -> DataFra
             sql.col("length").alias("size"),
         )
 
-    # Spark reads only what both columns and filter ask for. Large files are begun first.
+    # Large files come first; of them the content is not read: neither filter nor columns need it.
     large = rows(files.where(sql.col("length") > most), sql.lit(None).cast("binary"))
     return large.unionAll(rows(files.where(sql.col("length") <= most), sql.col("content")))
 

@@ -3,7 +3,8 @@
 Each recording has files of its own, written aside and put in place when all of them are complete;
 then the manifest gets a line. So whatever ends the program, a recording is in the folder as a whole
 or will be exported again, and nothing is there twice: what no line of the manifest names is deleted
-when the next export begins, and so is what a recording was before it changed.
+when the next export begins. When a recording has changed, its old files are deleted as the new ones
+are put in place.
 """
 
 from __future__ import annotations
@@ -91,8 +92,8 @@ class ExportFolder:
     def export(self, recording: ArchivedRecording, position: Position) -> Entry:
         """Decode a recording into files that stand aside; `record` puts them in place.
 
-        A recording that cannot be read has an entry that says so. `Stopped` if `stop()` of the
-        export was True before its end.
+        A recording that cannot be read gets an entry with `trouble`, and is tried again next time.
+        `Stopped` if `stop()` of the export was True before its end.
         """
         try:
             entry = Entry(
@@ -140,7 +141,7 @@ class ExportFolder:
     def _decode(
         self, recording: ArchivedRecording, work: str, position: Position
     ) -> tuple[int, str | None, bool]:
-        """The rows written, what is wrong with the recording, and whether it is none at all."""
+        """The rows written, what is wrong with the recording, and whether the file is none."""
         troubles: list[str] = []
         failures: list[SourceError | BrokenPipeError] = []
 

@@ -55,7 +55,7 @@ pub struct RequestCounts {
     pub refused: [u64; 4],
     /// Without an answer.
     pub silent: u64,
-    /// Answers damaged, or damaged themselves.
+    /// Exchanges whose answer, or whose request, was damaged.
     pub damaged: u64,
     /// All failures and refusals.
     pub bad: Tally,
@@ -63,7 +63,7 @@ pub struct RequestCounts {
     pub refusal_runs: Runs,
     /// It writes.
     pub writes: bool,
-    /// From one to the next.
+    /// Times from the start of one such request to the start of the next.
     pub period: Durations,
     /// Answers of all FFFF, alone between others.
     pub all_ones: Lonely,
@@ -77,7 +77,7 @@ pub struct RequestCounts {
     pub near_zeros: u64,
     /// By the request before.
     pub after: Sample<u64, Pair, MAX_BEFORE>,
-    /// How often it came right after itself, answered well, and no other request between.
+    /// How often it came again without another request between, although it had been answered well.
     pub repeated: u64,
     /// The longest time without it: the start of the last request before, and that of the first one after.
     pub longest_pause: Option<(Ns, Ns)>,
@@ -85,7 +85,7 @@ pub struct RequestCounts {
     pub steps_back: u64,
     first_start: Option<Ns>,
     last_start: Option<Ns>,
-    /// Writes, retries left out. This and what follows changes with each write, and lies together in memory.
+    /// Writes, retries left out. From here on are the fields that each write changes, kept together for the cache.
     pub written: Tally,
     /// How often what is written differs from the write before.
     pub changes: u64,
@@ -236,6 +236,7 @@ impl RequestCounts {
         }
     }
 
+    /// Adds the counts of a later part of the recording; pending exchanges of both have to be counted before.
     pub(super) fn merge(&mut self, later: &Self) {
         self.writes |= later.writes;
         self.good += later.good;

@@ -64,10 +64,12 @@ pub(super) fn connection_limit(view: &View<'_>) -> Vec<Claim> {
     vec![claim]
 }
 
-/// This share of connections may be short, or closed by the server, where somebody tries something out.
+/// Up to this share of short connections, of those that the server closes and of other framings is normal, where somebody tries
+/// something out.
 const SOME: f64 = 0.2;
 
-/// Connections that do not last.
+/// Connections that do not last: at most one claim, of those that begin without an answer, are closed by the server, or are
+/// short, in this order.
 pub(super) fn connection_churn(view: &View<'_>) -> Vec<Claim> {
     let counts = &view.bus.connections;
     let lost = view.significant(at_least(counts.first_lost.share(), 0.05)).map(|chance| {

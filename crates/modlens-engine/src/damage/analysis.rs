@@ -137,7 +137,8 @@ impl UnframedRegion<'_, '_> {
     /// All candidates of the region, ordered by the index of their first byte.
     pub(super) fn all_candidates(&self) -> Vec<Candidate> {
         let expected = expected_frames(self);
-        // Which values the first two bytes of any expected frame can have: a cheap test that fails nearly everywhere.
+        // Fails nearly everywhere; admits wherever the first or the second byte fits an expected frame, one whose first bytes
+        // are missing included.
         let mut values = PrefixFilter::default();
         for frame in &expected {
             values.add(&frame.bytes);

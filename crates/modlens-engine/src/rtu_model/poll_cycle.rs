@@ -20,10 +20,11 @@ pub struct PollCycle {
     seen: Box<[SeenRequest; SLOTS]>,
     /// The bytes of the requests in `seen`, if they are short.
     texts: Box<[Text]>,
-    /// The slots of up to 64 requests that came again. A place in this list is the request's number in `index` and `prefilter`.
+    /// The slots of up to 64 requests that came again, or of what has replaced them there since. A place in this list is the
+    /// request's number in `index` and `prefilter`.
     polled: Vec<u16>,
-    /// The number of the request that joined first, once there are so many: the next one takes its place. Those after it have
-    /// joined later, and those before it later still.
+    /// Once all 64 places are taken: the one that was filled first, which the next request takes. Those after it were filled
+    /// later, and those before it later still.
     oldest: usize,
     index: PrefixIndex,
     prefilter: RequestPrefilter,
@@ -78,7 +79,7 @@ impl PollCycle {
         }
     }
 
-    /// Counts a request that its slot does not hold with a count of two or more. A slot held by another request loses a count;
+    /// Counts a request that is new, has a count below two, or whose slot holds another one. A slot held by another request loses a count;
     /// if it has none left, this request takes it (`replace`). At a count of two, the request joins the poll cycle.
     fn record_rare(&mut self, frame: &[u8], name: RequestName) {
         let (key, slot) = (name.0, name.slot());
@@ -97,7 +98,8 @@ impl PollCycle {
     }
 
     /// Adds the request in this slot to the poll cycle, unless it is too long to be kept or its slot is in the cycle already. A
-    /// full cycle loses the request that joined first.
+    /// full cycle loses the one in the place that was filled first; that request joins again when it is seen for the second time
+    /// after another one has taken its slot.
     fn join_cycle(&mut self, slot: usize) {
         if self.texts[slot][0] == 0 || self.seen[slot].is_polled {
             return;

@@ -53,8 +53,8 @@ impl FrameTiming {
         self.start.zip(self.end)
     }
 
-    /// Adds the packets to `to` that hold neither the first nor the last byte of frame `number`, with that number. There
-    /// are some where a frame came in more than two packets.
+    /// Adds to `to`, each with `number`, the packets that hold neither the first nor the last byte of that frame. There are some
+    /// where a frame came in more than two packets.
     #[inline]
     pub(crate) fn list_inner_packets(
         &self,
@@ -72,8 +72,9 @@ impl FrameTiming {
     ///
     /// Without a clock, `start`, `end` and `gap` are `None`. The start is one character before the time at which the first byte
     /// had arrived, or that time itself where the line settings are not known; but not before `last_end`, unless the clock
-    /// jumped. `end` is the time at which the last byte had arrived, and not before the start. `gap` is `None`, too, where the frame begins inside a read
-    /// (but not on TCP), and where the silence is shorter than two steps of the clock, or not above 0.
+    /// jumped. `end` is the time at which the last byte had arrived, and not before the start. `gap` is also
+    /// `None` at the first byte of all, where the frame begins inside a read (but not on TCP), below two steps of the clock, and
+    /// at 0 or less.
     #[inline(always)]
     #[allow(clippy::inline_always)] // The result is large and mostly empty; inlined, the empty parts are never built.
     pub(crate) fn of(input: &Input, length: usize, setting: &TimingConfig) -> Self {

@@ -137,7 +137,8 @@ impl Table {
         Self { batch: Arc::clone(&self.batch), kind: self.kind, rows }
     }
 
-    /// Splits the rows by day (UTC, if the clock is known) and bus, in the order in which these first occur.
+    /// Splits the rows by day and bus, in the order in which these first occur. The day is that of UTC; without a clock that is
+    /// known, there is none.
     pub fn partitions(&self) -> Vec<(Option<String>, String, Self)> {
         let key = |name: &str| self.kind.column(name).expect("every table has it");
         let (time, bus) = (key(self.kind.time_column()), key("bus"));

@@ -87,7 +87,7 @@ fn refs<'a>(batch: &'a Batch, rows: &'a [Transaction]) -> Vec<RowRef<'a>> {
 /// Rows of a chunk: some twenty kilobytes.
 const CHUNK_ROWS: usize = 64;
 
-/// The same of compact exchanges, a multiple of 64, since the bits that say which of them have a value are made by the word.
+/// The same of compact exchanges, a multiple of 64, since the bits that say which of them have a value are written 64 at a time.
 const CHUNK_EXCHANGES: usize = 256;
 
 impl Table {
@@ -160,7 +160,7 @@ impl Table {
         rows.end
     }
 
-    /// Calls `each` for some rows, as many at a time as the processor has room for at hand.
+    /// Calls `each` for chunks of at most `CHUNK_ROWS` rows, or `CHUNK_EXCHANGES` compact exchanges.
     pub fn each_chunk(&self, rows: Range<usize>, mut each: impl FnMut(RowChunk<'_>)) {
         if !matches!(self.rows, Rows::AllAndCompact(_)) {
             let mut next = rows.start;

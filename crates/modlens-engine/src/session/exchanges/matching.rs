@@ -114,12 +114,12 @@ pub(super) struct RtuContext<'a> {
     pub are_proven: bool,
 }
 
-/// Returns the exchange of the request at the head of these bytes. `after` gives the bytes after a request of that length, `None`
-/// unless both are in reads in which nothing else decides; `silence` is the silence before the response.
+/// Returns the exchange of the request at the head of these bytes. `after(lengths)` gives the bytes after the request; `None`
+/// unless both frames are in reads that hold nothing else that decides; `silence` is the silence before the response.
 ///
 /// `None` where the framer has a doubt (`RtuFramer::is_certain`), where the slow path would have something to report on the
-/// request, and where it would change the profile of its unit or give a finding there. Nothing is learned then; else the
-/// framer's model, which learns in a run, and the profile have learned from the exchange.
+/// request, and where it would change the profile of its unit or give a finding there. Nothing is learned then. Otherwise
+/// the profile has learned from the exchange; the framer's model has learned a part, the rest waits for the end of the run.
 #[inline(always)]
 #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
 pub(super) fn match_rtu<'b>(

@@ -35,8 +35,8 @@ pub(super) struct ValidSubstring<'a> {
 }
 
 impl ValidSubstring<'_> {
-    /// Score in bits of the frames inside this one, if it follows the hypothesis `parent` (an index of the lattice). What
-    /// was read counts only if it answers the outstanding request; what was copied counts anyway.
+    /// Score in bits of the frames inside this one, if it follows the hypothesis `parent` (an index of the lattice). Frames
+    /// in data that were read count only if this frame answers the outstanding request; in copied data they always do.
     fn nested_score(&self, parent: usize, answers_outstanding: bool) -> f32 {
         let counts = self.contents == Some(Contents::Copied) || answers_outstanding;
         self.nested_scores.get(parent).copied().filter(|_| counts).unwrap_or(0.0)
@@ -136,9 +136,8 @@ impl Search {
     }
 }
 
-/// The kind of a place: what of its path decides most of what follows. A response leaves the outstanding request or clears it
-/// (`answers_outstanding`; a request never answers). A write or its equal response may follow a request that was heard
-/// twice (`follows_echo`).
+/// The kind of a place is two facts: whether the frame answers the outstanding request, which a request never does, and whether
+/// a frame whose request and response are equal follows a request that was heard twice.
 fn place_kind(answers_outstanding: bool, follows_echo: bool) -> usize {
     usize::from(answers_outstanding) + 2 * usize::from(follows_echo)
 }
@@ -193,7 +192,8 @@ impl<'a> ContextScores<'a> {
     }
 
     /// The most bits that the context may be worth after requests that have nothing to do with the frame: a request may be one
-    /// that was seen before, and a response may have its own, damaged, before it. Whatever turn they take costs something.
+    /// that was seen before, and a response may have its own, damaged, before it. All other terms of the
+    /// score are at most 0.
     fn most_unconcerned_bits(&self) -> f32 {
         if self.direction == REQUEST {
             self.polled_score
