@@ -11,7 +11,7 @@ SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 # The core of the page, compiled for WebAssembly.
 PAGE_CORE := analyzer/page/modlens.wasm.gz
 
-.PHONY: demo check test page lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels try-windows quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak line-loss growth esphome grafana openings settings bench bench-family bench-memory bench-captures bench-text bench-readings bench-exports bench-threads false-alarms speed accuracy noise fuzz miri properties mutations deny audit lock captures vectors corpus clean
+.PHONY: demo check test page lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels try-windows quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak line-loss growth esphome grafana openings settings bench bench-family bench-memory bench-captures bench-text bench-readings bench-exports bench-threads false-alarms speed accuracy noise fuzz miri asan properties mutations deny audit lock captures vectors corpus clean
 
 demo: export PAGER := cat
 demo: $(VENV)/.installed
@@ -221,6 +221,11 @@ fuzz:
 miri:
 	RUSTFLAGS="-Ctarget-feature=+pclmulqdq,+sse4.1" MIRIFLAGS=-Zmiri-disable-isolation PROPTEST_CASES=4 CARGO_TARGET_DIR=target/miri \
 		cargo +nightly miri test --locked --package modlens-protocol --lib -- checksum::tests::all_implementations checksum::tests::checksums
+
+# The unsafe blocks that call the system, with AddressSanitizer; stable Rust has it where it may use what is unstable.
+asan:
+	RUSTC_BOOTSTRAP=1 RUSTFLAGS=-Zsanitizer=address CARGO_TARGET_DIR=target/asan \
+		cargo test --locked --package modlens-recorder --target $$(rustc -vV | sed -n 's/host: //p')
 
 # Property tests with examples that no run before had: make properties CASES=20000
 CASES ?= 5000
