@@ -128,7 +128,16 @@ pub const EXPRESSIONS: &[(&str, &[(&str, &str)])] = &[
         ],
     ),
     (
-        "error errors is_error failed",
+        "failed failure failures",
+        &[
+            ("transactions", "`status in ('no_response', 'bad_response', 'bad_request')`"),
+            ("frames", "`verdict != 'ok'`"),
+            ("readings", "`status != 'ok'`"),
+            ("findings", "`severity == 'error'`"),
+        ],
+    ),
+    (
+        "error errors is_error",
         &[
             ("transactions", "`exception`, or `status != 'ok'`"),
             ("frames", "`exception`, or `verdict != 'ok'`"),
