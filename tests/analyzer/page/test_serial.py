@@ -34,7 +34,8 @@ FAKE = """
 // those of the settings, again and again. Writing to it is an error of the page.
 class FakePort {
   constructor(steps) {
-    Object.assign(this, { known: steps, steps, calls: [], at: 0, readable: null, isOpen: false });
+    Object.assign(this, { known: steps, steps, calls: [], at: 0, given: 0 });
+    Object.assign(this, { readable: null, isOpen: false });
   }
   get writable() { this.calls.push('writable'); throw new Error('the page writes'); }
   async open(settings) {
@@ -63,6 +64,7 @@ class FakePort {
         else this.renew();
         controller.error(new DOMException('', what));
       } else controller.enqueue(Uint8Array.from(what.match(/../g), (one) => parseInt(one, 16)));
+      this.given += 1;
     };
     const cancel = () => { if (this.isOpen) this.renew(); };
     this.readable = new ReadableStream({ pull, cancel }, { highWaterMark: 0 });
@@ -131,7 +133,7 @@ def test_what_is_read_is_decoded_and_nothing_is_written(
     opened: Browser, tmp_path: Path, modlens: Modlens
 ) -> None:
     begin(opened, exchanges(20), "9600-8E1")
-    opened.wait("window.port.at === 40")
+    opened.wait("window.port.given === 40")
     opened.wait(f"{STATE} === 'live'")
     end(opened)
     rows = assert_rows_of_tap(opened, tmp_path, modlens)
@@ -152,7 +154,7 @@ def test_an_error_is_a_mark_and_listening_goes_on(
     """The browser has taken bytes of the second answer out, and names the error after the rest."""
     steps = [*exchanges(1), (30, REQUEST), (10, RESPONSE[:8]), (1, error), *exchanges(3)]
     begin(opened, steps, "19200-8N1")
-    opened.wait(f"window.port.at === {len(steps)}")
+    opened.wait(f"window.port.given === {len(steps)}")
     opened.wait(f"{STATE} === 'live'")
     assert f"1 {error}" in opened.run(STATE_TEXT)
     end(opened)
