@@ -63,8 +63,7 @@ pub struct ExpectedExchange {
     pub echoes_request: bool,
     /// The request has the length and the first bytes that the response to another request of its kind would have, so that
     /// it may be the previous response again. Example: reading coils from 0x0300 on begins like three bytes of coils. Of
-    /// registers there is no such response, since they have two bytes each; on an ASCII line, which has no lengths by silence, it
-    /// is set for registers anyway.
+    /// registers there is no such response, since they have two bytes each; on an ASCII line it is set for registers anyway.
     pub resembles_response: bool,
     response: Response,
 }
@@ -142,9 +141,8 @@ impl ExpectedExchange {
     }
 
     /// Returns the same as a read of registers with a write of others, which begins with these bytes. `None` unless quantity and
-    /// byte count of what is written are there and agree. On a serial line `None`, too, if the byte at
-    /// index 2, read as the byte count of a response, announces this length, give or take one (checksums may end in 00): the
-    /// search weighs that.
+    /// byte count of what is written are there and agree. On a serial line `None`, too, if the byte at index 2, read as
+    /// the byte count of a response, announces this length, give or take one (checksums may end in 00): the search weighs that.
     #[inline(never)]
     fn as_read_write(self, mode: Mode, request: &[u8]) -> Option<Self> {
         let header: &[u8; READ_WRITE_HEADER_BYTES] = request.first_chunk()?;

@@ -1,9 +1,10 @@
 //! Finds data bits, parity and stop bits of a line whose rate is known.
 //!
-//! While the rate is searched, three character formats are tried, or four (`SearchOptions::drops_damaged`). 8E1 has eleven bits: 8O1 and 8N2 can be received with
-//! it as well, with line errors where the driver checks parity. 8N1 has ten bits: 7E1, 7O1 and 7N2 can be received with it,
-//! with their parity or stop bit in bit 7. 7N1 has nine bits. Once frames are received, the formats are tried that could
-//! also have given these bytes, until one is received without line errors.
+//! While the rate is searched, three character formats are tried. 8E1 has eleven bits: 8O1 and 8N2 can be received with it as
+//! well, with line errors where the driver checks parity; where it takes such bytes out (`SearchOptions::drops_damaged`), 8O1 is
+//! tried, too. 8N1 has ten bits: 7E1, 7O1 and 7N2 can be received with it, with their parity or stop bit in bit 7. 7N1 has nine
+//! bits. Once frames are received, the formats are tried that could also have given these bytes, until one is received without
+//! line errors.
 
 use modlens_protocol::framing::Mode;
 use modlens_protocol::line::{LineSettings, Parity};

@@ -353,3 +353,23 @@ impl LineSearch {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A port that takes damaged bytes out may give none at wrong settings: all others are tried, each for some seconds. Where a
+    /// port gives what it receives, silence says nothing about its settings.
+    #[test]
+    fn settings_that_give_no_bytes_are_left_where_a_port_drops_damaged_ones() {
+        for (drops_damaged, tried) in [(true, RATES.len() * FORMATS.len()), (false, 1)] {
+            let mut search = LineSearch::new(SearchOptions { drops_damaged, ..SearchOptions::default() });
+            let mut lines = BTreeSet::new();
+            for second in 0..6 * (RATES.len() * FORMATS.len()) as Ns {
+                lines.insert(search.line().to_string());
+                search.advance(second * 1_000_000_000);
+            }
+            assert_eq!(lines.len(), tried, "{lines:?}");
+        }
+    }
+}

@@ -79,8 +79,8 @@ impl PollCycle {
         }
     }
 
-    /// Counts a request that is new, has a count below two, or whose slot holds another one. A slot held by another request loses a count;
-    /// if it has none left, this request takes it (`replace`). At a count of two, the request joins the poll cycle.
+    /// Counts a request that is new, has a count below two, or whose slot holds another one. A slot held by another request loses
+    /// a count; if it has none left, this request takes it (`replace`). At a count of two, the request joins the poll cycle.
     fn record_rare(&mut self, frame: &[u8], name: RequestName) {
         let (key, slot) = (name.0, name.slot());
         let seen = &mut self.seen[slot];
@@ -98,8 +98,8 @@ impl PollCycle {
     }
 
     /// Adds the request in this slot to the poll cycle, unless it is too long to be kept or its slot is in the cycle already. A
-    /// full cycle loses the one in the place that was filled first; that request joins again when it is seen for the second time
-    /// after another one has taken its slot.
+    /// full cycle loses the one in the place that was filled first, which does not join again before others of its slot have taken
+    /// its count below two.
     fn join_cycle(&mut self, slot: usize) {
         if self.texts[slot][0] == 0 || self.seen[slot].is_polled {
             return;

@@ -192,8 +192,7 @@ impl<'a> ContextScores<'a> {
     }
 
     /// The most bits that the context may be worth after requests that have nothing to do with the frame: a request may be one
-    /// that was seen before, and a response may have its own, damaged, before it. All other terms of the
-    /// score are at most 0.
+    /// that was seen before, and a response may have its own, damaged, before it. All other terms are at most 0.
     fn most_unconcerned_bits(&self) -> f32 {
         if self.direction == REQUEST {
             self.polled_score
