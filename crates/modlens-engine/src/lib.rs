@@ -37,6 +37,7 @@
 
 pub mod confidence;
 pub mod damage;
+pub mod durations;
 mod fast_path;
 pub mod findings;
 pub mod frame_result;

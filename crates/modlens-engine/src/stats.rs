@@ -1,6 +1,6 @@
 //! Statistics of a session: counters by bus, unit and function. Their memory is bounded, whatever the size of the recording.
 
-pub mod histogram;
+mod duration_json;
 mod request_indices;
 mod requests;
 mod rows;
@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 
 use serde_json::{json, Value as Json};
 
+use crate::durations::Durations;
 use crate::findings::REFUSED;
 use crate::pairing::{ObservedFrame, PendingTransaction};
 use modlens_protocol::finding::Finding;
@@ -17,7 +18,6 @@ use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
-use histogram::TimeHistogram;
 pub(crate) use requests::RequestKey;
 use requests::RequestTable;
 
@@ -30,7 +30,7 @@ struct FunctionCounts {
     retries: u64,
     /// By exception code.
     exceptions: BTreeMap<u8, u64>,
-    response_times: TimeHistogram,
+    response_times: Durations,
 }
 
 /// The transactions with one unit, by function.
@@ -446,7 +446,7 @@ impl FunctionCounts {
         let exceptions: BTreeMap<String, u64> = self.exceptions.iter().map(|(code, &count)| (code.to_string(), count)).collect();
         json!({
             "unit": unit, "function": self.function, "transactions": self.statuses.iter().sum::<u64>(), "statuses": statuses,
-            "retries": self.retries, "exceptions": exceptions, "response_time": self.response_times.json_with_buckets(),
+            "retries": self.retries, "exceptions": exceptions, "response_time": duration_json::with_buckets(&self.response_times),
         })
     }
 }

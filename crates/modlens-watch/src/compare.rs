@@ -9,7 +9,7 @@ use modlens_protocol::Ns;
 use serde_json::{json, Value as Json};
 
 use crate::chance::{at_least, chance_of_none, rank_deviation};
-use crate::histogram::rounded;
+use crate::distribution::{above, quantile, rounded};
 use crate::usage::{BusUsage, Habit, RequestKey, Usage, Values};
 use crate::usual::{Usual, UsualBus, UsualRequest, UsualValues};
 
@@ -217,11 +217,11 @@ impl Comparison<'_> {
     }
 
     fn period(&mut self, key: &RequestKey, usual: &UsualRequest, habit: &Habit) {
-        let share = |share| habit.intervals.quantile(share);
+        let share = |share| quantile(&habit.intervals, share);
         let (Some(most), Some(least), Some(median)) = (share(1.0 - PERIOD_SHARE), share(PERIOD_SHARE), share(0.5)) else {
             return;
         };
-        if usual.count < POLL_COUNT || habit.intervals.total() < PERIOD_COUNT || usual.periods.is_empty() {
+        if usual.count < POLL_COUNT || habit.intervals.count < PERIOD_COUNT || usual.periods.is_empty() {
             return;
         }
         let is_usual = |period: &[f64; 2]| (period[0] / PERIOD_FACTOR..=period[1] * PERIOD_FACTOR).contains(&median);
@@ -253,19 +253,19 @@ impl Comparison<'_> {
 
     fn response_time(&mut self, key: &RequestKey, usual: &UsualRequest, habit: &Habit) {
         let (count, deciles) = &usual.response_times;
-        if *count < RESPONSE_COUNT || habit.responses.total() < RESPONSE_COUNT || deciles.len() != 9 {
+        if *count < RESPONSE_COUNT || habit.responses.count < RESPONSE_COUNT || deciles.len() != 9 {
             return;
         }
-        let (before, Some(now)) = (deciles[4], habit.responses.quantile(0.5)) else { return };
-        let above = habit.responses.above(deciles);
-        if rank_deviation(above, habit.responses.total(), *count).abs() < RESPONSE_DEVIATIONS {
+        let (before, Some(now)) = (deciles[4], quantile(&habit.responses, 0.5)) else { return };
+        let above = above(&habit.responses, deciles);
+        if rank_deviation(above, habit.responses.count, *count).abs() < RESPONSE_DEVIATIONS {
             return;
         }
         let is_slower = above > RESPONSE_SHARE && now > before * RESPONSE_FACTOR;
         let is_faster = above < 1.0 - RESPONSE_SHARE && now < before / RESPONSE_FACTOR;
         if is_slower || is_faster {
             let text = |median: f64, count: u64| format!("median {} of {count}", seconds_text(median));
-            self.push("response_time_shifted", key, Some(habit), &text(before, *count), &text(now, habit.responses.total()));
+            self.push("response_time_shifted", key, Some(habit), &text(before, *count), &text(now, habit.responses.count));
         }
     }
 

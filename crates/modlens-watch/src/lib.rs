@@ -18,7 +18,7 @@
 
 pub mod chance;
 pub mod compare;
-pub mod histogram;
+pub mod distribution;
 pub mod join;
 pub mod live;
 pub mod rules;

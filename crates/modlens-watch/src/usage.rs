@@ -10,8 +10,9 @@ use modlens_protocol::Ns;
 use modlens_tables::columns::{read_data, read_range, write_data, write_range, Items};
 use serde_json::{json, Map, Value as Json};
 
-use crate::histogram::{rounded, Histogram};
+use crate::distribution::{deciles, phases, rounded};
 use crate::MAX_BUSES;
+use modlens_engine::durations::Durations;
 
 /// Distinct requests that are counted on a bus.
 pub const MAX_REQUESTS: usize = 4096;
@@ -81,9 +82,9 @@ pub struct Habit {
     /// When first and last.
     pub times: Option<(Ns, Ns)>,
     /// From one to the next.
-    pub intervals: Histogram,
+    pub intervals: Durations,
     /// Response times of good responses.
-    pub responses: Histogram,
+    pub responses: Durations,
     /// How often it ended how: `ok`, `no_response`, `exception 2` ...
     pub outcomes: BTreeMap<String, u64>,
     /// Values read or written, a register each.
@@ -251,9 +252,9 @@ impl Habit {
         put("address", json!(key.range.map(|range| range.0)));
         put("quantity", json!(key.range.map(|range| range.1)));
         put("count", json!(self.count));
-        put("period_s", if self.intervals.total() == 0 { Json::Null } else { json!(self.intervals.phases()) });
+        put("period_s", if self.intervals.count == 0 { Json::Null } else { json!(phases(&self.intervals)) });
         put("outcomes", json!(self.outcomes));
-        put("response_time", if self.responses.total() == 0 { Json::Null } else { self.responses.deciles() });
+        put("response_time", if self.responses.count == 0 { Json::Null } else { deciles(&self.responses) });
         put("judged", json!(judged));
         put("values", if self.values.is_empty() { Json::Null } else { self.values.iter().map(Values::json).collect() });
         Json::Object(row)

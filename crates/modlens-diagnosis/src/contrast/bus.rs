@@ -20,9 +20,9 @@ use super::request::{RequestCounts, MAX_REQUESTS};
 use super::sample::Sample;
 use super::symptoms::Symptoms;
 use super::tally::Tally;
-use super::times::Durations;
 use super::unit::{Runs, UnitCounts};
 use crate::observation::{FrameObservation, Observation, Outcome, RequestKey, DAMAGED_PARTS};
+use modlens_engine::durations::Durations;
 
 /// What is counted of a row depends on at most so many rows before it.
 pub const WINDOW: usize = 64;

@@ -5,7 +5,7 @@ use modlens_protocol::status::Status;
 
 use super::sample::Sample;
 use super::tally::{mix_bytes, Place, Tally};
-use super::times::Durations;
+use modlens_engine::durations::Durations;
 
 /// Clients that are counted one by one.
 const MAX_CLIENTS: usize = 256;

@@ -5,8 +5,8 @@ use modlens_protocol::Ns;
 
 use super::sample::Sample;
 use super::tally::{mix_bytes, Tally};
-use super::times::Durations;
 use crate::observation::FrameObservation;
+use modlens_engine::durations::Durations;
 
 /// Different runs that are counted one by one.
 const MAX_RUNS: usize = 256;

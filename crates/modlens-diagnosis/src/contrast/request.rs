@@ -6,10 +6,10 @@ use super::before::Before;
 use super::known_requests::PendingExchanges;
 use super::sample::Sample;
 use super::tally::{Place, Tally};
-use super::times::Durations;
 use super::unit::Runs;
 use crate::observation::{Data, Observation, Outcome, RequestKey};
 use crate::statistics::Share;
+use modlens_engine::durations::Durations;
 
 /// Requests that are counted one by one.
 pub(super) const MAX_REQUESTS: usize = 1024;

@@ -11,10 +11,11 @@ use super::clean_units::CleanCounts;
 use super::epochs::Epochs;
 use super::sample::Sample;
 use super::tally::{Place, Tally};
-use super::times::{ByDuration, Durations};
+use super::times::ByDuration;
 use crate::clean::Clean;
 use crate::observation::{DamagedPart, Observation, Outcome, DAMAGED_PARTS};
 use crate::statistics::Share;
+use modlens_engine::durations::Durations;
 
 /// Exception codes that are counted one by one; 0 stands for all others.
 pub const EXCEPTIONS: usize = 12;

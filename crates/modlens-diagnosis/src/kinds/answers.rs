@@ -34,7 +34,7 @@ fn overtaken(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let chance = view.beyond_accident(share)?;
     (answers.total, answers.before, answers.after) = (share.total, 0, 0);
     let mut claim = Claim::new("slow_answers", &answers, chance).of_unit(unit).with_share(share);
-    if let (Some(waited), Some(needed)) = (counts.overtaken.waited.typical(0.5), counts.overtaken.needed.percentile(1.0)) {
+    if let (Some(waited), Some(needed)) = (counts.overtaken.waited.percentile(0.5), counts.overtaken.needed.percentile(1.0)) {
         claim = claim
             .fact("timeout", format!(", after {}", duration(waited)))
             .fact("needed", format!("; the slowest answer took {}", duration(needed)));
@@ -59,7 +59,7 @@ fn late(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let mut late = counts.late.clone();
     (late.total, late.before, late.after) = (share.total, 0, 0);
     let mut claim = Claim::new("slow_answers", &late, chance).of_unit(unit).with_share(share);
-    if let Some(waited) = counts.waited.typical(0.5) {
+    if let Some(waited) = counts.waited.percentile(0.5) {
         claim = claim.fact("timeout", format!(", after {}", duration(waited)));
     }
     if let Some(needed) = counts.late_after.percentile(1.0) {
@@ -87,7 +87,6 @@ fn pressing(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let (median, high) = (counts.response_times.percentile(0.5)?, counts.response_times.percentile(0.9)?);
     let presses = high > timeout / 2 && high < timeout * 2 && median * 3 > timeout;
     (presses && counts.response_times.count >= 10).then(|| {
-        let (timeout, high) = (counts.waited.typical(0.1).unwrap_or(timeout), counts.response_times.typical(0.9).unwrap_or(high));
         let claim = Claim::new("slow_answers", failed, chance)
             .of_unit(unit)
             .fact("timeout", format!(", after {}", duration(timeout)))
@@ -120,7 +119,7 @@ fn dead(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     // A damaged request is not silence, but no answer either: it does not end a run.
     let always = Claim::new("dead_unit_cost", &counts.failures, 0.0);
     let mut claim = Claim::new("dead_unit_cost", &counts.silent, chance).of_unit(unit).in_the_time_of(&always);
-    if let (Some(waited), Some((first, last))) = (counts.waited.typical(0.5), view.bus.frames.span) {
+    if let (Some(waited), Some((first, last))) = (counts.waited.percentile(0.5), view.bus.frames.span) {
         let lost = waited as f64 * counts.silent.failed as f64 / (last - first).max(1) as f64;
         let words = format!("; the master waits {} for each, {} of its time", duration(waited), percent(lost.min(1.0)));
         claim = claim.fact("cost", words);

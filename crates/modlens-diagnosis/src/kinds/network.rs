@@ -83,7 +83,7 @@ pub(super) fn connection_churn(view: &View<'_>) -> Vec<Claim> {
             .fact("experiment", "Wait two seconds after connecting: the first request is answered.")
     });
     let closed = view.significant(at_least(counts.closed_by_server.share(), SOME)).map(|chance| {
-        let after = counts.idle.typical(0.5).filter(|idle| *idle > 100_000_000);
+        let after = counts.idle.percentile(0.5).filter(|idle| *idle > 100_000_000);
         let after = after.map_or(String::new(), |idle| format!(", after {} of silence", crate::claim::duration(idle)));
         let claim = Claim::new("connection_churn", &counts.closed_by_server, chance);
         claim

@@ -300,7 +300,7 @@ fn foreign_runs(view: &View<'_>) -> Option<Claim> {
     }
     let share = Share { failed: counts.seen.failed, total: noise.compared };
     let text = if is_text(view) { ", and are text" } else { "" };
-    let period = counts.period.typical(0.5).map_or(String::new(), |period| format!(", one each {}", duration(period)));
+    let period = counts.period.percentile(0.5).map_or(String::new(), |period| format!(", one each {}", duration(period)));
     Some(Claim::new("foreign_protocol", &counts.seen, chance).with_share(share).fact("text", text).fact("period", period))
 }
 

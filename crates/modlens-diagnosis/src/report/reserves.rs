@@ -9,14 +9,14 @@ use modlens_protocol::source::Clock;
 pub(super) fn of_bus(name: &str, bus: &BusContrast) -> Vec<Json> {
     let us = |ns: i64| ns as f64 / 1000.0;
     // A master mostly has one timeout for all: where a unit has never failed, that of the others is shown.
-    let timeout = bus.units.values().filter_map(|counts| counts.waited.typical(0.5)).min();
+    let timeout = bus.units.values().filter_map(|counts| counts.waited.percentile(0.5)).min();
     // The number of a unit that only damaged requests bear may be damaged as well.
     let asked = bus.units.iter().filter(|(_, counts)| counts.failures.total > counts.bad_requests.failed);
     asked
         .map(|(unit, counts)| {
             let (requests, failed) = (counts.failures.total, counts.failures.failed);
-            let p99 = counts.response_times.typical(0.99);
-            let own = counts.waited.typical(0.5).or(timeout);
+            let p99 = counts.response_times.percentile(0.99);
+            let own = counts.waited.percentile(0.5).or(timeout);
             json!({
                 "bus": name, "unit": unit, "requests": requests, "answered": requests - failed,
                 "damaged": counts.garbled.failed + counts.bad_requests.failed, "late": counts.late.failed,

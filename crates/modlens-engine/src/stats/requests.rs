@@ -5,8 +5,9 @@ use std::collections::{BTreeMap, VecDeque};
 
 use serde_json::{json, Value as Json};
 
-use super::histogram::TimeHistogram;
+use super::duration_json;
 use super::request_indices::RequestIndices;
+use crate::durations::Durations;
 use crate::pairing::PendingTransaction;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
@@ -74,7 +75,7 @@ struct RequestCounts {
     unanswered_with_damage: u64,
     late_responses: u64,
     /// How long after the master's timeout the late responses came.
-    late_by: TimeHistogram,
+    late_by: Durations,
     /// Of those unanswered: how many came after a transaction of this unit and status.
     preceded_by: BTreeMap<(u8, Status), u64>,
     /// When it was last polled, if no retry came since.
@@ -82,7 +83,7 @@ struct RequestCounts {
     /// The time from its starts to the ends of its responses, or to the ends of waiting for them.
     taken: Ns,
     /// From one poll to the next.
-    cycle: TimeHistogram,
+    cycle: Durations,
 }
 
 /// The distinct requests of one bus.
@@ -91,7 +92,7 @@ pub(super) struct RequestTable {
     counts: Vec<RequestCounts>,
     indices: RequestIndices,
     /// How long the master waited for responses that did not come.
-    waited: TimeHistogram,
+    waited: Durations,
     /// The last unanswered requests: transaction, key, and how long the master waited.
     recent_unanswered: VecDeque<(u64, RequestKey, Option<Ns>)>,
     /// Unit and status of the last transaction with an intact request.
@@ -224,7 +225,7 @@ impl RequestTable {
     /// requests count by how often they were polled: the one chosen has the median cycle of all polls.
     pub fn cycle(&self) -> Json {
         let polled = self.sorted().into_iter().filter(|counts| counts.sent >= MIN_POLLS && counts.cycle.count > 0);
-        let mut cycles: Vec<&TimeHistogram> = polled.map(|counts| &counts.cycle).collect();
+        let mut cycles: Vec<&Durations> = polled.map(|counts| &counts.cycle).collect();
         // The median of a histogram takes a pass over it, so it is computed once for each.
         cycles.sort_by_cached_key(|cycle| cycle.percentile(0.5));
         let polls: u64 = cycles.iter().map(|cycle| cycle.count).sum();
@@ -234,7 +235,7 @@ impl RequestTable {
             2 * up_to >= polls
         });
         let Some(median) = median else { return Json::Null };
-        let mut found = median.json();
+        let mut found = duration_json::summary(median);
         found["requests"] = cycles.len().into();
         found
     }
@@ -257,7 +258,7 @@ impl RequestTable {
         }
         unanswered.sort_by_key(|counts| (std::cmp::Reverse(counts.unanswered), counts.key));
         let rows: Vec<Json> = unanswered.iter().map(|counts| counts.timeout_json(functions)).collect();
-        json!({"waited": self.waited.json(), "requests": rows})
+        json!({"waited": duration_json::summary(&self.waited), "requests": rows})
     }
 }
 
@@ -269,11 +270,11 @@ impl RequestCounts {
             unanswered: 0,
             unanswered_with_damage: 0,
             late_responses: 0,
-            late_by: TimeHistogram::default(),
+            late_by: Durations::default(),
             preceded_by: BTreeMap::new(),
             last_start: None,
             taken: 0,
-            cycle: TimeHistogram::default(),
+            cycle: Durations::default(),
         }
     }
 
@@ -303,7 +304,7 @@ impl RequestCounts {
             "unit": unit, "function": function, "address": range.map(|(address, _)| address),
             "quantity": range.map(|(_, quantity)| quantity),
             "register_type": functions.row(function, &[]).and_then(|row| row.register_type.clone()),
-            "count": self.sent, "interval": self.cycle.json(),
+            "count": self.sent, "interval": duration_json::summary(&self.cycle),
             "taken_us": has_times.then(|| self.taken as f64 / 1000.0),
         })
     }
@@ -319,7 +320,7 @@ impl RequestCounts {
             "unit": unit, "function": function, "address": range.map(|(address, _)| address),
             "quantity": range.map(|(_, quantity)| quantity),
             "register_type": functions.row(function, &[]).and_then(|row| row.register_type.clone()),
-            "count": self.unanswered, "asked": self.sent, "late": self.late_responses, "late_by": self.late_by.json(),
+            "count": self.unanswered, "asked": self.sent, "late": self.late_responses, "late_by": duration_json::summary(&self.late_by),
             "damaged": self.unanswered_with_damage, "before": before,
         })
     }

@@ -1,9 +1,9 @@
 //! The response times of one bucket, for percentiles over time.
 //!
-//! The logarithmic buckets are those of the statistics (`modlens_engine::stats::histogram`), so that percentiles are as exact as
+//! The logarithmic buckets are those of the statistics (`modlens_engine::durations`), so that percentiles are as exact as
 //! theirs. Only those that hold a time are kept: there are thousands of series, and in a short time responses take about as long.
 
-use modlens_engine::stats::histogram::{bucket, middle};
+use modlens_engine::durations::{bucket, middle};
 use modlens_protocol::Ns;
 
 /// How many times lie in each logarithmic bucket, sorted by its number.

@@ -7,7 +7,7 @@ use modlens_protocol::Ns;
 use serde_json::{json, Map, Value as Json};
 
 use super::exchange::{Exchange, Request};
-use crate::histogram::Histogram;
+use modlens_engine::durations::Durations;
 
 /// What became of a request, in the words of the column `outcome`, and what is known of it.
 #[derive(Clone, Debug, Default)]
@@ -34,9 +34,9 @@ pub(super) struct Rows {
     made: u64,
     outcomes: BTreeMap<&'static str, u64>,
     /// From the end of the request on the line to the gateway's exception.
-    gateway_timeouts: Histogram,
+    gateway_timeouts: Durations,
     /// From an unanswered request on the network to the client's next one.
-    client_timeouts: Histogram,
+    client_timeouts: Durations,
     matched: u64,
 }
 
@@ -97,7 +97,7 @@ impl Rows {
 
     /// What was counted: matched requests, outcomes, timeouts of the gateway and of its clients in milliseconds.
     pub fn counts(&self) -> (u64, &BTreeMap<&'static str, u64>, Option<f64>, Option<f64>) {
-        let millis = |times: &Histogram, share| times.quantile(share).map(|seconds| seconds * 1e3);
+        let millis = |times: &Durations, share| times.percentile(share).map(|ns| ns as f64 / 1e6);
         (self.matched, &self.outcomes, millis(&self.gateway_timeouts, 0.5), millis(&self.client_timeouts, 0.0))
     }
 }
