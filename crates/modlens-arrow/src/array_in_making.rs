@@ -4,6 +4,7 @@ use arrow_array::ArrayRef;
 
 use crate::arrays::{bool_array, float_array, int_array, int_list_array, text_array, text_list_array, time_array};
 use crate::column_values::{ColumnItem, ColumnValues, HasRows, TakeRows};
+use crate::given::GivenItems;
 use crate::values::ColumnBuilder;
 use modlens_tables::columns::{CellSink, ColumnType, TableKind};
 
@@ -15,6 +16,7 @@ pub(super) trait ArrayInMaking: HasRows + Send {
 
 struct Column<T> {
     rows: ColumnValues<T>,
+    given: GivenItems,
     array: fn(ColumnBuilder<T>) -> ArrayRef,
 }
 
@@ -32,8 +34,10 @@ where
     ColumnBuilder<T>: CellSink,
 {
     fn finish(&mut self) -> ArrayRef {
-        let next = self.rows.values.next();
-        (self.array)(std::mem::replace(&mut self.rows.values, next))
+        let next = self.rows.values.next(self.given.take());
+        let array = (self.array)(std::mem::replace(&mut self.rows.values, next));
+        self.given.add(&array);
+        array
     }
 }
 
@@ -43,7 +47,7 @@ pub(super) fn in_making(table: TableKind, column: usize) -> Box<dyn ArrayInMakin
     where
         ColumnBuilder<T>: CellSink,
     {
-        Box::new(Column { rows, array })
+        Box::new(Column { rows, given: GivenItems::default(), array })
     }
     match table.columns()[column].kind {
         ColumnType::Int => of(ColumnValues::new(table, column), int_array),

@@ -16,6 +16,7 @@ pub mod batch;
 mod column_values;
 #[cfg(feature = "files")]
 pub mod files;
+mod given;
 mod kinds;
 mod of_exchanges;
 #[cfg(feature = "files")]

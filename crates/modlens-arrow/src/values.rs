@@ -4,6 +4,8 @@
 
 use std::mem::ManuallyDrop;
 
+use arrow_buffer::Buffer;
+
 use crate::validity::Validity;
 use modlens_protocol::decimal::push_short;
 use modlens_protocol::hex::push_hex;
@@ -28,17 +30,30 @@ pub(super) trait Item: Clone + Default {
     const MANY: bool;
     /// Whether a row without a value has an empty list: a list of texts is empty rather than null.
     const EMPTY: bool = false;
+
+    /// The memory of a buffer of such items that nobody else reads; `None` if somebody does, or buffers are made otherwise.
+    fn vector_of(_: Buffer) -> Option<Vec<Self>> {
+        None
+    }
 }
 
 macro_rules! items {
     ($($kind:ty: $many:literal),*) => {$(
         impl Item for $kind {
             const MANY: bool = $many;
+
+            fn vector_of(buffer: Buffer) -> Option<Vec<Self>> {
+                buffer.into_vec().ok()
+            }
         }
     )*};
 }
 
-items!(i64: false, f64: false, bool: false, u8: true, i32: true);
+items!(i64: false, f64: false, u8: true, i32: true);
+
+impl Item for bool {
+    const MANY: bool = false;
+}
 
 impl Item for &'static str {
     const MANY: bool = true;
@@ -56,13 +71,17 @@ impl<T: Item> ColumnBuilder<T> {
         Self { items: Vec::with_capacity(items), validity: Validity::with_capacity(rows), offsets, nothing: 0 }
     }
 
-    /// A column without rows, with room for as much as this one has, and a bit more.
-    pub(super) fn next(&self) -> Self {
-        let with_room = |count: usize| count + count / 8;
-        match self.rows_of_nothing() {
-            Some(_) => Self::with_capacity(0, 0),
-            None => Self::with_capacity(with_room(self.rows()), with_room(self.items.len())),
+    /// A column without rows, with room for as much as this one has, and a bit more; for its items in the memory of earlier
+    /// ones, if there is some.
+    pub(super) fn next(&self, given: Option<Vec<T>>) -> Self {
+        if self.rows_of_nothing().is_some() {
+            return Self::with_capacity(0, 0);
         }
+        let with_room = |count: usize| count + count / 8;
+        let mut next = Self::with_capacity(with_room(self.rows()), 0);
+        next.items = given.unwrap_or_default();
+        next.items.reserve(with_room(self.items.len()));
+        next
     }
 
     /// Appends the values of further rows.
