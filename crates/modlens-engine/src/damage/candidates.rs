@@ -99,7 +99,7 @@ impl UnframedRegion<'_, '_> {
         let (start_cost, min_score) = (self.start_cost(start), min_score(expected.direction, 0.0));
         let alignment = align(self.model, expected, &self.bytes()[start..], need)?;
         let end = alignment.length.map(|length| start + length);
-        let score = alignment.score - start_cost + self.end_bonus(end);
+        let score = alignment.score - start_cost - contradiction_cost(self, start, expected.direction) + self.end_bonus(end);
         (score > 0.0 && score >= min_score).then(|| Candidate::new(expected, &alignment, start, end, score))
     }
 
@@ -117,7 +117,8 @@ impl UnframedRegion<'_, '_> {
             return None;
         }
         let header_cost = self.model.unit_cost(unit) + self.model.function_cost(self.context.functions, code, direction);
-        let header_score = self.model.bits(unit) + self.model.bits(code) - header_cost - self.start_cost(start);
+        let cost = header_cost + self.start_cost(start) + contradiction_cost(self, start, direction);
+        let header_score = self.model.bits(unit) + self.model.bits(code) - cost;
         let (fields_score, length) = self.body_score(header_score, code, direction, body);
         let end = length.filter(|&length| length <= MAX_RTU_FRAME_BYTES).map(|length| start + length);
         let score = fields_score + self.end_bonus(end);
@@ -213,6 +214,16 @@ impl UnframedRegion<'_, '_> {
         } else {
             0.0
         }
+    }
+}
+
+/// Cost in bits of a frame at `start` that is not of the direction which the recording declares; what a line of one direction
+/// may carry is for `may_be_header`.
+fn contradiction_cost(region: &UnframedRegion<'_, '_>, start: usize, direction: usize) -> f32 {
+    let context = region.context;
+    match context.declared_direction_at(region.input, start).filter(|_| context.line_direction.is_none()) {
+        Some(declared) if declared != side::direction_of(direction) => weights::WRONG_LINE_BITS,
+        _ => 0.0,
     }
 }
 

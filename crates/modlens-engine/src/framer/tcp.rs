@@ -4,8 +4,8 @@ use crate::framer::{FrameResult, Framer, FramerContext, FramingFault, MAX_NOISE_
 use crate::input::{Input, NO_TIME};
 use crate::weights::{CRC_CONFIDENCE_BITS, MBAP_CONFIDENCE_BITS, TCP_FRAME_BREAK_NS};
 use modlens_protocol::checksum::{crc_valid, CRC_BYTES};
-use modlens_protocol::direction::infer_direction;
-use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
+use modlens_protocol::direction::{expected_data_bytes, infer_direction};
+use modlens_protocol::framing::{DelimitedBy, Direction, Mode, Verdict};
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::line::LineSettings;
 use modlens_protocol::mbap::{announced_length, layout_fits, layout_lengths, MAX_LENGTH_FIELD, PREFIX_BYTES};
@@ -40,6 +40,16 @@ fn is_whole_read(input: &Input, length: usize) -> bool {
     is_read && rest == length || (rest == length + CRC_BYTES && has_crc_behind(input, length))
 }
 
+/// Whether a header is that of the response that the outstanding request expects: unit, function and length fit, where
+/// the function has one. That is as good as its layout, and a recording may print the beginning of a long response only.
+fn answers(context: &FramerContext<'_>, bytes: &[u8], length: usize) -> bool {
+    context.outstanding_request.is_some_and(|request| {
+        let row = request.pdu.split_first().and_then(|(&code, body)| context.functions.row(code, body));
+        let fits = |row| expected_data_bytes(row, request.pdu).is_some_and(|data| length == HEADER_BYTES + 1 + data);
+        bytes[PREFIX_BYTES..HEADER_BYTES] == [request.unit, request.pdu[0]] && row.is_none_or(fits)
+    })
+}
+
 /// Whether a gateway has left the CRC of the RTU frame after the PDU, and the read ends with it.
 fn has_crc_behind(input: &Input, length: usize) -> bool {
     // Blocks of a file are no reads: a read has a time or starts a record.
@@ -68,17 +78,25 @@ fn earlier_end(functions: &Functions, bytes: &[u8], length: usize) -> Option<usi
 
 /// The row of a frame whose last bytes did not come before the input was closed: all bytes that are there. `adu` gets its unit
 /// and PDU, as far as they are there.
-fn cut_short(input: &Input, adu: &mut Vec<u8>) -> FrameResult {
+fn cut_short(input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> FrameResult {
     let delimited_by = if input.is_ended { DelimitedBy::End } else { DelimitedBy::Silence };
-    incomplete(input, input.bytes().len(), delimited_by, adu)
+    incomplete(input, context, input.bytes().len(), delimited_by, adu)
 }
 
 /// The row of a frame of which only the first `length` bytes are there. `adu`, which is empty, gets unit and PDU as far as they
 /// came.
-fn incomplete(input: &Input, length: usize, delimited_by: DelimitedBy, adu: &mut Vec<u8>) -> FrameResult {
+fn incomplete(
+    input: &Input,
+    context: &FramerContext<'_>,
+    length: usize,
+    delimited_by: DelimitedBy,
+    adu: &mut Vec<u8>,
+) -> FrameResult {
     adu.extend_from_slice(input.bytes().get(PREFIX_BYTES..length).unwrap_or(&[]));
     let mbap_id = transaction_identifier(input.bytes());
-    FrameResult { mbap_id, ..FrameResult::new(Verdict::Incomplete, length, delimited_by) }
+    let declared = context.connection_side.or_else(|| context.declared_direction_at(input, 0));
+    let direction = declared.unwrap_or(Direction::Unknown);
+    FrameResult { direction, mbap_id, ..FrameResult::new(Verdict::Incomplete, length, delimited_by) }
 }
 
 /// The transaction identifier of the header that begins with the first byte.
@@ -154,7 +172,7 @@ impl TcpFramer {
         let Some(length) = announced_length(bytes) else { return Some(false) };
         // A record, or the first bytes after a loss, may begin anywhere in a frame.
         let follows_edge = input.is_boundary(0);
-        if at == 0 && (!follows_edge || is_whole_read(input, length)) {
+        if at == 0 && (!follows_edge || is_whole_read(input, length) || answers(context, bytes, length)) {
             return Some(true);
         }
         // After bytes that belong to no frame, a header alone is weak evidence.
@@ -177,17 +195,17 @@ impl TcpFramer {
         let length = announced_length(input.bytes())?;
         // No silence is as long as this, so that only the start of a record or a loss counts.
         if let Some(edge) = input.boundary_after(0, length - 1, Ns::MAX) {
-            return Some(incomplete(input, edge, DelimitedBy::Record, adu));
+            return Some(incomplete(input, context, edge, DelimitedBy::Record, adu));
         }
         let is_confirmed = context.connection_side.is_some() && is_whole_read(input, length);
         match if is_confirmed { LengthCheck::Plausible } else { Self::check_length(input, context, length) } {
             LengthCheck::Undecided => None,
             LengthCheck::Wrong(end) => {
                 let fault = Some(FramingFault::MbapLength);
-                Some(FrameResult { fault, ..incomplete(input, end, DelimitedBy::Frame, adu) })
+                Some(FrameResult { fault, ..incomplete(input, context, end, DelimitedBy::Frame, adu) })
             }
             LengthCheck::Plausible if input.bytes().len() >= length => Some(Self::complete(input, context, adu, length)),
-            LengthCheck::Plausible => input.is_closed.then(|| cut_short(input, adu)),
+            LengthCheck::Plausible => input.is_closed.then(|| cut_short(input, context, adu)),
         }
     }
 

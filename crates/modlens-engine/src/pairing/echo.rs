@@ -43,6 +43,10 @@ impl Pairing {
         let comes_at_once = |open: &PendingTransaction| !open.response.is_present() && frame.number <= open.request.number + 2;
         let open = self.open.back().filter(|open| is_same(open) && !open.echo_seen && comes_at_once(open));
         let same = open.map(|open| (open.request.end, open.txn));
+        if open.is_some_and(|open| (open.request.side, frame.side) == (Some(Side::Sent), Some(Side::Sent))) {
+            // The program says that it sent both.
+            return SameRequest::New;
+        }
         if open.is_some_and(|open| (open.request.side, frame.side) == (Some(Side::Sent), Some(Side::Received))) {
             // The program has received what it sent itself, whenever it has printed that.
             let echo = same.map_or(SameRequest::New, |(_, txn)| SameRequest::Echo(txn));

@@ -1,6 +1,6 @@
 //! Removes decoration from lines: terminal colours, the quote marks of mail, typographic spaces and dashes.
 
-use memchr::memchr;
+use memchr::{memchr, memchr3_iter};
 
 /// Returns `line` without decoration. `is_first` is set for the first line of the file, which may begin with a byte order
 /// mark; `strip_quotes` says that leading `>` are mail quotes. The result borrows from `scratch` if something had to be
@@ -14,13 +14,15 @@ pub(super) fn clean<'a>(line: &'a [u8], is_first: bool, strip_quotes: bool, scra
             line = rest.strip_prefix(b" ").unwrap_or(rest);
         }
     }
-    if memchr(0x1B, line).is_none() && line.is_ascii() {
+    if memchr(0x1B, line).is_none() && line.is_ascii() && written_colour(line).is_none() {
         return line;
     }
     scratch.clear();
     let mut rest = line;
     while let Some(&b) = rest.first() {
+        let written = ESCAPE_STARTS.contains(&b).then(|| written_colour_length(rest)).flatten();
         let (length, replacement): (usize, &[u8]) = match rest {
+            _ if written.is_some() => (written.unwrap_or(1), b""),
             [0x1B, b'[', ..] => (escape_length(rest), b""),
             [0xC2, 0xA0, ..] => (2, b" "),
             [0xE2, 0x80, 0x90..=0x95, ..] => (3, b"-"),
@@ -45,6 +47,27 @@ fn escape_length(text: &[u8]) -> usize {
     text.iter().skip(2).position(|b| (0x40..=0x7E).contains(b)).map_or(text.len(), |at| at + 3)
 }
 
+/// How programs write the escape character in front of a colour where the text itself may not hold it: syslog in octal, `cat -v`
+/// as a caret, programs that print strings as an escape sequence, and what shows control characters as pictures.
+const WRITTEN_ESCAPES: [&[u8]; 7] = [b"#033", b"^[", b"\\x1b", b"\\x1B", b"\\033", b"\\u001b", "\u{241B}".as_bytes()];
+
+/// The first bytes of these.
+const ESCAPE_STARTS: [u8; 4] = [b'#', b'^', b'\\', 0xE2];
+
+/// The length of a colour at the start of the text whose escape character is written out; `None` if there is none.
+fn written_colour_length(text: &[u8]) -> Option<usize> {
+    let escape = WRITTEN_ESCAPES.iter().find(|escape| text.starts_with(escape))?;
+    let rest = text[escape.len()..].strip_prefix(b"[")?;
+    let numbers = rest.iter().take_while(|b| b.is_ascii_digit() || **b == b';').count();
+    (rest.get(numbers) == Some(&b'm')).then_some(escape.len() + 1 + numbers + 1)
+}
+
+/// The place of the first colour in the line whose escape character is written out.
+fn written_colour(line: &[u8]) -> Option<usize> {
+    let starts = memchr3_iter(ESCAPE_STARTS[0], ESCAPE_STARTS[1], ESCAPE_STARTS[2], line);
+    starts.into_iter().find(|&at| written_colour_length(&line[at..]).is_some())
+}
+
 /// Whether most lines begin with `>` as mail quotes, rather than as a log's mark for transmitted bytes.
 pub(super) fn is_quoted(text: &[u8]) -> bool {
     let lines = || text.split(|&b| b == b'\n').filter(|line| !line.trim_ascii().is_empty());
@@ -63,6 +86,10 @@ mod tests {
         for (line, cleaned) in [
             ("\u{feff}01 03\r", "01 03"),
             ("\x1B[0;36m[D] 01 03\x1B[0m", "[D] 01 03"),
+            ("#033[36m2026-11-21 01 03#033[0m", "2026-11-21 01 03"),
+            ("^[[1;33m[E] 01 03", "[E] 01 03"),
+            ("\u{241B}[0m01 03 \\x1b[0m", "01 03 "),
+            ("#033 01 \\x1b\\x03", "#033 01 \\x1b\\x03"),
             ("> > 01 03", "01 03"),
             ("01\u{a0}03 \u{2013}\u{2013}", "01 03 --"),
             ("\u{ff21}\u{ff11} \u{ff1a}\u{ff41}", "A1 :a"),

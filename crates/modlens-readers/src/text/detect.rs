@@ -45,6 +45,8 @@ struct RowScore {
     proven_bytes: usize,
     /// Of these, bytes without a checksum of their own, which only the exchanges around them prove.
     unchecked_bytes: usize,
+    /// Bytes in frames that the rows know to have been printed before.
+    copied_bytes: usize,
     /// How many requests without checksum are followed by a response that fits, of how many.
     exchanges: (usize, usize),
     /// Lines that none of the rows could read.
@@ -181,7 +183,8 @@ fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<FormatGuess> {
     // What no row reads is read where checksums prove it. Rows that lack most of this were the wrong ones.
     if let Some((row, alone)) = (total.unparsed > 0).then(proved).flatten() {
         let extended = score(&[&rows[..], &[Arc::clone(&row)]].concat(), text, marks);
-        if extended.proven_bytes as f64 <= MAX_SHARE_OF_PROVED * alone.checked_bytes() as f64 {
+        let read_bytes = extended.proven_bytes + extended.copied_bytes;
+        if read_bytes as f64 <= MAX_SHARE_OF_PROVED * alone.checked_bytes() as f64 {
             (rows, total) = (vec![row], alone);
         } else if extended.proven_bytes > total.proven_bytes {
             rows.push(row);
@@ -295,7 +298,9 @@ fn score(rows: &[Arc<Dialect>], text: &[u8], marks: &RefCell<Vec<Marks>>) -> Row
     if !reader.has_announced_bytes() || 2 * jumps > reader.records() {
         return RowScore::default();
     }
-    RowScore { records: reader.records(), unparsed: reader.unread_lines().count, exchanges: reader.exchanges(), ..score }
+    let copied_bytes = reader.skipped().iter().map(|(_, bytes, _)| frame_evidence::proven_bytes(bytes)).sum();
+    let (records, unparsed) = (reader.records(), reader.unread_lines().count);
+    RowScore { records, unparsed, copied_bytes, exchanges: reader.exchanges(), ..score }
 }
 
 /// Whether at least half of the lines are a colon and an even number of hex digits, as in a Modbus ASCII frame.

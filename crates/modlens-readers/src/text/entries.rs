@@ -226,8 +226,14 @@ impl EntryAssembler {
         let Some(stream) = self.streams.get(key) else { return 0 };
         let grows = stream.side == Some(Side::Received) && bytes.starts_with(&stream.group);
         let before = bytes.strip_suffix(&stream.group[..]).unwrap_or(bytes);
+        // What was left of earlier reads is printed again after the last one in its line, and in front of it in the next.
+        let is_rest = stream.number == self.number && stream.previous.ends_with(bytes);
+        let has_rest_in_front = stream.side == Some(Side::Received) && before.len() < bytes.len() && !stream.group.is_empty();
+        let are_both = bytes.strip_prefix(&stream.group[..]).is_some_and(|rest| !rest.is_empty() && rest == stream.previous);
+        let is_known = has_rest_in_front || are_both || is_rest || stream.group.starts_with(bytes);
         match stream.group.ends_with(bytes) || (before.len() < bytes.len() && stream.previous.ends_with(before)) {
             true => bytes.len(),
+            false if is_known => bytes.len(),
             false if grows => stream.group.len(),
             false => 0,
         }

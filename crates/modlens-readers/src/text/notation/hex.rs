@@ -306,6 +306,17 @@ pub(super) fn prefixed(text: &[u8], out: &mut Vec<u8>, flags: &mut NotationFlags
     }
 }
 
+/// Reads one or two such numbers; no more stand there.
+pub(super) fn prefixed_value(text: &[u8], out: &mut Vec<u8>, flags: &mut NotationFlags) -> usize {
+    let before = out.len();
+    let length = prefixed(text, out, flags);
+    if out.len() > before + 2 {
+        out.truncate(before);
+        return 0;
+    }
+    length
+}
+
 /// Reads `0x5` or `0x05`, followed by a separator or the end of the text. Returns the length of the text.
 fn read_prefixed_byte(text: &[u8], out: &mut Vec<u8>) -> Option<usize> {
     let digits = text.strip_prefix(b"0x")?;

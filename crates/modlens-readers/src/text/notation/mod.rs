@@ -5,7 +5,7 @@ mod hex;
 mod other;
 mod tokens;
 
-use hex::{bracketed, byte, groups, hex, pairs, prefixed};
+use hex::{bracketed, byte, groups, hex, pairs, prefixed, prefixed_value};
 use other::{ascii, base64, cell, decimal, decimal_one, escaped, named, words};
 
 pub(super) use hex::spaced_pairs;
@@ -24,6 +24,8 @@ pub(super) enum Notation {
     Groups,
     /// Hex numbers of one or two digits, each with `0x` in front.
     Prefixed,
+    /// One or two such numbers: a byte, or a 16-bit value.
+    PrefixedValue,
     /// Pairs of hex digits in square brackets: `[01][03]`.
     Square,
     /// Pairs of hex digits in angle brackets: `<01><03>`.
@@ -60,6 +62,7 @@ impl Notation {
         ("pairs", Self::Pairs),
         ("groups", Self::Groups),
         ("0x", Self::Prefixed),
+        ("0x value", Self::PrefixedValue),
         ("[hex]", Self::Square),
         ("<hex>", Self::Angle),
         ("(hex)", Self::Curly),
@@ -85,6 +88,7 @@ impl Notation {
             Self::Pairs => pairs(text, out),
             Self::Groups => groups(text, out),
             Self::Prefixed => prefixed(text, out, flags),
+            Self::PrefixedValue => prefixed_value(text, out, flags),
             Self::Square => bracketed(text, *b"[]", out),
             Self::Angle => bracketed(text, *b"<>", out),
             Self::Curly => bracketed(text, *b"{}", out),
@@ -162,6 +166,8 @@ mod tests {
     fn a_notation_stops_where_bytes_end() {
         assert_eq!(read(Notation::Hex, "05 03 Rx: 01"), (vec![5, 3], " Rx: 01", false));
         assert_eq!(read(Notation::Prefixed, "0x5 0x3 old_data:"), (vec![5, 3], " old_data:", false));
+        assert_eq!(read(Notation::PrefixedValue, "0x00 0x10"), (vec![0, 0x10], "", false));
+        assert!(read(Notation::PrefixedValue, "0x5 0x3 0x0").0.is_empty());
         assert_eq!(read(Notation::Pairs, "05 03   ad de"), (vec![5, 3], "   ad de", false));
         assert_eq!(read(Notation::Groups, "0503  dead"), (vec![5, 3], "  dead", false));
         assert_eq!(read(Notation::Escaped, "\\x05\\\"\", 2"), (vec![5, b'"'], "\", 2", false));

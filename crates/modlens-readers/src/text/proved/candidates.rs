@@ -3,17 +3,17 @@
 use std::ops::Range;
 
 use crate::text::proved::found::{found, with_fronts, Found, Worth, MIN_LISTED_BYTES};
+use crate::text::proved::kinds::Mention;
 use crate::text::proved::line_runs::{escaped_runs, hex_bytes, is_other_text, part_end, proved_runs, shifted, style_of_frames};
 use crate::text::proved::runs::{hex_runs, number_runs, Run, Style};
 use crate::text::proved::sender::sender;
 use crate::text::proved::shapes::{any_shape, label};
-use crate::text::proved::statements::Mention;
 
 /// The hex in a line from `start` on of which nothing is known.
 pub(in crate::text) fn other_hex(line: &[u8], start: usize) -> Vec<Found> {
     let end = part_end(line, start);
     let runs = shifted(hex_runs(&line[start..end]), start);
-    let runs = runs.into_iter().filter(|run| hex_bytes(&line[run.text.clone()]) > 0);
+    let runs = runs.into_iter().filter(|run| hex_bytes(&line[run.text.clone()]) > 0 && !is_other_text(line, &run.text));
     runs.map(|run| found(line, start..run.text.start, run.bytes, None, Worth::Beside)).collect()
 }
 
@@ -27,7 +27,7 @@ pub(super) fn fronts(line: &[u8], start: usize, runs: Vec<Run>) -> impl Iterator
         }
         (front, run)
     });
-    fronts.filter(|(_, run)| !is_other_text(&line[run.text.clone()]))
+    fronts.filter(|(_, run)| !is_other_text(line, &run.text))
 }
 
 /// The runs in a line from `start` on whose bytes other lines may prove, by notation.

@@ -113,7 +113,7 @@ pub(super) fn escaped_runs(line: &[u8]) -> Vec<Run> {
 /// How many bytes of hex a line holds, but for short runs, for dates and times of day, and for UUIDs.
 pub(in crate::text) fn hex_bytes(line: &[u8]) -> usize {
     let part = &line[..part_end(line, 0)];
-    let counts = |run: &Run| run.bytes.len() >= 4 && !is_other_text(&part[run.text.clone()]);
+    let counts = |run: &Run| run.bytes.len() >= 4 && !is_other_text(part, &run.text);
     let count = hex_runs(part).iter().filter(|run| counts(run)).map(|run| run.bytes.len()).sum();
     if count > 0 {
         return count;
@@ -132,11 +132,17 @@ fn without_marks(word: &[u8]) -> &[u8] {
     &word[start..end]
 }
 
-/// Whether a run of digits is a date, a time of day or a UUID.
-pub(super) fn is_other_text(text: &[u8]) -> bool {
+/// Whether a run of digits is a date, a time of day, a UUID, or the name of a program in front of its number, as syslog prints
+/// that of a container: `be7606b67c2f[691]:`.
+pub(super) fn is_other_text(line: &[u8], place: &Range<usize>) -> bool {
+    let text = &line[place.clone()];
     let has_letters = text.iter().any(u8::is_ascii_alphabetic);
     let has_time = memchr::memchr_iter(b':', text).count() == 2;
     let has_year = matches!(text, [b'1' | b'2', b'9' | b'0', _, _, b'-' | b'/' | b'.', ..]);
     let is_uuid = text.len() == 36 && [8, 13, 18, 23].iter().all(|&at| text[at] == b'-');
-    is_uuid || (!has_letters && text.len() < 30 && (has_time || has_year))
+    let behind = &line[place.end..];
+    let number = behind.iter().skip(1).take_while(|b| b.is_ascii_digit()).count();
+    let is_program = behind.first() == Some(&b'[') && number > 0 && behind[number + 1..].starts_with(b"]:");
+    let is_word = text.iter().all(u8::is_ascii_alphanumeric);
+    is_uuid || (is_word && is_program) || (!has_letters && text.len() < 30 && (has_time || has_year))
 }

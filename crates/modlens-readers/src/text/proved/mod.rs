@@ -10,6 +10,7 @@ mod candidates;
 mod found;
 mod frames;
 mod items;
+mod kinds;
 mod line_runs;
 mod listing;
 mod pieces;
@@ -30,7 +31,7 @@ use listing::Listing;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use pieces::{Piece, Pieces};
 use runs::{hex_runs, Run, Style};
-use shapes::{any_shape, shape, Shapes};
+use shapes::{any_shape, shape, Shape, Shapes};
 use statements::Statements;
 
 pub(super) use candidates::other_hex;
@@ -57,6 +58,11 @@ impl ProvedHex {
     /// Who sent the bytes after this text, as far as the text of the whole log shows it.
     pub fn learned_sender(&self, front: &[u8]) -> Option<Side> {
         self.statements.side(any_shape(front, Style::Pairs))
+    }
+
+    /// Whether the text has one line of this statement and no more.
+    pub fn is_single(&self, shape: Shape) -> bool {
+        self.statements.is_single(shape)
     }
 
     /// Whether this text in front of bytes has a name, so that it may say who sent them.

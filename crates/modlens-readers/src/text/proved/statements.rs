@@ -9,7 +9,8 @@
 //! - A statement whose proven frames are requests only labels requests, in any language, if another one labels responses.
 
 use crate::chunk::Side;
-use crate::text::frame_evidence::{direction_evidence, proven_framing};
+use crate::text::frame_evidence::proven_framing;
+use crate::text::proved::kinds::{Kinds, Mention};
 use crate::text::proved::runs::Style;
 use crate::text::proved::shapes::Shape;
 use modlens_protocol::direction::{expected_data_bytes, match_response, possible_directions, RequestRef, ResponseMatch};
@@ -35,21 +36,6 @@ const MAX_STRAY_BYTES: usize = 2;
 /// The bytes of the CRC.
 const CRC_BYTES: usize = 2;
 
-/// A run of bytes in a line, and the text in front of it.
-#[derive(Clone, Debug)]
-pub(super) struct Mention {
-    pub shape: Shape,
-    /// Who sent the bytes, by the words in front of them.
-    pub side: Option<Side>,
-    /// The words in front of the bytes, hashed.
-    pub label: Vec<u64>,
-    pub style: Style,
-    pub bytes: Vec<u8>,
-    pub is_frame: bool,
-    /// Nothing but brackets and quotes follows the bytes in the line.
-    pub ends_line: bool,
-}
-
 /// What a statement prints.
 #[derive(Clone, Copy, Debug)]
 struct Statement {
@@ -62,6 +48,8 @@ struct Statement {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Statements {
     known: Vec<Statement>,
+    /// Those of which a text has one line.
+    single: Vec<Shape>,
     /// How many requests without checksum are followed by a response that fits, of how many.
     pub exchanges: (usize, usize),
 }
@@ -76,10 +64,17 @@ struct Turns {
     fits: [usize; 3],
     /// Lines that would be the response without checksum to the request before them.
     without_checksum: usize,
+    /// The words in front say that somebody sent the bytes, and not that it was who sent the counterpart.
+    says_side: bool,
+    /// They say so of both, and that these were two.
     says_other_side: bool,
     has_similar_label: bool,
     ends_line: bool,
     is_request: bool,
+    /// Lines of which the words in front say who sent their bytes, which begin with the unit and the function of a proven frame.
+    alike: usize,
+    /// Who sent these.
+    side: Option<Side>,
 }
 
 impl Turns {
@@ -88,10 +83,16 @@ impl Turns {
         2 * self.count >= self.lines && self.count > 0 && self.evidence() >= MIN_EVIDENCE
     }
 
+    /// Whether the lines say who sent their bytes, and these begin as proven frames do.
+    fn are_named_frames(self) -> bool {
+        2 * self.alike >= self.lines && self.alike > 0
+    }
+
     fn evidence(self) -> u32 {
         let most = |fits: usize| 2 * fits >= self.count;
         let likeness = u32::from(most(self.fits[0])) + u32::from(most(self.fits[1])) + u32::from(most(self.fits[2]));
-        2 * u32::from(self.says_other_side)
+        u32::from(self.says_side)
+            + u32::from(self.says_other_side)
             + u32::from(self.has_similar_label)
             + u32::from(self.ends_line)
             + likeness
@@ -102,8 +103,8 @@ impl Turns {
 impl Statements {
     /// Learns from all runs of bytes at the beginning of a text, in their order.
     pub fn learn(mentions: &[Mention]) -> Self {
-        let mut learned = Self::default();
         let mentions = &mentions[..mentions.len().min(MAX_MENTIONS)];
+        let mut learned = Self { single: single_shapes(mentions), ..Self::default() };
         let mut styles: Vec<Style> = Vec::new();
         for mention in mentions {
             if !styles.contains(&mention.style) {
@@ -128,6 +129,11 @@ impl Statements {
     /// Whether frames are read from lines of this statement, although nothing proves them.
     pub fn contains(&self, shape: Shape) -> bool {
         self.known.iter().any(|one| one.shape == shape)
+    }
+
+    /// Whether the text has one line of this statement and no more.
+    pub fn is_single(&self, shape: Shape) -> bool {
+        self.single.binary_search(&shape).is_ok()
     }
 
     /// Who sent the bytes of this statement, as far as the text shows it.
@@ -157,6 +163,10 @@ impl Statements {
             });
             let turns = &mut found[index].1;
             turns.lines += 1;
+            if mention.side.is_some() && kinds.begins_alike(&mention.bytes) {
+                turns.alike += 1;
+                turns.side = mention.side;
+            }
             let before = at.checked_sub(1).map(|before| mentions[before]).filter(|one| one.is_frame && kinds.is_request(one));
             let behind = mentions.get(at + 1).copied().filter(|one| one.is_frame && kinds.kind(one.shape) < 0);
             match (before, behind) {
@@ -168,6 +178,7 @@ impl Statements {
                 _ => {}
             }
         }
+        let named: Vec<_> = found.iter().filter(|(_, turns)| turns.are_named_frames()).copied().collect();
         found.retain(|(_, turns)| turns.are_frames());
         let has_requests = kinds.all.iter().any(|(_, kind)| *kind > 0) || found.iter().any(|(_, turns)| turns.is_request);
         let has_responses = kinds.all.iter().any(|(_, kind)| *kind < 0) || found.iter().any(|(_, turns)| !turns.is_request);
@@ -178,6 +189,9 @@ impl Statements {
         for (shape, turns) in found {
             let lacks_checksum = 2 * turns.without_checksum > turns.count;
             self.add(shape, side(turns.is_request), lacks_checksum);
+        }
+        for (shape, turns) in named {
+            self.add(shape, turns.side, false);
         }
         for &(shape, kind) in &kinds.all {
             let is_repeated = mentions.iter().filter(|one| one.is_frame && one.shape == shape).nth(1).is_some();
@@ -212,62 +226,21 @@ impl Turns {
         }
         self.without_checksum += usize::from(fit.lacks_checksum);
         self.ends_line |= mention.ends_line && other.ends_line && fit.level > 1;
-        self.says_other_side |= mention.side.is_some() && mention.side != other.side;
+        self.says_side |= mention.side.is_some() && mention.side != other.side;
+        self.says_other_side |= self.says_side && (other.side.is_some() || fit.level > 0);
         let common = mention.label.iter().filter(|word| other.label.contains(word)).count();
         self.has_similar_label |= common > 0 && 2 * common >= mention.label.len().max(other.label.len());
     }
 }
 
-/// What the proven frames of each statement are: more than 0 for requests, less for responses, 0 for both or either.
-struct Kinds {
-    all: Vec<(Shape, i32)>,
-}
-
-impl Kinds {
-    fn of(mentions: &[&Mention]) -> Self {
-        let mut all: Vec<(Shape, [i32; 2])> = Vec::new();
-        for mention in mentions.iter().filter(|one| one.is_frame) {
-            let index = all.iter().position(|(shape, _)| *shape == mention.shape).unwrap_or_else(|| {
-                all.push((mention.shape, [0; 2]));
-                all.len() - 1
-            });
-            match direction_evidence(&mention.bytes, proven_framing(&mention.bytes)) {
-                0 => {}
-                evidence => all[index].1[usize::from(evidence < 0)] += 1,
-            }
-        }
-        // A few frames of the other kind are a master that was heard by a unit, or an echo.
-        let kind = |[requests, responses]: [i32; 2]| {
-            if requests.min(responses) * 10 < requests.max(responses) {
-                requests - responses
-            } else {
-                0
-            }
-        };
-        Self { all: all.into_iter().map(|(shape, counts)| (shape, kind(counts))).collect() }
+/// The shapes of which there is one line, in order; none where the text may have further lines.
+fn single_shapes(mentions: &[Mention]) -> Vec<Shape> {
+    if mentions.len() == MAX_MENTIONS {
+        return Vec::new();
     }
-
-    fn is_proven(&self, shape: Shape) -> bool {
-        self.all.iter().any(|(known, _)| *known == shape)
-    }
-
-    fn kind(&self, shape: Shape) -> i32 {
-        self.all.iter().find(|(known, _)| *known == shape).map_or(0, |(_, kind)| *kind)
-    }
-
-    /// Whether the proven frame is a request, or may be one by its own layout and by that of its statement.
-    fn is_request(&self, mention: &Mention) -> bool {
-        self.kind(mention.shape) >= 0 && direction_evidence(&mention.bytes, proven_framing(&mention.bytes)) >= 0
-    }
-
-    /// Whether what the words call sent are requests, as it is where the words say nothing.
-    fn master_logs(&self, mentions: &[&Mention]) -> bool {
-        let vote = |one: &&Mention| {
-            let kind = self.kind(one.shape).signum();
-            one.side.map_or(0, |side| if side == Side::Sent { kind } else { -kind })
-        };
-        mentions.iter().filter(|one| one.is_frame).map(vote).sum::<i32>() >= 0
-    }
+    let mut all: Vec<Shape> = mentions.iter().map(|one| one.shape).collect();
+    all.sort_unstable();
+    all.chunk_by(|one, other| one == other).filter(|same| same.len() == 1).map(|same| same[0]).collect()
 }
 
 /// How well a run of bytes fits its counterpart: 1 by the unit, 2 also by the function, 3 also by the length.

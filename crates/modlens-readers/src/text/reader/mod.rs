@@ -2,6 +2,7 @@
 
 mod fallback;
 mod look_ahead;
+mod prose;
 mod proved_lines;
 mod regular_lines;
 mod unread_lines;
@@ -25,6 +26,7 @@ use crate::text::LogEntry;
 pub(super) use look_ahead::Marks;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
+use prose::{may_be_time, Prose};
 pub use unread_lines::UnreadLines;
 
 /// A longer line is read in blocks of at most so many bytes, so that a dump without any line end takes no more memory than
@@ -95,6 +97,7 @@ pub struct Reader {
     /// In front of bytes that a dialect has read, so many characters held no frame.
     plain_front: usize,
     unread_lines: UnreadLines,
+    prose: Prose,
     /// The next line may be a regular one.
     expects_regular_lines: bool,
     /// All lines are read in the general way; only tests ask for that.
@@ -138,6 +141,7 @@ impl Reader {
             last_voice: None,
             plain_front: 0,
             unread_lines: UnreadLines::default(),
+            prose: Prose::default(),
             expects_regular_lines: false,
             is_general: false,
             frame: Box::new([0; FRAME_ROOM]),
@@ -272,6 +276,10 @@ impl Reader {
         if !has_deltas && !is_comment(text) {
             self.assembler.end_announcement(&self.timestamps);
         }
+        if self.proved.is_some() && may_be_time(text) {
+            let time = self.timestamps.find(text);
+            self.prose.note_time(self.number, time);
+        }
         self.note_unparsed(text);
     }
 
@@ -292,6 +300,9 @@ impl Reader {
             }
             self.assembler.take(dialect, *role, found, bytes, &self.timestamps);
             self.last_voice = voice;
+            if dialect.generic && self.proved.is_some() {
+                self.prose.remember(bytes);
+            }
         }
         self.matches = matches;
     }

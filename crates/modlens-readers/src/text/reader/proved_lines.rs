@@ -6,7 +6,7 @@ use crate::chunk::Side;
 use crate::text::dialect::Dialect;
 use crate::text::frame_evidence;
 use crate::text::notation::NotationFlags;
-use crate::text::proved::{other_hex, read_frames, Found, Worth};
+use crate::text::proved::{other_hex, read_frames, Found, ProvedHex, Worth};
 use crate::text::reader::Reader;
 use crate::text::role::LineRole;
 use crate::text::template::LineMatch;
@@ -129,7 +129,7 @@ impl Reader {
     /// Makes entries of what was found in a line, and in lines before it that were counted as unread.
     fn deliver_found(&mut self, line: &[u8], start: usize, all: Vec<Found>) {
         let front_end = all.first().filter(|first| first.earlier.is_empty()).map_or(start, |first| first.front.end);
-        let mut time = self.timestamps.find(&line[..front_end]);
+        let mut time = self.timestamps.find(&line[..front_end]).or_else(|| self.prose.time_before(self.number));
         let mut side = None;
         for (i, one) in all.into_iter().enumerate() {
             self.assembler.number = self.number;
@@ -147,9 +147,19 @@ impl Reader {
             // A list of frames after one word: all of them were sent or received.
             let has_words = text[one.front.clone()].iter().any(u8::is_ascii_alphabetic);
             side = one.side.or(side.filter(|_| !has_words));
-            self.deliver_one(&one, side, time);
+            if self.is_quote(text, &one) {
+                self.assembler.skip_copy(&one.bytes);
+            } else {
+                self.deliver_one(&one, side, time);
+            }
         }
         self.assembler.number = self.number;
+    }
+
+    /// Whether a sentence quotes bytes of a frame that was read before.
+    fn is_quote(&self, line: &[u8], one: &Found) -> bool {
+        let is_single = |proved: &ProvedHex| one.shape.is_some_and(|shape| proved.is_single(shape));
+        one.worth != Worth::Beside && self.proved.as_deref().is_some_and(is_single) && self.prose.may_quote(line, &one.bytes)
     }
 
     /// Makes an entry of bytes, unless they were printed before.
@@ -168,6 +178,7 @@ impl Reader {
             let found = LineMatch { time, side, flags, ..LineMatch::default() };
             self.assembler.take(&row, LineRole::Bytes(side), &found, &one.bytes, &self.timestamps);
             self.last_voice = voice;
+            self.prose.remember(&one.bytes);
         }
     }
 }

@@ -1,0 +1,116 @@
+//! What people and programs write around the bytes of a log: sentences that quote frames, times on lines of their own, colours
+//! whose escape character is written out, shell commands, the rest of an earlier read.
+
+use std::sync::Arc;
+
+use modlens_readers::chunk::Side;
+use modlens_readers::text::detect::detect;
+use modlens_readers::text::{Dialects, Reader};
+
+/// A request of register 16 of unit 7, and its response; another program computed the CRCs.
+const REQUEST: &str = "07 03 00 10 00 01 85 A9";
+const RESPONSE: &str = "07 03 02 01 2C 30 09";
+
+/// An entry of a log: its time in ns, who sent it, and its bytes.
+type Entry = (Option<i64>, Option<Side>, Vec<u8>);
+
+/// What is read of a text, the reasons for what is not, and the bytes of hex in lines that nothing reads.
+fn read(text: &str) -> (Vec<Entry>, Vec<&'static str>, u64) {
+    let guesses = detect(text.as_bytes(), "x.log", Dialects::embedded);
+    let table = Arc::new(Dialects::default());
+    let mut reader = Reader::new(table.named(&guesses[0].0).expect("a text"), Some(table), Arc::default());
+    reader.look_ahead(text.as_bytes());
+    reader.push(text.as_bytes());
+    let mut entries = Vec::new();
+    while let Some((entry, bytes)) = reader.next(true) {
+        entries.push((entry.time, entry.side, bytes.to_vec()));
+    }
+    let skipped = reader.skipped().iter().map(|(_, _, reason)| *reason).collect();
+    (entries, skipped, reader.unread_lines().hex_bytes)
+}
+
+fn bytes(hex: &str) -> Vec<u8> {
+    hex.split_whitespace().map(|pair| u8::from_str_radix(pair, 16).expect("hex")).collect()
+}
+
+fn frames(text: &str) -> Vec<Vec<u8>> {
+    read(text).0.into_iter().map(|(.., bytes)| bytes).collect()
+}
+
+#[test]
+fn a_sentence_that_quotes_a_frame_repeats_nothing() {
+    let text = format!(
+        "PC asks: {REQUEST}\nmeter answers: {RESPONSE}\n\
+         Can it be that the second one ({RESPONSE}) is the answer to an earlier question of mine?\n\
+         I also see its first bytes `07 03 02 01` alone when the cable is too long for the adapter\n"
+    );
+    assert_eq!(frames(&text), [bytes(REQUEST), bytes(RESPONSE)]);
+}
+
+#[test]
+fn a_program_that_prints_long_lines_may_poll_the_same_frame_again() {
+    let line = |number: u32| {
+        format!("12:30:{number:02} worker asks the meter on this line for its values now with {REQUEST} and then waits for it\n")
+    };
+    assert_eq!(frames(&(line(1) + &line(2) + &line(3))), vec![bytes(REQUEST); 3]);
+}
+
+#[test]
+fn a_time_on_a_line_of_its_own_is_that_of_the_bytes_below() {
+    let block = |time: &str, hex: &str| format!("Timestamp : 2026-11-21 12:30:{time}\nRaw frame : {hex}\n\n");
+    let (entries, ..) = read(&(block("05,250", REQUEST) + &block("05,270", RESPONSE)));
+    let times: Vec<i64> = entries.iter().filter_map(|(time, ..)| *time).collect();
+    assert_eq!((entries.len(), times.len()), (2, 2));
+    assert_eq!(times[1] - times[0], 20_000_000);
+}
+
+#[test]
+fn a_shell_command_is_no_frame_although_a_frame_follows_it() {
+    let run = |register: &str| {
+        format!("user@host:~/at-cmd$ ./read -xmb {register}0001\n2026/11/21 12:30:05 +ok={}\n", RESPONSE.replace(' ', ""))
+    };
+    let (entries, _, hex_bytes) = read(&(run("0010") + &run("0020") + &run("0030")));
+    assert_eq!(entries.into_iter().map(|(.., bytes)| bytes).collect::<Vec<_>>(), vec![bytes(RESPONSE); 3]);
+    assert_eq!(hex_bytes, 12);
+}
+
+#[test]
+fn a_named_line_that_begins_as_a_proven_frame_is_read_although_it_is_damaged() {
+    let text = format!(
+        "If I send this to the meter : {REQUEST}\nI expect to receive : {RESPONSE}\nI am receiving : 07 03 02 FF 2C 30 09\n"
+    );
+    let (entries, ..) = read(&text);
+    assert_eq!(entries[2], (None, Some(Side::Received), bytes("07 03 02 FF 2C 30 09")));
+}
+
+#[test]
+fn what_was_left_of_an_earlier_read_counts_once() {
+    let hex = |hex: &str| bytes(hex).iter().map(|b| format!("{b:#x}")).collect::<Vec<_>>().join(" ");
+    let (old, new) = (hex(REQUEST), hex("08 03 00 10 00 01 85 56"));
+    let text = format!(
+        "2026-11-21 12:30:05,250 DEBUG transport:329 recv: {new} old_data: {old} addr=None\n\
+         2026-11-21 12:30:05,250 DEBUG base:91 Processing: {old} {new}\n"
+    );
+    let (entries, skipped, _) = read(&text);
+    assert_eq!(entries.len(), 2, "{entries:?}");
+    assert_eq!(skipped.len(), 1);
+}
+
+#[test]
+fn two_lines_of_a_program_for_each_frame_are_one_frame() {
+    let hex = bytes(REQUEST).iter().map(|b| format!("{b:#x}")).collect::<Vec<_>>().join(" ");
+    let both = |second: u32| {
+        format!(
+            "2026-11-21 12:30:{second:02} DEBUG: Handling data: {hex}\n2026-11-21 12:30:{second:02} DEBUG: Processing: {hex}\n"
+        )
+    };
+    assert_eq!(frames(&(both(1) + &both(3) + &both(5))), vec![bytes(REQUEST); 3]);
+}
+
+#[test]
+fn the_name_of_a_container_is_no_hex() {
+    let text = format!("Nov 21 12:30:05 host be7606b67c2f[691]: #033[36m2026-11-21 12:30:05.250 DEBUG send: {REQUEST}#033[0m\n");
+    let (entries, skipped, _) = read(&text);
+    assert_eq!(entries.len(), 1);
+    assert_eq!(skipped, [""; 0]);
+}
