@@ -65,6 +65,7 @@ docs: $(VENV)/.documented
 pictures: $(VENV)/.tested
 	$(BIN)/python -m docs.make.screens
 	$(BIN)/python -m docs.make.moving_picture
+	$(BIN)/python -m docs.make.report_pictures
 
 wheel: $(BIN)/python
 	$(PIP) wheel --no-deps --wheel-dir dist .

@@ -47,10 +47,21 @@ def _name(sources: Sequence[str], buses: Sequence[Mapping[str, Any]]) -> str:
     named = list(dict.fromkeys(bus["bus"] for bus in buses if bus["bus"] != bus["source"]))
     if named:
         return ", ".join(named) if len(named) <= MOST_NAMES else count_of(len(named), "bus")
-    stems = [_stem(name) for name in sources]
-    pairs = takewhile(lambda letters: len(set(letters)) == 1, zip(*stems, strict=False))
+    common = _common([_stem(name) for name in sources])
+    if common.lower() in _GENERIC:
+        return _common([PurePath(name).parent.name for name in sources]) or common
+    return common or "Modbus"
+
+
+_GENERIC = frozenset({"capture", "dump", "log", "modbus", "recording", "session", "tap", "trace"})
+"""Names of files that say nothing about the bus: the folder does."""
+
+
+def _common(names: Sequence[str]) -> str:
+    """What names begin with in common, without a number at its end."""
+    pairs = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
     common = "".join(letters[0] for letters in pairs)
-    return common.rstrip("-_. 0123456789") or common or "Modbus"
+    return common.rstrip("-_. 0123456789") or common
 
 
 def _stem(name: str) -> str:

@@ -1,6 +1,6 @@
 // A plot with axes, a legend that has values at rest, and its figures as a table. Colours come from the style sheet.
 const Charts = (() => {
-  const FIGURES = 120, PAPER = 700, FEW = 40;
+  const FIGURES = 120, PAPER = 700, LOW = 0.68, FEW = 40;
   // Told apart with red-green blindness (Okabe and Ito), and by their dashes without colours.
   const LINES = [["one", []], ["two", [7, 3]], ["three", [2, 3]], ["four", [10, 3, 2, 3]], ["five", [14, 4]], ["six", [4, 6]], ["seven", [1, 2]], ["eight", [12, 3, 2, 3, 2, 3]]];
   const el = Render.el;
@@ -101,7 +101,7 @@ const Charts = (() => {
     const canvas = plot.over.parentElement.querySelector("canvas");
     canvas.setAttribute("aria-label", `${title}: a plot; its figures are in the table below`);
     canvas.setAttribute("role", "img");
-    const entry = { plot, host, axis, span, isReady: false };
+    const entry = { plot, host, axis, span, height, isReady: false };
     drawn.push(entry);
     // Until then its scale is its own, and nobody has zoomed.
     setTimeout(() => { entry.isReady = true; });
@@ -162,7 +162,7 @@ const Charts = (() => {
 
   function resize(onPaper) {
     paper = onPaper;
-    for (const one of drawn) one.plot.setSize({ width: widthOf(one.host), height: one.plot.height });
+    for (const one of drawn) one.plot.setSize({ width: widthOf(one.host), height: paper ? one.height * LOW : one.height });
     redraw();
   }
 

@@ -1,6 +1,6 @@
 // The plots of the sections: those that layout.toml describes, and those that have a function here.
 const Plots = (() => {
-  const MOST_BUSES = 8, MOST_ON_PAPER = 2, MOST_TOGETHER = 8, MANY = 8, LONG_US = 10e6;
+  const MOST_BUSES = 8, MOST_ON_PAPER = 2, MOST_TOGETHER = 8, MANY = 8, LONG_US = 10e6, SMOOTH_VALUES = 4, SMOOTH_STEP = 0.25;
   const el = Render.el;
 
   const nameOf = (data, bus) => (data.overview.buses.length > 1 ? Model.visible(bus.bus) + ": " : "");
@@ -97,11 +97,19 @@ const Plots = (() => {
 
   const label = (row) => Model.visible(row.name || `unit ${row.unit} ${row.register_type} ${row.address}`).replaceAll("_", " ");
 
+  // Whether a value moves in steps that are small against its range. Halves of a float, bits and counters of a second do not.
+  function isSmooth(values) {
+    const known = values.filter((one) => one !== null), span = Math.max(...known) - Math.min(...known);
+    const moved = known.slice(1).reduce((sum, one, at) => sum + Math.abs(one - known[at]), 0);
+    return known.length > SMOOTH_VALUES && moved / (known.length - 1) < SMOOTH_STEP * span;
+  }
+
   // The chosen registers: one plot for those of a bus with the same unit of measure.
   function registers(data, host) {
     const rows = Model.rowsAt(data, "overview.buses[].registers.rows[]"), place = el("div", {});
     const varying = rows.map((row, at) => (row.course ? at : -1)).filter((at) => at >= 0);
-    const named = varying.filter((at) => rows[at].name), chosen = new Set((named.length ? named : varying).slice(0, 3));
+    const named = varying.filter((at) => rows[at].name), smooth = varying.filter((at) => isSmooth(rows[at].course.last));
+    const chosen = new Set((named.length ? named : smooth).slice(0, 3));
     host.append(place);
     const draw = () => {
       Charts.forget(place);

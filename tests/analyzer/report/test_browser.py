@@ -186,7 +186,8 @@ def test_strips_show_a_unit_over_time(opened: Browser) -> None:
     )
     assert labels[0] == "unit 1: answered share over time"
     assert labels[1].startswith("unit 1: 95 % of the responses take up to ")
-    assert labels[1].endswith(" ms, the timeout is 297.4 ms")
+    # The master waits 0.3 s; a serial port reports an end late by a millisecond or two.
+    assert 295 <= float(labels[1].split()[-2]) <= 300
 
 
 def test_a_link_opens_its_example(opened: Browser) -> None:
