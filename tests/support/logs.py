@@ -323,6 +323,11 @@ def _emodbus(entry: LogEntry) -> str:
     return f"[D] {head}{rows}"
 
 
+def _emodbus_bytes(entry: LogEntry) -> str:
+    head = _head(entry, "[N] {ms}| RTUutils.cpp         [ 292] receive:")
+    return "".join(f"{head} {at:3d}: {byte:02X}\n" for at, byte in enumerate(entry.data, 1))
+
+
 def _eltima(entry: LogEntry) -> str:
     head = _head(entry, "[{dmy}] Written data (COM3)\n", "[{dmy}] Read data (COM3)\n")
     return head + _dump(entry.data, lambda _, row: f"    {_low(row):49} {_visible(row)}")
@@ -392,6 +397,7 @@ _BLOCKS: dict[str, Callable[[LogEntry], str]] = {
     "node-modbus-serial": _node,
     "esphome-modbus": _esphome,
     "emodbus": _emodbus,
+    "emodbus-bytes": _emodbus_bytes,
     "eltima": _eltima,
     "serialtool": _serialtool,
     "epics": _epics,
@@ -472,7 +478,9 @@ RESOLUTION = {
     **dict.fromkeys(("umodbus", "j2mod", "docklight", "sscom", "modbus-serial-monitor"), _MS),
     **dict.fromkeys(("mdbus", "words", "escaped", "base64", "ascii-lines", "serial-hexdump"), _MS),
     "proved": _MS,
-    **dict.fromkeys(("wb-mge-csv", "esp-idf", "pyserial-spy", "epics", "serialtool"), _MS),
+    **dict.fromkeys(
+        ("wb-mge-csv", "esp-idf", "emodbus-bytes", "pyserial-spy", "epics", "serialtool"), _MS
+    ),
     **dict.fromkeys(
         ("wb-mge", "chunks", "strace", "text2pcap", "tcpdump", "socat", "jpnevulator"), _US
     ),

@@ -114,3 +114,11 @@ fn the_name_of_a_container_is_no_hex() {
     assert_eq!(entries.len(), 1);
     assert_eq!(skipped, [""; 0]);
 }
+
+#[test]
+fn a_command_that_the_next_line_repeats_as_sent_counts_once() {
+    let text = format!("/proto.send {REQUEST}\n  TX: {REQUEST}\n  RX: {RESPONSE}\n  (7 bytes, 12ms)\n");
+    let (entries, ..) = read(&text);
+    let sides: Vec<_> = entries.iter().map(|(_, side, _)| *side).collect();
+    assert_eq!(sides, [Some(Side::Sent), Some(Side::Received)]);
+}

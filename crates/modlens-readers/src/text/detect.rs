@@ -140,7 +140,8 @@ fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<FormatGuess> {
         if let Some((row, score)) = proved() {
             return Some(guess(&[row], score));
         }
-        if let Some((row, score)) = scored.iter().find(|(row, score)| row.has_unique_syntax && score.unparsed == 0) {
+        let is_certain = |row: &Dialect, score: &RowScore| row.has_unique_syntax && score.unparsed < score.records;
+        if let Some((row, score)) = scored.iter().find(|(row, score)| is_certain(row, score)) {
             return Some((row.name.clone(), 0.9, format!("{} records in its syntax", score.records)));
         }
         return unproved(&scored, text);

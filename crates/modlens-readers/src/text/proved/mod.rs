@@ -65,6 +65,11 @@ impl ProvedHex {
         self.statements.is_single(shape)
     }
 
+    /// Whether the line after each one of this statement says the same again, and who sent it.
+    pub fn is_told_again(&self, shape: Shape) -> bool {
+        self.statements.is_told_again(shape)
+    }
+
     /// Whether this text in front of bytes has a name, so that it may say who sent them.
     pub fn is_label(front: &[u8]) -> bool {
         shape(front, Style::Pairs).is_some()

@@ -33,6 +33,9 @@ const MANY_TURNS: usize = 3;
 /// The most stray bytes in front of a damaged response.
 const MAX_STRAY_BYTES: usize = 2;
 
+/// More statements than these in one text are no program's.
+const MAX_TOLD_AGAIN: usize = 64;
+
 /// The bytes of the CRC.
 const CRC_BYTES: usize = 2;
 
@@ -50,6 +53,8 @@ pub(super) struct Statements {
     known: Vec<Statement>,
     /// Those of which a text has one line.
     single: Vec<Shape>,
+    /// Those whose frames the next line names again: what a person typed, and what became of it.
+    told_again: Vec<Shape>,
     /// How many requests without checksum are followed by a response that fits, of how many.
     pub exchanges: (usize, usize),
 }
@@ -104,7 +109,8 @@ impl Statements {
     /// Learns from all runs of bytes at the beginning of a text, in their order.
     pub fn learn(mentions: &[Mention]) -> Self {
         let mentions = &mentions[..mentions.len().min(MAX_MENTIONS)];
-        let mut learned = Self { single: single_shapes(mentions), ..Self::default() };
+        let (single, told_again) = (single_shapes(mentions), told_again(mentions));
+        let mut learned = Self { single, told_again, ..Self::default() };
         let mut styles: Vec<Style> = Vec::new();
         for mention in mentions {
             if !styles.contains(&mention.style) {
@@ -134,6 +140,11 @@ impl Statements {
     /// Whether the text has one line of this statement and no more.
     pub fn is_single(&self, shape: Shape) -> bool {
         self.single.binary_search(&shape).is_ok()
+    }
+
+    /// Whether the next line says the same again, and who sent it.
+    pub fn is_told_again(&self, shape: Shape) -> bool {
+        self.told_again.contains(&shape)
     }
 
     /// Who sent the bytes of this statement, as far as the text shows it.
@@ -231,6 +242,24 @@ impl Turns {
         let common = mention.label.iter().filter(|word| other.label.contains(word)).count();
         self.has_similar_label |= common > 0 && 2 * common >= mention.label.len().max(other.label.len());
     }
+}
+
+/// The shapes each of whose frames the next line, of another shape, repeats and calls sent, or received, as they do.
+fn told_again(mentions: &[Mention]) -> Vec<Shape> {
+    let mut found: Vec<(Shape, bool)> = Vec::new();
+    for (at, mention) in mentions.iter().enumerate().filter(|(_, one)| one.is_frame && one.side.is_some()) {
+        let next = mentions.get(at + 1);
+        let is_repeated =
+            next.is_some_and(|next| next.side == mention.side && next.bytes == mention.bytes && next.shape != mention.shape);
+        match found.iter_mut().find(|(shape, _)| *shape == mention.shape) {
+            Some((_, is_always)) => *is_always &= is_repeated,
+            None => found.push((mention.shape, is_repeated)),
+        }
+        if found.len() > MAX_TOLD_AGAIN {
+            return Vec::new();
+        }
+    }
+    found.into_iter().filter(|(_, is_always)| *is_always).map(|(shape, _)| shape).collect()
 }
 
 /// The shapes of which there is one line, in order; none where the text may have further lines.

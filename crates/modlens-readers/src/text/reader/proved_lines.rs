@@ -6,7 +6,7 @@ use crate::chunk::Side;
 use crate::text::dialect::Dialect;
 use crate::text::frame_evidence;
 use crate::text::notation::NotationFlags;
-use crate::text::proved::{other_hex, read_frames, Found, ProvedHex, Worth};
+use crate::text::proved::{other_hex, read_frames, Found, Worth};
 use crate::text::reader::Reader;
 use crate::text::role::LineRole;
 use crate::text::template::LineMatch;
@@ -156,10 +156,11 @@ impl Reader {
         self.assembler.number = self.number;
     }
 
-    /// Whether a sentence quotes bytes of a frame that was read before.
+    /// Whether a sentence quotes bytes of a frame that was read before, or the next line says the same and who sent it.
     fn is_quote(&self, line: &[u8], one: &Found) -> bool {
-        let is_single = |proved: &ProvedHex| one.shape.is_some_and(|shape| proved.is_single(shape));
-        one.worth != Worth::Beside && self.proved.as_deref().is_some_and(is_single) && self.prose.may_quote(line, &one.bytes)
+        let (Some(proved), Some(shape)) = (self.proved.as_deref(), one.shape) else { return false };
+        one.worth != Worth::Beside
+            && (proved.is_told_again(shape) || (proved.is_single(shape) && self.prose.may_quote(line, &one.bytes)))
     }
 
     /// Makes an entry of bytes, unless they were printed before.
