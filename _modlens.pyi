@@ -77,6 +77,15 @@ def parse_broker(
 def topic_level(name: str) -> str:
     """A name as one level of a topic of MQTT, without wildcards and separators."""
 
+def report_html(document: str) -> tuple[str, str]:
+    """The title and the body of the page of a document (JSON; docs/stats.schema.json).
+
+    The title is text, the body HTML. `ValueError` where it is no JSON.
+    """
+
+def report_layout() -> str:
+    """The table of the sections of a report (analyzer/report/layout.toml), as JSON."""
+
 def usual_rates() -> list[tuple[int, float]]:
     """The baud rates that `LineSearch` tries, and how probable each is beforehand."""
 

@@ -11,7 +11,8 @@ from analyzer.cli.parser import add_decoding, add_input, add_line
 from analyzer.cli.recording_document import RecordingDocument, write_page
 from analyzer.cli.selection import add_selection
 from analyzer.cli.stop_signals import StopSignals
-from analyzer.report.page import page, viewer
+from analyzer.page import page as viewer
+from analyzer.report.page import page
 from dissectors.errors import CaptureError, UsageError
 
 __all__ = ["add_arguments", "run"]
@@ -23,8 +24,8 @@ examples:
   modlens report tuesday.pcap --against monday.pcap -o tuesday.html
   modlens report --viewer -o viewer.html
 
-The page needs no network and can be mailed. Drop the JSON of `modlens stats
---to json` on it to see another recording.
+The page needs no network and can be mailed. The viewer is the page of
+`modlens page`: drop the JSON of `modlens stats --to json` on it.
 """
 
 

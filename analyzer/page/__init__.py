@@ -8,13 +8,12 @@ same page, which then shows the line while it is listened to.
 from __future__ import annotations
 
 import base64
-import json
 from functools import cache
 from html import escape
 from pathlib import Path
 
-from analyzer.report import model
-from analyzer.report.page import asset, html_head, sha256_source
+import _modlens
+from analyzer.report.page import html_head, sha256_source, styles_and_scripts
 from dissectors.errors import SourceError
 
 __all__ = ["CORE", "page"]
@@ -22,16 +21,6 @@ __all__ = ["CORE", "page"]
 CORE = Path(__file__).with_name("modlens.wasm.gz")
 """The compiled core, as `make page` leaves it."""
 
-_REPORT_STYLES = ("uPlot.min.css", "report.css")
-_REPORT_SCRIPTS = (
-    "uPlot.iife.min.js",
-    "model.js",
-    "render.js",
-    "buckets.js",
-    "charts.js",
-    "strips.js",
-    "sections.js",
-)
 _CONNECT = " connect-src 'self';"
 _SCRIPTS = ("unpack.js", "grid.js", "filters.js", "page.js", "live.js", "serial.js")
 
@@ -45,25 +34,28 @@ def page(*, live: bool = False) -> bytes:
         raise SourceError(
             "this installation has no page in it; `make page` in the repository builds it"
         )
-    style = "\n".join((asset(_REPORT_STYLES), _own("page.css")))
-    script = "\n".join((asset(_REPORT_SCRIPTS), *map(_own, _SCRIPTS)))
+    # Those of a report stand alone: the page gives them to the reports that it saves.
+    report_style, report_script = styles_and_scripts()
+    style, script = _own("page.css"), "\n".join(map(_own, _SCRIPTS))
+    scripts = f"'{sha256_source(report_script)}' '{sha256_source(script)}'"
+    styles = f"'{sha256_source(report_style)}' '{sha256_source(style)}'"
     policy = (
-        f"default-src 'none'; script-src '{sha256_source(script)}' 'wasm-unsafe-eval';"
-        f" worker-src blob:; style-src '{sha256_source(style)}'; img-src data: blob:;"
+        f"default-src 'none'; script-src {scripts} 'wasm-unsafe-eval';"
+        f" worker-src blob:; style-src {styles}; img-src data: blob:;"
         f"{_CONNECT * live} base-uri 'none'; form-action 'none'"
     )
-    layout = escape(json.dumps(model.layout(), separators=(",", ":")), quote=False)
+    layout = escape(_modlens.report_layout(), quote=False)
     core = base64.b64encode(CORE.read_bytes()).decode()
     return "".join(
         (
-            html_head("modlens: what is wrong on this Modbus line", policy, style),
+            html_head("modlens: what is wrong on this Modbus line", policy, report_style, style),
             f"<main>\n{_own('live.html' if live else 'page.html')}{_own('results.html')}</main>\n",
             '<footer><p id="said" role="status" aria-live="polite"></p>',
             '<p id="version"></p></footer>\n',
             f'<template id="layout">{layout}</template>\n',
             f'<template id="worker">{escape(_own("worker.js"), quote=False)}</template>\n',
             f'<template id="wasm">{core}</template>\n',
-            f"<script>{script}</script>\n</body>\n</html>\n",
+            f"<script>{report_script}</script>\n<script>{script}</script>\n</body>\n</html>\n",
         )
     ).encode()
 

@@ -9,7 +9,6 @@ from pathlib import PurePath
 from typing import Any
 
 from analyzer.counts import count_of
-from analyzer.report.model import percent
 from analyzer.visible import visible
 
 __all__ = ["summary"]
@@ -32,6 +31,13 @@ def summary(
         "period": _period(overview, lengths),
         "sources": _sources(sources, overview["buses"], lengths),
     }
+
+
+def percent(share: float) -> str:
+    """A share in percent; 0 % and 100 % are shown for none and all only."""
+    if share in (0, 1):
+        return "100 %" if share else "0 %"
+    return f"{min(max(share * 100, 0.1), 99.9):.1f} %"
 
 
 _PRECISIONS = (

@@ -27,6 +27,7 @@ TESTS_OF_CRATES = {
         "tests/analyzer/test_filters_people_type.py",
     ),
     "modlens-recording": ("tests/analyzer/sources", "tests/analyzer/page"),
+    "modlens-report": ("tests/analyzer/report", "tests/analyzer/page/test_documents.py"),
     "modlens-web": ("tests/analyzer/page",),
     "modlens-watch": (
         "tests/analyzer/test_security.py",
@@ -49,6 +50,7 @@ TESTS_OF_CRATES = {
 
 CRATES_OF_TABLES = {
     "analyzer/columns.toml": "modlens-tables",
+    "analyzer/report/layout.toml": "modlens-report",
     "analyzer/sources/dialects.toml": "modlens-readers",
     "dissectors/diagnoses.toml": "modlens-diagnosis",
     "dissectors/functions.toml": "modlens-protocol",

@@ -10,7 +10,7 @@ const Filters = (() => {
     const units = [...new Set(statistics.buses.flatMap((bus) => bus.units.map((one) => one.unit)))].sort((a, b) => a - b);
     const list = (id, texts, all) => {
       const before = $(id).value;
-      $(id).replaceChildren(Render.el("option", { value: "" }, all), ...texts.map((one) => Render.el("option", { value: String(one) }, String(one))));
+      $(id).replaceChildren(Show.el("option", { value: "" }, all), ...texts.map((one) => Show.el("option", { value: String(one) }, String(one))));
       if (texts.map(String).includes(before)) $(id).value = before;
     };
     list("unit", units, "all units");

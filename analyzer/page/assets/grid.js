@@ -3,7 +3,7 @@ class Grid {
   // host: the element; columns: [{ key, title, least, width, right }], `least` in characters; fetch(from, count) -> { total, rows }; open(row number).
   constructor(host, { label, columns, fetch, open }) {
     Object.assign(this, { columns, fetch, open, total: 0, first: 0, at: 0, asked: 0 });
-    const el = Render.el;
+    const el = Show.el;
     this.head = el("div", { class: "grid-row grid-head", role: "row" },
       ...columns.map((one) => el("span", { role: "columnheader", title: one.help || "", class: one.right ? "n" : "" }, one.title)));
     this.lines = el("div", { class: "grid-lines", role: "presentation" });
@@ -68,10 +68,10 @@ class Grid {
   }
 
   line(cells, row) {
-    const made = Render.el("div", { class: "grid-row", role: "row", "data-row": String(row), "aria-rowindex": String(row + 2), id: `${this.name()}-${row}` });
+    const made = Show.el("div", { class: "grid-row", role: "row", "data-row": String(row), "aria-rowindex": String(row + 2), id: `${this.name()}-${row}` });
     if (row === this.at) made.setAttribute("aria-selected", "true");
     cells.forEach((text, at) => {
-      const cell = Render.el("span", { role: "gridcell", class: this.columns[at].right ? "n" : "" }, Model.visible(this.columns[at].show ? this.columns[at].show(text) : text));
+      const cell = Show.el("span", { role: "gridcell", class: this.columns[at].right ? "n" : "" }, Show.visible(this.columns[at].show ? this.columns[at].show(text) : text));
       if (this.columns[at].mark) cell.classList.add(...this.columns[at].mark(text));
       made.append(cell);
     });

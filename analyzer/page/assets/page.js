@@ -1,13 +1,13 @@
 // The page: takes recordings, has the worker decode them, shows causes, tables, and the row that is looked at.
 const Page = (() => {
-  const SMALL = 24 << 20;
+  const SMALL = 24 << 20, DOCUMENT_VERSION = 1;
   const layout = JSON.parse(document.getElementById("layout").content.textContent);
   const $ = (id) => document.getElementById(id);
-  const el = Render.el;
+  const el = Show.el;
   const worker = {};
   let words = null, recordings = [], recording = null, data = null, grid = null, table = "transactions", hasFrames = true;
 
-  const say = (text) => { $("said").textContent = text; };
+  const { say } = Show;
 
   // ---- the worker
 
@@ -66,7 +66,7 @@ const Page = (() => {
       }
     }
     if (troubles.length) refuse(troubles.join("; "));
-    $("which").replaceChildren(...recordings.map((one, at) => el("option", { value: String(at) }, Model.visible(one.name))));
+    $("which").replaceChildren(...recordings.map((one, at) => el("option", { value: String(at) }, Show.visible(one.name))));
     $("which-label").hidden = recordings.length < 2;
     if (recordings.length) await open(recordings[0]);
   }
@@ -75,7 +75,7 @@ const Page = (() => {
     document.documentElement.dataset.state = "refused";
     if ($("progress")) $("progress").hidden = true;
     $("trouble").hidden = false;
-    $("trouble").textContent = Model.visible(why);
+    $("trouble").textContent = Show.visible(why);
   }
 
   const settings = () => ({
@@ -86,7 +86,7 @@ const Page = (() => {
   async function decode(purpose, title) {
     const found = await request("decode", { blob: recording.blob, settings: { ...settings(), purpose } }, ({ done, total, rows }) => {
       $("bar").value = done / total;
-      $("done").textContent = `${title}: ${Math.floor((100 * done) / total)} %, ${Model.fixed(rows, 0)} transactions`;
+      $("done").textContent = `${title}: ${Math.floor((100 * done) / total)} %, ${Show.fixed(rows, 0)} transactions`;
     });
     if (found.cancelled) throw new Error("cancelled");
     return found;
@@ -100,16 +100,17 @@ const Page = (() => {
     $("another").hidden = $("progress").hidden = false;
     $("results").hidden = true;
     try {
+      if (await isDocument(one.blob)) return await showDocument(one);
       const began = performance.now();
       hasFrames = one.blob.size <= SMALL;
       let found = await decode(hasFrames ? "all" : "causes", "decoding");
       data = complete(await ask({ call: "document" }), found.status);
-      showReport();
+      await showReport(true);
       if (!hasFrames) found = await decode("rows", "collecting rows");
       await showTables(found);
       $("progress").hidden = true;
       const seconds = (performance.now() - began) / 1000;
-      say(`${one.name}: ${Model.fixed(found.rows, 0)} transactions in ${Model.fixed(seconds, 1)} s. Nothing left this computer.`);
+      say(`${one.name}: ${Show.fixed(found.rows, 0)} transactions in ${Show.fixed(seconds, 1)} s. Nothing left this computer.`);
       document.documentElement.dataset.state = "shown";
     } catch (error) {
       if (error.message !== "cancelled") return refuse(`${one.name}: ${error.message}`);
@@ -133,8 +134,8 @@ const Page = (() => {
       clock: reading.clock || null, resolution_us: null, line: null, bytes_in_frames: null, notes };
     const seconds = Math.max(0, ...statistics.buses.map((bus) => bus.duration_us || 0)) / 1e6;
     const summary = {
-      name: recording.name.replace(/^.*[/\\]/, ""), period: seconds ? `${Model.fixed(seconds, 1)} s` : "Without times.",
-      sources: `${recording.name}, ${Model.fixed(recording.blob?.size ?? recording.bytes, 0)} bytes, read as ${source.format}`,
+      name: recording.name.replace(/^.*[/\\]/, ""), period: seconds ? `${Show.fixed(seconds, 1)} s` : "Without times.",
+      sources: `${recording.name}, ${Show.fixed(recording.blob?.size ?? recording.bytes, 0)} bytes, read as ${source.format}`,
     };
     return {
       summary, format: "modlens report", version: 1, program: `modlens ${words.version}`, sources: [source], doctor, statistics,
@@ -143,14 +144,31 @@ const Page = (() => {
     };
   }
 
-  function showReport() {
+  // Verdict and causes in front of the tables, the rest behind them. Examples are rows of the tables where there are any.
+  async function showReport(hasTables) {
+    const { html } = await ask({ call: "report", document: data }), made = document.createElement("template");
+    made.innerHTML = html;
+    const [verdict, causes, ...rest] = made.content.children;
     $("results").hidden = false;
-    const own = { ...layout, section: layout.section.filter((one) => !one.examples) };
-    const [verdict, causes, ...rest] = Render.body(data, own);
+    $("rows").hidden = !hasTables;
     $("verdict").replaceChildren(verdict, causes);
-    $("report").replaceChildren(...rest);
-    Plots.all(data, own);
+    $("report").replaceChildren(...rest.filter((one) => !hasTables || one.id !== "examples"));
+    Plots.all(data, layout);
+    RowFilter.all(layout);
   }
+
+  // A document of modlens stats --to json, which is shown as a report.
+  async function showDocument(one) {
+    const found = JSON.parse(await one.blob.text());
+    if (found.version !== DOCUMENT_VERSION) throw new Error(`this page reads version ${DOCUMENT_VERSION} of the document, not ${found.version}`);
+    data = found;
+    await showReport(false);
+    $("progress").hidden = true;
+    say(`${Show.visible(one.name)} is shown.`);
+    document.documentElement.dataset.state = "shown";
+  }
+
+  const isDocument = async (blob) => /^\s*\{\s*"format":\s*"modlens report"/.test(await blob.slice(0, 1000).text());
 
   const COLUMNS = {
     transactions: "txn elapsed_us bus client unit function_name address quantity data write_address write_data status response_time_us findings",
@@ -172,7 +190,7 @@ const Page = (() => {
       return {
         key, title: isDuration ? `${title} ${key === "elapsed_us" ? "s" : "ms"}` : title, help,
         least: width, width: `minmax(${width}ch, ${width}fr)`, right: ["int", "us", "float"].includes(type),
-        show: key === "elapsed_us" ? (text) => text && Model.fixed(Number(text) / 1e6, 6) : isDuration ? (text) => text && Model.fixed(Number(text) / 1000, 3) : null,
+        show: key === "elapsed_us" ? (text) => text && Show.fixed(Number(text) / 1e6, 6) : isDuration ? (text) => text && Show.fixed(Number(text) / 1000, 3) : null,
         mark: key === "status" || key === "verdict" || key === "severity" ? (text) => [`is-${text}`] : null,
       };
     });
@@ -187,7 +205,7 @@ const Page = (() => {
       }
       const { total } = await ask({ call: "rows", table: name, columns: [], where: null, from: 0, count: 0 });
       if (!$(`tab-${name}`)) $("tabs").append(el("button", { role: "tab", id: `tab-${name}`, "data-table": name, "aria-controls": "table" }));
-      $(`tab-${name}`).textContent = `${name[0].toUpperCase()}${name.slice(1)} (${Model.fixed(total, 0)})`;
+      $(`tab-${name}`).textContent = `${name[0].toUpperCase()}${name.slice(1)} (${Show.fixed(total, 0)})`;
       $(`tab-${name}`).hidden = !total && name === "connections";
     }
   }
@@ -196,7 +214,7 @@ const Page = (() => {
     await showTabs();
     const notes = [];
     if (!hasFrames) notes.push(`Frames are listed of recordings up to ${SMALL >> 20} MB.`);
-    if (found.isCut) notes.push(`The first ${Model.fixed(found.rows, 0)} transactions are listed: more are too big for this tab. Causes and statistics are those of all.`);
+    if (found.isCut) notes.push(`The first ${Show.fixed(found.rows, 0)} transactions are listed: more are too big for this tab. Causes and statistics are those of all.`);
     $("limits").textContent = notes.join(" ");
     await choose("transactions");
   }
@@ -219,7 +237,7 @@ const Page = (() => {
   // Shows the rows of the filter from the first one on.
   async function refresh() {
     const { total } = await ask({ call: "rows", table, columns: [], ...Filters.of(table), from: 0, count: 0 });
-    $("shown").textContent = `${Model.fixed(total, 0)} rows`;
+    $("shown").textContent = `${Show.fixed(total, 0)} rows`;
     grid.at = 0;
     await grid.show(total, 0);
   }
@@ -231,7 +249,7 @@ const Page = (() => {
     const spaced = (text) => text.replace(/(..)(?=.)/g, "$1 ");
     const known = words.columns[table].filter((one) => row[one.key]);
     const list = known.map((one) => el("div", {}, el("dt", { title: one.help }, one.title),
-      el("dd", { class: one.type === "hex" ? "hex" : "" }, Model.visible(one.type === "hex" ? spaced(row[one.key]) : row[one.key]))));
+      el("dd", { class: one.type === "hex" ? "hex" : "" }, Show.visible(one.type === "hex" ? spaced(row[one.key]) : row[one.key]))));
     const codes = (row.findings || row.code || "").split(/[\s,;|\[\]"]+/).filter((code) => words.findings[code]);
     const meaning = codes.flatMap((code) => {
       const { title, why, advice } = words.findings[code];
@@ -274,7 +292,7 @@ const Page = (() => {
         data = null;
         return;
       }
-      showReport();
+      await showReport(true);
     }
     if (isFirst) {
       await showTables({});
@@ -283,7 +301,7 @@ const Page = (() => {
     }
     await showTabs();
     const { total } = await ask({ call: "rows", table, columns: [], ...Filters.of(table), from: 0, count: 0 });
-    $("shown").textContent = `${Model.fixed(total, 0)} rows`;
+    $("shown").textContent = `${Show.fixed(total, 0)} rows`;
     const isAtEnd = grid.first >= grid.lastFirst;
     await grid.show(total, isAtEnd ? total : grid.first);
   }
@@ -295,7 +313,7 @@ const Page = (() => {
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 60000);
     document.documentElement.dataset.saved = `${name} ${blob.size}`;
-    say(`${name}: ${Model.fixed(blob.size, 0)} bytes`);
+    say(`${name}: ${Show.fixed(blob.size, 0)} bytes`);
   }
 
   async function save(format) {
@@ -362,7 +380,7 @@ const Page = (() => {
     // The examples of a cause are rows of the table.
     $("verdict").addEventListener("click", (event) => {
       const link = event.target.closest("a[href^='#txn-']");
-      if (!link) return;
+      if (!link || $("rows").hidden) return;
       event.preventDefault();
       showTransaction(link.hash.slice(5));
     });

@@ -93,7 +93,7 @@ const Serial = (() => {
 
     say() {
       const errors = Object.entries(this.errors).map(([name, count]) => `, ${count} ${name}`).join("");
-      Live.say(`${this.isSearching ? "Trying" : "Listening at"} ${this.line}: ${Model.fixed(Live.live.bytes, 0)} bytes${errors}`);
+      Live.say(`${this.isSearching ? "Trying" : "Listening at"} ${this.line}: ${Show.fixed(Live.live.bytes, 0)} bytes${errors}`);
     }
 
     async end() {

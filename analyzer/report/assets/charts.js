@@ -3,7 +3,7 @@ const Charts = (() => {
   const FIGURES = 120, PAPER = 700, LOW = 0.68, FEW = 40;
   // Told apart with red-green blindness (Okabe and Ito), and by their dashes without colours.
   const LINES = [["one", []], ["two", [7, 3]], ["three", [2, 3]], ["four", [10, 3, 2, 3]], ["five", [14, 4]], ["six", [4, 6]], ["seven", [1, 2]], ["eight", [12, 3, 2, 3, 2, 3]]];
-  const el = Render.el;
+  const el = Show.el;
   let drawn = [], paper = false;
 
   // Looked up once for each time that all is drawn: to ask costs more than to paint.
@@ -29,8 +29,8 @@ const Charts = (() => {
   }
 
   function when(seconds, axis, step) {
-    if (axis === "transactions") return Model.fixed(seconds, 0);
-    if (axis !== "utc") return Model.fixed(seconds, step < 1 ? 3 : 0) + " s";
+    if (axis === "transactions") return Show.fixed(seconds, 0);
+    if (axis !== "utc") return Show.fixed(seconds, step < 1 ? 3 : 0) + " s";
     return iso(seconds).replace("T", " ").slice(0, 19) + (step < 1 ? (seconds - Math.floor(seconds)).toFixed(3).slice(1) : "");
   }
 
@@ -54,7 +54,7 @@ const Charts = (() => {
     return {
       label: name, stroke: paint, width: bars ? 0 : width ?? 1.5, fill: bars ? paint : undefined, dash: bars || !at ? undefined : dash,
       points: { show: !bars && few, size: 5, fill: paint }, spanGaps: false, paths: bars ? uPlot.paths.bars({ size: [0.92, 90, 1] }) : undefined,
-      value: (_, value) => (value === null || value === undefined ? rest : Model.fixed(value, decimals)),
+      value: (_, value) => (value === null || value === undefined ? rest : Show.fixed(value, decimals)),
     };
   }
 
@@ -62,8 +62,8 @@ const Charts = (() => {
   function atRest(values, decimals, whole) {
     const known = values.filter((one) => one !== null && one !== undefined);
     if (!known.length) return "none";
-    if (whole) return `${Model.fixed(known.reduce((sum, one) => sum + one, 0), 0)} in all`;
-    const ends = [Math.min(...known), Math.max(...known)].map((one) => Model.fixed(one, decimals));
+    if (whole) return `${Show.fixed(known.reduce((sum, one) => sum + one, 0), 0)} in all`;
+    const ends = [Math.min(...known), Math.max(...known)].map((one) => Show.fixed(one, decimals));
     return ends[0] === ends[1] ? ends[0] : `${ends[0]} to ${ends[1]}`;
   }
 

@@ -1,9 +1,9 @@
 // The plots of the sections: those that layout.toml describes, and those that have a function here.
 const Plots = (() => {
   const MOST_BUSES = 8, MOST_ON_PAPER = 2, MOST_TOGETHER = 8, MANY = 8, LONG_US = 10e6, SMOOTH_VALUES = 4, SMOOTH_STEP = 0.25;
-  const el = Render.el;
+  const el = Show.el;
 
-  const nameOf = (data, bus) => (data.overview.buses.length > 1 ? Model.visible(bus.bus) + ": " : "");
+  const nameOf = (data, bus) => (data.overview.buses.length > 1 ? Show.visible(bus.bus) + ": " : "");
 
   // The plots of a section, for each bus.
   function described(data, host, plots) {
@@ -46,16 +46,16 @@ const Plots = (() => {
   }
 
   function said(host, count, text) {
-    if (count > 0) host.append(el("p", { class: "hint" }, `${Model.fixed(count, 0)} ${text}.`));
+    if (count > 0) host.append(el("p", { class: "hint" }, `${Show.fixed(count, 0)} ${text}.`));
   }
 
   // Counts of a histogram whose buckets are edges_us[i] to edges_us[i + 1], and the time series of one unit and function.
   function responseTimes(data, host) {
     Strips.distributions(data);
-    const rows = Model.rowsAt(data, "statistics.buses[].units[]").filter((row) => row.response_time);
+    const rows = Show.ofBuses(data.statistics.buses, (bus) => bus.units).filter((row) => row.response_time);
     if (!rows.length) return void host.append(el("p", { class: "hint" }, "No response time was measured."));
     const many = data.statistics.buses.length > 1, select = el("select", { id: "response-of" });
-    const called = (row) => `${many ? Model.visible(row.bus) + ", " : ""}unit ${row.unit}, function ${row.function} ${Model.visible(data.functions[row.function] || "")}`;
+    const called = (row) => `${many ? Show.visible(row.bus) + ", " : ""}unit ${row.unit}, function ${row.function} ${Show.visible(data.functions[row.function] || "")}`;
     rows.forEach((row, at) => select.append(el("option", { value: String(at) }, called(row))));
     select.value = String(rows.reduce((worst, row, at) => (row.response_time.p95_us > rows[worst].response_time.p95_us ? at : worst), 0));
     const place = el("div", {});
@@ -73,7 +73,7 @@ const Plots = (() => {
   function distribution(place, row, name) {
     const { edges_us: edges, counts } = row.response_time.histogram;
     const x = counts.map((_, at) => Math.sqrt(edges[at] * edges[at + 1]) / 1000), span = [edges[0] / 1000, edges.at(-1) / 1000];
-    const shown = (_, value) => (value === null ? span.map((one) => Model.milliseconds(one * 1000)).join(" to ") : Model.milliseconds(value * 1000));
+    const shown = (_, value) => (value === null ? span.map((one) => Show.milliseconds(one * 1000)).join(" to ") : Show.milliseconds(value * 1000));
     Charts.chart(place, {
       title: `distribution: ${name}`, axis: null, unit: "responses", x, span, label: "ms", whole: true, height: 140,
       scale: { time: false, distr: 3 }, xSeries: { label: "ms", value: shown }, series: [{ name: "responses", values: counts, draw: "bars" }],
@@ -91,11 +91,11 @@ const Plots = (() => {
     if (found.p95_us) series.push({ name: "p95", values: ms(found.p95_us, "max"), width: 2 });
     // A timeout far above all responses would press them to the bottom: then the legend alone names it.
     const most = Math.max(0, ...series[0].values), isNear = limit && limit / 1000 < most * 20;
-    if (limit) series.push({ name: "timeout", values: series[0].values.map(() => (isNear ? limit / 1000 : null)), colour: "bad", rest: Model.milliseconds(limit) });
+    if (limit) series.push({ name: "timeout", values: series[0].values.map(() => (isNear ? limit / 1000 : null)), colour: "bad", rest: Show.milliseconds(limit) });
     Charts.overTime(place, { title: `over time: ${name}`, axis: bus.axis, unit: "ms", steps, series, bands: [[1, 2]], height: 180 });
   }
 
-  const label = (row) => Model.visible(row.name || `unit ${row.unit} ${row.register_type} ${row.address}`).replaceAll("_", " ");
+  const label = (row) => Show.visible(row.name || `unit ${row.unit} ${row.register_type} ${row.address}`).replaceAll("_", " ");
 
   // Whether a value moves in steps that are small against its range. Halves of a float, bits and counters of a second do not.
   function isSmooth(values) {
@@ -106,7 +106,7 @@ const Plots = (() => {
 
   // The chosen registers: one plot for those of a bus with the same unit of measure.
   function registers(data, host) {
-    const rows = Model.rowsAt(data, "overview.buses[].registers.rows[]"), place = el("div", {});
+    const rows = Show.ofBuses(data.overview.buses, (bus) => bus.registers.rows), place = el("div", {});
     const varying = rows.map((row, at) => (row.course ? at : -1)).filter((at) => at >= 0);
     const named = varying.filter((at) => rows[at].name), smooth = varying.filter((at) => isSmooth(rows[at].course.last));
     const chosen = new Set((named.length ? named : smooth).slice(0, 3));
@@ -120,7 +120,7 @@ const Plots = (() => {
           const unit = rows[at].unit_of_measure || "";
           groups.set(unit, [...(groups.get(unit) || []), rows[at]]);
         }
-        for (const [unit, own] of groups) together(data, place, bus, Model.visible(unit), own);
+        for (const [unit, own] of groups) together(data, place, bus, Show.visible(unit), own);
       }
     };
     choices(rows, chosen, draw);
@@ -143,7 +143,7 @@ const Plots = (() => {
       box.addEventListener("change", () => {
         if (box.checked && chosen.size === MOST_TOGETHER) {
           box.checked = false;
-          return Report.say(`${MOST_TOGETHER} at most are plotted together.`);
+          return Show.say(`${MOST_TOGETHER} at most are plotted together.`);
         }
         if (box.checked) chosen.add(at);
         else chosen.delete(at);

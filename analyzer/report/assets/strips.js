@@ -1,6 +1,6 @@
 // The small drawings in the cells of tables: stripes over time, distributions, sparklines.
 const Strips = (() => {
-  const el = Render.el, colour = Charts.colour;
+  const el = Show.el, colour = Charts.colour;
   let drawn = [];
 
   // The cells of a table that are drawn: the row's data, and a canvas.
@@ -36,7 +36,7 @@ const Strips = (() => {
   }
 
   function units(data) {
-    const rows = Model.rowsAt(data, "doctor.reserves[]");
+    const rows = data.doctor.reserves;
     const busOf = (row) => data.overview.buses.find((one) => one.bus === row.bus);
     const stepsOf = (bus) => Buckets.joined(bus.requests.steps, Buckets.least(data, bus));
     cells("units", "answered over time", rows.length, (cell, at) => {
@@ -47,7 +47,7 @@ const Strips = (() => {
       const row = rows[at], bus = busOf(row), found = bus?.requests.units?.find((one) => one.unit === row.unit)?.p95_us || [];
       const p95 = bus ? Buckets.join(found, stepsOf(bus), "max") : [], known = p95.filter((us) => us !== null);
       if (!known.length) return;
-      const least = Math.min(...known), most = Math.max(...known), edge = row.timeout_us || most, ms = (us) => Model.fixed(us / 1000, 1);
+      const least = Math.min(...known), most = Math.max(...known), edge = row.timeout_us || most, ms = (us) => Show.fixed(us / 1000, 1);
       const name = `unit ${row.unit}: 95 % of the responses take up to ${ms(least)} to ${ms(most)} ms, ` +
         (row.timeout_us ? `the timeout is ${ms(edge)} ms` : "the timeout is not known");
       strip(cell, name, (to, width, height) => margin(to, width, height, p95, edge, Boolean(row.timeout_us)));
@@ -82,7 +82,7 @@ const Strips = (() => {
   }
 
   function distributions(data) {
-    const rows = Model.rowsAt(data, "statistics.buses[].units[]");
+    const rows = Show.ofBuses(data.statistics.buses, (bus) => bus.units);
     cells("response-times", "distribution", rows.length, (cell, at) => {
       const counts = rows[at].response_time?.histogram.counts;
       if (!counts) return;

@@ -9,7 +9,7 @@
 //!   that follow from them.
 //! - `framing`, `status`, `finding`, `register_type` and `source` are the enumerations that rows consist of.
 //! - `decimal`, `hex` and `timestamp` append values as text; all readers and writers share them. `amount` reads durations and
-//!   sizes as people write them. `mix` hashes numbers, to choose some of them.
+//!   sizes as people write them, `visible` makes text safe to be shown. `mix` hashes numbers, to choose some of them.
 
 pub mod amount;
 pub mod checksum;
@@ -29,6 +29,7 @@ pub mod renamed;
 pub mod source;
 pub mod status;
 pub mod timestamp;
+pub mod visible;
 
 /// A time or a duration in nanoseconds. Times count from 1970 or from any other moment, depending on the clock of the
 /// bus (`source::Clock`).

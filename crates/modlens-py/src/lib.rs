@@ -21,6 +21,7 @@ mod output_file;
 mod profile;
 mod read_ahead;
 mod recorder;
+mod report;
 mod server;
 mod session;
 mod stream;
@@ -171,6 +172,8 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(words::topic_level, module)?)?;
     module.add_class::<recorder::Recorder>()?;
     module.add_class::<server::Server>()?;
+    module.add_function(wrap_pyfunction!(report::report_html, module)?)?;
+    module.add_function(wrap_pyfunction!(report::report_layout, module)?)?;
     module.add_class::<view::Lines>()?;
     module.add_class::<watch::Join>()?;
     module.add_class::<watch::Watch>()?;

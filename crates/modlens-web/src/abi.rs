@@ -7,7 +7,7 @@ use std::cell::RefCell;
 
 use serde_json::{json, Value as Json};
 
-use crate::{answer, words, Decoding};
+use crate::{answer, report, words, Decoding};
 
 /// What the page has opened, and the buffers that both sides share.
 #[derive(Default)]
@@ -88,7 +88,11 @@ pub extern "C" fn finish() -> i32 {
 pub extern "C" fn ask() -> i32 {
     call(|shared| {
         let question = json_of(&shared.input)?;
-        let found = if question["call"] == "words" { words() } else { answer(opened(&mut shared.decoding)?, &question)? };
+        let found = match question["call"].as_str() {
+            Some("words") => words(),
+            Some("report") => report(&question["document"]),
+            _ => answer(opened(&mut shared.decoding)?, &question)?,
+        };
         shared.output = found.to_string().into_bytes();
         Ok(0)
     })

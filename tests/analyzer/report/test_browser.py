@@ -7,7 +7,6 @@ import json
 import re
 import struct
 import subprocess
-import tomllib
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
@@ -15,17 +14,22 @@ from typing import Any
 
 import pytest
 
-from analyzer.report.model import layout
-from analyzer.report.page import page, viewer
+import _modlens
+from analyzer.report.page import page
 from tests.conftest import CAPTURES, Modlens, need_program, without
 from tests.doctor.frames import rtu
 from tests.support.browser import Browser, running
+from tests.support.documents import (
+    RAN_NOTHING,
+    document_of,
+    poisoned,
+    shows_hostile_texts,
+    words_of,
+)
 
 NAMES = sorted(path.parent.name for path in CAPTURES.glob("*/about.toml"))
 
 TEXT = "return document.getElementById('report').innerText"
-
-WORDS = "return document.getElementById('report').textContent.replaceAll('\\n', '')"
 
 PCAP = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
 """A capture without a packet."""
@@ -45,23 +49,6 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
         found.shape(1280)
         found.requests()
         yield found
-
-
-def words_of(name: str) -> list[str]:
-    """A recording of `captures/` with the options that it needs."""
-    folder = CAPTURES / name
-    about = tomllib.loads((folder / "about.toml").read_text("utf-8"))
-    words = [str(folder / about["file"])]
-    if about.get("line"):
-        words += ["--line", about["line"]]
-    return [*words, "--mode", about["mode"]] if about.get("mode") else words
-
-
-def document_of(modlens: Modlens, name: str) -> dict[str, Any]:
-    done = modlens("stats", *words_of(name), "--to", "json")
-    assert done.status == 0, done.err
-    found: dict[str, Any] = json.loads(done.out)
-    return found
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -195,27 +182,6 @@ def test_a_link_opens_its_example(opened: Browser) -> None:
     opened.wait("document.querySelector(location.hash).open")
 
 
-@pytest.mark.parametrize(
-    "name", ["pymodbus_disturbed", "pymodbus_tcp", "pymodbus_plant", "seed_ascii"]
-)
-def test_the_viewer_shows_what_the_page_says(
-    name: str, browser: Browser, modlens: Modlens, tmp_path: Path
-) -> None:
-    """A document on a page without data: the same words as in the page that Python made of it."""
-    document = document_of(modlens, name)
-    whole, empty = tmp_path / "page.html", tmp_path / "viewer.html"
-    whole.write_bytes(page(document))
-    empty.write_bytes(viewer())
-    (tmp_path / "document.json").write_text(json.dumps(document), encoding="utf-8")
-    browser.open(whole)
-    text = browser.run(WORDS)
-    browser.open(empty, "empty")
-    browser.send_file("#file", tmp_path / "document.json")
-    browser.wait("document.documentElement.dataset.state === 'drawn'")
-    assert browser.run(WORDS) == text
-    assert browser.log("browser") == []
-
-
 def test_the_name_and_period_come_first(browser: Browser, modlens: Modlens, tmp_path: Path) -> None:
     """No file is named in the title or above the verdict; the zone is stated once, in one place."""
     target = tmp_path / "report.html"
@@ -293,7 +259,9 @@ def test_a_legend_has_values_at_rest(opened: Browser) -> None:
 
 
 PLOTS = [
-    (section["id"], plot) for section in layout()["section"] for plot in section.get("plots", [])
+    (section["id"], plot)
+    for section in json.loads(_modlens.report_layout())["section"]
+    for plot in section.get("plots", [])
 ]
 
 
@@ -401,22 +369,6 @@ def test_little_or_nothing_was_recorded(
     assert all(browser.run(counts))
 
 
-def test_what_is_no_document_is_refused(opened: Browser, modlens: Modlens, tmp_path: Path) -> None:
-    """Another JSON, a later version, a broken file: told, and the page stays as it is."""
-    before = opened.run(TEXT)
-    later = {**document_of(modlens, "pymodbus_disturbed"), "version": 2}
-    for number, (content, reason) in enumerate(
-        [("{}", "no document"), (json.dumps(later), "version 1"), ("{", "JSON")]
-    ):
-        path = tmp_path / f"{number}.json"
-        path.write_text(content, encoding="utf-8")
-        opened.send_file("#file", path)
-        opened.wait(f"document.getElementById('said').textContent.startsWith('{path.name}')")
-        said = opened.run("return document.getElementById('said').textContent")
-        assert reason.removeprefix("no ") in said
-        assert opened.run(TEXT) == before
-
-
 def test_without_scripts_everything_but_plots_is_there(
     browser: Browser, modlens: Modlens, tmp_path: Path
 ) -> None:
@@ -459,41 +411,15 @@ def test_nobody_is_shut_out(width: int, scheme: str, opened: Browser) -> None:
     opened.shape(1280)
 
 
-HOSTILE = (
-    '</script><script>window.ran=1</script><img src=x onerror="window.ran=1">"\'&\x1b[2J\u202e\x00'
-)
-
-
 def test_hostile_texts_are_shown_and_not_run(
     browser: Browser, modlens: Modlens, tmp_path: Path
 ) -> None:
-    """Every text of the document is hostile: in the page, and in the viewer."""
-
-    def poisoned(value: Any, key: str = "") -> Any:
-        if isinstance(value, dict):
-            return {name: poisoned(one, name) for name, one in value.items()}
-        if isinstance(value, list):
-            return [poisoned(one, key) for one in value]
-        kept = key in ("format", "verdict", "axis", "bus", "source", "request_hex", "response_hex")
-        return value + HOSTILE if isinstance(value, str) and not kept else value
-
-    document = poisoned(document_of(modlens, "pymodbus_disturbed"))
-    document["sources"][0]["name"] += "</template></title>"
-    whole, empty = tmp_path / "page.html", tmp_path / "viewer.html"
-    whole.write_bytes(page(document))
-    empty.write_bytes(viewer())
-    (tmp_path / "hostile.json").write_text(json.dumps(document), encoding="utf-8")
+    """Every text of the document is hostile."""
+    target = tmp_path / "page.html"
+    target.write_bytes(page(poisoned(document_of(modlens, "pymodbus_disturbed"))))
     browser.requests()
-    browser.open(whole)
-    texts = [browser.run(TEXT)]
-    browser.open(empty, "empty")
-    browser.send_file("#file", tmp_path / "hostile.json")
-    browser.wait("document.documentElement.dataset.state === 'drawn'")
-    texts.append(browser.run(TEXT))
-    for text in texts:
-        assert "<script>window.ran=1</script>" in text
-        assert "\\x1b[2J\\u202e\\x00" in text
-        assert not any(one in text for one in ("\x1b", "\u202e", "\x00"))
-    assert browser.run("return window.ran === undefined && document.images.length === 0")
-    assert browser.requests() == [whole.as_uri(), empty.as_uri()]
+    browser.open(target)
+    shows_hostile_texts(browser.run(TEXT))
+    assert browser.run(RAN_NOTHING)
+    assert browser.requests() == [target.as_uri()]
     assert browser.log("browser") == []

@@ -1,8 +1,8 @@
 //! Shows rows as lines of text for people, on a terminal or in a file.
 //!
 //! `table_columns` chooses the columns, `cell_texts` makes their text, `time_column` shows times, `grid` fits everything
-//! into the width and `value_list` the values, `safe_text` makes it safe for a terminal. A line consists of parts with styles; without colours the parts are
-//! simply joined.
+//! into the width and `value_list` the values, `safe_text` measures and cuts. A line consists of parts with styles; without
+//! colours the parts are simply joined.
 
 mod cell_texts;
 mod grid;
