@@ -7,37 +7,40 @@ use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::framer::rtu::frame_check::is_followed_by_copy;
 use crate::framer::rtu::RtuFramer;
 use crate::framer::PauseEvidence;
+use crate::rtu_model::answerable::{may_answer, RequestHead};
 use crate::rtu_model::side::REQUEST;
 use crate::rtu_model::traffic_model::{LearningRun, RequestCopy};
 use crate::weights::{ANSWER_IN_TURN_BITS, CERTAIN_DIRECTION_BITS, RESPONSE_LOG_ODDS_BITS};
 use modlens_protocol::checksum::crc_valid_at;
 use modlens_protocol::direction::TimeoutLogOdds;
+use modlens_protocol::functions::Functions;
 
 /// What a request may be in truth: the response to another one, where it looks like it.
 #[derive(Clone, Copy, Default)]
 pub struct Answered {
-    /// Unit and function of the request that was answered last: its response may come again.
-    header: Option<(u8, u8)>,
+    /// The request that was answered last: its response may come again.
+    last: Option<RequestHead>,
     /// The late response to a superseded request may still come.
     awaits_late_response: bool,
 }
 
 impl Answered {
-    /// After an exchange with this unit and function.
-    pub fn by_exchange(unit: u8, code: u8) -> Self {
-        Self { header: Some((unit, code)), awaits_late_response: false }
+    /// After an exchange whose request is at the head of these bytes.
+    #[inline]
+    pub fn by_exchange(request: &[u8]) -> Self {
+        Self { last: request.first_chunk().copied(), awaits_late_response: false }
     }
 
-    /// Returns whether the request of this exchange may be such a response.
+    /// Returns whether the request of this exchange, which is at the head of these bytes, may be such a response.
     #[inline]
-    pub(crate) fn may_be_again(self, expected: &ExpectedExchange) -> bool {
-        (expected.resembles_response || expected.echoes_request) && self.may_have_header(expected.unit, expected.code)
+    pub(crate) fn may_be_again(self, functions: &Functions, expected: &ExpectedExchange, bytes: &[u8]) -> bool {
+        (expected.resembles_response || expected.echoes_request) && self.may_be_answered_by(functions, bytes)
     }
 
-    /// Returns whether a frame of this unit and function may be such a response.
+    /// Returns whether these bytes may be such a response, if a response has their length.
     #[inline]
-    pub(crate) fn may_have_header(self, unit: u8, code: u8) -> bool {
-        self.header == Some((unit, code)) || self.awaits_late_response
+    pub(crate) fn may_be_answered_by(self, functions: &Functions, bytes: &[u8]) -> bool {
+        self.awaits_late_response || self.last.is_some_and(|request| may_answer(functions, request, bytes))
     }
 }
 
@@ -47,13 +50,6 @@ pub(crate) struct LastExchange {
     pub expected: ExpectedExchange,
     /// Log2 of the odds of its response's direction.
     pub odds: f32,
-}
-
-impl LastExchange {
-    /// What a request after it may be the response to.
-    pub fn answered(self) -> Answered {
-        Answered::by_exchange(self.expected.unit, self.expected.code)
-    }
 }
 
 impl RtuFramer {
@@ -66,6 +62,7 @@ impl RtuFramer {
     #[allow(clippy::inline_always)] // Asked of every exchange.
     pub(crate) fn is_certain(
         &self,
+        functions: &Functions,
         expected: &ExpectedExchange,
         [bytes, rest]: [&[u8]; 2],
         answered: Answered,
@@ -73,7 +70,7 @@ impl RtuFramer {
         is_response: impl Fn(&[u8]) -> bool,
     ) -> bool {
         let [request_bytes, response_bytes] = expected.rtu_lengths();
-        if answered.may_be_again(expected) || bytes.len() < request_bytes || rest.len() < response_bytes {
+        if answered.may_be_again(functions, expected, bytes) || bytes.len() < request_bytes || rest.len() < response_bytes {
             return false;
         }
         let is_copy = || expected.echoes_request && request_bytes == 8 && bytes.first_chunk::<8>() == rest.first_chunk();
@@ -87,11 +84,17 @@ impl RtuFramer {
     /// Returns the exception code, if there is no doubt that the request at the head of these bytes, which announces this exchange,
     /// is refused right after it: its unit and function are familiar, and both CRCs are valid. `answered`: as above.
     #[cold]
-    pub(crate) fn refusal_of(&self, expected: &ExpectedExchange, bytes: &[u8], answered: Answered) -> Option<u8> {
+    pub(crate) fn refusal_of(
+        &self,
+        functions: &Functions,
+        expected: &ExpectedExchange,
+        bytes: &[u8],
+        answered: Answered,
+    ) -> Option<u8> {
         let [request_bytes, response_bytes] = expected.refused().rtu_lengths();
         let response = bytes.get(request_bytes..)?;
         let exception = expected.refused_by(response)?;
-        let is_certain = !answered.may_be_again(expected)
+        let is_certain = !answered.may_be_again(functions, expected, bytes)
             && self.search.model.is_familiar(expected.unit, expected.code, REQUEST)
             && crc_valid_at(response, response_bytes)
             && crc_valid_at(bytes, request_bytes);
@@ -101,8 +104,8 @@ impl RtuFramer {
     /// What a request may be the response to, after what was framed so far.
     pub fn answered(&self) -> Answered {
         let requests = self.search.answerable();
-        let header = requests.last_answered.and_then(|(request, _)| Some((request.unit, *request.pdu.first()?)));
-        Answered { header, awaits_late_response: requests.superseded.is_some() }
+        let last = requests.last_answered.map(|(request, _)| request.head());
+        Answered { last, awaits_late_response: requests.superseded.is_some() }
     }
 
     /// Learns from a request and its response, whose CRCs are valid; what is the same for all exchanges of a run follows with

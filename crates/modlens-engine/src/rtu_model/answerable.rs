@@ -5,8 +5,25 @@
 //! allocated while a line talks.
 
 use crate::rtu_model::side::REQUEST;
-use modlens_protocol::direction::RequestRef;
+use modlens_protocol::direction::{expected_data_bytes, RequestRef};
 use modlens_protocol::framing::BROADCAST_UNIT;
+use modlens_protocol::functions::Functions;
+
+/// Bytes of a request that determine how its response begins: unit, function, and two fields of two bytes.
+pub const REQUEST_HEAD_BYTES: usize = 6;
+
+/// The first bytes of a request, with zeros after one that is shorter.
+pub type RequestHead = [u8; REQUEST_HEAD_BYTES];
+
+/// Returns whether these bytes, which begin with unit and function, may be the response to the request with this head: these are
+/// equal, and where the request determines a byte count, that comes next.
+///
+/// Fields that a response repeats do not count: where only the responses of writes are heard, each of them looks like a request.
+#[inline]
+pub fn may_answer(functions: &Functions, request: RequestHead, bytes: &[u8]) -> bool {
+    let count = || expected_data_bytes(functions.row(request[1], &request[2..])?, &request[1..]);
+    bytes[..2] == request[..2] && count().zip(bytes.get(2)).is_none_or(|(count, &byte)| usize::from(byte) == count)
+}
 
 /// A request that may be answered.
 #[derive(Clone, Debug, Default)]
@@ -29,6 +46,14 @@ impl AnswerableRequest {
     /// The request as other parts of the engine refer to it.
     pub fn as_request_ref(&self) -> RequestRef<'_> {
         RequestRef { unit: self.unit, pdu: &self.pdu }
+    }
+
+    /// Its first bytes.
+    pub fn head(&self) -> RequestHead {
+        let mut head = [0; REQUEST_HEAD_BYTES];
+        head[0] = self.unit;
+        head[1..].iter_mut().zip(&self.pdu).for_each(|(to, byte)| *to = *byte);
+        head
     }
 
     /// Whether it is addressed to this unit and has this function code.

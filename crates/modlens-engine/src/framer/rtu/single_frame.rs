@@ -7,14 +7,14 @@ use crate::framer::rtu::search::Search;
 use crate::framer::FramerContext;
 use crate::input::Input;
 use crate::rtu_model::announced_length::EXCEPTION_RESPONSE_BYTES;
-use crate::rtu_model::answerable::AnswerableRequest;
+use crate::rtu_model::answerable::{may_answer, AnswerableRequest};
 use crate::rtu_model::crc_scan::MAX_CANDIDATE_BYTES;
 use crate::rtu_model::side::REQUEST;
 use crate::weights::{MAX_POLL_REQUEST_BYTES, MAX_SKIPPED_STRAY_BYTES, RESPONSE_LOG_ODDS_BITS};
 use modlens_protocol::checksum::{crc_valid_at, CRC_BYTES};
 use modlens_protocol::direction::expected_data_bytes;
 use modlens_protocol::framing::MAX_RTU_FRAME_BYTES;
-use modlens_protocol::functions::{FunctionRow, EXCEPTION_BIT};
+use modlens_protocol::functions::{FunctionRow, Functions, EXCEPTION_BIT};
 use modlens_protocol::Ns;
 
 /// Unit, function code and the first byte of the body.
@@ -214,7 +214,7 @@ fn mirrored_frame(request: &AnswerableRequest, input: &Input, context: &FramerCo
 /// request.
 #[inline]
 fn request_length(search: &Search, bytes: &[u8], context: &FramerContext<'_>) -> Option<FrameLength> {
-    let (unit, code, body) = (bytes[0], bytes[1], &bytes[2..]);
+    let (code, body) = (bytes[1], &bytes[2..]);
     let row = context.functions.row(code, body)?;
     let length = FrameLength::of(row.request.extent(body)).filter(|length| length.bytes() <= MAX_RTU_FRAME_BYTES)?;
     let other = FrameLength::of(row.response.extent(body)).map_or(0, FrameLength::bytes);
@@ -226,7 +226,7 @@ fn request_length(search: &Search, bytes: &[u8], context: &FramerContext<'_>) ->
     }
     // If a response would have the same length, this may be the last response again, or a late one.
     let may_be_response =
-        other == length.bytes() && !has_odd_registers(row, body) && may_answer_earlier_request(search, unit, code);
+        other == length.bytes() && !has_odd_registers(row, body) && may_answer_earlier_request(search, context.functions, bytes);
     (!may_be_response).then(|| length.as_request())
 }
 
@@ -238,10 +238,9 @@ fn has_odd_registers(row: &FunctionRow, body: &[u8]) -> bool {
     matches!(row.offsets.response_block, Some((at, false)) if is_odd(at))
 }
 
-/// Returns whether a frame of this unit and function may answer the request that was answered last, again, or the superseded
-/// one, late.
-fn may_answer_earlier_request(search: &Search, unit: u8, code: u8) -> bool {
+/// Returns whether these bytes may answer the request that was answered last, again, or the superseded one, late.
+fn may_answer_earlier_request(search: &Search, functions: &Functions, bytes: &[u8]) -> bool {
     let requests = search.answerable();
-    requests.last_answered.is_some_and(|(request, _)| request.matches(unit, code))
-        || requests.superseded.is_some_and(|request| request.matches(unit, code))
+    requests.last_answered.is_some_and(|(request, _)| may_answer(functions, request.head(), bytes))
+        || requests.superseded.is_some_and(|request| request.matches(bytes[0], bytes[1]))
 }

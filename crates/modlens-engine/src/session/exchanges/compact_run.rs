@@ -58,7 +58,7 @@ impl<'a> RunBytes<'a> {
     /// What a request may be the response to, after an exchange at this index.
     #[inline]
     fn answered_after(&self, last: Option<usize>) -> Answered {
-        last.map_or(self.answered_before, |at| Answered::by_exchange(self.bytes[at], self.bytes[at + 1]))
+        last.map_or(self.answered_before, |at| Answered::by_exchange(&self.bytes[at..]))
     }
 }
 
@@ -125,7 +125,7 @@ impl CompactRun {
             let (Some(counters), length) = (read.counters, usize::from(read.exchange.lengths[1])) else { break };
             let is_answered = after.len() >= length
                 && read.settled == profiles
-                && !(read.expected.resembles_response && block.answered_after(last).may_be_again(&read.expected))
+                && !(read.expected.resembles_response && block.answered_after(last).may_be_answered_by(known.functions, rest))
                 && model.is_familiar(read.exchange.unit, read.exchange.function, REQUEST)
                 && read.expected.is_answered_by(request, after)
                 && crc_valid_at(after, length);
@@ -155,7 +155,7 @@ impl CompactRun {
         let write = PlainWrite::at(known.functions, bytes).filter(|_| self.learned.left() > 0)?;
         let PlainWrite { lengths, is_mirrored, address, quantity } = write;
         let (unit, function) = (bytes[0], bytes[1]);
-        let is_certain = !(is_mirrored && block.answered_after(self.last).may_have_header(unit, function))
+        let is_certain = !(is_mirrored && block.answered_after(self.last).may_be_answered_by(known.functions, bytes))
             && known.framer.search.model.is_familiar(unit, function, REQUEST)
             && write.is_answered(known.functions, bytes);
         if !is_certain {
@@ -277,9 +277,9 @@ fn next_exchange(known: &RunContext<'_>, bytes: &[u8], answered: Answered, pause
     let request_bytes = expected.rtu_lengths()[0];
     let is_followed_by_response = |second: &[u8]| is_response(pause.timeout, false, second, request_bytes);
     let rest = bytes.get(request_bytes..)?;
-    if known.framer.is_certain(&expected, [bytes, rest], answered, [true; 2], is_followed_by_response) {
+    if known.framer.is_certain(known.functions, &expected, [bytes, rest], answered, [true; 2], is_followed_by_response) {
         return Some(Decided { expected, exception: NOT_REFUSED });
     }
-    let exception = known.framer.refusal_of(&expected, bytes, answered)?;
+    let exception = known.framer.refusal_of(known.functions, &expected, bytes, answered)?;
     Some(Decided { expected: expected.refused(), exception })
 }

@@ -81,8 +81,8 @@ impl MatchedExchange {
 /// What a run of RTU exchanges has taken and learned so far.
 #[derive(Default)]
 pub(super) struct RtuRun {
-    /// What came before the run.
-    answered_before: Answered,
+    /// What its next request may be the response to.
+    answered: Answered,
     /// Its last exchange; on other lines than RTU, too.
     pub last_exchange: Option<LastExchange>,
     /// What the framer has still to learn of it.
@@ -96,7 +96,7 @@ impl RtuRun {
     }
 
     pub(super) fn after(framer: Option<&mut RtuFramer>) -> Self {
-        Self { answered_before: framer.map_or(Answered::default(), |framer| framer.answered()), ..Self::default() }
+        Self { answered: framer.map_or(Answered::default(), |framer| framer.answered()), ..Self::default() }
     }
 }
 
@@ -132,9 +132,8 @@ pub(super) fn match_rtu<'b>(
     let (expected, known) = line.memo.announced(functions, Mode::Rtu, bytes, bytes)?;
     let lengths = expected.rtu_lengths();
     let checks = if line.are_proven { [false; 2] } else { [known.is_none(), true] };
-    let answered = run.last_exchange.map_or(run.answered_before, LastExchange::answered);
     let response = after(lengths)?;
-    let is_certain = framer.is_certain(&expected, [bytes, response], answered, checks, |second| {
+    let is_certain = framer.is_certain(functions, &expected, [bytes, response], run.answered, checks, |second| {
         is_response(timing.timeout_log_odds(silence(lengths[0])), has_times, second, lengths[0])
     });
     if !is_certain {
@@ -154,7 +153,7 @@ pub(super) fn match_rtu<'b>(
     }
     let odds = framer.response_odds(&expected, has_times, pause_evidence);
     framer.learn_in_run(&mut run.learning, request, response, expected.echoes_request);
-    run.last_exchange = Some(LastExchange { expected, odds });
+    (run.answered, run.last_exchange) = (Answered::by_exchange(bytes), Some(LastExchange { expected, odds }));
     let counters = known.and_then(|known| known.counters);
     Some(MatchedExchange { expected, mode: Mode::Rtu, mbap_id: None, lengths, odds, counters, exception: NOT_REFUSED })
 }
