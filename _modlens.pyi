@@ -28,6 +28,9 @@ def crc16(data: bytes) -> int:
 def lrc(data: bytes) -> int:
     """LRC of `data`, the binary bytes of an ASCII frame (serial line specification, 6.2.1)."""
 
+def pdu_of(frame: bytes, mode: str) -> bytes | None:
+    """The PDU in a frame; None where the frame is empty, or cannot be decoded."""
+
 def is_text(sample: bytes) -> bool:
     """Whether these bytes can be text: hardly any control characters, UTF-8 or mostly ASCII.
 
@@ -375,6 +378,20 @@ class Functions:
         layout does not cover are in a last field named "extra"; bytes that are missing make
         `complete` false.
         """
+    def guess_direction(self, pdu: bytes) -> str:
+        """The direction whose layout fits; "unknown" where both or none fit."""
+    def annotate(
+        self,
+        frame: bytes,
+        mode: str,
+        direction: str,
+        request: bytes | None = None,
+        has_checksum: bool = True,
+    ) -> list[tuple[int, bytes, str, str, str, str, bool]]:
+        """The blocks of a frame: offset, bytes, name, value, meaning, layer, whether it is valid.
+
+        See `dissectors.describe`. `mode` "pdu" stands for a PDU alone.
+        """
     def encode(self, function: int, direction: str, values: str) -> bytes:
         """The PDU of these values (JSON object: field -> number, list, hex text).
 
@@ -572,6 +589,9 @@ class Lines:
         """The line of titles."""
     def row(self, row: Row) -> list[tuple[str, str]]:
         """The line of a row."""
+
+def register_number(wire: int, register_type: str | None, notation: str) -> str:
+    """A wire address in a notation: wire, hex, 5digit or 6digit."""
 
 def carried(row: Row, address: str, width: int) -> str:
     """The values that a transaction carried, as many as fit into so many columns."""

@@ -10,7 +10,7 @@ the type in front: wire address 107 of the holding registers is `40108` (five di
 
 from __future__ import annotations
 
-from dissectors.address import five_digit, six_digit
+import _modlens
 
 __all__ = [
     "BASES",
@@ -36,9 +36,4 @@ def render(wire: int, kind: str | None, base: str) -> str:
     Where the register type is unknown, the wire address is written as it is. Five digits reach up
     to number 9999; above that, six digits are used.
     """
-    if base == "hex":
-        return f"0x{wire:04X}"
-    if base == "wire" or kind is None:
-        return str(wire)
-    short = five_digit(wire, kind) if base == "5digit" else None
-    return short or six_digit(wire, kind)
+    return _modlens.register_number(wire, kind, base)

@@ -5,7 +5,7 @@ Takes bytes and text; knows nothing of ports, files or screens. The knowledge is
 the modules here read it back, give it types and put it into words.
 
 - `table`, `vocabulary`: the rows and the names, typed
-- `pdu`: a PDU taken apart by the core
+- `pdu`: the direction that a layout suggests
 - `describe`: bytes beside meaning
 - `explain`: a function, exception or finding in words
 - `craft`: frames from keywords

@@ -1,8 +1,8 @@
 """The table of functions, as the core has read it.
 
 The rows are in functions.toml and vendor/*.toml. The core embeds and checks these files; this
-module gives the rows types. Decoding is done by the core, see `dissectors.pdu`. Names of exceptions
-and other numbers are in `dissectors.vocabulary`.
+module gives the rows types. Decoding is done by the core, see `dissectors.describe`. Names of
+exceptions and other numbers are in `dissectors.vocabulary`.
 
 >>> row = function(0x10)
 >>> row.name, row.section

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 import _modlens
 from dissectors import vocabulary
-from dissectors.pdu import decode, default_functions, guess_direction
+from dissectors.describe import describe
+from dissectors.pdu import default_functions, guess_direction
 from dissectors.table import DIRECTIONS, Direction, Function
 from tests.border.rows import ALL_FUNCTIONS, CASES, case_id, encoded, values
 
@@ -101,7 +102,8 @@ def test_the_example_fits_its_own_direction(row: Function, direction: Direction)
     example = row.example_request if direction == "request" else row.example_response
     assert example is not None
     assert guess_direction(example, functions=ALL_FUNCTIONS) in (direction, "unknown")
-    assert decode(example, direction, functions=ALL_FUNCTIONS).is_valid
+    pieces = describe(example, mode="pdu", direction=direction, functions=ALL_FUNCTIONS)
+    assert all(piece.is_valid for piece in pieces)
 
 
 def test_vendors_rows_are_not_there_by_default() -> None:

@@ -11,8 +11,8 @@ from scapy.packet import Packet, Raw
 
 from dissectors import layers, table, vocabulary
 from dissectors.craft import craft_pdu
-from dissectors.pdu import decode
-from dissectors.table import Direction, Function
+from dissectors.describe import describe
+from dissectors.table import Direction, Function, row_of
 from tests.border.rows import ALL_FUNCTIONS, CASES, ROWS, case_id, decoded, encoded, plain, values
 
 FRAMES: dict[tuple[str, Direction], type[Packet]] = {
@@ -100,9 +100,9 @@ def test_every_example_decodes_completely_and_comes_back(
     """The core reads an example to its last byte; core, craft and scapy write it again."""
     example = row.example_request if direction == "request" else row.example_response
     assert example is not None
-    pdu = decode(example, direction, functions=ALL_FUNCTIONS)
-    assert pdu.is_valid
-    assert pdu.row == row
+    pieces = describe(example, mode="pdu", direction=direction, functions=ALL_FUNCTIONS)
+    assert all(piece.is_valid for piece in pieces)
+    assert row_of(example, source=ALL_FUNCTIONS) == row
     fields = decoded(example, direction)["fields"]
     assert encoded(row.code, direction, fields) == example
     given = {name: value for name, value in fields.items() if not isinstance(value, dict)}

@@ -153,3 +153,23 @@ def test_the_last_bytes_of_a_cut_off_frame_are_no_checksum() -> None:
         ("missing", ""),
         ("cut off", "006b"),
     ]
+
+
+def test_fields_of_groups_have_their_path() -> None:
+    """An object of Read Device Identification: its id, its length, its text."""
+    pieces = describe(
+        bytes.fromhex("2B 0E 01 01 00 00 01 00 05 48656C6C6F"), mode="pdu", direction="response"
+    )
+    assert pieces[0].meaning.startswith("Encapsulated Interface Transport (Read Device Ident")
+    assert [(piece.name, piece.offset, piece.value) for piece in pieces[-3:]] == [
+        ("objects[0].object_id", 7, "0"),
+        ("objects[0].length", 8, "5"),
+        ("objects[0].value", 9, "48 65 6c 6c 6f"),
+    ]
+
+
+def test_a_sub_function_that_is_cut_off_has_no_name() -> None:
+    """One byte of two does not say which of the sub-functions of Diagnostics it is."""
+    cut, whole = (describe(bytes.fromhex(pdu), mode="pdu")[0] for pdu in ("08 04", "08 0004"))
+    assert cut.meaning.startswith("Diagnostics, ")
+    assert whole.meaning.startswith("Diagnostics (Force Listen Only Mode), ")

@@ -20,6 +20,11 @@ impl Mode {
             Self::Tcp => "tcp",
         }
     }
+
+    /// The mode with this name.
+    pub fn from_text(text: &str) -> Option<Self> {
+        [Self::Rtu, Self::Ascii, Self::Tcp].into_iter().find(|mode| mode.text() == text)
+    }
 }
 
 /// Who sent a frame.
@@ -41,6 +46,11 @@ impl Direction {
             Self::Response => "response",
             Self::Unknown => "unknown",
         }
+    }
+
+    /// The direction with this name.
+    pub fn from_text(text: &str) -> Option<Self> {
+        [Self::Request, Self::Response, Self::Unknown].into_iter().find(|direction| direction.text() == text)
     }
 }
 

@@ -3,6 +3,7 @@
 //!
 //! - `functions` parses the table of functions (`dissectors/functions.toml`): the field layout of each request and
 //!   response, its limits, and the fields that a response repeats. `pdu` decodes and encodes PDUs by these layouts.
+//! - `annotate` puts the bytes of a frame beside their meaning, for people.
 //! - `direction` infers from a PDU, the layouts and the outstanding request who sent it. `recognize` reports RTU, ASCII and
 //!   TCP apart by checksums and headers, without framing.
 //! - `checksum` has CRC-16 and LRC, `mbap` the header of Modbus/TCP, `line` the settings of a serial line with the times
@@ -12,6 +13,7 @@
 //!   sizes as people write them, `visible` makes text safe to be shown. `mix` hashes numbers, to choose some of them.
 
 pub mod amount;
+pub mod annotate;
 pub mod checksum;
 pub mod decimal;
 pub mod direction;

@@ -138,6 +138,7 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     #[cfg(feature = "files")]
     module.add_class::<files::RowFile>()?;
     module.add_class::<functions::Functions>()?;
+    module.add_function(wrap_pyfunction!(functions::pdu_of, module)?)?;
     module.add_function(wrap_pyfunction!(profile::judge, module)?)?;
     module.add_function(wrap_pyfunction!(profile::sunspec_models, module)?)?;
     module.add_class::<profile::Profile>()?;
@@ -178,6 +179,7 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<watch::Join>()?;
     module.add_class::<watch::Watch>()?;
     module.add_function(wrap_pyfunction!(view::carried, module)?)?;
+    module.add_function(wrap_pyfunction!(view::register_number, module)?)?;
     module.add_class::<batch::Batch>()?;
     module.add_class::<read_ahead::Reader>()?;
     module.add_class::<read_ahead::ReadBlock>()?;

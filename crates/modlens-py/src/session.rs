@@ -34,13 +34,11 @@ use crate::table::Predicate;
 
 /// The framing of this name; `None` stands for `auto`, which lets the engine detect it.
 pub(crate) fn framing(name: &str) -> PyResult<Option<Mode>> {
-    Ok(match name {
-        "auto" => None,
-        "rtu" => Some(Mode::Rtu),
-        "ascii" => Some(Mode::Ascii),
-        "tcp" => Some(Mode::Tcp),
-        other => return Err(value_error(format!("mode {other:?} is not one of auto, rtu, ascii, tcp"))),
-    })
+    if name == "auto" {
+        return Ok(None);
+    }
+    let unknown = || value_error(format!("mode {name:?} is not one of auto, rtu, ascii, tcp"));
+    Mode::from_text(name).map(Some).ok_or_else(unknown)
 }
 
 /// The number of a line of a bus.

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use modlens_protocol::register_type::Space;
 use modlens_tables::columns::RowRef;
 use modlens_writers::view as lines;
 use modlens_writers::view::{AddressNotation, StyledText, TableOptions, TimeDisplay, Zone};
@@ -113,6 +114,13 @@ impl Lines {
         let end = table.core.len().min(start.saturating_add(count));
         Ok(start.min(end)..end)
     }
+}
+
+/// A wire address in a notation; in that of the wire where the register type is not known.
+#[pyfunction]
+#[pyo3(signature = (wire, register_type, notation))]
+pub fn register_number(wire: u32, register_type: Option<&str>, notation: &str) -> PyResult<String> {
+    Ok(address_notation(notation)?.address(wire, register_type.and_then(Space::from_word)))
 }
 
 /// The register values of a transaction, as many as fit into the width.

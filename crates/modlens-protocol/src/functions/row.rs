@@ -173,4 +173,31 @@ impl FunctionRow {
             Direction::Unknown => &Layout::Unknown,
         }
     }
+
+    /// The vendor whose table it is from.
+    pub fn vendor(&self) -> Option<&str> {
+        self.source["vendor"].as_str()
+    }
+
+    /// A name that no other row has: that of a row with `when` is the text before the colon of its summary.
+    pub fn label(&self) -> String {
+        let Some(value) = self.when else { return self.name.clone() };
+        let summary = self.source["summary"].as_str().unwrap_or_default();
+        summary.split_once(':').map_or_else(|| format!("{} {value}", self.name), |(own, _)| own.to_owned())
+    }
+
+    /// The lowest and the highest value that a field may have, wherever in the body it is.
+    pub fn limits(&self, field: &str) -> Option<(u32, u32)> {
+        let list = numbers(&self.source["limits"][field])?;
+        Some((*list.first()?, *list.get(1)?))
+    }
+
+    /// The only values that a field may have, wherever in the body it is.
+    pub fn allowed(&self, field: &str) -> Option<Vec<u32>> {
+        numbers(&self.source["allowed"][field])
+    }
+}
+
+fn numbers(list: &Json) -> Option<Vec<u32>> {
+    Some(list.as_array()?.iter().filter_map(|number| u32::try_from(number.as_u64()?).ok()).collect())
 }

@@ -1,5 +1,6 @@
 //! The text of the cells in tables: addresses, values, times in milliseconds, states and their styles.
 
+use modlens_protocol::register_type::{Space, LAST_ADDRESS};
 use serde_json::Value as Json;
 
 use crate::view::notation::AddressNotation;
@@ -59,26 +60,20 @@ pub fn milliseconds(row: &RowRef<'_>, column: usize) -> Option<String> {
 
 /// The short name of a table: `hr`, `ir`, `co` or `di`.
 pub fn short_name(kind: Option<&str>) -> Option<&'static str> {
-    Some(match kind? {
-        "coil" => "co",
-        "discrete_input" => "di",
-        "input_register" => "ir",
-        "holding_register" => "hr",
-        _ => return None,
-    })
+    Space::from_word(kind?).map(Space::short_name)
 }
 
 fn is_bits(kind: Option<&str>) -> bool {
-    matches!(kind, Some("coil" | "discrete_input"))
+    kind.and_then(Space::from_word).is_some_and(Space::is_bits)
 }
 
 /// A range of addresses: `107-109`, `40108`. It ends at 65535 even if the request asked for more.
 pub fn address_range(first: Option<i64>, quantity: Option<i64>, kind: Option<&str>, base: AddressNotation) -> String {
     let Some(first) = first else { return String::new() };
-    let start = base.address(first, kind);
+    let text = |wire: i64| base.address(wire.clamp(0, LAST_ADDRESS.into()) as u32, kind.and_then(Space::from_word));
     match quantity {
-        None | Some(0 | 1) => start,
-        Some(quantity) => format!("{start}-{}", base.address((first + quantity - 1).min(0xFFFF), kind)),
+        None | Some(0 | 1) => text(first),
+        Some(quantity) => format!("{}-{}", text(first), text(first + quantity - 1)),
     }
 }
 

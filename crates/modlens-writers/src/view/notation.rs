@@ -1,5 +1,6 @@
 //! The notations of addresses and times.
 
+use modlens_protocol::register_type::Space;
 use modlens_protocol::Ns;
 
 /// The notation of addresses.
@@ -49,20 +50,12 @@ impl AddressNotation {
 
     /// A wire address in this notation; in wire notation if the table is unknown. Five digits suffice up to 9999;
     /// higher addresses are shown with six.
-    pub(super) fn address(self, wire: i64, kind: Option<&str>) -> String {
-        let digit = match kind {
-            Some("coil") => 0,
-            Some("discrete_input") => 1,
-            Some("input_register") => 3,
-            Some("holding_register") => 4,
-            _ if self == Self::Hex => 0,
-            _ => return wire.to_string(),
-        };
-        match self {
-            Self::Wire => wire.to_string(),
-            Self::Hex => format!("0x{wire:04X}"),
-            Self::Five if wire < 9999 => format!("{digit}{:04}", wire + 1),
-            Self::Five | Self::Six => format!("{digit}{:05}", wire + 1),
+    pub fn address(self, wire: u32, space: Option<Space>) -> String {
+        match (self, space) {
+            (Self::Hex, _) => format!("0x{wire:04X}"),
+            (Self::Wire, _) | (_, None) => wire.to_string(),
+            (Self::Five, Some(space)) => space.five_digit(wire).unwrap_or_else(|| space.six_digit(wire)),
+            (Self::Six, Some(space)) => space.six_digit(wire),
         }
     }
 }
