@@ -5,14 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, BinaryIO, Literal, NoReturn, Self, cast
+from typing import Any, BinaryIO, Literal, Never, NoReturn, Self, cast
 
 import _modlens
 from analyzer.columns import TABLES, columns
 from analyzer.data_frames import LEAST_REQUESTS, outages, response_times
+from analyzer.doubts import warn
 from analyzer.exports import format_of
 from analyzer.exports.sink import Target, with_suitable_table
 from analyzer.filters import selection
+from analyzer.keywords import check_filter, refuse
 from analyzer.line import Line, parse_line
 from analyzer.live_run import LiveRun
 from analyzer.profiles import Binding, parse_binding, with_vendor_functions
@@ -95,7 +97,7 @@ class Decoding:
         """The causes that `modlens doctor` reports: a row each, at the end of a pass."""
         return Rows(self, "diagnoses")
 
-    def where(self, text: str) -> Decoding:
+    def where(self, text: str = "", **columns: Never) -> Decoding:
         """The same recording as if nothing else had happened: for `stats`, `doctor` and the rows.
 
         The filter chooses transactions; their frames and findings come with them, and rows without
@@ -105,8 +107,7 @@ class Decoding:
         >>> decode(bytes.fromhex("1103006B00037687 110306022B00000064C8BA")).where("unit == 17")
         <recording memory-1 where unit == 17>
         """
-        if not isinstance(text, str):
-            raise UsageError('a filter is a text such as where("unit == 1 and exception")')
+        check_filter(text, columns)
         chosen = text if self._chosen is None else f"({self._chosen}) and ({text})"
         settings = replace(self._settings, select=selection(lambda _: chosen))
         return Decoding(self.names, settings, self._read_as, self._data, chosen)
@@ -191,7 +192,7 @@ class Decoding:
 
     def _run(self, tables: Iterable[str]) -> FileRun:
         settings = replace(self._settings, tables=tuple(tables))
-        return FileRun(self.names, settings, read_as=self._read_as, data=self._data)
+        return FileRun(self.names, settings, read_as=self._read_as, data=self._data, notify=warn)
 
 
 def decode(  # noqa: PLR0913 - that many things can be said of a recording
@@ -211,6 +212,7 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
     segmentation: str = "joint",
     t35: str | None = None,
     t15: str | None = None,
+    **other: Never,
 ) -> Decoding:
     """Decode one recording, or several one after the other.
 
@@ -234,6 +236,7 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
     `UsageError` for settings that cannot be, `SourceError` for a file that does not exist. Files
     are read when rows are asked for.
     """
+    refuse(decode, other)
     names, data = _sources(recordings)
     if isinstance(channels, str):
         raise UsageError(f'channels is a list such as ["RX", "TX"], not {channels!r}')
@@ -344,6 +347,7 @@ def tap(  # noqa: PLR0913 - all but the ports by keyword
     functions: _modlens.Functions | None = None,
     profiles: Iterable[str | Binding] = (),
     notify: Callable[[str], None] = lambda _: None,
+    **other: Never,
 ) -> Tap:
     """Listen to a serial line; nothing is ever sent.
 
@@ -356,6 +360,7 @@ def tap(  # noqa: PLR0913 - all but the ports by keyword
             for transaction in bus:
                 print(transaction.unit, transaction.status)
     """
+    refuse(tap, other)
     if not ports:
         raise UsageError("no port to listen to")
     if not all(isinstance(port, str) for port in ports):

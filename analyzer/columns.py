@@ -8,9 +8,12 @@
 
 from __future__ import annotations
 
+import json
+import re
 from dataclasses import dataclass
 from functools import cache
 
+import _modlens
 from dissectors.errors import UsageError
 from dissectors.texts import respelled, vocabulary
 
@@ -52,6 +55,15 @@ def columns(table: str) -> tuple[Column, ...]:
     return found
 
 
+def _meant(word: str, table: str) -> str | None:
+    """Returns the column that other programs call so, as filters know them: `unit` for `slave`."""
+    if not word.isidentifier():
+        return None
+    found = json.loads(_modlens.parse_filter(f"{word} is None", table, lambda: []))
+    match = re.search(r"write `(\w+)`", found.get("error", ""))
+    return match and match[1]
+
+
 def pick(table: str, text: str | None) -> tuple[str, ...]:
     """Parse `a,b,c` into column keys, in that order; all keys of the table where `text` is None.
 
@@ -70,9 +82,13 @@ def pick(table: str, text: str | None) -> tuple[str, ...]:
         if key not in known:
             from dissectors.function_lookup import similar_name  # noqa: PLC0415 - a message only
 
-            hint = similar_name(key, known)
+            meant, hint = _meant(key, table), similar_name(key, known)
             question = (
-                f"; did you mean {hint!r}?" if hint else f"; the columns are {', '.join(known)}"
+                f"; write {meant!r}"
+                if meant in known
+                else f"; did you mean {hint!r}?"
+                if hint
+                else f"; the columns are {', '.join(known)}"
             )
             raise UsageError(f"no column {key!r} in {table}{question}")
     return tuple(wanted)

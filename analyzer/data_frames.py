@@ -68,7 +68,8 @@ def wide(readings: Rows, every: str | None, how: str) -> Any:
         )
     if how not in RULES:
         raise UsageError(f"how={how!r}; it is one of {', '.join(RULES)}")
-    keys = ("time", "elapsed_us", "bus", "unit", "register_type", "address", "name", "value")
+    place = ("bus", "unit", "register_type", "address")
+    keys = ("time", "elapsed_us", *place, "name", "unit_of_measure", "value")
     found = typed(readings.where("value is not None").select(*keys).to_arrow())
     found["column"] = _labels(found)
     index = _moments(pandas, found)
@@ -77,10 +78,12 @@ def wide(readings: Rows, every: str | None, how: str) -> Any:
     )
     table = table.sort_index()
     table.columns.name = None
-    if every is None or table.empty:
-        return table
-    # An interval without a value stays empty: nothing is carried over a gap.
-    return getattr(table.resample(_interval(pandas, every)), how)()
+    if every is not None and not table.empty:
+        # An interval without a value stays empty: nothing is carried over a gap.
+        table = getattr(table.resample(_interval(pandas, every)), how)()
+    measured = found.dropna(subset="unit_of_measure").drop_duplicates("column")
+    table.attrs["units"] = dict(zip(measured["column"], measured["unit_of_measure"], strict=True))
+    return table
 
 
 def outages(transactions: Rows, requests: int) -> Any:

@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from html import escape
 from itertools import islice
-from typing import Any, Generic, NoReturn, Protocol, TypeVar, overload
+from typing import Any, Generic, Never, NoReturn, Protocol, TypeVar, overload
 
 import _modlens
 from analyzer.columns import columns, pick
@@ -24,6 +24,7 @@ from analyzer.exports.sink import (
     with_suitable_table,
 )
 from analyzer.filters import Filter, parse
+from analyzer.keywords import check_filter
 from analyzer.visible import visible
 from dissectors.errors import ModlensError, UsageError
 
@@ -78,13 +79,12 @@ class Rows(Generic[Item_co]):
         """The keys of the columns, in order."""
         return self._selected or tuple(column.key for column in columns(self.name))
 
-    def where(self, text: str) -> Rows[Item_co]:
+    def where(self, text: str = "", **columns: Never) -> Rows[Item_co]:
         """Returns the rows that match a filter (see `analyzer.filters`).
 
         `FilterError` if it cannot be understood.
         """
-        if not isinstance(text, str):
-            raise UsageError('a filter is a text such as where("unit == 1 and exception")')
+        check_filter(text, columns)
         return self._with(parse(text, self.name))
 
     def select(self, *keys: str) -> Rows[tuple[Any, ...]]:
@@ -162,6 +162,7 @@ class Rows(Generic[Item_co]):
         gets its unit in front, and with several recordings each gets its bus. With `every` ('10s',
         '15min', '1h') there is a row for each interval, with the `how` of its values: last, first,
         mean, min or max. Where nothing was read the cell stays empty: no value is carried on.
+        `attrs["units"]` has the unit of measure of each column that a profile gives one.
 
         `UsageError` for rows of another table, or where pandas or pyarrow is not installed.
         """

@@ -16,13 +16,15 @@ give batches one after the other, as they are decoded, so that memory does not g
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+import os
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any, Protocol
 
 import _modlens
+from analyzer.doubts import doubts
 from analyzer.settings import Settings
 from analyzer.sources import BINARY, is_binary
 from analyzer.sources.files import RAW, Recording, check_readable, size_of
@@ -81,6 +83,9 @@ class FileRun:
     decoded without looking ahead, as by a live tap, and give its rows. With `follow` the last file
     may grow for ever. `data` are the bytes of recordings that are not files of that name.
 
+    A file is read once, also if it is named twice. `notify` gets a sentence about that, and about
+    what is doubtful at the end (`analyzer.doubts`).
+
     `on_status` gets the status of every recording after its first block and at its end, `progress`
     is informed of every block. Recordings are read by `ahead`, which makes the items of an
     iterator before they are asked for (`analyzer.pool`); without it, between two blocks.
@@ -99,6 +104,7 @@ class FileRun:
         read_as: str | None = None,
         replay: bool = False,
         on_status: Callable[[RecordingStatus], None] | None = None,
+        notify: Callable[[str], None] = lambda _: None,
         follow: bool = False,
         data: Mapping[str, bytes] | None = None,
         progress: Progress | None = None,
@@ -109,11 +115,12 @@ class FileRun:
         self._progress = progress
         self._recording: Recording | None = None
         self._data = data or {}
-        self._names = [
+        self._notify = notify
+        self._names = self._each_once(
             recording
             for name in names
             for recording in self._recordings_of(name, unpack=read_as != RAW)
-        ]
+        )
         for name in self._names:
             if name.text in self._data:
                 continue
@@ -164,6 +171,8 @@ class FileRun:
         if troubles and not self._decoded:
             raise troubles[0]
         yield self.finish()
+        for text in doubts(self._settings, self.stats()):
+            self._notify(text)
 
     def _decode(
         self, name: RecordingName, archives: Archives, *, follow: bool
@@ -212,6 +221,18 @@ class FileRun:
 
     def _recordings_of(self, name: str, *, unpack: bool) -> list[RecordingName]:
         return [RecordingName(name)] if name in self._data else expand([name], unpack=unpack)
+
+    def _each_once(self, recordings: Iterable[RecordingName]) -> list[RecordingName]:
+        """The recordings without files that came before, perhaps by another name."""
+        found: dict[str, RecordingName] = {}
+        for one in recordings:
+            is_file = one.text not in self._data and one.text != STDIN
+            if (
+                found.setdefault(os.path.realpath(one.text) if is_file else one.text, one)
+                is not one
+            ):
+                self._notify(f"{one.text}: named twice, read once")
+        return list(found.values())
 
     def _open(self, name: RecordingName, archives: Archives, *, follow: bool) -> Recording:
         return Recording(

@@ -43,6 +43,7 @@ def file_run(  # noqa: PLR0913 - three by keyword
         read_as=options.read_as,
         replay=getattr(options, "replay", False),
         on_status=note,
+        notify=messages.info,
         follow=follow,
         progress=messages.progress,
         ahead=None if pool is None else pool.ahead,

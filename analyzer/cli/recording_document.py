@@ -47,6 +47,7 @@ class RecordingDocument:
             self._settings,
             read_as=options.read_as,
             on_status=self._note,
+            notify=messages.info,
             progress=messages.progress,
         )
         for _ in self._files.batches():

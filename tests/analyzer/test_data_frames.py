@@ -37,6 +37,21 @@ def test_values_stand_by_time_and_name() -> None:
     assert frame.iloc[:, 0].dropna().tolist() == wanted
 
 
+def test_values_have_their_unit_of_measure(tmp_path: Path) -> None:
+    """Of columns that a profile gives one, with and without an interval."""
+    profile = tmp_path / "meter.toml"
+    profile.write_text(
+        'profile = 1\n[device]\nid = "meter"\n'
+        '[[registers]]\nat = "hr:0"\nname = "level"\ntype = "u16"\nunit = "mm"\n'
+        '[[registers]]\nat = "hr:1"\nname = "state"\ntype = "u16"\n',
+        encoding="utf-8",
+    )
+    path = CAPTURES / "pymodbus_two_units" / "recording.jsonl"
+    readings = modlens.decode(path, profiles=[f"1={profile}"]).readings.where("unit == 1")
+    assert readings.wide().attrs["units"] == {"level": "mm"}
+    assert readings.wide(every="1s").attrs["units"] == {"level": "mm"}
+
+
 def test_an_interval_without_a_value_stays_empty() -> None:
     """Compared with the values of each second, gathered by hand."""
     readings = DEAD.readings.where("unit == 1 and touches(hr, 0)")
@@ -132,6 +147,10 @@ def test_without_a_clock_there_is_no_time() -> None:
         (lambda: DEAD.readings.wide(how="median"), "last, first, mean"),
         (lambda: DEAD.response_times(by="colour"), "colour"),
         (lambda: DEAD.outages(requests=0), "1 or more"),
+        (lambda: DEAD.transactions.select("slave"), "write 'unit'"),
+        (lambda: DEAD.response_times(by="slave"), "write 'unit'"),
+        (lambda: DEAD.where(unit=3), 'where("unit == 3")'),  # type: ignore[arg-type]
+        (lambda: DEAD.transactions.where(status="ok"), "where(\"status == 'ok'\")"),  # type: ignore[arg-type]
         (lambda: DEAD.where(3), 'where("unit == 1'),  # type: ignore[arg-type]
     ],
 )
