@@ -8,6 +8,7 @@ from __future__ import annotations
 import tests.doctor.kinds.connections
 import tests.doctor.kinds.damage
 import tests.doctor.kinds.gateways
+import tests.doctor.kinds.layouts
 import tests.doctor.kinds.register_maps
 import tests.doctor.kinds.silences
 import tests.doctor.kinds.strangers

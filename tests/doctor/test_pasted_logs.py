@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from analyzer import decode
+from analyzer import SourceError, decode
 from tests.doctor.frames import read_request, rtu
 
 REQUEST = rtu(7, read_request(3, 24, 4))
@@ -109,9 +109,9 @@ def test_damaged_answers_that_one_part_of_a_program_prints_are_read(tmp_path: Pa
 @pytest.mark.parametrize(
     ("answers", "says"),
     [
-        ([ANSWER], "Cannot be judged: 1 request is too few."),
+        ([ANSWER], "Cannot be judged: 1 request is too few; it was answered"),
         ([ANSWER[:-1] + b"\x5a"] * 2, "Suspected: The answer lacks its last byte"),
-        ([rtu(7, b"\x83\x02"), ANSWER], "Suspected: The unit does not have the address"),
+        ([rtu(7, b"\x83\x02"), ANSWER], "Suspected: Unit 7 does not have the address"),
     ],
 )
 def test_a_few_requests_are_no_ground_for_a_verdict_but_were_read(
@@ -173,6 +173,84 @@ def test_requests_without_answers_are_named_and_not_judged(tmp_path: Path) -> No
     ]
     assert "no answer of unit 7 is in the recording" in found["sentence"].lower()
     assert "one direction only" in found["diagnoses"][0]["advice"]
+
+
+def framed(body: bytes) -> bytes:
+    """An answer of unit 7 to function 3 with this body; its checksum is right."""
+    return rtu(7, bytes([3]) + body)
+
+
+DATA = ANSWER[3:-2]
+BUILT_WRONGLY = {
+    "lacks the byte count": framed(DATA),
+    "two bytes as its byte count": framed(bytes([0, len(DATA)]) + DATA),
+    "not that of the bytes behind it": framed(bytes([len(DATA) // 2]) + DATA),
+    "its two bytes are swapped": ANSWER[:-2] + ANSWER[:-3:-1],
+    "a frame in hex digits": ANSWER.hex().upper().encode(),
+}
+
+
+@pytest.mark.parametrize("says", BUILT_WRONGLY)
+def test_a_frame_that_is_built_wrongly_is_no_trouble_of_the_line(says: str, tmp_path: Path) -> None:
+    found = doctor(exchange(BUILT_WRONGLY[says], 1), tmp_path)
+    assert codes(found) == ["wrong_layout"], found["sentence"]
+    assert says in str(found["sentence"])
+
+
+def test_a_header_that_counts_wrong_is_named(tmp_path: Path) -> None:
+    """Messaging on TCP/IP, 3.1.3: the length counts the unit and the PDU, 9 bytes; 6 is said."""
+    answer = bytes([0, 1, 0, 0, 0, 6, 1, 3, 6, 1, 0, 0, 0, 0, 0x34]).hex(" ")
+    found = doctor([f"TX: {tcp(1, read_request(3, 0, 3))}", f"RX: {answer}"], tmp_path)
+    assert codes(found) == ["wrong_layout"], found["sentence"]
+    assert "length field" in found["sentence"]
+
+
+@pytest.mark.parametrize(
+    "quoted",
+    [
+        ["The Rx should be this, I think", f"RX: {ANSWER.hex(' ')}"],
+        [f"RX: {ANSWER.hex(' ')} <- should have been"],
+        ["True:", f"TX: {REQUEST.hex(' ')}", f"RX: {ANSWER.hex(' ')}"],
+    ],
+)
+def test_what_only_should_have_come_did_not_come(quoted: list[str], tmp_path: Path) -> None:
+    came = exchange(rtu(7, b"\x83\x02"), 1)
+    found = doctor([*came, *quoted], tmp_path)
+    assert codes(found) == ["register_hole"], found["sentence"]
+    assert codes(doctor([*came, "But I get this:", *quoted[-1:]], tmp_path)) != []
+
+
+def test_a_refusal_without_its_request_is_read(tmp_path: Path) -> None:
+    found = doctor([f"RX: {rtu(7, bytes([0x84, 2])).hex(' ')}"], tmp_path)
+    assert codes(found) == ["register_hole"], found["sentence"]
+    assert "unit 7 does not have the address" in found["sentence"].lower()
+
+
+def test_a_reader_one_byte_out_of_step_is_no_late_driver(tmp_path: Path) -> None:
+    """Each read begins with the second byte of an answer and ends with the first of the next."""
+    found = doctor(exchange(ANSWER[1:] + ANSWER[:1], 1), tmp_path)
+    assert codes(found)[0] == "lockstep", found["sentence"]
+    assert "one byte out of step" in found["sentence"]
+
+
+def test_an_answer_that_is_cut_off_is_not_called_damaged(tmp_path: Path) -> None:
+    found = doctor(exchange(ANSWER[:8], 1), tmp_path)
+    assert codes(found) == ["gaps_in_frames"], found["sentence"]
+
+
+def test_a_single_register_has_no_halves(tmp_path: Path) -> None:
+    asked, refused = rtu(7, read_request(3, 200, 1)), rtu(7, b"\x83\x02")
+    found = doctor([f"TX: {asked.hex(' ')}", f"RX: {refused.hex(' ')}"] * 12, tmp_path)
+    assert codes(found) == ["register_hole"], found["sentence"]
+    assert "address 200 does not exist in unit 7" in found["diagnoses"][0]["sentence"].lower()
+    assert "halves" not in found["diagnoses"][0]["proof"]
+
+
+def test_bytes_that_prove_nothing_are_named_by_what_is_odd(tmp_path: Path) -> None:
+    log = tmp_path / "pasted.txt"
+    log.write_text(f"I only get this:\nReadFrame: 00 {ANSWER[:-1].hex(' ')}\n", "utf-8")
+    with pytest.raises(SourceError, match="a stray byte is in front of the frame"):
+        decode(log).doctor()
 
 
 def test_a_request_at_the_end_has_no_outcome(tmp_path: Path) -> None:

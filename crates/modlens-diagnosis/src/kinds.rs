@@ -6,6 +6,7 @@
 mod answers;
 mod damage;
 mod exceptions;
+mod layouts;
 mod masters;
 mod meetings;
 mod network;
@@ -50,6 +51,7 @@ pub const KINDS: &[Kind] = &[
     ("unexpected_writer", masters::unexpected_writer),
     ("device_absent", answers::device_absent),
     ("bus_saturated", pace::bus_saturated),
+    ("wrong_layout", layouts::wrong_layout),
 ];
 
 /// A kind that explains the failures of another one, of the same unit or of the whole line.
@@ -107,6 +109,27 @@ const EXPLAINS: &[(&str, &[&str])] = &[
     ("bystander", &["duplicate_address"]),
     ("device_absent", &["polled_too_fast"]),
     ("lockstep", &["slow_answers", "gateway_mixup", "value_spike"]),
+    (
+        "wrong_layout",
+        &[
+            "slow_answers",
+            "duplicate_address",
+            "own_echo",
+            "gateway_mixup",
+            "driver_enable",
+            "polled_too_fast",
+            "dead_unit_cost",
+            "device_absent",
+            "bystander",
+            "line_noise",
+            "no_bias",
+            "foreign_protocol",
+            "wrong_line_settings",
+            "two_masters",
+            "framing_mismatch",
+            "lockstep",
+        ],
+    ),
 ];
 
 /// What all kinds claim of a bus, without what another claim explains; and what they claim each by itself.

@@ -1,6 +1,7 @@
 //! What the contrast needs to know of a transaction and of a frame: a few numbers each, without the bytes.
 
 mod damage;
+mod layout;
 
 use modlens_engine::records::{Batch, Exchange, Frame, InnerPauses, Transaction};
 use modlens_protocol::direction::Direction;
@@ -12,6 +13,8 @@ use modlens_protocol::Ns;
 
 pub(crate) use damage::response_part;
 pub use damage::{DamagedPart, DAMAGED_PARTS};
+pub(crate) use layout::lacks_count;
+pub use layout::LayoutFault;
 
 use crate::contrast::tally::{fingerprint, mix, Place};
 
@@ -22,6 +25,11 @@ pub struct FindingSet(u64);
 impl FindingSet {
     fn of(findings: &[Finding]) -> Self {
         Self(findings.iter().fold(0, |set, finding| set | 1 << (*finding as u64)))
+    }
+
+    /// Whether there is none.
+    fn is_empty(self) -> bool {
+        self.0 == 0
     }
 
     /// Whether a finding is among them.
@@ -166,6 +174,12 @@ pub struct Observation {
     pub request_head: Vec<u8>,
     /// What came as the answer is the request itself, whole or cut.
     pub is_own_echo: bool,
+    /// The same with a few bytes changed.
+    pub is_altered_echo: bool,
+    /// The answer stops before its end, and is right as far as it goes.
+    pub is_cut: bool,
+    /// A right checksum or header, and a layout that is not that of the function.
+    pub layout: Option<LayoutFault>,
     /// The data are those that another request was answered with a moment ago.
     pub is_of_another: bool,
     /// Shortly after a silence: whether the values continue the series of the request before, not their own.
@@ -247,6 +261,9 @@ impl Observation {
             findings,
             request_head: request_head(batch, row),
             is_own_echo: row.status == Status::BadResponse && is_echo(batch, row),
+            is_altered_echo: row.status == Status::BadResponse && is_altered_echo(batch, row),
+            is_cut: row.status == Status::BadResponse && findings.has(Finding::Incomplete),
+            layout: if findings.is_empty() { None } else { layout::layout_fault(batch, row, |finding| findings.has(finding)) },
             is_of_another: false,
             shift: None,
             answered_by: findings
@@ -299,6 +316,18 @@ fn answer_head(batch: &Batch, row: &Transaction) -> Vec<u8> {
 fn is_echo(batch: &Batch, row: &Transaction) -> bool {
     let answer = row.response.wire.of(&batch.arena);
     answer.len() >= 3 && row.request.wire.of(&batch.arena).starts_with(answer)
+}
+
+/// So many bytes of an echo, and this share of them (in quarters), are those of the request.
+const LEAST_ECHOED: usize = 6;
+const LEAST_QUARTERS: usize = 3;
+
+/// Whether a damaged answer to a read is the request with a byte or two changed.
+fn is_altered_echo(batch: &Batch, row: &Transaction) -> bool {
+    let [request, answer] = [&row.request, &row.response].map(|part| part.wire.of(&batch.arena));
+    let same = request.iter().zip(answer).filter(|(one, other)| one == other).count();
+    let is_alike = same >= LEAST_ECHOED && same * 4 >= answer.len() * LEAST_QUARTERS && answer.len() <= request.len();
+    row.mode == Mode::Rtu && (1..=4).contains(&row.function) && is_alike && same < answer.len()
 }
 
 /// The unit in an answer of this framing.
@@ -366,6 +395,8 @@ pub struct FrameObservation {
     pub pauses: InnerPauses,
     /// Which part of a damaged request is damaged, where no transaction has it.
     pub damage: Option<DamagedPart>,
+    /// Line or packet of its first byte, and of its last one.
+    pub origins: [u64; 2],
 }
 
 /// Whether a function code is one of the public functions that write registers or coils.
@@ -395,6 +426,7 @@ impl FrameObservation {
             gap: None,
             pauses: InnerPauses::default(),
             damage: None,
+            origins: [0; 2],
         }
     }
 
@@ -417,6 +449,7 @@ impl FrameObservation {
             gap: row.gap,
             pauses: row.pauses,
             damage: damage::damaged_request(row, wire),
+            origins: [row.origin, row.last_origin],
         }
     }
 }

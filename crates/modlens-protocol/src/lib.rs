@@ -8,6 +8,7 @@
 //!   TCP apart by checksums and headers, without framing.
 //! - `checksum` has CRC-16 and LRC, `mbap` the header of Modbus/TCP, `line` the settings of a serial line with the times
 //!   that follow from them.
+//! - `oddity` names what is odd about bytes that are no frame.
 //! - `framing`, `status`, `finding`, `register_type` and `source` are the enumerations that rows consist of.
 //! - `decimal`, `hex` and `timestamp` append values as text; all readers and writers share them. `amount` reads durations and
 //!   sizes as people write them, `visible` makes text safe to be shown. `mix` hashes numbers, to choose some of them.
@@ -24,6 +25,7 @@ pub mod hex;
 pub mod line;
 pub mod mbap;
 pub mod mix;
+pub mod oddity;
 pub mod pdu;
 pub mod recognize;
 pub mod register_type;

@@ -122,7 +122,7 @@ fn refusal(sample: &[u8], best: &str, reason: &str) -> String {
         return format!("no Modbus found: looks like {best}, but {reason}; use --from {best} to decode it anyway");
     }
     let kind = match is_text(sample) {
-        true if reason.contains("hex") => format!("text in an unknown format: {reason}"),
+        true if reason.contains("hex") || reason.contains(';') => format!("text in an unknown format: {reason}"),
         true => String::from("text in an unknown format"),
         false => format!("unknown format ({reason})"),
     };

@@ -150,7 +150,7 @@ impl BusContrast {
         self.context.last_txn = row.txn.unwrap_or(self.context.last_txn);
         let sender = (row.direction, row.unit);
         let good = GoodFrame::after(self.context.last_good, row.number, sender, row.mode, row.code);
-        self.context.last_good = Some(good);
+        self.context.last_good = Some(good.at(row.last_origin));
         self.frames.behind_writes += u64::from(good.is_behind_write());
         self.frames.count_clean(row);
         true
@@ -334,8 +334,9 @@ impl BusContrast {
         self.noise.count(seen, attached.is_some_and(|(direction, _)| direction == Direction::Request));
         let is_answer =
             seen.length >= LEAST_ANSWER_BYTES && attached.is_some_and(|(direction, _)| direction == Direction::Request);
-        if seen.txn.is_none() && !is_answer {
-            self.symptoms.frame(seen, attached.and_then(|(_, unit)| unit));
+        // On Modbus/TCP, only what begins with a header is taken for the answer of a transaction.
+        if seen.txn.is_none() && (!is_answer || seen.mode == Mode::Tcp) {
+            self.symptoms.frame(seen, attached.and_then(|(_, unit)| unit), around.is_behind_header);
         }
         if seen.length < LEAST_ANSWER_BYTES && seen.txn.is_none() {
             match attached {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use modlens_protocol::direction::Direction;
-use modlens_protocol::framing::Mode;
+use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::Ns;
 
 use super::before::Before;
@@ -48,6 +48,8 @@ pub(super) struct GoodFrame {
     mode: Mode,
     /// Good frames since that of a write; as many as fit in it without one.
     since_write: u8,
+    /// On Modbus/TCP, line or packet of its last byte; else 0.
+    origin: u64,
 }
 
 impl GoodFrame {
@@ -59,7 +61,13 @@ impl GoodFrame {
             Some(function) if is_write(function) => 0,
             _ => before.map_or(u8::MAX, |before| before.since_write.saturating_add(1)),
         };
-        Self { number, direction: sender.0, unit: sender.1, function, mode, since_write }
+        Self { number, direction: sender.0, unit: sender.1, function, mode, since_write, origin: 0 }
+    }
+
+    /// The same, with the line or packet of its last byte, which counts on Modbus/TCP alone.
+    #[inline]
+    pub fn at(self, origin: u64) -> Self {
+        Self { origin: if self.mode == Mode::Tcp { origin } else { 0 }, ..self }
     }
 
     /// Whether it belongs to a write, or follows one.
@@ -80,6 +88,8 @@ pub(super) struct Around {
     pub burst: Option<bool>,
     /// It begins with the unit and the function of the answer before.
     pub is_doubled: bool,
+    /// On Modbus/TCP, it stands in the line or packet of the frame before, or begins as an answer to it with a wrong length.
+    pub is_behind_header: bool,
 }
 
 /// A run of damaged frames and noise behind a good frame.
@@ -150,7 +160,8 @@ impl Context {
         if seen.verdict.is_good() {
             let is_other_framing = self.last_good.is_some_and(|before| before.mode != seen.mode);
             let sender = (seen.direction, seen.unit);
-            self.last_good = Some(GoodFrame::after(self.last_good, seen.number, sender, seen.mode, seen.code));
+            let good = GoodFrame::after(self.last_good, seen.number, sender, seen.mode, seen.code);
+            self.last_good = Some(good.at(seen.origins[1]));
             return Around { is_other_framing, ..Around::default() };
         }
         let Some(good) = self.last_good else { return Around::default() };
@@ -169,7 +180,12 @@ impl Context {
         if self.bad_runs.len() > MAX_RUNS {
             self.bad_runs.pop_first();
         }
-        Around { attached: Some((good.direction, good.unit)), burst, is_doubled, is_other_framing: false }
+        let is_answer = good.direction == Direction::Request
+            && matches!(seen.bytes[..], [_, _, 0, 0, _, _, unit, code, ..] if Some(unit) == good.unit && Some(code & 0x7F) == good.function);
+        let is_same_record = good.origin != 0 && good.origin == seen.origins[0];
+        let is_behind_header = good.mode == Mode::Tcp && seen.verdict == Verdict::Noise && (is_same_record || is_answer);
+        let attached = Some((good.direction, good.unit));
+        Around { attached, burst, is_doubled, is_other_framing: false, is_behind_header }
     }
 
     /// An unanswered request behind which an answer's worth of damage came was answered, if badly.

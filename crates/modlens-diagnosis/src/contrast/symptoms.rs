@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 
 use modlens_protocol::finding::Finding;
+use modlens_protocol::oddity::{is_of_driver, is_swapped, is_text, Oddity};
 
 use super::before::Before;
 use super::tally::{Place, Tally};
-use crate::observation::{DamagedPart, FrameObservation, Observation, Outcome};
+use crate::observation::{lacks_count, DamagedPart, FrameObservation, LayoutFault, Observation, Outcome, RequestKey};
 
 macro_rules! symptoms {
     ($($(#[$doc:meta])* $name:ident = $word:literal),* $(,)?) => {
@@ -49,6 +50,26 @@ symptoms! {
     OtherFunction = "other_function",
     /// The answer has another length than asked for, and a right checksum.
     OtherLength = "other_length",
+    /// The answer lacks the byte count, and its checksum is right.
+    CountMissing = "count_missing",
+    /// The byte count has two bytes, and the checksum is right.
+    CountWide = "count_wide",
+    /// The byte count is not that of the bytes that follow, and the checksum is right.
+    CountWrong = "count_wrong",
+    /// The layout is not that of the function in another way, and the checksum is right.
+    OtherLayout = "other_layout",
+    /// The length field of an MBAP header is wrong.
+    HeaderLength = "header_length",
+    /// The checksum is right but for the order of its two bytes.
+    ChecksumSwapped = "checksum_swapped",
+    /// What came as the answer is a frame in hex digits.
+    AnswerDigits = "answer_digits",
+    /// The answer is the request with a byte or two changed.
+    AlteredEcho = "altered_echo",
+    /// The answer stops before its end, and is right as far as it goes.
+    AnswerCut = "answer_cut",
+    /// A single byte behind an answer: the unit's number, with which the next one begins.
+    NextStart = "next_start",
     /// A valid answer that nobody asked for.
     SecondAnswer = "second_answer",
     /// The answer is damaged in its first one or two bytes, or lacks them.
@@ -98,6 +119,11 @@ symptoms! {
 }
 
 impl Symptom {
+    /// Whether a frame is built wrongly, by the program that made it.
+    pub fn is_of_layout(self) -> bool {
+        (Self::CountMissing..=Self::AnswerDigits).contains(&self)
+    }
+
     /// Whether the request was refused by an exception.
     pub fn is_refusal(self) -> bool {
         (Self::RefusedFunction..=Self::RefusedOther).contains(&self)
@@ -137,9 +163,13 @@ impl Symptoms {
         self.count(Symptom::OtherFraming, seen.unit, seen.place);
     }
 
-    /// Counts bytes that belong to no transaction, near this unit.
-    pub(super) fn frame(&mut self, seen: &FrameObservation, unit: Option<u8>) {
+    /// Counts bytes that belong to no transaction, near this unit; `is_behind_header` as `Around` says it.
+    pub(super) fn frame(&mut self, seen: &FrameObservation, unit: Option<u8>, is_behind_header: bool) {
         let symptom = match seen.bytes.as_slice() {
+            _ if is_behind_header => Symptom::HeaderLength,
+            [byte] if Some(*byte) == unit => Symptom::NextStart,
+            bytes if matches!(Oddity::of(bytes), Some(Oddity::Digits(_))) => Symptom::AnswerDigits,
+            bytes if is_swapped(bytes) => Symptom::ChecksumSwapped,
             bytes if bytes.len() < 3 && bytes.iter().all(|byte| is_of_driver(*byte)) => Symptom::Stray,
             bytes if is_text(bytes) => Symptom::Text,
             _ => Symptom::Noise,
@@ -161,39 +191,19 @@ impl Symptoms {
     }
 }
 
-/// Whether a byte is what a receiver makes of a line that is switched or floats: 00, FF, or one run of ones above zeros.
-fn is_of_driver(byte: u8) -> bool {
-    byte.leading_ones() + byte.trailing_zeros() >= 8
-}
-
-/// Fewer printable bytes than these come about by chance.
-const LEAST_TEXT: usize = 6;
-
-/// Whether nearly all bytes are printable.
-fn is_text(bytes: &[u8]) -> bool {
-    let printable = bytes.iter().filter(|byte| matches!(byte, b' '..=b'~' | b'\r' | b'\n')).count();
-    bytes.len() >= LEAST_TEXT && printable * 5 >= bytes.len() * 4
-}
-
 /// The symptom of a transaction; `None` of one that is as it should be.
 fn of_transaction(seen: &Observation, before: Before) -> Option<Symptom> {
     let has = |finding| seen.findings.has(finding);
     let symptom = match seen.outcome {
+        _ if seen.layout.is_some() => layout(seen, before)?,
         Outcome::Silent => Symptom::NoAnswer,
+        _ if seen.is_altered_echo => Symptom::AlteredEcho,
         _ if seen.is_own_echo || has(Finding::LocalEcho) => Symptom::Echo,
         Outcome::Garbled if has(Finding::ResponseLength) => Symptom::OtherLength,
         Outcome::Garbled | Outcome::NotSeen if seen.damage.is_some() => return garbled(seen),
         Outcome::BadRequest if seen.damage == Some(DamagedPart::End) => Symptom::RequestEnd,
         Outcome::BadRequest => Symptom::RequestInside,
-        Outcome::Refused => match seen.exception {
-            Some(1) => Symptom::RefusedFunction,
-            Some(2) => Symptom::RefusedAddress,
-            Some(3) => Symptom::RefusedValue,
-            Some(4) => Symptom::RefusedFailure,
-            Some(5 | 6) => Symptom::RefusedBusy,
-            Some(10 | 11) => Symptom::RefusedGateway,
-            _ => Symptom::RefusedOther,
-        },
+        Outcome::Refused => refusal(seen.exception),
         Outcome::Unasked if seen.late_response_to.is_some() => Symptom::LateAnswer,
         Outcome::Unasked => unasked(seen, before)?,
         _ if has(Finding::TwoMasters) => Symptom::RequestCrossed,
@@ -207,6 +217,35 @@ fn of_transaction(seen: &Observation, before: Before) -> Option<Symptom> {
     Some(symptom)
 }
 
+/// The symptom of a refusal with this exception.
+fn refusal(exception: Option<u8>) -> Symptom {
+    match exception {
+        Some(1) => Symptom::RefusedFunction,
+        Some(2) => Symptom::RefusedAddress,
+        Some(3) => Symptom::RefusedValue,
+        Some(4) => Symptom::RefusedFailure,
+        Some(5 | 6) => Symptom::RefusedBusy,
+        Some(10 | 11) => Symptom::RefusedGateway,
+        _ => Symptom::RefusedOther,
+    }
+}
+
+/// The symptom of a frame that is built wrongly. That its byte count is missing, only what was asked for shows.
+fn layout(seen: &Observation, before: Before) -> Option<Symptom> {
+    let lacks_count =
+        |asked: RequestKey| asked.function == seen.function && lacks_count(seen.lengths[1], asked.function, asked.quantity);
+    Some(match seen.layout? {
+        LayoutFault::WrongCount | LayoutFault::Other if seen.key().or(before.asked).is_some_and(lacks_count) => {
+            Symptom::CountMissing
+        }
+        LayoutFault::WideCount => Symptom::CountWide,
+        LayoutFault::WrongCount => Symptom::CountWrong,
+        LayoutFault::HeaderLength => Symptom::HeaderLength,
+        LayoutFault::SwappedChecksum => Symptom::ChecksumSwapped,
+        LayoutFault::Other => Symptom::OtherLayout,
+    })
+}
+
 fn garbled(seen: &Observation) -> Option<Symptom> {
     let head = [seen.unit, seen.function];
     let bytes = &seen.answer_head;
@@ -215,8 +254,10 @@ fn garbled(seen: &Observation) -> Option<Symptom> {
         DamagedPart::Start => Symptom::AnswerStart,
         DamagedPart::End => Symptom::AnswerEnd,
         DamagedPart::Bit => Symptom::AnswerBit,
+        DamagedPart::Inside if seen.is_cut => Symptom::AnswerCut,
         DamagedPart::Inside => Symptom::AnswerInside,
         DamagedPart::Whole if (1..=2).any(|by| bytes.get(by..by + 2) == Some(&head)) => Symptom::AnswerShifted,
+        DamagedPart::Whole if matches!(Oddity::of(bytes), Some(Oddity::Digits(_))) => Symptom::AnswerDigits,
         DamagedPart::Whole if is_text(bytes) => Symptom::AnswerText,
         DamagedPart::Whole if bytes.len() >= 3 && bytes.iter().all(|byte| is_of_driver(*byte)) => Symptom::AnswerInverted,
         DamagedPart::Whole => Symptom::AnswerWhole,
@@ -232,6 +273,12 @@ fn unasked(seen: &Observation, before: Before) -> Option<Symptom> {
         return Some(if (1..=STEPS).contains(&last.wrapping_sub(id)) { Symptom::StepBehind } else { Symptom::OtherId });
     }
     match before.asked {
+        // A refusal says what is wrong, whatever was asked.
+        _ if seen.exception.is_some()
+            && before.asked.is_none_or(|key| key.unit == seen.unit && key.function == seen.function) =>
+        {
+            Some(refusal(seen.exception))
+        }
         // Without any request before it, the recording began after it was sent.
         None => None,
         Some(key) if seen.answer_head.get(1..3) == Some(&[key.unit, key.function]) => Some(Symptom::AnswerShifted),

@@ -162,9 +162,26 @@ pub(super) fn register_hole(view: &View<'_>) -> Vec<Claim> {
             Reason::Unknown if !(view.is_small() && request.1.refused[1] == 0) => "",
             _ => return None,
         };
-        Some(claim(view, "register_hole", request)?.fact("parts", parts))
+        let (missing, what_to_check, experiment) = hole_in_words(request.0);
+        let claim = claim(view, "register_hole", request)?.fact("parts", parts).fact("missing", missing);
+        Some(claim.fact("what_to_check", what_to_check).fact("experiment", experiment))
     });
     claims.collect()
+}
+
+/// What does not exist, what to check and what would prove it; a single register has no halves.
+fn hole_in_words(key: &RequestKey) -> (String, &'static str, String) {
+    let block = block(key);
+    if key.quantity == 1 {
+        let check = "The register map of the device, whether its addresses count from 0 or 1, and the function: input registers are function 4, holding registers 3.";
+        let experiment = "Ask for the address before, for the one after, and for the same one by the other function.";
+        return (format!("{block} does not exist"), check, String::from(experiment));
+    }
+    (
+        format!("some of {block} do not exist"),
+        "The register map of the device: split the request, so that it leaves the missing registers out.",
+        format!("Ask for the two halves of {block} one by one: one is answered, the other is refused."),
+    )
 }
 
 /// Blocks that fail above a quantity.

@@ -129,7 +129,9 @@ pub(super) fn verdict(
         return (Verdict::Unknown, format!("Cannot be judged: {count} bytes, and no request among them."));
     }
     if share.total < FEW {
-        return (Verdict::Unknown, format!("Cannot be judged: {}.", too_few(share, refused)));
+        let is_whole =
+            buses.iter().all(|(_, bus)| (bytes_of_frames(bus), bus.symptoms.all().count()) == (bytes_of_good_frames(bus), 0));
+        return (Verdict::Unknown, format!("Cannot be judged: {}.", too_few(share, refused, is_whole)));
     }
     if let Some(open) = open.filter(|open| open.severity != Severity::Info) {
         return (Verdict::Trouble, format!("{}. {}", judged.problems(&numbers), open.sentence));
@@ -170,13 +172,19 @@ fn word(certainty: &str) -> &'static str {
 
 /// Why so few requests are no ground for a verdict, and what came of them all the same: who pastes three lines of a log into a
 /// file wants to hear that they were read.
-fn too_few(share: Share, refused: Share) -> String {
+fn too_few(share: Share, refused: Share, is_whole: bool) -> String {
     let requests = match share.total {
+        0 if is_whole => {
+            return "the recording does not show the outcome of any request; what it holds are whole frames".to_owned()
+        }
         0 => return "the recording does not show the outcome of any request".to_owned(),
+        1 if is_whole => return "1 request is too few; it was answered, and nothing is wrong with it".to_owned(),
+        count if is_whole => return format!("{count} requests are too few; all were answered, and nothing is wrong with them"),
         1 => "1 request is too few".to_owned(),
         count => format!("{count} requests are too few"),
     };
     let failed = match share.failed {
+        0 if refused.failed == 0 => String::from("; what was asked was answered"),
         0 => String::new(),
         count => format!("; {count} of {} failed", share.total),
     };
@@ -185,6 +193,14 @@ fn too_few(share: Share, refused: Share) -> String {
         count => format!("; {} refused (exception)", were(count)),
     };
     format!("{requests}{failed}{refusals}")
+}
+
+fn bytes_of_frames(bus: &BusContrast) -> u64 {
+    bus.frames.bytes.iter().sum()
+}
+
+fn bytes_of_good_frames(bus: &BusContrast) -> u64 {
+    bus.frames.bytes[FrameVerdict::Ok as usize] + bus.frames.bytes[FrameVerdict::NoChecksum as usize]
 }
 
 /// The requests of a bus that were refused by an exception response.

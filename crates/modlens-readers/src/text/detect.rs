@@ -10,7 +10,7 @@ use crate::text::header_run::HeaderRun;
 use crate::text::notation::{Notation, NotationFlags};
 use crate::text::proved::hex_bytes;
 use crate::text::reader::Marks;
-use crate::text::{foreign_protocols, frame_evidence, Reader};
+use crate::text::{foreign_protocols, frame_evidence, oddities, Reader};
 
 /// A format that a file may have: its name, the confidence from 0 to 1, and the reason.
 pub type FormatGuess = (String, f64, String);
@@ -232,7 +232,10 @@ fn plural(number: u64) -> &'static str {
 /// The guess for a text in which no checksum is valid: the row that finds most bytes, and the other protocol that the
 /// bytes look like, if any.
 fn unproved(scored: &[(Arc<Dialect>, RowScore)], text: &[u8]) -> Option<FormatGuess> {
-    let why = foreign_protocols::name(&bursts(text)).map_or_else(String::new, |kind| format!("; {kind}"));
+    // Bytes that are text may be a frame in letters.
+    let odd = oddities::named(text);
+    let foreign = foreign_protocols::name(&bursts(text)).filter(|kind| odd.is_none() || !kind.contains("plain text"));
+    let why = foreign.or(odd).map_or_else(String::new, |kind| format!("; {kind}"));
     match scored.iter().max_by_key(|(row, score)| (score.bytes, !row.generic)) {
         Some((row, score)) => {
             let reason = format!("no valid checksum in {} byte string{}{why}", score.records, plural(score.records));

@@ -22,6 +22,7 @@ pub mod foreign_protocols;
 mod frame_evidence;
 mod header_run;
 mod notation;
+mod oddities;
 mod prefix;
 mod proved;
 mod reader;

@@ -26,6 +26,13 @@ pub(super) fn part_end(line: &[u8], start: usize) -> usize {
     line[start..limit].iter().rposition(|b| matches!(b, b' ' | b'\t' | b'"' | b'\'')).map_or(limit, |at| start + at + 1)
 }
 
+/// The longest run of bytes in a line, in hex or in a string with escape sequences.
+pub(in crate::text) fn longest_hex(line: &[u8]) -> Option<Vec<u8>> {
+    let part = &line[..part_end(line, 0)];
+    let runs = hex_runs(part).into_iter().chain(escaped_runs(part));
+    runs.map(Run::without_number).map(|run| run.bytes).max_by_key(Vec::len)
+}
+
 /// The runs with the positions of a line whose text from `start` on was searched.
 pub(super) fn shifted(runs: Vec<Run>, start: usize) -> Vec<Run> {
     runs.into_iter().map(|run| run.shifted(start)).collect()

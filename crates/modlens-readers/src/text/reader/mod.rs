@@ -1,5 +1,6 @@
 //! Reads a text line by line with the dialects that it needs.
 
+mod expectation;
 mod fallback;
 mod look_ahead;
 mod prose;
@@ -98,6 +99,8 @@ pub struct Reader {
     plain_front: usize,
     unread_lines: UnreadLines,
     prose: Prose,
+    /// The last line of prose says that the bytes below should have come, not that they did.
+    expects_what_follows: bool,
     /// The next line may be a regular one.
     expects_regular_lines: bool,
     /// All lines are read in the general way; only tests ask for that.
@@ -142,6 +145,7 @@ impl Reader {
             plain_front: 0,
             unread_lines: UnreadLines::default(),
             prose: Prose::default(),
+            expects_what_follows: false,
             expects_regular_lines: false,
             is_general: false,
             frame: Box::new([0; FRAME_ROOM]),
@@ -248,14 +252,14 @@ impl Reader {
             // Plain bytes right after an unread line may be what that line announced in a dialect not in use yet.
             let may_be_announced = row.generic && self.unread.back().is_some_and(|(number, _)| number + 2 >= self.number);
             let is_read_with_others = may_be_announced && self.read_with_unread_lines(line);
-            if !(is_read_with_others || row.generic && self.prefer_proved(line, &row)) {
+            if !(is_read_with_others || row.generic && self.prefer_proved(line, &row) || self.leave_out_expected(line)) {
                 self.let_words_decide(line, &row);
                 self.read_proved_front(line);
                 self.deliver_matches(&row);
                 self.read_proved_tail(line, self.tail);
             }
             self.unread.clear();
-            self.expects_regular_lines = !self.is_general && self.may_expect_regular_lines(&row);
+            self.expects_regular_lines = !self.is_general && !self.expects_what_follows && self.may_expect_regular_lines(&row);
         } else if !self.read_with_another_dialect(line)
             && (is_comment(text) || !self.read_with_unread_lines(line))
             && !self.read_proved(line)
@@ -272,6 +276,9 @@ impl Reader {
     fn leave_unread(&mut self, text: &[u8], has_deltas: bool) {
         if is_comment(text) && hex_bytes(text) == 0 {
             return;
+        }
+        if !is_comment(text) {
+            self.note_announcement(text);
         }
         if !has_deltas && !is_comment(text) {
             self.assembler.end_announcement(&self.timestamps);
@@ -437,6 +444,11 @@ impl Reader {
     /// Counts the line of this number as unparsed.
     fn note_unparsed_at(&mut self, number: u64, line: &[u8]) {
         self.unread_lines.add(number, line);
+    }
+
+    /// Whether only the number of unread lines is asked for, to see how well the rows fit a text.
+    fn is_counting(&self) -> bool {
+        self.unread_lines.only_counts()
     }
 
     /// The lines that nothing could read.

@@ -128,6 +128,7 @@ impl Reader {
 
     /// Makes entries of what was found in a line, and in lines before it that were counted as unread.
     fn deliver_found(&mut self, line: &[u8], start: usize, all: Vec<Found>) {
+        let all = self.without_expected(line, all);
         let front_end = all.first().filter(|first| first.earlier.is_empty()).map_or(start, |first| first.front.end);
         let mut time = self.timestamps.find(&line[..front_end]).or_else(|| self.prose.time_before(self.number));
         let mut side = None;

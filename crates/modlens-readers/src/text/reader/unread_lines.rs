@@ -29,6 +29,11 @@ impl UnreadLines {
         Self { is_only_counted: true, ..Self::default() }
     }
 
+    /// Whether nothing but their number is asked for.
+    pub(super) fn only_counts(&self) -> bool {
+        self.is_only_counted
+    }
+
     /// Counts a line.
     pub(super) fn add(&mut self, number: u64, line: &[u8]) {
         self.count += 1;

@@ -1,0 +1,43 @@
+//! Frames that are built wrongly by the program that makes them: their checksum is right, and their layout is not.
+
+use crate::claim::{Claim, View, FEW};
+use crate::contrast::tally::Tally;
+use crate::contrast::Symptom;
+use crate::statistics::Share;
+use crate::table::diagnosis;
+
+/// Units whose frames have another layout than that of their function, or a wrong length field or checksum order.
+pub(super) fn wrong_layout(view: &View<'_>) -> Vec<Claim> {
+    let mut units: Vec<Option<u8>> = of_layout(view).map(|(_, unit, _)| unit).collect();
+    units.dedup();
+    units.sort_unstable();
+    units.dedup();
+    units.into_iter().filter_map(|unit| of_unit(view, unit)).collect()
+}
+
+fn of_layout<'a>(view: &'a View<'_>) -> impl Iterator<Item = (Symptom, Option<u8>, &'a Tally)> {
+    let all = view.bus.symptoms.all().map(|(symptom, unit, seen)| (symptom, unit, &seen.all));
+    all.filter(|(symptom, _, _)| symptom.is_of_layout())
+}
+
+fn of_unit(view: &View<'_>, unit: Option<u8>) -> Option<Claim> {
+    let own = || of_layout(view).filter(|(_, of, _)| *of == unit);
+    let (main, _, _) = own().max_by_key(|(symptom, _, tally)| (tally.failed, std::cmp::Reverse(*symptom)))?;
+    let all = own().fold(Tally::default(), |mut sum, (_, _, tally)| {
+        sum.merge(tally);
+        sum
+    });
+    let asked = unit.and_then(|unit| view.bus.units.get(&unit)).map_or(0, |counts| counts.failures.total);
+    let share = Share { failed: all.failed, total: all.failed.max(asked) };
+    // Of a few frames, the first sight tells.
+    if share.total < FEW {
+        return None;
+    }
+    let chance = view.beyond_accident(share)?;
+    let words = diagnosis("wrong_layout").and_then(|row| row.sight(main)).unwrap_or_default();
+    let subject = unit.map_or_else(|| String::from("the line"), |unit| format!("unit {unit}"));
+    let what = words.replace("{unit}", &subject);
+    let mut claim = Claim::new("wrong_layout", &all, chance).with_share(share).fact("what", what);
+    claim.unit = unit;
+    Some(claim)
+}

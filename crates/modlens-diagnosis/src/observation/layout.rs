@@ -1,0 +1,95 @@
+//! What is wrong with a frame whose checksum or header is right, and whose layout is not that of its function.
+
+use modlens_engine::records::{Batch, Transaction};
+use modlens_protocol::checksum::crc_valid;
+use modlens_protocol::finding::Finding;
+use modlens_protocol::framing::Mode;
+use modlens_protocol::oddity;
+use modlens_protocol::status::Status;
+
+/// What is wrong with the layout of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LayoutFault {
+    /// The byte count has two bytes.
+    WideCount,
+    /// The byte count is not that of the bytes that follow.
+    WrongCount,
+    /// The length field of the MBAP header is wrong.
+    HeaderLength,
+    /// The two bytes of the checksum are swapped.
+    SwappedChecksum,
+    /// Something else.
+    Other,
+}
+
+/// The fault of the answer in a row with these findings, or of a request that no master sends. `None` where the layout is right, or the bytes are
+/// damaged.
+pub(super) fn layout_fault(batch: &Batch, row: &Transaction, has: impl Fn(Finding) -> bool) -> Option<LayoutFault> {
+    if has(Finding::MbapLength) {
+        return Some(LayoutFault::HeaderLength);
+    }
+    let [request, answer] = [&row.request, &row.response].map(|part| part.wire.of(&batch.arena));
+    if row.mode != Mode::Rtu {
+        return None;
+    }
+    match row.status {
+        Status::BadResponse if oddity::is_swapped(answer) => Some(LayoutFault::SwappedChecksum),
+        Status::BadRequest if oddity::is_swapped(request) => Some(LayoutFault::SwappedChecksum),
+        Status::Exception => None,
+        // What contradicts itself may be the request.
+        Status::Ok => Some(count_fault(answer))
+            .filter(|fault| is_read(answer) && *fault != LayoutFault::Other && has(Finding::LengthMismatch)),
+        _ if has(Finding::LengthMismatch) && crc_valid(answer) => Some(count_fault(answer)),
+        // An answer with a wide byte count and one register looks like a request for far too many.
+        _ if has(Finding::QuantityLimit) && crc_valid(request) && has_wide_count(request) => Some(LayoutFault::WideCount),
+        _ => None,
+    }
+}
+
+/// What is wrong with the byte count of an answer, its checksum included.
+fn count_fault(answer: &[u8]) -> LayoutFault {
+    match body(answer) {
+        _ if has_wide_count(answer) => LayoutFault::WideCount,
+        Some([count, data @ ..]) if usize::from(*count) != data.len() => LayoutFault::WrongCount,
+        _ => LayoutFault::Other,
+    }
+}
+
+/// Whether an answer is one to a read of coils or registers.
+fn is_read(answer: &[u8]) -> bool {
+    answer.get(1).is_some_and(|function| (1..=4).contains(function)) && crc_valid(answer)
+}
+
+/// What stands between the function code and the checksum.
+fn body(frame: &[u8]) -> Option<&[u8]> {
+    frame.get(2..frame.len().checked_sub(2)?)
+}
+
+/// Whether a frame is an answer to a read whose byte count has two bytes.
+fn has_wide_count(frame: &[u8]) -> bool {
+    matches!(body(frame), Some([0, count, data @ ..]) if !data.is_empty() && usize::from(*count) == data.len() && (1..=4).contains(&frame[1]))
+}
+
+/// Whether an answer of this length lacks the byte count of what was asked for: unit, function, data and checksum are all.
+pub(crate) fn lacks_count(length: u32, function: u8, quantity: u16) -> bool {
+    let data = match function {
+        1 | 2 => u32::from(quantity).div_ceil(8),
+        3 | 4 => 2 * u32::from(quantity),
+        _ => return false,
+    };
+    length == data + 4
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_byte_count_is_found_wrong() {
+        // Answers to function 3, with any checksum: a count of two bytes, and one that counts registers.
+        assert_eq!(count_fault(&[1, 3, 0, 4, 0, 1, 0, 2, 0xAA, 0xBB]), LayoutFault::WideCount);
+        assert_eq!(count_fault(&[1, 3, 2, 0, 1, 0, 2, 0xAA, 0xBB]), LayoutFault::WrongCount);
+        // Four registers without a count: 4 bytes around 8 of data.
+        assert!(lacks_count(12, 3, 4) && !lacks_count(13, 3, 4) && lacks_count(6, 1, 16) && !lacks_count(8, 6, 1));
+    }
+}

@@ -1,0 +1,230 @@
+//! What is odd about bytes that are no frame, as far as they show it by themselves: a checksum with its bytes swapped, a header
+//! that announces another length, a frame in letters. Each is something that no disturbance of a line brings forth.
+
+use crate::checksum::{crc16, crc_valid};
+use crate::functions::{Functions, EXCEPTION_BIT};
+use crate::mbap::{layout_fits, layout_lengths, PREFIX_BYTES};
+
+/// The shortest RTU frame: unit, function code, checksum.
+const LEAST_FRAME: usize = 4;
+
+/// Fewer letters say nothing.
+const LEAST_LETTERS: usize = 6;
+
+/// The most bytes in front of a frame that are looked at.
+const MOST_STRAY: usize = 2;
+
+/// Openings of protocols in which text and numbers are mixed.
+const OPENINGS: [&[u8]; 6] = [b"FINS", b"HTTP", b"GET ", b"POST", b"SSH-", b"AT+"];
+
+/// What is odd about a run of bytes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Oddity {
+    /// The bytes are hex digits, each sent as a character; the digits.
+    Digits(String),
+    /// The bytes are text; its beginning.
+    Text(String),
+    /// The checksum is right, but its high byte is first.
+    SwappedChecksum,
+    /// The last byte, put in front, makes a frame.
+    OutOfStep,
+    /// An MBAP header announces another number of bytes than follow, and what follows is whole by its layout.
+    HeaderLength {
+        /// By the header, the unit included.
+        announced: usize,
+        /// What follows.
+        present: usize,
+    },
+    /// So many bytes are in front of a frame, which is whole or lacks its last byte.
+    StrayFront {
+        /// How many.
+        bytes: usize,
+        /// Whether the last byte of the frame is missing.
+        is_cut: bool,
+    },
+    /// A frame that lacks its last byte.
+    Cut,
+    /// Nearly all bytes are 00, FF, or one run of equal bits beside another.
+    Levels,
+}
+
+impl Oddity {
+    /// What is odd about these bytes; `None` for a frame, and for bytes that show nothing.
+    ///
+    /// ```
+    /// use modlens_protocol::oddity::Oddity;
+    /// // The example of the specification for function 3, with the checksum 76 87 (low byte first) the wrong way round.
+    /// assert_eq!(Oddity::of(&[0x11, 3, 0, 0x6B, 0, 3, 0x87, 0x76]), Some(Oddity::SwappedChecksum));
+    /// assert_eq!(Oddity::of(&[0x11, 3, 0, 0x6B, 0, 3, 0x76, 0x87]), None);
+    /// ```
+    pub fn of(bytes: &[u8]) -> Option<Self> {
+        if bytes.len() < LEAST_FRAME || crc_valid(bytes) {
+            return None;
+        }
+        if let Some(digits) = digits(bytes) {
+            return Some(Self::Digits(digits));
+        }
+        if is_text(bytes) {
+            return Some(Self::Text(opening(bytes)));
+        }
+        if is_swapped(bytes) {
+            return Some(Self::SwappedChecksum);
+        }
+        if is_out_of_step(bytes) {
+            return Some(Self::OutOfStep);
+        }
+        header_length(bytes)
+            .or_else(|| stray_front(bytes))
+            .or_else(|| lacks_last(bytes).then_some(Self::Cut))
+            .or_else(|| is_of_levels(bytes).then_some(Self::Levels))
+    }
+
+    /// What it is and what to do, in words.
+    pub fn words(&self) -> String {
+        match self {
+            Self::Digits(digits) => format!(
+                "the bytes are hex digits sent as characters (\"{digits}\"): the sender writes its frame as text; Modbus RTU sends \
+                 the bytes themselves, and Modbus ASCII begins with a colon"
+            ),
+            Self::Text(opening) => {
+                format!("the bytes are text (\"{opening}\"): another protocol answers here; check the port and the device's protocol setting")
+            }
+            Self::SwappedChecksum => String::from(
+                "the checksum is right, but its two bytes are swapped: on the wire its low byte comes first; correct the program that \
+                 makes the frame",
+            ),
+            Self::OutOfStep => String::from(
+                "the last byte belongs in front: the reader is one byte out of step; discard what is left in the receive buffer \
+                 before each request",
+            ),
+            Self::HeaderLength { announced, present } => format!(
+                "the MBAP header announces {announced} bytes after its length field, and {present} follow: the length field is \
+                 wrong, so that the other side waits for more, or reads the next frame at the wrong place"
+            ),
+            Self::StrayFront { bytes, is_cut } => format!(
+                "{} in front of the frame{}, as a line leaves that nobody drives: biasing, or the turning round of the adapter",
+                if *bytes == 1 { "a stray byte is" } else { "two stray bytes are" },
+                if *is_cut { ", whose last byte is missing" } else { "" }
+            ),
+            Self::Levels => String::from(
+                "nearly all bytes are 00, FF or their like, which is what a receiver makes of a line with swapped wires (A and B), of \
+                 another rate, or of one that nobody drives",
+            ),
+            Self::Cut => String::from("the frame lacks its last byte, and is right otherwise: the reader expects one byte too few"),
+        }
+    }
+}
+
+/// The digits, where all bytes are hex digits, with or without the end of a line, and their number is even.
+fn digits(bytes: &[u8]) -> Option<String> {
+    let text = bytes.trim_ascii();
+    let is_digits = text.len() >= LEAST_LETTERS && text.len().is_multiple_of(2) && text.iter().all(u8::is_ascii_hexdigit);
+    // Numbers in frames that happen to be digits are no text: a frame of digits has both kinds, or begins with a low address.
+    (is_digits && (text[0] == b'0' || text.len() > 2 * LEAST_LETTERS)).then(|| String::from_utf8_lossy(text).into_owned())
+}
+
+/// Whether bytes are text, or begin as protocols do that mix it with numbers.
+pub fn is_text(bytes: &[u8]) -> bool {
+    let printable = bytes.iter().filter(|byte| matches!(byte, b' '..=b'~' | b'\r' | b'\n')).count();
+    (bytes.len() >= LEAST_LETTERS && printable * 5 >= bytes.len() * 4)
+        || OPENINGS.iter().any(|opening| bytes.starts_with(opening))
+}
+
+/// The beginning of a text, for a sentence.
+pub fn opening(bytes: &[u8]) -> String {
+    let printable = bytes.trim_ascii_start().iter().take_while(|byte| matches!(byte, b' '..=b'~')).take(20);
+    printable.map(|byte| char::from(*byte)).collect::<String>().trim_end().to_owned()
+}
+
+/// Whether the checksum is right but for the order of its bytes.
+pub fn is_swapped(frame: &[u8]) -> bool {
+    let Some((content, sent)) = frame.split_last_chunk::<2>() else { return false };
+    content.len() >= 2 && is_known(frame[1]) && crc16(content).to_be_bytes() == *sent && sent[0] != sent[1]
+}
+
+/// Whether the last byte, put in front, makes a frame.
+pub fn is_out_of_step(bytes: &[u8]) -> bool {
+    let Some((last, rest)) = bytes.split_last() else { return false };
+    rest.len() >= LEAST_FRAME && is_known(rest[0]) && crc_valid(&[&[*last], rest].concat())
+}
+
+fn is_known(function: u8) -> bool {
+    Functions::embedded().name(function & !EXCEPTION_BIT).is_some()
+}
+
+fn header_length(bytes: &[u8]) -> Option<Oddity> {
+    let (head, rest) = bytes.split_first_chunk::<PREFIX_BYTES>()?;
+    let announced = usize::from(u16::from_be_bytes([head[4], head[5]]));
+    if head[2..4] != [0, 0] || announced == rest.len() || rest.len() < 3 || !is_known(rest[1]) {
+        return None;
+    }
+    // Some other length that the layout admits would make anything fit: all that came has to be one frame.
+    let functions = Functions::embedded();
+    let is_whole = layout_fits(functions, &rest[1..]) && layout_lengths(functions, bytes).contains(&Some(bytes.len()));
+    is_whole.then_some(Oddity::HeaderLength { announced, present: rest.len() })
+}
+
+/// Whether a byte is what a receiver makes of a line that is switched or floats: 00, FF, or one run of ones above zeros.
+pub fn is_of_driver(byte: u8) -> bool {
+    byte.leading_ones() + byte.trailing_zeros() >= 8
+}
+
+/// Fewer bytes of this kind come about by chance.
+const LEAST_LEVELS: usize = 12;
+
+fn is_of_levels(bytes: &[u8]) -> bool {
+    let plain = bytes.iter().filter(|byte| is_of_driver(**byte)).count();
+    // A block of zeros, or of FF, is a block of values.
+    let kinds = [0, 0xFF].iter().filter(|kind| bytes.contains(kind)).count();
+    let is_mixed = kinds == 2 || bytes.iter().any(|byte| is_of_driver(*byte) && !matches!(byte, 0 | 0xFF));
+    bytes.len() >= LEAST_LEVELS && plain * 10 >= bytes.len() * 9 && is_mixed && !matches!(bytes[..2], [1..=247, 1..=24])
+}
+
+fn stray_front(bytes: &[u8]) -> Option<Oddity> {
+    (1..=MOST_STRAY).find_map(|count| {
+        let frame = bytes.get(count..).filter(|frame| frame.len() >= LEAST_FRAME && is_known(frame[1]))?;
+        let is_cut = !crc_valid(frame);
+        (!is_cut || lacks_last(frame)).then_some(Oddity::StrayFront { bytes: count, is_cut })
+    })
+}
+
+/// Whether an answer to a read lacks its last byte, and the first one of its checksum is right.
+fn lacks_last(frame: &[u8]) -> bool {
+    let [unit, 1..=4, count, ..] = *frame else { return false };
+    let length = 3 + usize::from(count);
+    (1..=247).contains(&unit)
+        && count > 0
+        && frame.len() == length + 1
+        && crc16(&frame[..length]).to_le_bytes()[0] == frame[length]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The answer `01 03 02 00 07`, whose checksum by the specification's algorithm is F9 86.
+    const ANSWER: [u8; 7] = [1, 3, 2, 0, 7, 0xF9, 0x86];
+
+    #[test]
+    fn a_frame_and_its_accidents_are_told_apart() {
+        assert_eq!(Oddity::of(&ANSWER), None);
+        assert_eq!(Oddity::of(&[1, 3, 2, 0, 7, 0x86, 0xF9]), Some(Oddity::SwappedChecksum));
+        assert_eq!(Oddity::of(&[3, 2, 0, 7, 0xF9, 0x86, 1]), Some(Oddity::OutOfStep));
+        assert_eq!(Oddity::of(&ANSWER[..6]), Some(Oddity::Cut));
+        assert_eq!(Oddity::of(&[&[0], &ANSWER[..]].concat()), Some(Oddity::StrayFront { bytes: 1, is_cut: false }));
+        assert_eq!(Oddity::of(&[&[0], &ANSWER[..6]].concat()), Some(Oddity::StrayFront { bytes: 1, is_cut: true }));
+        assert_eq!(Oddity::of(b"010302000786F9"), Some(Oddity::Digits(String::from("010302000786F9"))));
+        assert_eq!(Oddity::of(b"FINS\0\0\0\x10"), Some(Oddity::Text(String::from("FINS"))));
+        // Noise shows nothing.
+        assert_eq!(Oddity::of(&[0x9A, 0x3C, 0xE1, 0x55, 0x47, 0xB2]), None);
+    }
+
+    #[test]
+    fn a_header_that_counts_wrong_is_named_with_both_counts() {
+        // Messaging on TCP/IP, 3.1.3: the length counts the unit and the PDU, here 9 bytes.
+        let answer = [0, 1, 0, 0, 0, 6, 1, 3, 6, 1, 0, 0, 0, 0, 0x34];
+        assert_eq!(Oddity::of(&answer), Some(Oddity::HeaderLength { announced: 6, present: 9 }));
+        let right = [0, 1, 0, 0, 0, 9, 1, 3, 6, 1, 0, 0, 0, 0, 0x34];
+        assert_eq!(Oddity::of(&right), None);
+    }
+}

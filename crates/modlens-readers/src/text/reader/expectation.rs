@@ -1,0 +1,148 @@
+//! Frames that a person only expects: "it should be 01 03 ...". They were never on a line, and are left out.
+//!
+//! The words are in front of the bytes, after them, or in the last line of prose above them; the last of several words
+//! decides. Logs of programs are not asked: what they call expected is a number of bytes, and their lines begin with a time.
+
+use crate::text::proved::Found;
+use crate::text::reader::Reader;
+use crate::text::role::LineRole;
+
+/// The reason reported for such bytes.
+const EXPECTED: &str = "bytes that should have come, as the text says";
+
+/// After so many lines a text is a log.
+const LAST_LINE: u64 = 500;
+
+/// Prose in one line is not longer.
+const MAX_CHARS: usize = 400;
+
+/// What announces bytes that should have come.
+const SHOULD: [&str; 15] = [
+    "should be",
+    "should have been",
+    "should look",
+    "should return",
+    "should answer",
+    "supposed to be",
+    "supposed to look",
+    "i expect",
+    "would expect",
+    "was expecting",
+    "correct response",
+    "correct answer",
+    "correct frame",
+    "correct one",
+    "correct reply",
+];
+
+/// What announces bytes that did come.
+const DID: [&str; 11] =
+    ["but", "i get", "i got", "receiv", "actual", "wrong", "sends", "however", "instead i", "returns", "i see"];
+
+/// Lines that are nothing but such a word.
+const SHOULD_ALONE: [&str; 7] = ["true", "right", "correct", "expected", "good", "should be", "expectation"];
+
+/// Whether the words of a text announce bytes that should have come (`Some(true)`), or that did; `None` without any.
+fn announces(text: &[u8]) -> Option<bool> {
+    if text.len() > MAX_CHARS {
+        return None;
+    }
+    let text = String::from_utf8_lossy(text).to_lowercase();
+    let alone = text.trim_matches(|c: char| !c.is_alphabetic());
+    if SHOULD_ALONE.contains(&alone) {
+        return Some(true);
+    }
+    let last = |words: &[&str]| words.iter().filter_map(|word| text.rfind(word)).max();
+    match (last(&SHOULD), last(&DID)) {
+        (None, None) => None,
+        (should, did) => Some(should > did),
+    }
+}
+
+/// Whether this text right in front of bytes, or right after the last ones, says that they should have come.
+fn are_expected(front: &[u8], behind: Option<&[u8]>) -> bool {
+    let says_instead = || String::from_utf8_lossy(front).to_lowercase().trim_end().ends_with("instead of");
+    announces(front) == Some(true) || says_instead() || behind.is_some_and(|text| announces(text) == Some(true))
+}
+
+impl Reader {
+    /// Whether frames of the current line may be ones that only should have come: in a short text, after others that did.
+    fn may_be_expected(&self) -> bool {
+        self.number <= LAST_LINE && self.assembler.records > 0 && !self.is_counting()
+    }
+
+    /// Notes what a line without bytes announces.
+    pub(super) fn note_announcement(&mut self, text: &[u8]) {
+        if self.number <= LAST_LINE && !text.first().is_some_and(|byte| byte.is_ascii_digit() || *byte == b'[') {
+            self.expects_what_follows = announces(text) == Some(true);
+        }
+    }
+
+    /// Leaves out what a dialect has read in a line, if it only should have come. Returns whether it did.
+    pub(super) fn leave_out_expected(&mut self, line: &[u8]) -> bool {
+        let is_bytes = |(role, _, _): &(LineRole, _, _)| matches!(role, LineRole::Bytes(_));
+        if !self.may_be_expected() || !self.matches.iter().all(is_bytes) {
+            return false;
+        }
+        let start = self.matches.first().map_or(0, |(_, found, _)| found.start);
+        let (front, behind) = (&line[..start], line.get(self.tail..).unwrap_or(&[]));
+        self.expects_what_follows &= announces(front) != Some(false);
+        let is_expected = self.expects_what_follows || are_expected(front, Some(behind));
+        if is_expected {
+            let found = std::mem::take(&mut self.found);
+            self.assembler.skip(self.number, &found, EXPECTED);
+            self.found = found;
+        }
+        is_expected
+    }
+
+    /// Leaves out those of the bytes found in a line that only should have come.
+    pub(super) fn without_expected(&mut self, line: &[u8], all: Vec<Found>) -> Vec<Found> {
+        if !self.may_be_expected() || all.iter().any(|one| !one.earlier.is_empty()) {
+            return all;
+        }
+        let fronts: Vec<&[u8]> = all.iter().map(|one| &line[one.front.clone()]).collect();
+        self.expects_what_follows &= fronts.iter().all(|front| announces(front) != Some(false));
+        let expects = self.expects_what_follows;
+        let last = all.len().saturating_sub(1);
+        let expected: Vec<bool> = fronts.iter().map(|front| expects || are_expected(front, None)).collect();
+        let mut kept = Vec::new();
+        for (at, (one, is_expected)) in all.into_iter().zip(expected).enumerate() {
+            let is_behind = at == last && announces(behind(line, &one)) == Some(true);
+            if is_expected || is_behind {
+                self.assembler.skip(self.number, &one.bytes, EXPECTED);
+            } else {
+                kept.push(one);
+            }
+        }
+        kept
+    }
+}
+
+/// The text after the last letters and digits that may be bytes.
+fn behind<'a>(line: &'a [u8], last: &Found) -> &'a [u8] {
+    let rest = &line[last.front.end..];
+    let is_word = |at: usize| {
+        rest[at..]
+            .iter()
+            .take_while(|byte| byte.is_ascii_alphanumeric())
+            .any(|byte| byte.is_ascii_alphabetic() && !byte.is_ascii_hexdigit())
+    };
+    let at = (0..rest.len()).find(|&at| (at == 0 || !rest[at - 1].is_ascii_alphanumeric()) && is_word(at));
+    at.map_or(&[], |at| &rest[at..])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_words_decide() {
+        assert_eq!(announces(b"The Rx should be this, I think"), Some(true));
+        assert_eq!(announces(b"it should be 9, but the device sends"), Some(false));
+        assert_eq!(announces(b"**True**:"), Some(true));
+        assert_eq!(announces(b"Incomplete message received, Expected 6 bytes"), Some(false));
+        assert_eq!(announces(b"Tx: "), None);
+        assert!(are_expected(b"and not 01 instead of ", None) && !are_expected(b"Rx ", Some(b"instead of that")));
+    }
+}
