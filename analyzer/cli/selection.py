@@ -69,7 +69,10 @@ def selection_text(options: argparse.Namespace, table: str = "transactions") -> 
 def check_selected(
     options: argparse.Namespace, stats: Mapping[str, Any], messages: Messages
 ) -> None:
-    """Say what was selected; `UsageError` where the selection leaves nothing to look at."""
+    """Report how many transactions were selected; nothing where only frames were.
+
+    `UsageError` where the selection leaves neither transactions nor frames.
+    """
     text = selection_text(options)
     if text is None:
         return

@@ -65,7 +65,10 @@ def _rows(
 
 
 def svg(plot: Plot, axis: Axis) -> str:
-    """The same as a picture; of more than two thousand points, least and greatest ones are kept."""
+    """Draw the series into one SVG picture, at most as many as there are colours.
+
+    Of a series with more than `_MOST_POINTS`, the least and the greatest of each stretch are drawn.
+    """
     (width, height), (left, top, right, bottom) = _SIZE, _MARGIN
     every = [point for series in plot.values() for point in series.points]
     box = (
@@ -127,7 +130,10 @@ def _unit_of_all(plot: Plot) -> str:
 
 
 def png(plot: Plot, axis: Axis) -> bytes:
-    """The same as pixels, drawn by matplotlib; `UsageError` says how to install it."""
+    """Draw the series into one PNG picture with matplotlib, twice as large as `svg` in pixels.
+
+    Without matplotlib, `UsageError` says how to install it.
+    """
     try:
         from matplotlib.figure import Figure  # noqa: PLC0415 - an extra, and slow to import
     except ImportError as error:

@@ -53,7 +53,8 @@ pub struct UnitCounts {
     pub request_parts: [Tally; DAMAGED_PARTS],
     /// Failures by the silence before the request.
     pub by_gap: ByDuration,
-    /// Silent or garbled ones by the time from the end of the request to the start of the answer.
+    /// Garbled answers, among those that are good or garbled, by the time from the end of the request to the start of the answer;
+    /// from its start where the response time is not known.
     pub garbled_by_response_time: ByDuration,
     /// Failures by the unit asked before, and whether that one had not answered.
     pub by_previous: BTreeMap<(u8, bool), Share>,
@@ -91,7 +92,7 @@ pub struct UnitCounts {
     pub not_seen: Tally,
     /// Runs of those.
     pub not_seen_runs: Runs,
-    /// Damage by whether one of the last few transactions failed, too.
+    /// Garbled answers and damaged requests, by whether one of the few transactions before failed in any way.
     pub damage_after_failure: [Share; 2],
     /// Failures by the silence before the request, where another unit was asked before.
     pub by_gap_after_others: ByDuration,

@@ -106,6 +106,8 @@ pub(super) fn dead_unit_cost(view: &View<'_>) -> Vec<Claim> {
     view.units().filter_map(|(unit, counts)| dead(view, unit, counts)).collect()
 }
 
+/// Claims that a unit never answers: each of its requests failed, at least nine in ten of them without any answer, and none was
+/// answered late. A refusal is an answer.
 fn dead(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     // On a noisy line some of its requests are damaged, and noise may stand where its response would.
     let (silent, failures) = (counts.silent.failed, counts.failures.share());
@@ -113,12 +115,13 @@ fn dead(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     if unit == 0 || !is_never_heard || counts.late.failed > 0 {
         return None;
     }
-    // As if it failed as often as the others do, and at least once in twenty.
-    let usual = view.others(unit, |other| other.silent.share()).rate().clamp(0.05, 0.5);
-    let chance = view.significant(at_least(counts.silent.share(), usual))?;
-    // A damaged request is not silence, but no answer either: it does not end a run.
-    let always = Claim::new("dead_unit_cost", &counts.failures, 0.0);
-    let mut claim = Claim::new("dead_unit_cost", &counts.silent, chance).of_unit(unit).in_the_time_of(&always);
+    // The chance of so much silence, if this unit were silent as often as the others: at least once in twenty, at most every
+    // other time.
+    let usual_rate = view.others(unit, |other| other.silent.share()).rate().clamp(0.05, 0.5);
+    let chance = view.significant(at_least(counts.silent.share(), usual_rate))?;
+    // The times are those of all failures: a damaged request is not counted as silence, but it does not end the silence.
+    let all_failures = Claim::new("dead_unit_cost", &counts.failures, 0.0);
+    let mut claim = Claim::new("dead_unit_cost", &counts.silent, chance).of_unit(unit).in_the_time_of(&all_failures);
     if let (Some(waited), Some((first, last))) = (counts.waited.percentile(0.5), view.bus.frames.span) {
         let lost = waited as f64 * counts.silent.failed as f64 / (last - first).max(1) as f64;
         let words = format!("; the master waits {} for each, {} of its time", duration(waited), percent(lost.min(1.0)));

@@ -44,19 +44,23 @@ impl UnframedRegion<'_, '_> {
         frames
     }
 
-    /// Of frames that seem to lack bytes, restores those that are whole exception responses to the outstanding request in which a
-    /// few bits are wrong, perhaps with the byte before them: nearly no other five bytes are as close to one.
+    /// Replaces frames that seem to lack bytes by exception responses to the outstanding request, if five bytes are such a
+    /// response except for a few bits. Hardly any other five bytes are as close to one.
+    ///
+    /// The five bytes begin where the frame began or one byte earlier. They may include noise around the frame, but no byte of
+    /// the frames before and after it.
     fn find_damaged_exceptions(&self, frames: &mut [DamagedFrame]) {
         let Some(request) = self.context.outstanding_request else { return };
         let mut free_from = 0;
-        for at in 0..frames.len() {
-            let free_to = frames.get(at + 1).map_or(self.length, |next| next.start);
-            let frame = &mut frames[at];
+        for index in 0..frames.len() {
+            let free_to = frames.get(index + 1).map_or(self.length, |next| next.start);
+            let frame = &mut frames[index];
             let starts = [frame.start, frame.start.saturating_sub(1)].into_iter();
-            let found = starts.filter(|&start| start >= free_from && start + EXCEPTION_RESPONSE_BYTES <= free_to);
+            let free_starts = starts.filter(|&start| start >= free_from && start + EXCEPTION_RESPONSE_BYTES <= free_to);
             let head = [request.unit, request.pdu[0] | EXCEPTION_BIT];
-            let mut found = found.filter(|&start| is_nearly_exception(head, &self.bytes()[start..][..EXCEPTION_RESPONSE_BYTES]));
-            if let Some(start) = found.next().filter(|_| frame.is_short && frame.direction != Direction::Request) {
+            let mut exception_starts =
+                free_starts.filter(|&start| is_nearly_exception(head, &self.bytes()[start..][..EXCEPTION_RESPONSE_BYTES]));
+            if let Some(start) = exception_starts.next().filter(|_| frame.is_short && frame.direction != Direction::Request) {
                 let end = start + EXCEPTION_RESPONSE_BYTES;
                 *frame = DamagedFrame {
                     start,
@@ -66,6 +70,7 @@ impl UnframedRegion<'_, '_> {
                     is_short: false,
                     damage: None,
                     is_unidentified: false,
+                    // Unit and function are taken from `head`, whether or not the wrong bits are in them.
                     wrong_head_bytes: head.len(),
                 };
             }

@@ -8,7 +8,7 @@ use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::Ns;
 
-/// The clock must be so many times finer than t1.5 before silences are compared with it.
+/// With single-byte reads and a rule, silences are compared only if t1.5 is at least this many steps of the clock.
 const MIN_STEPS_PER_T15: Ns = 4;
 
 /// t1.5 at the slowest rate in use, 1200 baud: where the line settings are not known, a longer silence inside a frame is too long
@@ -18,14 +18,20 @@ const LONGEST_T15_NS: Ns = 13_750_000;
 /// Times of reads of several bytes that lie closer together than this may be in any order.
 const MIN_READ_STEPS: Ns = 3;
 
-/// Compares the silences of a good RTU frame with those of the specification (serial line, 2.5.1.1), or with those that the
-/// user gave. It is the first in the input; `resolution` is the step of the clock in ns.
+/// Compares the silences of a good RTU frame, with or without checksum, with those of the specification (serial line, 2.5.1.1)
+/// or of the user. The frame is at the head of the input; `resolution` is the step of the clock in ns.
 ///
-/// A silence before it that is shorter than t3.5, and the longest one inside it if that is longer than t1.5, are findings.
-/// Without a `rule`, the line settings are unknown, and only a silence inside that is too long at every rate is one. Nothing is
-/// compared where the clock is too coarse: where t1.5 is less than four of its steps. If any read of the line had several bytes,
-/// whose own times are not known, the silence before the frame is not measured; one inside is a finding if it is `proven` (ns) by
-/// the habit of its sender, or if later bytes of the frame show that adapter and host cannot have made it.
+/// If every read of the line had one byte and there is a `rule`, two findings are possible: the silence before the frame is
+/// shorter than t3.5, or the longest silence inside the frame is longer than t1.5. Nothing is compared if t1.5 is less than
+/// `MIN_STEPS_PER_T15` steps of the clock.
+///
+/// If any read had several bytes, the times of single bytes are not known. Without a `rule`, the line settings are not known, and
+/// t1.5 is `LONGEST_T15_NS`. In both cases the silence before the frame is not compared, and of a silence inside it only the part
+/// counts that its sender must have made. It is a finding if it is longer than t1.5. It is the larger of two lengths:
+///
+/// - `proven`, in ns, by the habit of the sender (`InnerPauses`);
+/// - the longest silence that neither adapter nor host can have made (`longest_sent_pause`), if it is longer than
+///   `MIN_READ_STEPS` steps of the clock.
 pub(crate) fn silences(
     input: &Input,
     rule: Option<SilenceRule>,

@@ -26,7 +26,7 @@ pub struct AutoFramer {
     chosen: Option<FixedFramer>,
     /// The framer before the mode was changed, with what it has learned.
     earlier: Option<FixedFramer>,
-    /// The stream offset at which the mode was changed last: the first row from there on stays as the new mode has it.
+    /// The stream offset at which the mode was changed last. The row at this offset cannot change the mode again.
     changed_at: Option<u64>,
     /// The framer of records that prove another mode: logs of gateways have RTU on one side and MBAP on the other.
     of_other_mode: Option<FixedFramer>,
@@ -106,9 +106,12 @@ impl AutoFramer {
         self.line.is_some() || input.has_byte_times || input.has_marks()
     }
 
-    /// The mode of a row of noise that the framer of mode `chosen` gave, if most of its bytes are in valid frames of that mode.
-    /// What stood in front of it, be it a program's greeting or bytes that look like headers, was then not what the line
-    /// carries now. A damaged row is no less noise: the framer may have taken such bytes for a frame that was due.
+    /// Returns the mode, other than `chosen`, that a row of the framer of mode `chosen` shows: at least half of its bytes are in
+    /// valid frames of that mode. The bytes before the row, such as a program's greeting or bytes that look like headers, were
+    /// then not what the line carries now.
+    ///
+    /// `None` for a good row and for a short one. A damaged frame is checked like noise: the framer may have taken bytes of
+    /// another mode for a frame that was due.
     fn other_mode(&self, functions: &Functions, input: &Input, row: &FrameResult, chosen: Mode) -> Option<Mode> {
         let bytes = &input.bytes()[..row.length];
         if row.verdict.is_good() || bytes.len() < MIN_OTHER_MODE_BYTES {
@@ -129,17 +132,18 @@ impl AutoFramer {
         self.changed_at = Some(offset);
     }
 
-    /// The next row of the chosen framer. `None` as well, as long as the input knows another silence that ends frames than this
-    /// framer's mode has: the caller brings it up to date and asks again.
+    /// Returns the next row of the chosen framer. `None` if the framer needs more bytes, and also if `break_ns` of the input is
+    /// not yet that of the framer: the caller then sets it and calls again.
     fn next_of_chosen(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let framer = self.chosen.as_mut()?;
         (framer.break_ns(self.line.as_ref()) == input.break_ns).then(|| framer.next(input, context, adu))?
     }
 
-    /// The row of a read that proves another mode than the chosen one. `None` unless it begins with the first unframed byte and
-    /// the framer of its mode takes exactly this read as one row; then the chosen framer goes on as with any other bytes.
+    /// Returns the row of a read that proves another mode than the chosen one. The framer of that mode is kept in `of_other_mode`
+    /// for further reads, and the chosen framer skips the bytes of the row.
     ///
-    /// That framer is kept in `of_other_mode` for further reads. The chosen one skips the bytes of the row.
+    /// `None` unless the read begins with the first unframed byte and the framer of its mode takes exactly this read as one row.
+    /// In case of `None`, the chosen framer frames the read like any other bytes.
     fn next_of_other_mode(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let read = input.read(0)?;
         let other_mode = read.proven_framing.filter(|mode| self.chosen.as_ref().is_some_and(|framer| framer.mode() != *mode))?;
@@ -166,8 +170,8 @@ impl Framer for AutoFramer {
     /// to detect the mode, or for the frame.
     ///
     /// A read that proves another mode is returned as a frame of that, and the mode detected stays (`next_of_other_mode`). If
-    /// what the framer gives is not good and holds mostly valid frames of another mode (`other_mode`), the line has changed:
-    /// the result is dropped, and the same bytes are framed again in the new mode.
+    /// what the framer gives is not good, and at least half of its bytes are in valid frames of another mode (`other_mode`), the
+    /// line has changed: the result is dropped, and the same bytes are framed again in the new mode.
     fn next(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         if self.chosen.is_none() {
             if input.bytes().is_empty() {

@@ -119,7 +119,8 @@ impl Prefix {
 
 /// The starts of substrings by their keys: a hash table of the latest `RING_STARTS` positions. A position is entered as the low
 /// 32 bits of its stream offset, plus one, so that 0 is no entry; where these have wrapped around, only old entries are wrong,
-/// and `positions_behind` puts them out of reach.
+/// and `positions_behind` puts them out of reach. Entries stay when a scan restarts; if it restarts at an earlier offset, some
+/// are of positions that it has not reached again yet.
 struct StartTable {
     /// The latest entry in each bucket.
     heads: Box<[u32; BUCKETS]>,
@@ -127,7 +128,8 @@ struct StartTable {
     ring: Box<[(u16, u32); RING_STARTS]>,
 }
 
-/// How many positions before stream offset `end` an entry stands; a large number if it is no entry or after `end`.
+/// Returns how many positions an entry is before stream offset `end`, modulo 2^32: 0 for `end` itself, a large number for a
+/// position after `end`. The entry 0 of an empty bucket gives `end + 1`: before the beginning of the stream.
 #[inline(always)]
 #[allow(clippy::inline_always)] // As above.
 fn positions_behind(end: u64, entry: u32) -> u64 {
@@ -152,10 +154,15 @@ impl StartTable {
         (positions_behind(end, latest) <= MAX_CANDIDATE_SPAN).then_some(latest)
     }
 
-    /// Goes through a bucket from this entry on, back in time: the positions with this key that stand from `first` (included) to
-    /// four bytes before `end` (included), and which `may_be_frame` admits, are added to `found`; all are
-    /// stream offsets. It ends at a position before `first`, one more than `MAX_CANDIDATE_BYTES` before `end`, an entry out of
-    /// date, or after `MAX_EQUAL_KEYS` equal keys. Returns whether there was any such position, admitted or not.
+    /// Goes through a bucket from this entry to earlier ones, and appends to `found` the positions with this key that
+    /// `may_be_frame` admits, from `first` (included) to four bytes before `end` (included). All are stream offsets. Returns
+    /// whether there was such a position, admitted or not.
+    ///
+    /// Stops:
+    /// - at a position before `first`;
+    /// - at a position whose distance to `end` is greater than `MAX_CANDIDATE_BYTES`;
+    /// - at an entry that is out of date;
+    /// - after `MAX_EQUAL_KEYS` equal keys, those closer than four bytes included.
     #[inline(never)]
     fn collect(
         &self,
@@ -171,15 +178,15 @@ impl StartTable {
         let mut equal_keys = 0;
         while equal_keys < MAX_EQUAL_KEYS {
             let behind = positions_behind(end, entry);
-            // An entry whose place in the ring was used again does not stand further back than the one before it.
+            // Each valid entry is further back than the one visited just before. Entries left by an earlier scan need not be.
             let is_outdated = behind <= last_behind;
             if is_outdated || behind > MAX_CANDIDATE_SPAN || end - first < behind {
                 break;
             }
             last_behind = behind;
             let position = end - behind;
-            let (other, before) = self.ring[position as usize % RING_STARTS];
-            if other == key {
+            let (start_key, older_entry) = self.ring[position as usize % RING_STARTS];
+            if start_key == key {
                 equal_keys += 1;
                 if behind >= MIN_FRAME_SPAN {
                     is_end = true;
@@ -188,7 +195,7 @@ impl StartTable {
                     }
                 }
             }
-            entry = before;
+            entry = older_entry;
         }
         is_end
     }

@@ -44,7 +44,7 @@ type PointKey = (u8, Space, u16, u32);
 pub(super) struct Registers {
     blocks: HashMap<BlockKey, Block, foldhash::fast::FixedState>,
     points: BTreeMap<PointKey, Point>,
-    /// How many of them there are.
+    /// Number of values in `blocks` and `points` together.
     pub values: usize,
 }
 
@@ -62,11 +62,11 @@ struct Block {
 struct Counts {
     reads: u64,
     writes: u64,
-    /// Where it was seen last.
+    /// Position on the axis of the last read or write.
     newest: i64,
 }
 
-/// The values of a block; empty where it was not read.
+/// The values of a block; empty where it was neither read nor written.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct BlockBucket {
     count: u64,
@@ -96,11 +96,14 @@ struct PointBucket {
     last: f64,
 }
 
-/// Where a series begins and how fine it is.
+/// Where a transaction is on the axis of the bus, and how fine the series of its values is.
 #[derive(Clone, Copy)]
 pub(super) struct Place {
+    /// Position of the transaction.
     pub position: i64,
+    /// Buckets are at least this power of two wide.
     pub shift: u32,
+    /// Largest number of buckets.
     pub most: usize,
 }
 
@@ -187,7 +190,8 @@ impl Registers {
         blocks.chain(self.points.values().filter_map(|point| point.series.range())).reduce(Range::with)
     }
 
-    /// Every value with its counts and, where it changed, its course, sorted by unit, table and address.
+    /// Returns every value with its counts, sorted by unit, table and address. A value that has varied, and that more than one
+    /// bucket has, gets a `course`: its least, greatest and last value by bucket.
     pub fn json(&self, range: Range) -> Json {
         let mut keys: Vec<&BlockKey> = self.blocks.keys().collect();
         keys.sort_unstable();
@@ -221,12 +225,13 @@ impl Block {
     fn add(&mut self, items: &Items<'_>, is_write: bool, place: Place) {
         let is_first = self.counts.reads + self.counts.writes == 0;
         self.counts.add(is_write, place.position);
-        let (mut few, mut many) = ([0u16; MAX_REGISTERS], Vec::new());
+        // Registers fit on the stack; long blocks of bits do not.
+        let (mut on_stack, mut on_heap) = ([0u16; MAX_REGISTERS], Vec::new());
         let values = match self.last.len() {
-            count @ ..=MAX_REGISTERS => &mut few[..count],
+            count @ ..=MAX_REGISTERS => &mut on_stack[..count],
             count => {
-                many.resize(count, 0);
-                &mut many[..]
+                on_heap.resize(count, 0);
+                &mut on_heap[..]
             }
         };
         decode(items, values);

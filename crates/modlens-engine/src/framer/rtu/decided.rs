@@ -30,7 +30,8 @@ impl RtuFramer {
             return Some(row);
         }
         loop {
-            // The search has committed these unframed bytes, so its next decision begins after them and covers them as well.
+            // The search goes on after these unframed bytes, but their rows are not returned yet: they will be part of the
+            // unframed bytes before the frame that it decides on next.
             if self.decision.as_ref().is_some_and(|decision| is_held_back(decision, input, context)) {
                 self.decision = None;
             }
@@ -64,10 +65,11 @@ impl RtuFramer {
         decision.or(held_back.then_some(Decision::UnframedTo(committed)))
     }
 
-    /// The next row of `decision`: one of the unframed bytes before the frame, else the frame. `None` if nothing was decided,
-    /// or all of it is returned.
+    /// Returns the next row of `decision`: first the rows of the unframed bytes before the frame, then that of the frame. `None`
+    /// if nothing is decided, or if all rows of the decision were returned.
     ///
-    /// With the frame, `decision` is cleared; only a damaged one that is shorter than announced leaves the bytes after it.
+    /// The row of the frame clears `decision`. If a damaged frame turns out to be shorter than announced, the bytes between its
+    /// end and the announced end become the next decision, as unframed bytes (`damaged_hypothesis`).
     fn emit_decision(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let decision = self.decision?;
         if input.offset() < decision.unframed_to() {
@@ -129,6 +131,7 @@ impl RtuFramer {
         adu: &mut Vec<u8>,
     ) -> FrameResult {
         let frame_gap_ns = self.frame_gap_ns(input);
+        // The bytes are one frame. With `follows_damaged_frame`, no fragment of another frame is searched at their beginning.
         let at = Surroundings { context, input, next_frame: None, follows_damaged_frame: true, frame_gap_ns };
         let row = damaged_hypothesis(&mut self.search.model, &at, length, direction, adu);
         if row.length < length {

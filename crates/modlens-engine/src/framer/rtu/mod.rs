@@ -36,7 +36,7 @@ pub struct RtuFramer {
     fast_path_failed_after_strays_at: Option<u64>,
     /// What was found in the unframed bytes before the decision.
     recovery: DamageRecovery,
-    /// The last frame returned was damaged.
+    /// The last frame that was decided was damaged (`Decision::Damaged`). Damaged frames among unframed bytes do not count.
     pub(crate) last_was_damaged: bool,
     /// The shortest pause between frames.
     frame_gap_ns: Ns,

@@ -67,7 +67,7 @@ impl<'a> RunBytes<'a> {
 pub(super) struct CompactRun {
     /// Bytes of its exchanges.
     pub length: usize,
-    /// Requests whose response has the same bytes, if they are not refused.
+    /// Requests whose normal response has the same bytes, refused ones included.
     pub mirrored: u32,
     pub refusals: u32,
     /// Where the request of the last exchange begins.
@@ -180,7 +180,8 @@ impl CompactRun {
         Some(exchange)
     }
 
-    /// Returns the most that the confidence of an exchange may be, of which the response has the bytes of its request.
+    /// Returns the upper bound of the confidence of an exchange whose response equals its request; `u8::MAX` for no bound. It
+    /// follows from what was learned before this exchange.
     #[inline]
     fn mirrored_bits(&mut self, known: &mut RunContext<'_>, block: &RunBytes<'_>, unit: u8) -> u8 {
         known.framer.learn_answers(&mut self.learned);
@@ -192,7 +193,8 @@ impl CompactRun {
         confidence::of_direction(known.framer.mirrored_response_odds(share, block.pause))
     }
 
-    /// Takes an exchange that comes next and is no read known by all of its bytes.
+    /// Takes the next exchange, which `next_exchange` has decided. Its request may be in the memo, since
+    /// `take_remembered_reads` leaves some reads.
     fn take_decided(
         &mut self,
         known: &mut RunContext<'_>,
@@ -200,11 +202,12 @@ impl CompactRun {
         block: &RunBytes<'_>,
     ) -> Exchange {
         let lengths = expected.rtu_lengths();
-        let (request, response) = block.bytes[self.length..].split_at(lengths[0]);
+        let (request, response_and_more) = block.bytes[self.length..].split_at(lengths[0]);
         self.silence_share = None;
+        // A refusal does not equal its request, but keeps `echoes_request`: the normal response would.
         let is_mirrored = expected.echoes_request && *exception == NOT_REFUSED;
         let response_bits = if is_mirrored { self.mirrored_bits(known, block, expected.unit) } else { u8::MAX };
-        known.framer.learn_in_run(&mut self.learned, request, response, expected.echoes_request);
+        known.framer.learn_in_run(&mut self.learned, request, response_and_more, expected.echoes_request);
         self.mirrored += u32::from(expected.echoes_request);
         let start = (block.arena_start + self.length) as u32;
         self.last = Some(self.length);
@@ -244,7 +247,8 @@ impl RunContext<'_> {
         self.pairing.note_answering(unit);
     }
 
-    /// Counts an exchange whose request was not known, and keeps what follows from that if there is room for its counters.
+    /// Counts an exchange that was not taken from the memo. Puts its request into the memo, in place of an older entry of the
+    /// same bytes, if it is a plain read and there is room for its counters.
     fn count_unknown(&mut self, request: &[u8], expected: ExpectedExchange) {
         let mut counts = self.stats.exchange_counts(self.counts);
         let counters = counts.count_request(expected.key());
