@@ -32,7 +32,7 @@ from tests.support.device_kinds import KINDS, Item, Kind
 from tests.support.find_tasks import find_score
 from tests.support.plant_signals import signals
 
-__all__ = ["main", "score"]
+__all__ = ["is_layout_right", "lines_of", "main", "place", "recording", "score"]
 
 LONG = {"hr": "holding_register", "ir": "input_register"}
 READ = {"hr": 3, "ir": 4}
@@ -127,20 +127,20 @@ def learned(path: Path) -> list[dict[str, Any]]:
 
 def score(truth: list[Truth], answers: list[dict[str, Any]]) -> Counter[str]:
     """Claims and right ones."""
-    known = {_place(row): row for row in truth}
+    known = {place(row): row for row in truth}
     found: Counter[str] = Counter()
     for answer in answers:
         is_claim = answer["type"] in NUMBERS and (answer["count"] > 1 or answer["type"] == "s16")
         if is_claim:
-            right = _is_layout_right(known.get(_place(answer)), answer)
+            right = is_layout_right(known.get(place(answer)), answer)
             strong = answer["layout_bits"] >= 10
             found += Counter(
                 claims=1, right=right, strong=strong, strong_wrong=strong and not right
             )
-    said = {_place(answer): answer for answer in answers}
-    for place, row in known.items():
-        answer = said.get(place, {})
-        laid = bool(answer) and _is_layout_right(row, answer)
+    said = {place(answer): answer for answer in answers}
+    for where, row in known.items():
+        answer = said.get(where, {})
+        laid = bool(answer) and is_layout_right(row, answer)
         found += Counter(points=1, decidable=row["decidable"], found=row["decidable"] and laid)
         if not answer:
             continue
@@ -160,11 +160,11 @@ def score(truth: list[Truth], answers: list[dict[str, Any]]) -> Counter[str]:
     return +found
 
 
-def _place(row: Mapping[str, Any]) -> tuple[Any, ...]:
+def place(row: Mapping[str, Any]) -> tuple[Any, ...]:
     return row["unit"], row["register_type"], row["address"], row["count"]
 
 
-def _is_layout_right(row: Truth | None, answer: Mapping[str, Any]) -> bool:
+def is_layout_right(row: Truth | None, answer: Mapping[str, Any]) -> bool:
     if row is None:
         return False
     kinds = {row["type"], answer["type"]}
@@ -204,7 +204,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         if options.folder:
             for path in sorted(options.folder.glob(f"*.{options.length}.jsonl.*z")):
-                truth = _lines(path.with_name(path.name.split(".jsonl")[0] + ".truth.jsonl"))
+                truth = lines_of(path.with_name(path.name.split(".jsonl")[0] + ".truth.jsonl"))
                 total += score(truth, learned(path))
         else:
             for seed in range(first, last + 1):
@@ -232,7 +232,7 @@ def _mistakes(truth: list[Truth], answers: list[dict[str, Any]]) -> str:
     return "".join(lines)
 
 
-def _lines(path: Path) -> list[dict[str, Any]]:
+def lines_of(path: Path) -> list[dict[str, Any]]:
     data = path.read_bytes()
     text = gzip.decompress(data) if path.suffix == ".gz" else data
     return [json.loads(line) for line in text.splitlines()]

@@ -185,7 +185,7 @@ fn answer_json(one: &Learned) -> Json {
     let (layout, scale) = (&one.layout, one.scale);
     json!({
         "address": layout.address, "count": layout.count, "type": layout.kind.word(), "order": layout.order.word(),
-        "layout_bits": rounded(layout.bits), "is_certain": layout.is_certain,
+        "layout_bits": rounded(layout.bits), "layout_evidence": rounded(one.evidence), "is_certain": layout.is_certain,
         "role": one.role.map(|role| role.0.word()), "role_bits": one.role.map(|role| rounded(role.1)),
         "scale": scale.map(|scale| scale.factor), "unit_symbol": scale.and_then(|scale| scale.unit),
         "scale_bits": scale.map(|scale| rounded(scale.bits)), "quantity": scale.and_then(|scale| scale.quantity),

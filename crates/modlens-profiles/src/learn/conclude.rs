@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::rc::Rc;
 
 use crate::learn::anchor::{self, Anchor};
-use crate::learn::calibration::{layout_bits, role_bits};
+use crate::learn::calibration::{layout_bits, quantity_bits, role_bits, scale_bits};
 use crate::learn::grid;
 use crate::learn::layout::{best_blocks, layout, BestBlocks};
 use crate::learn::layout_point::LayoutPoint;
@@ -12,8 +12,9 @@ use crate::learn::observed::{ObservedTable, Samples};
 use crate::learn::relations::relate;
 use crate::learn::role::{role, Course, Role};
 use crate::learn::scale::{scales, Scale};
+use crate::learn::singles;
 use crate::points::Conversion;
-use crate::profile::{Order, Type};
+use crate::profile::Type;
 
 /// The numbers that are looked at, of all points together.
 const MOST_NUMBERS: usize = 4 << 20;
@@ -26,6 +27,8 @@ const LEAST_NUMBERS: usize = 16;
 pub struct Learned {
     /// Its registers, type and order.
     pub layout: LayoutPoint,
+    /// The evidence for the layout before it was counted what it is worth, in bits.
+    pub evidence: f64,
     /// What it is for, with the evidence in bits.
     pub role: Option<(Role, f64)>,
     /// Its scale, unit and quantity.
@@ -39,7 +42,7 @@ pub fn conclude(table: &ObservedTable, anchors: &[Anchor]) -> Vec<Learned> {
     let best = best_blocks(table);
     let mut points = layout(table, &best);
     grid::fill(table, &mut points);
-    add_single_registers(table, &mut points);
+    singles::add(table, &best, &mut points);
     let upper_halves = possible_upper_halves(table, &points);
     let mut reader = CourseReader::new(table, &best, points.len());
     let courses: Vec<(Course<'_>, Option<Role>)> = points
@@ -60,9 +63,12 @@ pub fn conclude(table: &ObservedTable, anchors: &[Anchor]) -> Vec<Learned> {
     }
     relate(&courses, &mut scales);
     let rest = roles.into_iter().zip(scales).zip(ranges);
-    let learned = |(mut layout, ((role, scale), range)): (LayoutPoint, _)| {
-        layout.bits = layout_bits(layout.bits);
-        Learned { layout, role, scale, range }
+    let learned = |(mut layout, ((role, scale), range)): (LayoutPoint, ((_, Option<Scale>), _))| {
+        let evidence = layout.bits;
+        layout.bits = layout_bits(evidence);
+        let scale =
+            scale.map(|scale| Scale { bits: scale_bits(scale.bits), quantity_bits: quantity_bits(scale.quantity_bits), ..scale });
+        Learned { layout, evidence, role, scale, range }
     };
     points.into_iter().zip(rest).map(learned).collect()
 }
@@ -76,32 +82,6 @@ fn possible_upper_halves(table: &ObservedTable, points: &[LayoutPoint]) -> BTree
     };
     let beside = |at: u16| [at.checked_sub(1), at.checked_add(1)];
     single.iter().filter(|at| is_lower(at)).flat_map(|&at| beside(at)).flatten().collect()
-}
-
-/// Adds a point for each register that belongs to no certain point.
-fn add_single_registers(table: &ObservedTable, points: &mut Vec<LayoutPoint>) {
-    points.retain(|point| point.is_certain);
-    let taken: BTreeSet<u16> = points.iter().flat_map(|point| (0..point.count).map(|i| point.address.wrapping_add(i))).collect();
-    for (&address, counts) in table.registers.iter().filter(|(address, _)| !taken.contains(address)) {
-        // A signed quantity that crosses zero jumps between 65535 and 0.
-        let crosses = counts.max >= 0xFF00 && counts.min < 0x0100 && counts.reversals > 0 && counts.changes() > 2;
-        let below = counts.min >= 0xF000 && counts.max < 0xFFFF && counts.changes() > 2;
-        let kind = if crosses || below { Type::S16 } else { Type::U16 };
-        let bits = if kind == Type::S16 { 5.0 } else { 0.0 };
-        let reason = if kind == Type::S16 { "the sign changes where the value crosses zero" } else { "" };
-        points.push(LayoutPoint {
-            address,
-            count: 1,
-            kind,
-            order: Order::Abcd,
-            bits,
-            is_certain: false,
-            is_rising: false,
-            reason: reason.to_owned(),
-            rivals: Vec::new(),
-        });
-    }
-    points.sort_by_key(|point| point.address);
 }
 
 /// Reads the numbers of points over time.
@@ -167,6 +147,7 @@ impl<'a> CourseReader<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::profile::Order;
 
     /// A day of polls each minute: three voltages of the mains, a state, a counter of seconds, and three small numbers of
     /// two registers.

@@ -91,14 +91,15 @@ pub fn float_hypothesis(sequence: &Sequence<'_, u64>, words: usize, order: Order
     })
 }
 
-/// Evidence in bits for numbers that are short in decimal although their low bits are not zero, as if somebody had
-/// typed them. Nothing is subtracted if most numbers are long, since the values of a noisy sensor are.
+/// Evidence in bits for numbers that are short in decimal although their lowest bits are not zero, as if somebody had
+/// typed them; a number whose lowest bits are zero is short by itself. Nothing is subtracted if most numbers are long,
+/// since the values of a noisy sensor are.
 fn short_decimals(values: &[u64], words: usize) -> f64 {
     let mut distinct: Vec<u64> = values.to_vec();
     distinct.sort_unstable();
     distinct.dedup();
     distinct.truncate(64);
-    let (mask, digits, bits_each) = if words == 2 { (0xFFFF, 5, 6.0) } else { (0xFFFF_FFFF, 9, 12.0) };
+    let (mask, digits, bits_each) = if words == 2 { (0xFF, 5, 6.0) } else { (0xFFFF, 9, 12.0) };
     let with_low_bits: Vec<&u64> = distinct.iter().filter(|&&bits| bits & mask != 0).collect();
     let short = with_low_bits.iter().filter(|&&&bits| significant_digits(bits, words) <= digits).count();
     if with_low_bits.is_empty() || short * 5 < with_low_bits.len() * 4 {

@@ -28,9 +28,10 @@ pub(super) fn fill(table: &ObservedTable, points: &mut Vec<LayoutPoint>) {
     added.retain(|point| (0..point.count).all(|i| !free.contains(&(point.address + i))));
     add(points, added);
     let taken = taken(points);
+    let usual = usual_order(points);
     let mut runs: BTreeMap<u16, LayoutPoint> = BTreeMap::new();
     for (first, count) in table.blocks.keys() {
-        for point in zero_pairs(table, *first, *count, &taken) {
+        for point in zero_pairs(table, *first, *count, &taken, usual) {
             runs.entry(point.address).or_insert(point);
         }
     }
@@ -54,6 +55,14 @@ fn add(points: &mut Vec<LayoutPoint>, added: Vec<LayoutPoint>) {
         }
     }
     points.sort_by_key(|point| point.address);
+}
+
+/// The order of all certain integers of two registers, if there are some and they agree.
+fn usual_order(points: &[LayoutPoint]) -> Option<Order> {
+    let is_integer = |point: &&LayoutPoint| point.is_certain && matches!(point.kind, Type::U32 | Type::S32);
+    let mut orders = points.iter().filter(is_integer).map(|point| point.order);
+    let first = orders.next()?;
+    orders.all(|order| order == first).then_some(first)
 }
 
 /// Numbers between and next to certain ones of the same order at the same parity of the same block. In a device of floats, a
@@ -156,7 +165,7 @@ fn halves(table: &ObservedTable, at: u16, order: Order) -> Option<(&Counts, &Cou
 
 /// Pairs of a register that stays zero and one that moves, one after the other: numbers of two registers that have been
 /// small so far.
-fn zero_pairs(table: &ObservedTable, first: u16, count: u16, taken: &BTreeSet<u16>) -> Vec<LayoutPoint> {
+fn zero_pairs(table: &ObservedTable, first: u16, count: u16, taken: &BTreeSet<u16>, usual: Option<Order>) -> Vec<LayoutPoint> {
     #[derive(Clone, Copy, PartialEq)]
     enum Cell {
         Zero,
@@ -177,7 +186,7 @@ fn zero_pairs(table: &ObservedTable, first: u16, count: u16, taken: &BTreeSet<u1
         while end < cells.len() && cells[end] != Cell::Other && cells[end - 1] != Cell::Other && cells[end] != cells[end - 1] {
             end += 1;
         }
-        if let Some((start, order)) = pairs_of_run(at..end, cells[at] == Cell::Zero) {
+        if let Some((start, order)) = pairs_of_run(at..end, cells[at] == Cell::Zero, usual) {
             let pairs = (start..end).step_by(2).take((end - start) / 2);
             let reason = "one of a run of pairs with an upper register of zero";
             found.extend(pairs.map(|i| point(first.wrapping_add(i as u16), Type::U32, order, reason)));
@@ -188,14 +197,22 @@ fn zero_pairs(table: &ObservedTable, first: u16, count: u16, taken: &BTreeSet<u1
 }
 
 /// Where the pairs of a run of alternating registers begin, and their order; the run is given by its places in the block.
-/// A run of an even length has one answer. Of an odd one, pairs begin at an even place: blocks begin with a number.
-fn pairs_of_run(run: std::ops::Range<usize>, begins_with_zero: bool) -> Option<(usize, Order)> {
-    let pairs = run.len() / 2;
-    let is_even = run.len().is_multiple_of(2);
-    let start = if is_even || run.start.is_multiple_of(2) { run.start } else { run.start + 1 };
-    let order = if begins_with_zero == (start == run.start) { Order::Abcd } else { Order::Cdab };
-    let least = if is_even || (order == Order::Abcd && start == 0) { LEAST_PAIRS } else { 2 * LEAST_PAIRS };
-    (pairs >= least).then_some((start, order))
+/// Pairs begin at an even place: blocks begin with a number. Where a run begins at an odd place, or ends there, a register
+/// of its own stands beside it, and more pairs have to show that. Other numbers of the device may say otherwise.
+fn pairs_of_run(run: std::ops::Range<usize>, begins_with_zero: bool, usual: Option<Order>) -> Option<(usize, Order)> {
+    let order_from = |start: usize| if begins_with_zero == (start == run.start) { Order::Abcd } else { Order::Cdab };
+    let even = run.start.next_multiple_of(2);
+    let start = match usual {
+        Some(order) if order_from(run.start) == order => run.start,
+        Some(order) if order_from(run.start + 1) == order => run.start + 1,
+        Some(_) => return None,
+        None => even,
+    };
+    let order = order_from(start);
+    let pairs = run.end.saturating_sub(start) / 2;
+    let is_whole = start == run.start && run.len().is_multiple_of(2);
+    let is_clear = usual.is_some() || is_whole || (order == Order::Abcd && start == 0);
+    (pairs >= if is_clear { LEAST_PAIRS } else { 2 * LEAST_PAIRS }).then_some((start, order))
 }
 
 fn point(address: u16, kind: Type, order: Order, reason: &str) -> LayoutPoint {

@@ -3,6 +3,7 @@
 
 mod anchor;
 mod calibration;
+mod calibration_table;
 mod conclude;
 mod evidence;
 mod float_hypothesis;
@@ -18,6 +19,7 @@ mod relations;
 mod role;
 mod scale;
 mod sequence;
+mod singles;
 pub mod text;
 
 pub use anchor::Anchor;

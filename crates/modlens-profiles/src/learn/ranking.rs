@@ -13,6 +13,9 @@ use crate::learn::sequence::Sequence;
 use crate::points::Conversion;
 use crate::profile::{Order, Type};
 
+/// The further evidence that a rare hypothesis needs where nothing is known of the device, in bits.
+const RARE_BITS: f64 = 3.0;
+
 /// Ranks the hypotheses for two or four consecutive registers, best first. `rows` has one sample per row,
 /// `follows` says which of them directly follow the row before; `habits` are what the device does elsewhere.
 ///
@@ -52,8 +55,15 @@ pub fn rank_types(rows: &[&[u16]], follows: &[bool], habits: &Habits) -> Vec<Typ
         [only] => only.bits,
         [best, next, ..] => best.bits - next.bits,
     };
-    hypotheses[0].is_certain = hypotheses[0].bits >= MIN_HYPOTHESIS_BITS && margin >= MIN_MARGIN_BITS;
+    let least = MIN_HYPOTHESIS_BITS + if is_rare(&hypotheses[0], words) && !habits.are_known() { RARE_BITS } else { 0.0 };
+    hypotheses[0].is_certain = hypotheses[0].bits >= least && margin >= MIN_MARGIN_BITS;
     hypotheses
+}
+
+/// Whether a hypothesis is one of many that few devices have: swapped bytes, or integers of four registers.
+fn is_rare(hypothesis: &TypeHypothesis, words: usize) -> bool {
+    let is_swapped = matches!(hypothesis.order, Order::Badc | Order::Dcba);
+    is_swapped || (words == 4 && !matches!(hypothesis.kind, Type::F64))
 }
 
 /// Whether the bytes of two or four registers are a plausible float in this order. If one sample is not, `rank_types` does
