@@ -14,6 +14,8 @@ from dissectors.table import function as table_function
 
 __all__ = [
     "BASE_TITLES",
+    "MEASURED",
+    "OTHER",
     "bus_field",
     "function_name",
     "labels",
@@ -21,6 +23,13 @@ __all__ = [
     "number",
     "share_of",
 ]
+
+MEASURED = (
+    "measured: answers whose response time is known; for the others the recording's clock is too"
+    " coarse"
+)
+OTHER = "late answers, broadcasts, and requests whose outcome was not recorded"
+"""What two columns mean, for the line below their table."""
 
 BASE_TITLES = {
     "wire": "addr from 0",

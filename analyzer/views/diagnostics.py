@@ -100,9 +100,9 @@ def explain_timeouts(bus: Mapping[str, Any]) -> Iterator[str]:
     waited = found["waited"]
     if waited:
         yield (
-            "the master's response timeout: at most about"
-            f" {cells.milliseconds(waited['p50_us'])} ms ({cells.milliseconds(waited['min_us'])} to"
-            f" {cells.milliseconds(waited['max_us'])} ms)"
+            "the master's response timeout: about"
+            f" {cells.milliseconds(waited['p50_us'])} ms or less (waits of"
+            f" {cells.milliseconds(waited['min_us'])} to {cells.milliseconds(waited['max_us'])} ms)"
         )
     rows = found["requests"]
     for row in rows[:_MAX_REQUESTS]:

@@ -168,6 +168,8 @@ def _reserves(rows: Sequence[Mapping[str, Any]], width: int) -> Iterator[list[Pa
     yield grid.head()
     for row in rows:
         yield grid.line(row)
+    if any(field.head.title == "measured" for field in fields):
+        yield from _wrapped(cells.MEASURED, width, style="dim")
 
 
 def _timed(row: Mapping[str, Any]) -> str:

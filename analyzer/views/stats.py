@@ -46,6 +46,7 @@ from analyzer.counts import count_of
 from analyzer.views import cells
 from analyzer.views.diagnostics import describe_driver_errors, explain_timeouts, rank_findings
 from analyzer.views.grid import WIDE_COLUMNS, ColumnLayout, Grid, GridColumn
+from analyzer.views.polls import polls
 from analyzer.views.screen import Part, Screen, visible
 from dissectors.vocabulary import exception_name
 
@@ -89,6 +90,11 @@ def _lines(
         if len(short) > 1:
             fields.insert(0, cells.bus_field(tuple(short), lambda row: str(row["bus"])))
         yield from _grid(fields, rows, width)
+        if any(map(_other, rows)):
+            title = "other" if width >= WIDE_COLUMNS else "count counts as well"
+            yield from _notes(f"{title}: {cells.OTHER}", width)
+        if any(field.head.title == "measured" for field in fields):
+            yield from _notes(cells.MEASURED, width)
     yield from _exception_codes(rows, width, short if len(short) > 1 else {})
     for bus in buses:
         yield from _timeouts(bus, width)
@@ -132,6 +138,7 @@ def _timeouts(bus: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
             (f", longest {cells.milliseconds(cycle['max_us'])} ms", "dim"),
             (f"; {count_of(cycle['requests'], 'periodic request')}", ""),
         ]
+        yield from polls(bus, width)
     lines = list(explain_timeouts(bus))
     if lines:
         yield []
@@ -213,6 +220,11 @@ def _row_fields(rows: Sequence[Mapping[str, Any]], *, is_wide: bool) -> list[Gri
         ),
         GridColumn(ColumnLayout("exceptions", 4, align_right=True), _exceptions, lambda _: "odd"),
         GridColumn(ColumnLayout("failed", 6, align_right=True), _failed, lambda _: "bad"),
+        *(
+            [GridColumn(ColumnLayout("other", 5, align_right=True), _other)]
+            if is_wide and any(map(_other, rows))
+            else []
+        ),
         GridColumn(ColumnLayout("retry", 5, align_right=True), lambda row: _some(row["retries"])),
     ]
     if is_wide and any(0 < _timed(row) < _answered(row) for row in rows):
@@ -273,6 +285,15 @@ def _exceptions(row: Mapping[str, Any]) -> str:
 
 def _failed(row: Mapping[str, Any]) -> str:
     return _some(_with_status(row, *_FAILED))
+
+
+def _other(row: Mapping[str, Any]) -> str:
+    """Rows that are no requests, or whose outcome is not known."""
+    return _some(row["transactions"] - _with_status(row, "ok", "exception", *_FAILED))
+
+
+def _notes(text: str, width: int) -> Iterator[list[Part]]:
+    yield from ([(line, "dim")] for line in textwrap.wrap(text, width))
 
 
 def _response(name: str) -> Callable[[Mapping[str, Any]], str]:

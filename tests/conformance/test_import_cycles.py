@@ -1,4 +1,4 @@
-"""No circle of imports between files, nor between the folders of a crate: each is understood with only those below it."""
+"""No circle of imports between files, nor between folders of a crate."""
 
 from __future__ import annotations
 

@@ -6,8 +6,10 @@ import io
 
 import pytest
 
+import modlens
 from analyzer.views.screen import Screen
 from analyzer.views.stats import show_stats
+from tests.conftest import CAPTURES
 
 
 @pytest.mark.parametrize("columns", [80, 160])
@@ -32,3 +34,25 @@ def test_findings_are_ranked(monkeypatch: pytest.MonkeyPatch, columns: int) -> N
     assert codes == ["two_masters", "no_response", "exception", "retry", "local_echo"]
     assert all(len(line) <= columns for line in lines)
     assert any(line.split() == ["1,200", "local_echo"] for line in lines)
+
+
+def test_requests_that_come_again_are_listed() -> None:
+    """How often each was sent is counted in the rows; none of this recording comes once only."""
+    recording = modlens.decode(CAPTURES / "pymodbus_types" / "recording.jsonl")
+    out = io.StringIO()
+    show_stats(recording.stats(), Screen(out))
+    text = out.getvalue()
+    listed = text[text.index("requests that come again") :].split("\n\n")[0].splitlines()[2:]
+    sent = {(fields := line.split())[-5]: int(fields[-4]) for line in listed}
+    wanted = {"0-65": "address == 0 and quantity == 66", "47-48": "address == 47 and quantity == 2"}
+    assert sent == {of: len(recording.transactions.where(rows)) for of, rows in wanted.items()}
+
+
+def test_rows_that_are_no_requests_are_explained() -> None:
+    """Three late answers have rows; without them there is neither the column nor its line."""
+    for name, others in (("pymodbus_late_answers", 3), ("pymodbus_types", 0)):
+        recording = modlens.decode(CAPTURES / name / "recording.jsonl")
+        out = io.StringIO()
+        show_stats(recording.stats(), Screen(out))
+        assert len(recording.transactions) - recording.doctor()["requests"] == others
+        assert ("as well: late answers" in out.getvalue()) == bool(others)
