@@ -3,8 +3,9 @@
     python -m tests.support.learn_kinds --seeds 1-2 --minutes 60
     python -m tests.support.learn_kinds --folder FOLDER --length 1h
 
-Without a folder, the devices are those of `tests.support.device_kinds`. A folder holds recordings
-KIND.LENGTH.jsonl.gz and the truth beside them, KIND.LENGTH.truth.jsonl, a line for each value.
+Without a folder, the devices are those of `tests.support.device_kinds`, or those that came later
+(`--later`). A folder holds recordings KIND.LENGTH.jsonl.gz and the truth beside them,
+KIND.LENGTH.truth.jsonl, a line for each value.
 
 A claim about the layout is one about several registers, or about a sign; texts are left out. A
 layout is decidable if it has moved enough: an upper register has changed, or a float has had three
@@ -30,6 +31,7 @@ from typing import Any
 import _modlens
 from tests.support.device_kinds import KINDS, Item, Kind
 from tests.support.find_tasks import find_score
+from tests.support.later_kinds import KINDS as LATER
 from tests.support.plant_signals import signals
 
 __all__ = ["is_layout_right", "lines_of", "main", "place", "recording", "score"]
@@ -97,7 +99,9 @@ def encoded(item: Item, value: float) -> bytes:
         width = 2 * WIDTHS.get(item.type, 1)
         data = (round(raw) & ((1 << 8 * width) - 1)).to_bytes(width, "big")
     words = [data[at : at + 2] for at in range(0, len(data), 2)]
-    return b"".join(words[::-1] if item.order == "CDAB" else words)
+    if item.order in ("BADC", "DCBA"):
+        words = [word[::-1] for word in words]
+    return b"".join(words[::-1] if item.order in ("CDAB", "DCBA") else words)
 
 
 def _truth(kind: Kind, item: Item, values: list[bytes]) -> Truth:
@@ -106,7 +110,7 @@ def _truth(kind: Kind, item: Item, values: list[bytes]) -> Truth:
         space for space, first, size in kind.blocks if first <= item.address < first + size
     )
     changes = sum(a != b for a, b in pairwise(values))
-    upper = slice(-2, None) if item.order == "CDAB" else slice(0, 2)
+    upper = slice(-2, None) if item.order in ("CDAB", "DCBA") else slice(0, 2)
     moved = len({value[upper] for value in values}) > 1
     negative = item.type[0] == "s" and any(value[upper][0] & 0x80 for value in values)
     decidable = (negative if count == 1 else moved) or (item.type == "f32" and len(set(values)) > 2)
@@ -196,7 +200,10 @@ def main() -> None:
     parser.add_argument("--minutes", type=int, default=60)
     parser.add_argument("--folder", type=Path)
     parser.add_argument("--length", default="1h")
-    parser.add_argument("--kind", choices=KINDS, help="only this kind, with its mistakes")
+    parser.add_argument("--later", action="store_true", help="those of `tests.support.later_kinds`")
+    parser.add_argument(
+        "--kind", choices=[*KINDS, *LATER], help="only this kind, with its mistakes"
+    )
     parser.add_argument("--find", type=int, default=0, metavar="N", help="N tasks a kind of task")
     options = parser.parse_args()
     first, last = map(int, options.seeds.split("-"))
@@ -208,7 +215,7 @@ def main() -> None:
                 total += score(truth, learned(path))
         else:
             for seed in range(first, last + 1):
-                for name, kind in KINDS.items():
+                for name, kind in (LATER if options.later else KINDS).items():
                     if options.kind in (None, name):
                         path = Path(folder) / f"{name}.jsonl"
                         text, truth = recording(kind, seed, 60 * options.minutes)

@@ -99,5 +99,7 @@ def signals(seed: int, seconds: int) -> Iterator[dict[str, float]]:
             "torque": 40 + motor / 3 + now["noise"], "u_line": 400 + 2 * (now["u1"] - 230),
             "u_motor": motor * 7.6, "thermal": 55 + motor / 6, "seconds": clock + at,
             "hours": hours + at // 3600, "starts": starts, "mode": mode, "cable": cable, "bits": bits,
+            "volume": total["e"] / 4e4, "e_day": 3.1 + (total["e"] - start["e"]) / 1000,
+            **{f"p_signed{phase}": watt - 1400 for phase, watt in enumerate(power, 1)},
             "serial": serial, "fifteen": 15, "fifty": 50, "thirty_nine": 39,
         }  # fmt: skip

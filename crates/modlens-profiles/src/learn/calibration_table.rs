@@ -4,7 +4,7 @@
 use crate::learn::role::Role;
 
 /// A class of evidence: the least bits of layout claims in it, claims, and wrong ones among them.
-pub(super) const LAYOUTS: [(f64, u32, u32); 4] = [(12.0, 1179, 15), (8.0, 122, 8), (6.0, 361, 6), (0.0, 30, 0)];
+pub(super) const LAYOUTS: [(f64, u32, u32); 4] = [(12.0, 1179, 15), (8.0, 123, 8), (6.0, 361, 6), (0.0, 30, 0)];
 
 /// Claims of each role, and wrong ones. A register is constant if it was so far.
 pub(super) const ROLES: [(Role, u32, u32); 9] = [

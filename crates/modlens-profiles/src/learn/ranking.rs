@@ -14,7 +14,7 @@ use crate::points::Conversion;
 use crate::profile::{Order, Type};
 
 /// The further evidence that a rare hypothesis needs where nothing is known of the device, in bits.
-const RARE_BITS: f64 = 3.0;
+const RARE_BITS: f64 = 1.0;
 
 /// Ranks the hypotheses for two or four consecutive registers, best first. `rows` has one sample per row,
 /// `follows` says which of them directly follow the row before; `habits` are what the device does elsewhere.
