@@ -1,0 +1,22 @@
+"""Plays a recording to `modlens tap socket://localhost:5020`, as a line would: a rehearsal.
+
+python docs/examples/replay.py captures/pymodbus_disturbed/recording.jsonl [SPEED]
+"""
+
+import socket
+import sys
+import time
+
+import modlens
+
+RECORDING, SPEED = sys.argv[1], float((*sys.argv, 1)[2])
+
+with socket.create_server(("localhost", 5020)) as server:
+    sys.stdout.write("now: modlens tap socket://localhost:5020\n")
+    sys.stdout.flush()
+    tap, _ = server.accept()
+    begun = time.monotonic()
+    for frame in modlens.decode(RECORDING).frames:
+        time.sleep(max((frame.elapsed_us or 0) / 1e6 / SPEED - (time.monotonic() - begun), 0))
+        tap.sendall(frame.hex)
+    time.sleep(1)  # The last answer is complete when the line has been silent.
