@@ -28,8 +28,11 @@ def crc16(data: bytes) -> int:
 def lrc(data: bytes) -> int:
     """LRC of `data`, the binary bytes of an ASCII frame (serial line specification, 6.2.1)."""
 
-def pdu_of(frame: bytes, mode: str) -> bytes | None:
+def pdu_of(frame: bytes, mode: str, has_checksum: bool = True) -> bytes | None:
     """The PDU in a frame; None where the frame is empty, or cannot be decoded."""
+
+def ends_in_checksum(frame: bytes, mode: str) -> bool:
+    """Whether the last bytes of a frame are its checksum."""
 
 def is_text(sample: bytes) -> bool:
     """Whether these bytes can be text: hardly any control characters, UTF-8 or mostly ASCII.

@@ -23,7 +23,7 @@ import _modlens
 from dissectors.pdu import default_functions
 from dissectors.table import Direction
 
-__all__ = ["Layer", "Mode", "Piece", "describe", "pdu_of"]
+__all__ = ["Layer", "Mode", "Piece", "describe", "has_checksum", "pdu_of"]
 
 Mode = Literal["rtu", "ascii", "tcp", "pdu"]
 
@@ -78,10 +78,21 @@ def describe(  # noqa: PLR0913 - all but the frame by keyword
     return [Piece(*piece[:5], cast("Layer", piece[5]), piece[6]) for piece in found]
 
 
-def pdu_of(frame: bytes | None, mode: str) -> bytes | None:
+def pdu_of(frame: bytes | None, mode: str, *, has_checksum: bool = True) -> bytes | None:
     """The PDU in a request's frame; None where there is no frame, or it is not decodable.
 
     >>> pdu_of(bytes.fromhex("01 03 00 6B 00 03 74 17"), "rtu").hex()
     '03006b0003'
     """
-    return _modlens.pdu_of(frame, mode) if frame else None
+    return _modlens.pdu_of(frame, mode, has_checksum) if frame else None
+
+
+def has_checksum(frame: bytes | None, mode: str, *, is_sound: bool) -> bool:
+    """Whether a frame ends in its checksum, right or wrong.
+
+    A sound frame that does not is one of a recording that prints none.
+
+    >>> has_checksum(bytes.fromhex("01 03 00 6B 00 03"), "rtu", is_sound=True)
+    False
+    """
+    return not is_sound or _modlens.ends_in_checksum(frame or b"", mode)

@@ -12,7 +12,7 @@ from analyzer.assistants.reading import Reading
 from analyzer.filters import parse
 from analyzer.hex_text import frame_bytes
 from analyzer.settings import Settings
-from dissectors.describe import Piece, describe, pdu_of
+from dissectors.describe import Piece, describe, has_checksum, pdu_of
 from dissectors.errors import UsageError
 
 __all__ = ["answer"]
@@ -56,8 +56,12 @@ def _transaction(reading: Reading, _: str, number: int) -> Iterator[Row]:
         findings += batch.findings.where(about)
         for row in batch.transactions.where(wanted):
             yield "transactions", _fields(row, _TRANSACTION)
-            request = pdu_of(row.request_hex, row.mode)
             functions = reading.settings.functions
+            checksums = {
+                name: has_checksum(data, row.mode, is_sound=row.status != f"bad_{name}")
+                for name, data in (("request", row.request_hex), ("response", row.response_hex))
+            }
+            request = pdu_of(row.request_hex, row.mode, has_checksum=checksums["request"])
             for name, data in (("request", row.request_hex), ("response", row.response_hex)):
                 if data:
                     pieces = describe(
@@ -65,6 +69,7 @@ def _transaction(reading: Reading, _: str, number: int) -> Iterator[Row]:
                         mode=row.mode,
                         direction="request" if name == "request" else "response",
                         request=request if name == "response" else None,
+                        has_checksum=checksums[name],
                         functions=functions,
                     )
                     yield from _pieces(f"{name}_bytes", pieces)
@@ -109,13 +114,16 @@ def _hex(text: str) -> Iterator[Row]:
 
 def _frame(row: Any, transaction: Any, functions: _modlens.Functions) -> Iterator[Row]:
     yield "frames", _fields(row, _FRAME)
-    request = None if transaction is None else pdu_of(transaction.request_hex, row.mode)
+    checksum = row.verdict != "no_checksum"
+    request = None
+    if transaction is not None:
+        request = pdu_of(transaction.request_hex, row.mode, has_checksum=checksum)
     pieces = describe(
         row.hex,
         mode=row.mode,
         direction=row.direction,
         request=request,
-        has_checksum=row.verdict != "no_checksum",
+        has_checksum=checksum,
         functions=functions,
     )
     yield from _pieces("bytes", pieces)

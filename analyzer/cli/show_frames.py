@@ -13,7 +13,7 @@ from analyzer.times import format_seconds
 from analyzer.views.cells import milliseconds
 from analyzer.views.detail import show_findings, show_frame, show_pause
 from analyzer.views.screen import Screen, visible, width_of
-from dissectors.describe import Mode, describe, pdu_of
+from dissectors.describe import Mode, describe, has_checksum, pdu_of
 
 __all__ = ["DisplayedExchange", "lookup_frame", "lookup_packet", "lookup_transaction", "show"]
 
@@ -52,14 +52,15 @@ class DisplayedExchange:
     ) -> DisplayedExchange:
         """From a row of the frames table; `request` is the frame that it responds to."""
         direction = _direction_text(row.direction)
+        checksum = row.verdict != "no_checksum"
         one = DisplayedFrame(
             f"frame {row.frame}: {direction}, {row.mode}, {row.verdict}{_time_text(row)}",
             row.hex,
             row.mode,
             row.direction,
-            row.verdict != "no_checksum",
+            checksum,
         )
-        return cls((one,), "", pdu_of(request, row.mode), findings)
+        return cls((one,), "", pdu_of(request, row.mode, has_checksum=checksum), findings)
 
     @classmethod
     def of_transaction(
@@ -69,17 +70,31 @@ class DisplayedExchange:
         if row.exception is not None:
             findings = [_with_exception(found, row.exception) for found in findings]
         title = f"transaction {row.txn}: {row.mode}, {row.status}{_time_text(row)}"
+        asked_checksum = has_checksum(
+            row.request_hex, row.mode, is_sound=row.status != "bad_request"
+        )
+        answer_checksum = has_checksum(
+            row.response_hex, row.mode, is_sound=row.status != "bad_response"
+        )
         request = DisplayedFrame(
-            f"request, frame {row.request_frame}", row.request_hex, row.mode, "request"
+            f"request, frame {row.request_frame}",
+            row.request_hex,
+            row.mode,
+            "request",
+            asked_checksum,
         )
         answer = DisplayedFrame(
-            f"response, frame {row.response_frame}", row.response_hex, row.mode, "response"
+            f"response, frame {row.response_frame}",
+            row.response_hex,
+            row.mode,
+            "response",
+            answer_checksum,
         )
         frames = tuple(one for one in (request, answer) if one.data)
         return cls(
             frames,
             _pause_text(row),
-            pdu_of(row.request_hex, row.mode),
+            pdu_of(row.request_hex, row.mode, has_checksum=asked_checksum),
             findings,
             title,
             readings,

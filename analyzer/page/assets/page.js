@@ -246,16 +246,17 @@ const Page = (() => {
   async function detail(at) {
     const row = await ask({ call: "row", table, ...Filters.of(table), at });
     if (!row) return;
-    const spaced = (text) => text.replace(/(..)(?=.)/g, "$1 ");
+    const frames = await ask({ call: "bytes", table, ...Filters.of(table), at });
     const known = words.columns[table].filter((one) => row[one.key]);
     const list = known.map((one) => el("div", {}, el("dt", { title: one.help }, one.title),
-      el("dd", { class: one.type === "hex" ? "hex" : "" }, Show.visible(one.type === "hex" ? spaced(row[one.key]) : row[one.key]))));
+      el("dd", { class: one.type === "hex" ? "hex" : "" }, Show.visible(one.type === "hex" ? Bytes.spaced(row[one.key]) : row[one.key]))));
     const codes = (row.findings || row.code || "").split(/[\s,;|\[\]"]+/).filter((code) => words.findings[code]);
     const meaning = codes.flatMap((code) => {
       const { title, why, advice } = words.findings[code];
       return [el("h3", {}, title), el("p", {}, why), el("p", {}, el("strong", {}, "Check: "), advice)];
     });
-    $("detail").replaceChildren(el("h2", {}, `${table.slice(0, -1)} ${row.txn || row.frame || row.connection || at + 1}`), ...meaning, el("dl", {}, ...list));
+    $("detail").replaceChildren(el("h2", {}, `${table.slice(0, -1)} ${row.txn || row.frame || row.connection || at + 1}`), ...meaning,
+      ...frames.flatMap(Bytes.table), el("dl", {}, ...list));
     $("detail").parentElement.classList.add("chosen");
     $("detail").scrollIntoView({ block: "nearest" });
     document.documentElement.dataset.detail = String(at);

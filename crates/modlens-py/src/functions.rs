@@ -93,8 +93,15 @@ fn piece_tuple(piece: Piece) -> PieceTuple {
 
 /// The PDU in a frame of a mode.
 #[pyfunction]
-pub fn pdu_of<'py>(py: Python<'py>, frame: &[u8], mode: &str) -> PyResult<Option<Bound<'py, PyBytes>>> {
-    Ok(annotate::pdu_of(frame, frame_mode(mode)?).map(|pdu| PyBytes::new(py, &pdu)))
+#[pyo3(signature = (frame, mode, has_checksum=true))]
+pub fn pdu_of<'py>(py: Python<'py>, frame: &[u8], mode: &str, has_checksum: bool) -> PyResult<Option<Bound<'py, PyBytes>>> {
+    Ok(annotate::pdu_of(frame, frame_mode(mode)?, has_checksum).map(|pdu| PyBytes::new(py, &pdu)))
+}
+
+/// Whether the last bytes of a frame of a mode are its checksum.
+#[pyfunction]
+pub fn ends_in_checksum(frame: &[u8], mode: &str) -> PyResult<bool> {
+    Ok(annotate::ends_in_checksum(frame, frame_mode(mode)?))
 }
 
 fn frame_mode(name: &str) -> PyResult<Mode> {

@@ -5,6 +5,7 @@ use modlens_tables::cell_text::cell_text;
 use modlens_tables::columns::{Table, TableKind};
 use serde_json::{json, Value as Json};
 
+use crate::annotated::annotated;
 use crate::export::Export;
 use crate::view::{local_changes, table_of};
 use crate::Decoding;
@@ -22,6 +23,7 @@ const MAX_ROWS: u64 = 1000;
 /// | `check` | `table`, `where` | `text` (normalized spelling), `notes` of the filter |
 /// | `rows` | `table`, `columns`, `where` (a filter or null), `from`, `count` | `total`, `rows` (texts of the cells) |
 /// | `row` | `table`, `where`, `at` | texts of all its columns by name |
+/// | `bytes` | `table`, `where`, `at` | frames of the row: `title`, and `blocks` of bytes beside their meaning |
 /// | `find` | `table`, `where`, `column`, `value` | `at`, the first row with this text in the column, or null |
 /// | `export` | `table`, `where`, `format` | null; `export_more` then gives the bytes |
 /// | `document` | | doctor, statistics, overview |
@@ -36,6 +38,7 @@ pub fn answer(decoding: &mut Decoding, question: &Json) -> Result<Json, String> 
         "check" => check(question),
         "rows" => rows(decoding, question),
         "row" => row(decoding, question),
+        "bytes" => annotated(&mut decoding.views, &decoding.functions, question),
         "find" => find(decoding, question),
         "export" => {
             let view = decoding.views.of(question)?;

@@ -40,7 +40,7 @@ const LIVE_ROWS: usize = 200_000;
 /// A recording that is being read, or has been.
 pub struct Decoding {
     purpose: Purpose,
-    functions: Arc<Functions>,
+    pub(crate) functions: Arc<Functions>,
     session: Session,
     recording: Recording,
     contrast: Option<Contrast>,
@@ -206,10 +206,7 @@ fn message(refusal: Refusal) -> String {
 fn options(settings: &Json) -> Result<Options, String> {
     let mode = match settings["mode"].as_str() {
         None | Some("" | "auto") => None,
-        Some("rtu") => Some(Mode::Rtu),
-        Some("ascii") => Some(Mode::Ascii),
-        Some("tcp") => Some(Mode::Tcp),
-        Some(other) => return Err(format!("mode {other:?} is not one of auto, rtu, ascii, tcp")),
+        Some(name) => Some(Mode::from_text(name).ok_or_else(|| format!("mode {name:?} is not one of auto, rtu, ascii, tcp"))?),
     };
     let line = settings["line"].as_str().filter(|text| !text.is_empty()).map(str::parse).transpose()?;
     let ports = settings["ports"].as_array();

@@ -9,6 +9,7 @@
 #[cfg(target_arch = "wasm32")]
 #[allow(unsafe_code)]
 mod abi;
+mod annotated;
 mod answers;
 mod decoding;
 mod export;

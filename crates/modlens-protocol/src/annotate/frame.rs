@@ -2,7 +2,7 @@
 
 use super::body::{Body, MISSING};
 use super::piece::{spaced_hex, Layer, Meaning, Piece};
-use crate::checksum::{crc16, lrc};
+use crate::checksum::{crc16, crc_valid, lrc};
 use crate::framing::Mode;
 use crate::hex::decode_pairs;
 use crate::mbap::PREFIX_BYTES;
@@ -40,19 +40,40 @@ pub fn annotate(frame: &[u8], wrapping: Wrapping, body: Body<'_>) -> Vec<Piece> 
     }
 }
 
-/// The PDU in a frame with its checksum; `None` where the frame is empty, or not decodable.
-pub fn pdu_of(frame: &[u8], mode: Mode) -> Option<Vec<u8>> {
-    let inner =
-        |bytes: &[u8], from: usize, end: usize| bytes.get(from..bytes.len().saturating_sub(end)).unwrap_or_default().to_vec();
+impl Wrapping {
+    /// That of the frame of a transaction. Where a frame that is sound does not end in its checksum, the recording
+    /// prints none.
+    pub fn of_frame(frame: &[u8], mode: Mode, is_sound: bool) -> Self {
+        Self::Frame { mode, has_checksum: !is_sound || ends_in_checksum(frame, mode) }
+    }
+}
+
+/// Whether the last bytes of a frame are its checksum; those of Modbus/TCP have none.
+pub fn ends_in_checksum(frame: &[u8], mode: Mode) -> bool {
+    match mode {
+        Mode::Rtu => crc_valid(frame),
+        Mode::Ascii => binary_of(frame).and_then(|binary| Some(lrc(binary.split_last()?.1) == *binary.last()?)) == Some(true),
+        Mode::Tcp => false,
+    }
+}
+
+/// The PDU in a frame; `None` where the frame is empty, or not decodable.
+pub fn pdu_of(frame: &[u8], mode: Mode, has_checksum: bool) -> Option<Vec<u8>> {
+    let inner = |bytes: &[u8], from: usize, end: usize| {
+        let end = if has_checksum { end } else { 0 };
+        bytes.get(from..bytes.len().saturating_sub(end)).unwrap_or_default().to_vec()
+    };
     match mode {
         _ if frame.is_empty() => None,
         Mode::Tcp => Some(inner(frame, MBAP_BYTES, 0)),
-        Mode::Ascii => {
-            let text = frame.trim_ascii();
-            decoded_pairs(text.get(1..).unwrap_or_default()).map(|binary| inner(&binary, 1, 1))
-        }
+        Mode::Ascii => binary_of(frame).map(|binary| inner(&binary, 1, 1)),
         Mode::Rtu => Some(inner(frame, 1, 2)),
     }
+}
+
+/// The bytes of an ASCII frame: unit, PDU and LRC.
+fn binary_of(frame: &[u8]) -> Option<Vec<u8>> {
+    decoded_pairs(frame.trim_ascii().get(1..).unwrap_or_default())
 }
 
 fn decoded_pairs(digits: &[u8]) -> Option<Vec<u8>> {

@@ -71,12 +71,25 @@ fn registers_of_a_response_get_their_numbers_from_the_request() {
 #[test]
 fn the_pdu_of_a_frame_is_without_what_is_around_it() {
     let pdu = parse_hex("03006B0003").unwrap();
-    assert_eq!(pdu_of(&parse_hex("1103006B00037687").unwrap(), Mode::Rtu), Some(pdu.clone()));
-    assert_eq!(pdu_of(b":1103006B00037E\r\n", Mode::Ascii), Some(pdu.clone()));
-    assert_eq!(pdu_of(&parse_hex("0001000000061103006B0003").unwrap(), Mode::Tcp), Some(pdu));
-    assert_eq!(pdu_of(b":11x", Mode::Ascii), None);
-    assert_eq!(pdu_of(b"", Mode::Rtu), None);
-    assert_eq!(pdu_of(b"\x11", Mode::Rtu), Some(Vec::new()));
+    assert_eq!(pdu_of(&parse_hex("1103006B00037687").unwrap(), Mode::Rtu, true), Some(pdu.clone()));
+    assert_eq!(pdu_of(b":1103006B00037E\r\n", Mode::Ascii, true), Some(pdu.clone()));
+    assert_eq!(pdu_of(&parse_hex("0001000000061103006B0003").unwrap(), Mode::Tcp, true), Some(pdu));
+    assert_eq!(pdu_of(b":11x", Mode::Ascii, true), None);
+    assert_eq!(pdu_of(b"", Mode::Rtu, true), None);
+    assert_eq!(pdu_of(b"\x11", Mode::Rtu, true), Some(Vec::new()));
+}
+
+/// A recording that prints no checksums has sound frames without one.
+#[test]
+fn a_sound_frame_without_its_checksum_is_unit_and_pdu() {
+    let (bare, whole) = (parse_hex("1103006B0003").unwrap(), parse_hex("1103006B00037687").unwrap());
+    let wrapping = |has_checksum| Wrapping::Frame { mode: Mode::Rtu, has_checksum };
+    assert_eq!(Wrapping::of_frame(&bare, Mode::Rtu, true), wrapping(false));
+    assert_eq!(Wrapping::of_frame(&bare, Mode::Rtu, false), wrapping(true));
+    assert_eq!(Wrapping::of_frame(&whole, Mode::Rtu, true), wrapping(true));
+    assert_eq!(pdu_of(&bare, Mode::Rtu, false), parse_hex("03006B0003"));
+    assert!(ends_in_checksum(b":1103006B00037E\r\n", Mode::Ascii));
+    assert!(!ends_in_checksum(b":1103006B0003\r\n", Mode::Ascii));
 }
 
 /// The examples of all functions, vendors' too, have nothing wrong and nothing extra; each direction is found by layout.
@@ -117,7 +130,8 @@ proptest! {
             prop_assert_eq!(&joined, &frame);
         }
         for mode in [Mode::Rtu, Mode::Ascii, Mode::Tcp] {
-            pdu_of(&frame, mode);
+            pdu_of(&frame, mode, has_checksum);
+            Wrapping::of_frame(&frame, mode, true);
         }
     }
 }
