@@ -11,7 +11,7 @@ SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 # The core of the page, compiled for WebAssembly.
 PAGE_CORE := analyzer/page/modlens.wasm.gz
 
-.PHONY: demo check test page lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels try-windows quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak line-loss growth esphome grafana openings settings bench bench-family bench-memory bench-captures bench-text bench-readings bench-exports bench-threads false-alarms speed accuracy noise fuzz miri asan properties mutations deny audit lock captures vectors corpus clean
+.PHONY: demo check test page lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels try-windows quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak line-loss growth esphome grafana openings settings bench bench-family bench-memory bench-captures bench-text bench-page bench-readings bench-exports bench-threads false-alarms speed accuracy noise fuzz miri asan properties mutations deny audit lock captures vectors corpus clean
 
 demo: export PAGER := cat
 demo: $(VENV)/.installed
@@ -131,6 +131,10 @@ bench-memory: $(VENV)/.tested
 
 bench-captures: $(VENV)/.tested
 	$(BIN)/python -m bench.capture_speed
+
+# Reading, jumps, cancelling and memory of the page, in Chromium; two minutes.
+bench-page: $(VENV)/.tested $(PAGE_CORE)
+	$(BIN)/python -m bench.page_speed
 
 # Logs in every dialect, to byte strings and to transactions; two minutes.
 bench-text: $(VENV)/.tested

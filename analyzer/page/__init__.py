@@ -22,7 +22,16 @@ CORE = Path(__file__).with_name("modlens.wasm.gz")
 """The compiled core, as `make page` leaves it."""
 
 _CONNECT = " connect-src 'self';"
-_SCRIPTS = ("unpack.js", "grid.js", "filters.js", "bytes.js", "page.js", "live.js", "serial.js")
+_SCRIPTS = (
+    "unpack.js",
+    "grid.js",
+    "filters.js",
+    "bytes.js",
+    "registers.js",
+    "page.js",
+    "live.js",
+    "serial.js",
+)
 
 
 def page(*, live: bool = False) -> bytes:

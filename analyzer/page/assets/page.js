@@ -56,19 +56,26 @@ const Page = (() => {
 
   async function take(files) {
     await Serial.stop();
+    const before = recordings;
     recordings = [];
     const troubles = [];
+    let profiles = 0;
+    await ready;
     for (const file of files) {
       try {
-        recordings.push(...await Unpack.recordings(file.name, file));
+        if (await Registers.take(file, ask)) profiles++;
+        else recordings.push(...await Unpack.recordings(file.name, file));
       } catch (error) {
         troubles.push(error.message);
       }
     }
+    // Profiles alone are for what is shown already, or comes next.
+    if (profiles && !recordings.length) recordings = before;
+    if (Registers.profiles.length) $("profiles").textContent = `Registers are named by ${Registers.profiles.map((one) => Show.visible(one.name)).join(", ")}.`;
     if (troubles.length) refuse(troubles.join("; "));
     $("which").replaceChildren(...recordings.map((one, at) => el("option", { value: String(at) }, Show.visible(one.name))));
     $("which-label").hidden = recordings.length < 2;
-    if (recordings.length) await open(recordings[0]);
+    if (recordings.length && !(troubles.length && recordings === before)) await open(recordings === before && recording?.blob ? recording : recordings[0]);
   }
 
   function refuse(why) {
@@ -80,6 +87,7 @@ const Page = (() => {
 
   const settings = () => ({
     name: recording.name, format: $("format").value.trim(), mode: $("mode").value, line: $("line").value.trim(),
+    profiles: Registers.profiles,
     ports: $("ports").value.trim() ? $("ports").value.split(/[\s,]+/).map(Number).filter((one) => one > 0 && one < 65536) : undefined,
   });
 
@@ -208,35 +216,41 @@ const Page = (() => {
       $(`tab-${name}`).textContent = `${name[0].toUpperCase()}${name.slice(1)} (${Show.fixed(total, 0)})`;
       $(`tab-${name}`).hidden = !total && name === "connections";
     }
+    if (!$("tab-registers")) $("tabs").append(el("button", { role: "tab", id: "tab-registers", "data-table": "registers", "aria-controls": "table" }, "Registers"));
   }
 
   async function showTables(found) {
     await showTabs();
     const notes = [];
     if (!hasFrames) notes.push(`Frames are listed of recordings up to ${SMALL >> 20} MB.`);
-    if (found.isCut) notes.push(`The first ${Show.fixed(found.rows, 0)} transactions are listed: more are too big for this tab. Causes and statistics are those of all.`);
+    if (found.isCut) notes.push(`The first ${Show.fixed(found.rows, 0)} transactions are listed: all are too big for this tab, about ${Show.fixed(found.needed, 0)} MB needed. Causes and statistics are those of all.`);
     $("limits").textContent = notes.join(" ");
     await choose("transactions");
   }
 
   async function choose(name) {
     table = name;
-    await Filters.check(table, ask);
+    const isMap = name === "registers";
+    $("filters").hidden = isMap;
     for (const tab of $("tabs").children) tab.setAttribute("aria-selected", String(tab.dataset.table === name));
-    Filters.fill(table, data.statistics);
-    const columns = columnsOf(name);
+    if (isMap) await Registers.load(ask);
+    else {
+      await Filters.check(table, ask);
+      Filters.fill(table, data.statistics);
+    }
+    const columns = isMap ? Registers.columns : columnsOf(name);
     grid = new Grid($("table"), {
       label: name, columns, open: (row) => detail(row),
-      fetch: (from, count) => ask({ call: "rows", table: name, columns: columns.map((one) => one.key), ...Filters.of(table), from, count }),
+      fetch: (from, count) => isMap ? Registers.part(from, count) : ask({ call: "rows", table: name, columns: columns.map((one) => one.key), ...Filters.of(table), from, count }),
     });
-    $("detail").replaceChildren();
+    Charts.forget($("detail"));
     $("detail").parentElement.classList.remove("chosen");
     await refresh();
   }
 
   // Shows the rows of the filter from the first one on.
   async function refresh() {
-    const { total } = await ask({ call: "rows", table, columns: [], ...Filters.of(table), from: 0, count: 0 });
+    const { total } = await grid.fetch(0, 0);
     $("shown").textContent = `${Show.fixed(total, 0)} rows`;
     grid.at = 0;
     await grid.show(total, 0);
@@ -244,6 +258,13 @@ const Page = (() => {
 
   // A row: all its columns that have a value, its bytes, and what its findings mean.
   async function detail(at) {
+    Charts.forget($("detail"));
+    if (table === "registers") {
+      $("detail").parentElement.classList.add("chosen");
+      await Registers.detail(at, $("detail"), ask);
+      document.documentElement.dataset.detail = String(at);
+      return;
+    }
     const row = await ask({ call: "row", table, ...Filters.of(table), at });
     if (!row) return;
     const frames = await ask({ call: "bytes", table, ...Filters.of(table), at });
@@ -301,7 +322,8 @@ const Page = (() => {
       return;
     }
     await showTabs();
-    const { total } = await ask({ call: "rows", table, columns: [], ...Filters.of(table), from: 0, count: 0 });
+    if (table === "registers") await Registers.load(ask);
+    const { total } = await grid.fetch(0, 0);
     $("shown").textContent = `${Show.fixed(total, 0)} rows`;
     const isAtEnd = grid.first >= grid.lastFirst;
     await grid.show(total, isAtEnd ? total : grid.first);

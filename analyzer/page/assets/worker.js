@@ -2,12 +2,15 @@
 "use strict";
 const PIECE = 1 << 20, GIGABYTE = 1 << 30;
 let wasm = null, module = null, turn = 0, memoryLimit = GIGABYTE;
+// The share of the recording that has been read.
+let share = 1;
 
 const encode = (value) => new TextEncoder().encode(JSON.stringify(value));
 
 // The module stays, an instance is made for each recording: memory of WebAssembly never shrinks.
 async function restart() {
   wasm = (await WebAssembly.instantiate(module, {})).exports;
+  share = 1;
 }
 
 // Calls the core. Views of its memory are dead after every call, so they are made when they are needed.
@@ -20,7 +23,7 @@ function call(name, bytes) {
   } catch (trap) {
     const text = new Uint8Array(wasm.memory.buffer, wasm.panic_text(), wasm.panic_length());
     const message = new TextDecoder().decode(text) || String(trap.message);
-    throw new Error(/alloc|memory/i.test(message) ? `too big for this tab: ${megabytes()} MB were not enough` : `the decoder failed: ${message}`);
+    throw new Error(/alloc|memory/i.test(message) ? `too big for this tab: ${needed()} MB needed` : `the decoder failed: ${message}`);
   }
   if (found < 0) throw new Error(JSON.parse(new TextDecoder().decode(output())).error);
   return found;
@@ -28,6 +31,8 @@ function call(name, bytes) {
 
 const output = () => new Uint8Array(wasm.memory.buffer, wasm.output(), wasm.output_length());
 const megabytes = () => Math.round(wasm.memory.buffer.byteLength / 1048576);
+// What the whole recording would take, by what its part has taken.
+const needed = () => Math.ceil(megabytes() / share);
 
 function ask(question) {
   call("ask", encode(question));
@@ -44,6 +49,7 @@ async function decode(id, { blob, settings, keepFrom }) {
   for (let at = 0; at < blob.size && !isCut; at += PIECE) {
     const block = new Uint8Array(await blob.slice(at, at + PIECE).arrayBuffer());
     if (mine !== turn) return { cancelled: true };
+    share = (at + block.length) / blob.size;
     rows = call("feed", block);
     if (settings.purpose === "capture") drain(pieces);
     const now = performance.now();
@@ -58,7 +64,7 @@ async function decode(id, { blob, settings, keepFrom }) {
   }
   rows = call("finish");
   if (settings.purpose === "capture") drain(pieces);
-  return { rows, isCut, megabytes: megabytes(), pieces: pieces.length ? new Blob(pieces) : null, status: ask({ call: "status" }) };
+  return { rows, isCut, megabytes: megabytes(), needed: needed(), pieces: pieces.length ? new Blob(pieces) : null, status: ask({ call: "status" }) };
 }
 
 function drain(pieces) {

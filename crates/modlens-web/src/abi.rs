@@ -7,7 +7,7 @@ use std::cell::RefCell;
 
 use serde_json::{json, Value as Json};
 
-use crate::{answer, report, words, Decoding};
+use crate::{answer, check_profile, report, words, Decoding};
 
 /// What the page has opened, and the buffers that both sides share.
 #[derive(Default)]
@@ -90,6 +90,7 @@ pub extern "C" fn ask() -> i32 {
         let question = json_of(&shared.input)?;
         let found = match question["call"].as_str() {
             Some("words") => words(),
+            Some("profile") => check_profile(&question)?,
             Some("report") => report(&question["document"]),
             _ => answer(opened(&mut shared.decoding)?, &question)?,
         };

@@ -7,6 +7,7 @@ use serde_json::{json, Value as Json};
 
 use crate::annotated::annotated;
 use crate::export::Export;
+use crate::registers;
 use crate::view::{local_changes, table_of};
 use crate::Decoding;
 
@@ -24,6 +25,8 @@ const MAX_ROWS: u64 = 1000;
 /// | `rows` | `table`, `columns`, `where` (a filter or null), `from`, `count` | `total`, `rows` (texts of the cells) |
 /// | `row` | `table`, `where`, `at` | texts of all its columns by name |
 /// | `bytes` | `table`, `where`, `at` | frames of the row: `title`, and `blocks` of bytes beside their meaning |
+/// | `map` | | the last value of every register |
+/// | `series` | `where` of the table `readings`, `most` | `total` values, and `steps`: time in µs, lowest, highest |
 /// | `find` | `table`, `where`, `column`, `value` | `at`, the first row with this text in the column, or null |
 /// | `export` | `table`, `where`, `format` | null; `export_more` then gives the bytes |
 /// | `document` | | doctor, statistics, overview |
@@ -39,6 +42,8 @@ pub fn answer(decoding: &mut Decoding, question: &Json) -> Result<Json, String> 
         "rows" => rows(decoding, question),
         "row" => row(decoding, question),
         "bytes" => annotated(&mut decoding.views, &decoding.functions, question),
+        "map" => Ok(registers::map(&decoding.views)),
+        "series" => registers::series(&mut decoding.views, question),
         "find" => find(decoding, question),
         "export" => {
             let view = decoding.views.of(question)?;

@@ -17,6 +17,7 @@ use serde_json::{json, Value as Json};
 
 use crate::export::Export;
 use crate::port::Port;
+use crate::registers::plan;
 use crate::view::Views;
 
 /// What a recording is read for.
@@ -57,7 +58,7 @@ pub struct Decoding {
 
 impl Decoding {
     /// Opens a recording. Settings: `name`; `purpose` (all, causes, rows, capture, live); `format`, `mode`, `line`, `ports` where
-    /// the user knows them. The message says what is wrong with them.
+    /// the user knows them; `profiles` (text, form, units or null for all). The message says what is wrong with them.
     pub fn open(settings: &Json) -> Result<Self, String> {
         let purpose = match settings["purpose"].as_str().unwrap_or("all") {
             "all" => Purpose::All,
@@ -73,6 +74,12 @@ impl Decoding {
         let mut session = Session::new(Arc::clone(&functions), wanted, purpose == Purpose::Live, None);
         if purpose == Purpose::Causes {
             session.emit_compact();
+        }
+        for profile in settings["profiles"].as_array().into_iter().flatten() {
+            let named =
+                profile["units"].as_array().map(|units| units.iter().filter_map(|unit| u8::try_from(unit.as_u64()?).ok()));
+            let units = named.map_or_else(|| (0..=u8::MAX).collect::<Vec<u8>>(), Iterator::collect);
+            session.bind(None, &units, &plan(profile)?);
         }
         let options = options(settings)?;
         Ok(Self {

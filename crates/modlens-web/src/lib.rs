@@ -15,11 +15,13 @@ mod decoding;
 mod export;
 mod listening;
 mod port;
+mod registers;
 mod report;
 mod view;
 mod words;
 
 pub use answers::answer;
 pub use decoding::{Decoding, Purpose};
+pub use registers::check_profile;
 pub use report::report;
 pub use words::words;

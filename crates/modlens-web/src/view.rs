@@ -37,6 +37,11 @@ impl Views {
         self.batches.push(batch);
     }
 
+    /// The batches that were kept.
+    pub fn batches(&self) -> &[Arc<Batch>] {
+        &self.batches
+    }
+
     /// Forgets the oldest batches while the others have this many transactions or more.
     pub fn forget_all_but(&mut self, transactions: usize) {
         let mut kept: usize = self.batches.iter().map(|batch| batch.transaction_count()).sum();
