@@ -12,6 +12,9 @@ from analyzer.cli.import_ import show_notes, write_text
 from analyzer.cli.parser import add_decoding, add_input, add_line
 from analyzer.cli.register_survey import Table, chosen_unit, points, survey, tables_of
 from analyzer.cli.selection import add_selection
+from analyzer.views.learned import show_learned
+from analyzer.views.screen import stdout
+from dissectors.errors import UsageError
 from dissectors.importers.toml import dumps, point_tables
 from dissectors.profile import from_model
 from dissectors.profile_learning import answer_line, evidence_lines, point_of, reason_lines
@@ -30,6 +33,7 @@ EPILOG = """\
 examples:
   modlens learn bus.bin --unit 3 -o device.toml
   modlens learn bus.bin
+  modlens learn bus.bin --to table
   modlens learn bus.bin --to jsonl
   modlens learn day.pcapng --value 231.4 --at 12:03:10
 
@@ -52,9 +56,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_selection(parser)
     parser.add_argument(
         "--to",
-        choices=("toml", "jsonl"),
+        choices=("toml", "table", "jsonl"),
         default="toml",
-        help="toml: a profile (default); jsonl: an object per value, each answer with its odds",
+        help="toml: a profile (default); table: a line per value, what is open first;"
+        " jsonl: an object per value, each answer with its odds",
     )
     add_known_value(parser)
     add_decoding(parser)
@@ -74,11 +79,24 @@ def run(options: argparse.Namespace) -> int:
         chosen = [table for table in tables if options.unit in (None, table["unit"])]
         write_text("".join(_answers(found, chosen)), options.output)
         return 0
+    if options.to == "table":
+        _show(found, tables, options)
+        return 0
     unit = chosen_unit(tables, options.unit, "learn")
     chosen = [table for table in tables if table["unit"] == unit]
     write_text("".join(_profile(found, chosen, options.files[0])), options.output)
     show_notes(_evidence(found, chosen))
     return 0
+
+
+def _show(found: _modlens.Survey, tables: list[Table], options: argparse.Namespace) -> None:
+    """Print the tables of registers; of bits there is nothing to learn."""
+    if options.output is not None:
+        raise UsageError("learn: --to table writes to standard output, not to a file")
+    for table in tables:
+        if table["space"] in REGISTERS and options.unit in (None, table["unit"]):
+            rows = [one for chunk in points(found, table) for one in chunk]
+            show_learned(table, rows, options.files[0], stdout())
 
 
 def _anchored(found: _modlens.Survey, candidates: Sequence[Mapping[str, Any]]) -> str:

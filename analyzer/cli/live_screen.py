@@ -17,6 +17,7 @@ from analyzer.cli.keys import Keys
 from analyzer.counts import count_of
 from analyzer.filters import parse
 from analyzer.views.live import VIEWS, draw
+from analyzer.views.live.marked import QUESTIONS, Marked
 from analyzer.views.live.state import LiveState
 from analyzer.views.live.status import status_line
 from analyzer.views.screen import Part, Screen, fit, visible, width_of
@@ -26,6 +27,7 @@ __all__ = ["LiveScreen"]
 
 REFRESH_S = 0.2
 LOG = "log"
+MAP = "map"
 _FRAME_LINES = 3
 """Lines of the screen besides the view: title, state of the buses, foot."""
 
@@ -38,7 +40,12 @@ _KEYS = (
     ("Home, End", "the oldest, the newest"),
     ("p, space", "pause the screen; decoding goes on"),
     ("/", "filter the log: an expression as for --where; empty shows everything; Ctrl-U clears it"),
-    ("k", "put a mark into the log"),
+    ("k", "put a mark into the log; the map can then be narrowed down:"),
+    *(
+        (key, f"in the map: keep what {said} since the mark")
+        for key, (said, _) in QUESTIONS.items()
+    ),
+    ("a", "in the map: show all again"),
     ("?", "these keys"),
     ("q", "quit"),
 )
@@ -184,6 +191,8 @@ class LiveScreen:
                 return
         if self._filter_input is not None:
             self._edit_filter_input(key)
+        elif self._view == MAP and (key == "a" or (key in QUESTIONS and self._state.marked)):
+            self._narrow_down(key)
         elif key in self._commands:
             self._commands[key]()
         else:
@@ -242,7 +251,16 @@ class LiveScreen:
     def _add_mark(self) -> None:
         mark = self._state.history.mark(f"at {time.strftime('%H:%M:%S')}")
         self.messages.append(mark.text)
+        self._state.marked.mark(self._state.raw())
         sys.stderr.flush()
+
+    def _narrow_down(self, key: str) -> None:
+        """Keep what the key says since the mark; `a` shows all again."""
+        if key == "a":
+            self._state.marked = Marked()
+        else:
+            self._state.marked.keep(key, self._state.raw())
+        self._first_line = 0
 
     def _request_quit(self) -> None:
         self.quit_requested = True

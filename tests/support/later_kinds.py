@@ -1,5 +1,5 @@
 # ruff: noqa: E501 - tables
-"""Seven kinds of devices more, modelled after the inference had been mended on the others.
+"""Seven kinds of devices more, modelled after the inference was changed on the others.
 
 Looked up in public repositories that name the maps: EM530 (Carlo Gavazzi), Deye (string inverter),
 Xintai (water meter), Countis (Socomec), Tracer (EPEVER), GoodWe (EMS) and Quasar (Wallbox). Rows

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from itertools import groupby
 
 from analyzer.addresses import SHORT, render
+from analyzer.counts import count_of
 from analyzer.views.live.state import LiveState, LiveValue
 from analyzer.views.live.status import age
 from analyzer.views.screen import Part, fit, visible, width_of
@@ -28,6 +29,8 @@ def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
     found = state.values()
     if not found:
         return [[("no values seen yet", "dim")]]
+    if state.marked.answers:
+        return _kept(state, width)
     out: list[list[Part]] = []
     shown: set[tuple[str, int]] = set()
     for (bus, unit, kind), group in groupby(found.items(), key=lambda item: item[0][:3]):
@@ -41,6 +44,28 @@ def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
             out += _named(state.named(bus, unit), state.clock(), width)
         values = {place[3]: value for place, value in group}
         out += _block(values, kind, state, width)
+    return out
+
+
+def _kept(state: LiveState, width: int) -> list[list[Part]]:
+    """The registers that did what was asked for since the marks, with the step since the last."""
+    marked, raw = state.marked, state.raw()
+    kept = sorted(place for place in marked.values if place in raw)
+    said = ", then ".join(marked.answers)
+    out: list[list[Part]] = [[(fit(f"{count_of(len(kept), 'candidate')}: {said}", width), "head")]]
+    for place in kept:
+        bus, unit, kind, address = place
+        name = f"{visible(bus)}: " if len(state.table_options.buses) > 1 else ""
+        where = (
+            f"{name}unit {unit} {SHORT[kind]} {render(address, kind, state.table_options.address)}"
+        )
+        step = marked.step(place, raw)
+        out.append([
+            (fit(where, 24), ""), (fit(str(raw[place]), 8, right=True), ""),
+            (fit(f"{step:+d}" if step else "same", 9, right=True), "odd" if step else "dim"),
+        ])  # fmt: skip
+    if not kept:
+        out.append([("none is left: a shows all again, k marks again", "dim")])
     return out
 
 

@@ -15,6 +15,7 @@ import _modlens
 from analyzer.live_run import BusStatus
 from analyzer.views.live.activity import Activity
 from analyzer.views.live.history import History
+from analyzer.views.live.marked import Marked
 from analyzer.views.row_lines import TableOptions
 
 __all__ = ["LiveState", "LiveValue", "UnitAge"]
@@ -85,6 +86,7 @@ class LiveState:
     trouble: Callable[[], str | None] = lambda: None
     paused: bool = False
     history: History = field(default_factory=History)
+    marked: Marked = field(default_factory=Marked)
     seen: int = 0
     started: float = 0.0
     _requests: dict[tuple[Any, ...], tuple[_modlens.Row, bool]] = field(default_factory=dict)
@@ -160,6 +162,10 @@ class LiveState:
     def values(self) -> dict[RegisterKey, LiveValue]:
         """Every register and coil that was seen, sorted."""
         return dict(sorted(self._values.items()))
+
+    def raw(self) -> dict[RegisterKey, int]:
+        """The last number of every register and coil."""
+        return {place: int(value.value) for place, value in self._values.items()}
 
     def named(self, bus: str, unit: int) -> dict[str, LiveValue]:
         """The named, scaled values of a unit with a profile, in the order they were first seen."""

@@ -211,3 +211,23 @@ def rows_of(done: Done) -> list[dict[str, Any]]:
     """The rows of JSON lines."""
     assert done.status == 0, done.err
     return [json.loads(line) for line in done.out.splitlines()]
+
+
+def test_the_table_says_first_what_a_person_can_settle(tmp_path: Path, modlens: Modlens) -> None:
+    """Nothing fixes the scale of a mains of 120 V; the registers are named with a command."""
+    done = modlens("learn", phases(tmp_path), "--to", "table")
+    lines = done.out.splitlines()
+    assert lines[0].startswith("unit 1  holding registers  200 reads, ")
+    assert lines[1].startswith("  scale open: hr 0, 1, 2")
+    assert "--value X --at TIME" in lines[2]
+    row = next(line for line in lines if line.startswith("  hr 0 "))
+    assert "u16" in row
+    assert "measurement" in row
+    assert " %" in row
+
+
+def test_the_table_is_for_a_terminal(tmp_path: Path, modlens: Modlens) -> None:
+    """A file gets a profile or JSON lines."""
+    done = modlens("learn", phases(tmp_path), "--to", "table", "-o", str(tmp_path / "out"))
+    assert done.status != 0
+    assert "--to table" in done.err

@@ -117,3 +117,19 @@ def test_keys_of_a_keyboard_turn_pages_and_lines() -> None:
         terminal.wait_for("2-4 of")
         terminal.press("Home")
         terminal.wait_for("1-3 of")
+
+
+def test_marks_narrow_the_map_down() -> None:
+    """After a mark, the registers that stayed are kept, then those that changed: none here."""
+    with showing(80, 24, "map", CALM) as terminal:
+        terminal.wait_for("registers")
+        terminal.press("u")
+        terminal.wait_for(lambda text: "candidate" not in text)
+        terminal.press("k")
+        terminal.press("=")
+        terminal.wait_for("candidates: stayed the same")
+        terminal.press("d")
+        terminal.wait_for("0 candidates: stayed the same, then changed")
+        terminal.press("a")
+        terminal.wait_for(lambda text: "candidate" not in text and "+1" in text)
+        terminal.press("q")

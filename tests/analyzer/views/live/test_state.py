@@ -327,3 +327,28 @@ def test_named_values_are_scaled(tmp_path: Path) -> None:
     state.refresh()
     assert "Room temperature 21.5" in text(map_lines(state, 80, 20)[1])
     assert text(table_lines(state, 132, 20)[1]).rstrip().endswith("Room temperature 21.5")
+
+
+def test_a_mark_tells_registers_apart_by_what_they_did() -> None:
+    """One goes up and down, one up and stays: two questions leave the first."""
+    line = Line()
+    state = LiveState(TableOptions("wire", "utc", ("bus",)), line.stats, clock=lambda: line.seconds)
+
+    def read(first: int, second: int) -> None:
+        for address, value in ((10, first), (11, second)):
+            state.put(line.ask(1, address, value))
+        state.refresh()
+
+    read(100, 65_530)
+    state.marked.mark(state.raw())
+    read(105, 3)
+    state.marked.keep("u", state.raw())
+    assert {place[3] for place in state.marked.values} == {10, 11}
+    read(101, 3)
+    state.marked.keep("j", state.raw())
+    assert [place[3] for place in state.marked.values] == [10]
+    shown = ["".join(text for text, _ in parts) for parts in map_lines(state, 60, 20)]
+    assert shown[0].startswith("1 candidate: went up, then went down")
+    assert "hr" in shown[1]
+    assert "101" in shown[1]
+    assert "same" in shown[1]

@@ -459,7 +459,7 @@ complete -c modlens -n '__fish_seen_subcommand_from learn' -l date -x -d 'date o
 complete -c modlens -n '__fish_seen_subcommand_from learn' -l dialects -r -d 'TOML file that defines additional formats of text logs (dialects); repeatable'
 complete -c modlens -n '__fish_seen_subcommand_from learn' -l unit -x -d 'the unit to learn, if there are several'
 complete -c modlens -n '__fish_seen_subcommand_from learn' -s o -r -d 'TOML file to write (default: standard output)'
-complete -c modlens -n '__fish_seen_subcommand_from learn' -l to -x -a 'toml jsonl' -d 'toml: a profile (default); jsonl: an object per value, each answer with its odds'
+complete -c modlens -n '__fish_seen_subcommand_from learn' -l to -x -a 'toml table jsonl' -d 'toml: a profile (default); table: a line per value, what is open first; jsonl: an object per value, each answer with its odds'
 complete -c modlens -n '__fish_seen_subcommand_from learn' -l no-pager -d 'never show output in a pager'
 complete -c modlens -n '__fish_seen_subcommand_from learn' -l where -x -d 'only transactions that meet this condition, such as "unit == 3" or "function in (3, 4)", and their frames; modlens explain list prints the names'
 complete -c modlens -n '__fish_seen_subcommand_from learn' -l between -x -d 'only what happened from T1 up to, but not including, T2: times with or without a date, yesterday, today, or seconds from the start'
