@@ -8,7 +8,9 @@
     return JSON.parse(await new Response(stream).text());
   }
 
+  // Until then, and where that fails, the page has no headings, legends and hints of what is not there.
   function draw(data) {
+    document.body.classList.add("scripted");
     Plots.all(data, layout);
     RowFilter.all(layout);
     openTarget();
@@ -24,7 +26,6 @@
   }
 
   function start() {
-    document.body.classList.add("scripted");
     window.addEventListener("hashchange", openTarget);
     let waiting = 0;
     window.addEventListener("resize", () => { clearTimeout(waiting); waiting = setTimeout(() => Plots.resize(matchMedia("print").matches), 100); });

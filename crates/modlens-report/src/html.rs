@@ -154,18 +154,24 @@ fn table(title: &str, found: &Table) -> Markup {
     html! {
         div.scroll tabindex="0" role="region" aria-label=(title) {
             table {
-                thead { tr { @for name in &found.head { th scope="col" { (name) } } } }
+                thead {
+                    tr { @for (at, name) in found.head.iter().enumerate() { th scope="col" class=[found.drawn[at].then_some("script-only")] { (name) } } }
+                }
                 tbody {
                     @for row in &found.rows {
-                        tr {
-                            @for (text, is_right) in row.iter().zip(&found.right) {
-                                @if *is_right { td.n { (text) } } @else { td { (text) } }
-                            }
-                        }
+                        tr { @for (at, text) in row.iter().enumerate() { td class=[class(found, at)] { (text) } } }
                     }
                 }
             }
         }
+    }
+}
+
+fn class(table: &Table, column: usize) -> Option<&'static str> {
+    match (table.right[column], table.drawn[column]) {
+        (true, _) => Some("n"),
+        (_, true) => Some("script-only"),
+        _ => None,
     }
 }
 

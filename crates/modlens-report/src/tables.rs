@@ -19,6 +19,8 @@ pub struct Table {
     pub rows: Vec<Vec<String>>,
     /// Which columns are aligned to the right.
     pub right: Vec<bool>,
+    /// Which columns scripts draw: without them, their cells are empty.
+    pub drawn: Vec<bool>,
     /// Rows that are not shown.
     pub more: usize,
 }
@@ -43,6 +45,7 @@ impl Table {
             head: kept.iter().map(|(column, _)| text(&column["title"]).to_owned()).collect(),
             rows: (0..found.len()).map(|row| kept.iter().map(|(_, texts)| texts[row].clone()).collect()).collect(),
             right: kept.iter().map(|(column, _)| is_right(column)).collect(),
+            drawn: kept.iter().map(|(column, _)| is_drawn(column)).collect(),
             more,
         }
     }
@@ -73,7 +76,7 @@ fn matrix(document: &Json, rows: &[Row<'_>]) -> Table {
     }
     let mut head = vec!["unit".to_owned()];
     head.extend(codes.iter().map(|&code| function(document, &code.into())));
-    Table { right: vec![false; head.len()], head, rows: body, more: 0 }
+    Table { right: vec![false; head.len()], drawn: vec![false; head.len()], head, rows: body, more: 0 }
 }
 
 fn transactions(row: &Row<'_>) -> String {
@@ -108,7 +111,7 @@ mod tests {
         let table = Table::of(&document, &section);
         assert_eq!(table.head, ["a", "c"]);
         assert_eq!(table.rows, [["1", ""]]);
-        assert_eq!((table.right, table.more), (vec![true, false], 1));
+        assert_eq!((table.right, table.drawn, table.more), (vec![true, false], vec![false, true], 1));
     }
 
     #[test]
