@@ -1,7 +1,7 @@
 """Registers since a mark: which of them went up, down, stayed the same, or changed.
 
 Each further question leaves those that did, and asks about the time from now on, so that a few of
-them find the register behind a value that somebody moves.
+them find the register of a value that somebody moves.
 """
 
 from __future__ import annotations
