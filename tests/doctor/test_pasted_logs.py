@@ -197,6 +197,18 @@ def test_a_frame_that_is_built_wrongly_is_no_trouble_of_the_line(says: str, tmp_
     assert says in str(found["sentence"])
 
 
+def test_a_request_with_a_wrong_byte_count_is_named_although_refused(tmp_path: Path) -> None:
+    """Two registers are written with two bytes of data (application protocol, 6.12: four)."""
+    asked = rtu(7, bytes([16, 0, 0, 0, 2, 2, 0, 0]))
+    lines = [f"TX: {asked.hex(' ')}", f"RX: {rtu(7, bytes([0x90, 3])).hex(' ')}"]
+    assert codes(doctor(lines, tmp_path)) == ["wrong_layout"]
+
+
+def test_a_stray_byte_that_pushes_the_last_one_out_is_what_is_named_first(tmp_path: Path) -> None:
+    found = doctor(cut_answers(b"\x00")[:2], tmp_path)
+    assert codes(found)[0] == "no_bias", found["sentence"]
+
+
 def test_a_header_that_counts_wrong_is_named(tmp_path: Path) -> None:
     """Messaging on TCP/IP, 3.1.3: the length counts the unit and the PDU, 9 bytes; 6 is said."""
     answer = bytes([0, 1, 0, 0, 0, 6, 1, 3, 6, 1, 0, 0, 0, 0, 0x34]).hex(" ")

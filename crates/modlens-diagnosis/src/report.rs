@@ -166,7 +166,10 @@ fn harm(spoiled: u64, row: &DiagnosisRow) -> (u8, u64, u64, std::cmp::Reverse<St
         Severity::Info => 0,
     };
     let sureness = row.chance.map_or(0, |chance| (-chance.max(1e-300).log10() * 10.0) as u64);
-    (severity, spoiled, sureness, std::cmp::Reverse(row.code.to_owned()))
+    // Without a chance, it is what a first sight suspects: of as many examples, the best explanation is first.
+    let code = if row.chance.is_some() { row.code } else { "" };
+    let sureness = if row.certainty == Certainty::Likely.text() { sureness.max(1) } else { sureness };
+    (severity, spoiled, sureness, std::cmp::Reverse(code.to_owned()))
 }
 
 fn row_json(row: &DiagnosisRow, course: &Course) -> Json {

@@ -41,7 +41,9 @@ fn by_symptom(view: &View<'_>) -> Vec<Seen> {
     for (symptom, unit, tally) in all(view).chain(never_answered(view)) {
         let symptom = match (symptom, unit) {
             (Symptom::NoAnswer, Some(unit)) if is_mute(view, unit) => continue,
-            (Symptom::AnswerWhole, Some(unit)) if has_no_valid_answer(view, unit) => Symptom::NeverValid,
+            (Symptom::AnswerWhole, Some(unit)) if has_no_valid_answer(view, unit) && !begins_right(view, unit) => {
+                Symptom::NeverValid
+            }
             _ => symptom,
         };
         match seen.iter_mut().find(|(other, _, _)| *other == symptom) {
@@ -71,6 +73,12 @@ fn is_mute(view: &View<'_>, unit: u8) -> bool {
 fn has_no_valid_answer(view: &View<'_>, unit: u8) -> bool {
     let is_line = !view.bus.facts.is_network && view.bus.facts.mode != Some(Mode::Tcp);
     is_line && view.bus.units.get(&unit).is_some_and(|counts| counts.failures.failed == counts.failures.total)
+}
+
+/// Whether an answer of a unit begins as it should, whatever is wrong with it.
+fn begins_right(view: &View<'_>, unit: u8) -> bool {
+    let shows = |symptom| matches!(symptom, Symptom::AnswerBit | Symptom::AnswerEnd | Symptom::AnswerInside | Symptom::AnswerCut);
+    all(view).any(|(symptom, of, _)| of == Some(unit) && shows(symptom))
 }
 
 /// The requests to units that are never heard, two at least: the end of the recording may cut off what comes of the last one.
@@ -104,7 +112,7 @@ fn best(seen: &[Seen]) -> Option<(Claim, &'static Diagnosis)> {
     all.total = all.failed;
     let mut claim = Claim::new(&cause.code, &all, 1.0);
     claim.unit = *unit;
-    claim.odds = Some((odds, rival.1.code.as_str()));
+    claim.odds = Some((odds, rival.1.code.as_str())).filter(|(odds, _)| *odds >= 1.0);
     claim.certainty = if is_likely { Certainty::Likely } else { Certainty::Suspected };
     claim.at_most = modlens_protocol::finding::Severity::Warning;
     let examples = if all.failed == 1 { "1 example".to_owned() } else { format!("{} examples", all.failed) };

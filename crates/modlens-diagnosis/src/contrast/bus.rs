@@ -325,6 +325,7 @@ impl BusContrast {
         if seen.verdict.is_good() {
             let is_behind_write = self.context.last_good.is_some_and(|good| good.is_behind_write());
             self.frames.behind_writes += u64::from(is_behind_write);
+            self.symptoms.lone_layout(seen);
             if around.is_other_framing {
                 self.symptoms.other_framing(seen);
             }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use modlens_protocol::finding::Finding;
+use modlens_protocol::framing::Verdict;
 use modlens_protocol::oddity::{is_of_driver, is_swapped, is_text, Oddity};
 
 use super::before::Before;
@@ -62,6 +63,8 @@ symptoms! {
     HeaderLength = "header_length",
     /// The checksum is right but for the order of its two bytes.
     ChecksumSwapped = "checksum_swapped",
+    /// The byte count, the quantity and the data of a request do not agree.
+    RequestLayout = "request_layout",
     /// What came as the answer is a frame in hex digits.
     AnswerDigits = "answer_digits",
     /// The answer is the request with a byte or two changed.
@@ -163,6 +166,14 @@ impl Symptoms {
         self.count(Symptom::OtherFraming, seen.unit, seen.place);
     }
 
+    /// Counts a frame of no transaction whose layout is not that of its function, although its checksum or header is right.
+    pub(super) fn lone_layout(&mut self, seen: &FrameObservation) {
+        let is_odd = seen.findings.has(Finding::LengthMismatch) || seen.findings.has(Finding::MbapLength);
+        if is_odd && seen.txn.is_none() && seen.verdict == Verdict::Ok {
+            self.count(Symptom::OtherLayout, seen.unit, seen.place);
+        }
+    }
+
     /// Counts bytes that belong to no transaction, near this unit; `is_behind_header` as `Around` says it.
     pub(super) fn frame(&mut self, seen: &FrameObservation, unit: Option<u8>, is_behind_header: bool) {
         let symptom = match seen.bytes.as_slice() {
@@ -242,6 +253,7 @@ fn layout(seen: &Observation, before: Before) -> Option<Symptom> {
         LayoutFault::WrongCount => Symptom::CountWrong,
         LayoutFault::HeaderLength => Symptom::HeaderLength,
         LayoutFault::SwappedChecksum => Symptom::ChecksumSwapped,
+        LayoutFault::Request => Symptom::RequestLayout,
         LayoutFault::Other => Symptom::OtherLayout,
     })
 }

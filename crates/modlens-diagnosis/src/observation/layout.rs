@@ -2,8 +2,10 @@
 
 use modlens_engine::records::{Batch, Transaction};
 use modlens_protocol::checksum::crc_valid;
+use modlens_protocol::direction::possible_directions;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
+use modlens_protocol::functions::Functions;
 use modlens_protocol::oddity;
 use modlens_protocol::status::Status;
 
@@ -18,6 +20,8 @@ pub enum LayoutFault {
     HeaderLength,
     /// The two bytes of the checksum are swapped.
     SwappedChecksum,
+    /// The request: its byte count, quantity and data do not agree.
+    Request,
     /// Something else.
     Other,
 }
@@ -25,25 +29,48 @@ pub enum LayoutFault {
 /// The fault of the answer in a row with these findings, or of a request that no master sends. `None` where the layout is right, or the bytes are
 /// damaged.
 pub(super) fn layout_fault(batch: &Batch, row: &Transaction, has: impl Fn(Finding) -> bool) -> Option<LayoutFault> {
+    let [request, answer] = [&row.request, &row.response].map(|part| part.wire.of(&batch.arena));
+    let is_odd = has(Finding::LengthMismatch) || has(Finding::MbapLength);
+    let pdu = row.request.pdu.of(&batch.arena);
+    if is_odd && row.status != Status::BadRequest && !pdu.is_empty() && !is_request(pdu) {
+        return Some(LayoutFault::Request);
+    }
     if has(Finding::MbapLength) {
         return Some(LayoutFault::HeaderLength);
     }
-    let [request, answer] = [&row.request, &row.response].map(|part| part.wire.of(&batch.arena));
     if row.mode != Mode::Rtu {
         return None;
     }
     match row.status {
         Status::BadResponse if oddity::is_swapped(answer) => Some(LayoutFault::SwappedChecksum),
         Status::BadRequest if oddity::is_swapped(request) => Some(LayoutFault::SwappedChecksum),
-        Status::Exception => None,
-        // What contradicts itself may be the request.
-        Status::Ok => Some(count_fault(answer))
-            .filter(|fault| is_read(answer) && *fault != LayoutFault::Other && has(Finding::LengthMismatch)),
+        Status::Ok if has(Finding::LengthMismatch) && is_read(answer) => {
+            Some(count_fault(answer)).filter(|fault| *fault != LayoutFault::Other)
+        }
+        Status::Ok | Status::Exception => None,
         _ if has(Finding::LengthMismatch) && crc_valid(answer) => Some(count_fault(answer)),
         // An answer with a wide byte count and one register looks like a request for far too many.
         _ if has(Finding::QuantityLimit) && crc_valid(request) && has_wide_count(request) => Some(LayoutFault::WideCount),
         _ => None,
     }
+}
+
+/// Whether a PDU is a request by its function, and the byte count of a write is that of its quantity and its data.
+fn is_request(pdu: &[u8]) -> bool {
+    let functions = Functions::embedded();
+    let agrees = match pdu {
+        [15, _, _, high, low, count, data @ ..] => {
+            let bytes = usize::from(u16::from_be_bytes([*high, *low])).div_ceil(8);
+            usize::from(*count) == bytes && data.len() == bytes
+        }
+        [16, _, _, high, low, count, data @ ..] => {
+            let bytes = 2 * usize::from(u16::from_be_bytes([*high, *low]));
+            usize::from(*count) == bytes && data.len() == bytes
+        }
+        _ => true,
+    };
+    let is_known = functions.row(pdu[0], &pdu[1..]).is_some();
+    !is_known || (agrees && possible_directions(functions, pdu).0)
 }
 
 /// What is wrong with the byte count of an answer, its checksum included.

@@ -178,8 +178,8 @@ fn too_few(share: Share, refused: Share, is_whole: bool) -> String {
             return "the recording does not show the outcome of any request; what it holds are whole frames".to_owned()
         }
         0 => return "the recording does not show the outcome of any request".to_owned(),
-        1 if is_whole => return "1 request is too few; it was answered, and nothing is wrong with it".to_owned(),
-        count if is_whole => return format!("{count} requests are too few; all were answered, and nothing is wrong with them"),
+        1 if is_whole => return "1 request is too few; it was answered, and its frames are whole".to_owned(),
+        count if is_whole => return format!("{count} requests are too few; all were answered, and their frames are whole"),
         1 => "1 request is too few".to_owned(),
         count => format!("{count} requests are too few"),
     };

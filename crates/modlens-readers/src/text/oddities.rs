@@ -41,7 +41,7 @@ const REPORTS: [(&[&str], &str); 9] = [
     ),
     (
         &["checksum error", "crc error", "crc check error", "crccheckerror", "crc mismatch", "crcmismatch", "invalid crc", "wrong crc", "crc check failed", "bad crc"],
-        "a wrong checksum, and the bytes that would show why are not in the text: record them, for example with modlens tap",
+        "a wrong checksum: bits changed on the line, other line settings, or bytes lost by a program; a recording of the bytes shows which",
     ),
     (
         &["timed out", "timeout", "no response", "no answer"],
