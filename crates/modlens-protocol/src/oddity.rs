@@ -126,7 +126,9 @@ fn digits(bytes: &[u8]) -> Option<String> {
 /// Whether bytes are text, or begin as protocols do that mix it with numbers.
 pub fn is_text(bytes: &[u8]) -> bool {
     let printable = bytes.iter().filter(|byte| matches!(byte, b' '..=b'~' | b'\r' | b'\n')).count();
-    (bytes.len() >= LEAST_LETTERS && printable * 5 >= bytes.len() * 4)
+    // Registers are often printable by chance, and then mostly signs.
+    let letters = bytes.iter().filter(|byte| byte.is_ascii_alphanumeric()).count();
+    (letters * 2 > bytes.len() && bytes.len() >= LEAST_LETTERS && printable * 5 >= bytes.len() * 4)
         || OPENINGS.iter().any(|opening| bytes.starts_with(opening))
 }
 
@@ -215,7 +217,8 @@ mod tests {
         assert_eq!(Oddity::of(&[&[0], &ANSWER[..6]].concat()), Some(Oddity::StrayFront { bytes: 1, is_cut: true }));
         assert_eq!(Oddity::of(b"010302000786F9"), Some(Oddity::Digits(String::from("010302000786F9"))));
         assert_eq!(Oddity::of(b"FINS\0\0\0\x10"), Some(Oddity::Text(String::from("FINS"))));
-        // Noise shows nothing.
+        // Neither noise nor a few signs show anything.
+        assert_eq!(Oddity::of(&[0x40, 0x40, 0x40, 0x41, 0x64, 0xF0]), None);
         assert_eq!(Oddity::of(&[0x9A, 0x3C, 0xE1, 0x55, 0x47, 0xB2]), None);
     }
 
