@@ -83,10 +83,23 @@ def parse_broker(
 def topic_level(name: str) -> str:
     """A name as one level of a topic of MQTT, without wildcards and separators."""
 
-def report_html(document: str) -> tuple[str, str]:
-    """The title and the body of the page of a document (JSON; docs/stats.schema.json).
+def report_document(
+    core: str, statuses: str, functions: Functions, title: str | None = None
+) -> str:
+    """The document of a recording as JSON (docs/stats.schema.json).
 
-    The title is text, the body HTML. `ValueError` where it is no JSON.
+    - `core`: what `Session.document` returned
+    - `statuses`: a list of objects with `name`, `format`, `confidence`, `reason`, `forced` and
+    `details` (`Session.reading`); the last one of each name counts
+    - `title`: the name at the top; else one is made of the names of buses or files
+
+    `ValueError` where one of them is no JSON.
+    """
+
+def report_html(document: str) -> tuple[str, str]:
+    """The title and the body of the page of a document (JSON; docs/stats.schema.json), as HTML.
+
+    `ValueError` where it is no JSON.
     """
 
 def report_layout() -> str:

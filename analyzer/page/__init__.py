@@ -13,7 +13,7 @@ from html import escape
 from pathlib import Path
 
 import _modlens
-from analyzer.report.page import html_head, sha256_source, styles_and_scripts
+from analyzer.report.page import frame, html_head, sha256_source, styles_and_scripts
 from dissectors.errors import SourceError
 
 __all__ = ["CORE", "page"]
@@ -62,6 +62,7 @@ def page(*, live: bool = False) -> bytes:
             '<footer><p id="said" role="status" aria-live="polite"></p>',
             '<p id="version"></p></footer>\n',
             f'<template id="layout">{layout}</template>\n',
+            f'<template id="frame">{escape(frame(), quote=False)}</template>\n',
             f'<template id="worker">{escape(_own("worker.js"), quote=False)}</template>\n',
             f'<template id="wasm">{core}</template>\n',
             f"<script>{report_script}</script>\n<script>{script}</script>\n</body>\n</html>\n",

@@ -11,7 +11,6 @@ from __future__ import annotations
 import base64
 import gzip
 import hashlib
-import json
 import re
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -20,9 +19,9 @@ from pathlib import Path
 from typing import Any
 
 import _modlens
+from analyzer.report.document import core_text
 
 __all__ = [
-    "core_text",
     "frame",
     "html_head",
     "page",
@@ -55,7 +54,7 @@ def page(document: Mapping[str, Any]) -> bytes:
     # Level 9 would take twice the time for 2 % less.
     packed = gzip.compress(text.encode(), 6, mtime=0)
     parts = {
-        "title": escape(title),
+        "title": title,
         "style": style,
         "body": body,
         "data": base64.b64encode(packed).decode(),
@@ -110,16 +109,6 @@ def html_head(title: str, policy: str, *styles: str) -> str:
             "</head>\n<body>\n",
         )
     )
-
-
-def core_text(document: Mapping[str, Any]) -> str:
-    r"""The document as JSON for the core, in which a name of a file that is no text is escaped.
-
-    >>> core_text({"name": "\udcff"})
-    '{"name":"\\\\udcff"}'
-    """
-    text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
-    return re.sub("[\ud800-\udfff]", lambda one: f"\\\\u{ord(one[0]):04x}", text)
 
 
 @cache

@@ -5,7 +5,7 @@ const Page = (() => {
   const $ = (id) => document.getElementById(id);
   const el = Show.el;
   const worker = {};
-  let words = null, recordings = [], recording = null, data = null, grid = null, table = "transactions", hasFrames = true;
+  let words = null, recordings = [], recording = null, report = null, data = null, grid = null, table = "transactions", hasFrames = true;
 
   const { say } = Show;
 
@@ -112,8 +112,7 @@ const Page = (() => {
       const began = performance.now();
       hasFrames = one.blob.size <= SMALL;
       let found = await decode(hasFrames ? "all" : "causes", "decoding");
-      data = complete(await ask({ call: "document" }), found.status);
-      await showReport(true);
+      showReport(await ask({ call: "report" }), true);
       if (!hasFrames) found = await decode("rows", "collecting rows");
       await showTables(found);
       $("progress").hidden = true;
@@ -128,35 +127,13 @@ const Page = (() => {
 
   // ---- what is shown
 
-  // The document that a report shows, of what the core has counted; analyzer/report/document.py has the same.
-  function complete(core, status) {
-    const { doctor, statistics, overview } = core, reading = status?.reading || {};
-    const notes = Object.entries(reading.dropped || {}).map(([what, count]) => ({ what, count }));
-    if (reading.unparsed) notes.push({ what: "lines that could not be parsed", count: reading.unparsed });
-    for (const [number, text] of reading.unparsed_examples || []) notes.push({ what: `line ${number}: ${text}`, count: null });
-    const order = ["error", "warning", "info"];
-    const findings = Object.entries(statistics.findings).filter(([code]) => words.findings[code])
-      .map(([code, count]) => ({ code, count, ...words.findings[code] }))
-      .sort((a, b) => order.indexOf(a.severity) - order.indexOf(b.severity) || b.count - a.count);
-    const source = { name: recording.name, format: status?.format || "", reason: status?.reason || "", confidence: status?.confidence ?? null,
-      clock: reading.clock || null, resolution_us: null, line: null, bytes_in_frames: null, notes };
-    const seconds = Math.max(0, ...statistics.buses.map((bus) => bus.duration_us || 0)) / 1e6;
-    const summary = {
-      name: recording.name.replace(/^.*[/\\]/, ""), period: seconds ? `${Show.fixed(seconds, 1)} s` : "Without times.",
-      sources: `${recording.name}, ${Show.fixed(recording.blob?.size ?? recording.bytes, 0)} bytes, read as ${source.format}`,
-    };
-    return {
-      summary, format: "modlens report", version: 1, program: `modlens ${words.version}`, sources: [source], doctor, statistics,
-      overview: { ...overview, buses: overview.buses.filter(Boolean), examples: overview.examples.map((row) => ({ ...row, frames: [] })) },
-      functions: core.functions, findings,
-    };
-  }
-
   // Verdict and causes in front of the tables, the rest behind them. Examples are rows of the tables where there are any.
-  async function showReport(hasTables) {
-    const { html } = await ask({ call: "report", document: data }), made = document.createElement("template");
-    made.innerHTML = html;
-    const [verdict, causes, ...rest] = made.content.children;
+  function showReport(made, hasTables) {
+    const holder = document.createElement("template");
+    report = made;
+    data = made.document;
+    holder.innerHTML = made.body;
+    const [verdict, causes, ...rest] = holder.content.children;
     $("results").hidden = false;
     $("rows").hidden = !hasTables;
     $("verdict").replaceChildren(verdict, causes);
@@ -169,8 +146,7 @@ const Page = (() => {
   async function showDocument(one) {
     const found = JSON.parse(await one.blob.text());
     if (found.version !== DOCUMENT_VERSION) throw new Error(`this page reads version ${DOCUMENT_VERSION} of the document, not ${found.version}`);
-    data = found;
-    await showReport(false);
+    showReport(await ask({ call: "report", document: found }), false);
     $("progress").hidden = true;
     say(`${Show.visible(one.name)} is shown.`);
     document.documentElement.dataset.state = "shown";
@@ -309,12 +285,9 @@ const Page = (() => {
   async function showLive(all) {
     const isFirst = data === null;
     if (isFirst || all) {
-      data = complete(await ask({ call: "document" }), await ask({ call: "status" }));
-      if (!data.statistics.buses.length) {
-        data = null;
-        return;
-      }
-      await showReport(true);
+      const made = await ask({ call: "report" });
+      if (!made.document.statistics.buses.length) return;
+      showReport(made, true);
     }
     if (isFirst) {
       await showTables({});
@@ -339,15 +312,28 @@ const Page = (() => {
     say(`${name}: ${Show.fixed(blob.size, 0)} bytes`);
   }
 
+  const NAMES = { pcapng: "modlens", html: "report" };
+
   async function save(format) {
     try {
       say(`making ${format}…`);
-      const blob = format === "pcapng" ? await capture() : await request("save", { question: { table, ...Filters.of(table), format } });
-      const name = `${recording.name.replace(/^.*[/\\]/, "").replace(/\.[^.]*$/, "")}-${format === "pcapng" ? "modlens" : table}.${format}`;
+      const blob = format === "pcapng" ? await capture() : format === "html" ? await reportFile() : await request("save", { question: { table, ...Filters.of(table), format } });
+      const name = `${recording.name.replace(/^.*[/\\]/, "").replace(/\.[^.]*$/, "")}-${NAMES[format] || table}.${format}`;
       saveAs(name, blob);
     } catch (error) {
       say(error.message);
     }
+  }
+
+  // The page that modlens report writes of the document: its frame is in this page, style and scripts are those of this page.
+  async function reportFile() {
+    const packed = new Blob([JSON.stringify(report.document)]).stream().pipeThrough(new CompressionStream("gzip"));
+    const bytes = new Uint8Array(await new Response(packed).arrayBuffer());
+    const parts = {
+      title: report.title, body: report.body, data: btoa(Array.from(bytes, (one) => String.fromCharCode(one)).join("")),
+      style: document.querySelector("style").textContent, script: document.querySelector("script").textContent,
+    };
+    return new Blob([$("frame").content.textContent.replace(/@@(\w+)@@/g, (_, part) => parts[part])], { type: "text/html" });
   }
 
   // Frames are needed for a capture: the recording is decoded once more, and then again for the rows.
@@ -396,7 +382,7 @@ const Page = (() => {
     $("tabs").addEventListener("click", (event) => { if (event.target.dataset.table) choose(event.target.dataset.table); });
     for (const id of ["unit", "failed", "finding"]) $(id).addEventListener("change", refresh);
     $("where").addEventListener("change", async () => { if (await Filters.check(table, ask)) await refresh(); });
-    for (const format of ["csv", "jsonl", "pcapng"]) $(`save-${format}`).addEventListener("click", () => save(format));
+    for (const format of ["csv", "jsonl", "pcapng", "html"]) $(`save-${format}`).addEventListener("click", () => save(format));
     let waiting = 0;
     window.addEventListener("resize", () => { clearTimeout(waiting); waiting = setTimeout(() => data && Plots.resize(false), 100); });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => data && Plots.redraw());
@@ -415,7 +401,7 @@ const Page = (() => {
   const ready = start();
   ready.catch((error) => refuse(`This browser cannot run the decoder: ${error.message}`));
   // Tests ask the core by the same way as the page.
-  return { ask, take, request, ready, follow, showLive, refuse, saveAs, get recording() { return recording; } };
+  return { ask, take, request, reportFile, ready, follow, showLive, refuse, saveAs, get recording() { return recording; } };
 })();
 // Drivers of Firefox see what belongs to the window only.
 window.Page = Page;

@@ -64,7 +64,7 @@ async function decode(id, { blob, settings, keepFrom }) {
   }
   rows = call("finish");
   if (settings.purpose === "capture") drain(pieces);
-  return { rows, isCut, megabytes: megabytes(), needed: needed(), pieces: pieces.length ? new Blob(pieces) : null, status: ask({ call: "status" }) };
+  return { rows, isCut, megabytes: megabytes(), needed: needed(), pieces: pieces.length ? new Blob(pieces) : null };
 }
 
 function drain(pieces) {

@@ -22,3 +22,14 @@ pub enum Clock {
     #[default]
     None,
 }
+
+impl Clock {
+    /// Its name in the public API.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Utc => "utc",
+            Self::Relative => "relative",
+            Self::None => "none",
+        }
+    }
+}

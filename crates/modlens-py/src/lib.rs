@@ -174,6 +174,7 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(words::topic_level, module)?)?;
     module.add_class::<recorder::Recorder>()?;
     module.add_class::<server::Server>()?;
+    module.add_function(wrap_pyfunction!(report::report_document, module)?)?;
     module.add_function(wrap_pyfunction!(report::report_html, module)?)?;
     module.add_function(wrap_pyfunction!(report::report_layout, module)?)?;
     module.add_class::<view::Lines>()?;

@@ -52,14 +52,6 @@ pub(crate) fn line_number(line: Option<&str>) -> PyResult<u8> {
 }
 
 /// The word by which Python knows a clock.
-fn clock_name(clock: Clock) -> &'static str {
-    match clock {
-        Clock::Utc => "utc",
-        Clock::Relative => "relative",
-        Clock::None => "none",
-    }
-}
-
 /// Framer, decoder, pairing and statistics after one `feed`.
 #[pyclass(module = "_modlens")]
 pub struct Session {
@@ -275,7 +267,7 @@ impl Session {
             report.left_out.iter().map(|(reason, count)| (reason.clone(), json!(count))).collect();
         Ok(json!({
             "lines": 0, "records": report.packets, "unparsed": 0, "unparsed_with_hex": 0, "unparsed_hex_bytes": 0, "unparsed_examples": [], "dropped": dropped,
-            "clock": clock_name(report.clock), "resolution_ns": report.resolution, "mode": null,
+            "clock": report.clock.text(), "resolution_ns": report.resolution, "mode": null,
         })
         .to_string())
     }

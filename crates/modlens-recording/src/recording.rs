@@ -92,7 +92,7 @@ impl Recording {
         let Some((target, detection)) = &self.open else { return Json::Null };
         json!({
             "name": self.options.name, "format": detection.format, "confidence": detection.confidence,
-            "reason": detection.reason, "reading": target.reading(session),
+            "reason": detection.reason, "forced": detection.forced, "details": target.reading(session),
         })
     }
 
@@ -101,11 +101,16 @@ impl Recording {
             return Err(Refusal::Unfit(String::from("empty")));
         }
         let (name, format) = (&self.options.name, self.options.format.as_deref());
-        let detection = decide(&self.sample, name, format, || Dialects::embedded())?;
+        let detection = decide(self.first_bytes(), name, format, || Dialects::embedded())?;
         let target = self.target(session, &detection)?;
         target.feed(session, &std::mem::take(&mut self.sample), false);
         self.open = Some((target, detection));
         Ok(())
+    }
+
+    /// What the format is decided by: the same bytes whatever the size of the blocks.
+    fn first_bytes(&self) -> &[u8] {
+        &self.sample[..self.sample.len().min(SAMPLE_BYTES)]
     }
 
     fn target(&self, session: &mut Session, detection: &Detection) -> Result<Target, Refusal> {
@@ -126,7 +131,7 @@ impl Recording {
                 let rows = Dialects::embedded().named(format).map_err(Refusal::Unfit)?;
                 let others = (!detection.forced).then(|| Arc::new(Dialects::embedded().clone()));
                 let reader = Reader::new(rows, others, Arc::new(self.options.clock.clone()));
-                session.open_text(bus, reader, &self.sample);
+                session.open_text(bus, reader, self.first_bytes());
                 Ok(Target::Text(bus))
             }
         }
@@ -168,13 +173,16 @@ impl Target {
                 json!({
                     "lines": reader.lines(), "records": reader.records(), "unparsed": unread.count,
                     "unparsed_with_hex": unread.with_hex, "unparsed_examples": unread.examples, "dropped": dropped,
-                    "clock": reader.clock_kind().text(),
+                    "clock": reader.clock_kind().text(), "resolution_ns": reader.resolution(),
                 })
             }),
             Self::Capture(capture) => session.capture(capture).map_or(Json::Null, |report| {
                 let dropped: serde_json::Map<String, Json> =
                     report.left_out.iter().map(|(reason, count)| (reason.clone(), json!(count))).collect();
-                json!({"records": report.packets, "unparsed": 0, "dropped": dropped})
+                json!({
+                    "records": report.packets, "unparsed": 0, "dropped": dropped, "clock": report.clock.text(),
+                    "resolution_ns": report.resolution,
+                })
             }),
         }
     }

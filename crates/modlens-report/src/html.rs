@@ -14,9 +14,9 @@ use crate::texts::fixed;
 /// The end of a line: a page can be looked at and compared line by line.
 const LINE: PreEscaped<&str> = PreEscaped("\n");
 
-/// The title of the page of a document, as text.
+/// The title of the page of a document as HTML.
 pub fn title(document: &Json) -> String {
-    format!("{}: Modbus report", summary(document, "name"))
+    html! { (summary(document, "name")) ": Modbus report" }.into_string()
 }
 
 /// The sections of a document as HTML: name and verdict, the causes, those of the layout; then the appendix.

@@ -8,6 +8,7 @@ use serde_json::{json, Value as Json};
 use crate::annotated::annotated;
 use crate::export::Export;
 use crate::registers;
+use crate::report::report;
 use crate::view::{local_changes, table_of};
 use crate::Decoding;
 
@@ -29,8 +30,7 @@ const MAX_ROWS: u64 = 1000;
 /// | `series` | `where` of the table `readings`, `most` | `total` values, and `steps`: time in µs, lowest, highest |
 /// | `find` | `table`, `where`, `column`, `value` | `at`, the first row with this text in the column, or null |
 /// | `export` | `table`, `where`, `format` | null; `export_more` then gives the bytes |
-/// | `document` | | doctor, statistics, overview |
-/// | `status` | | how the recording was read |
+/// | `report` | | `document` of the recording, `title` and `body` of its page as HTML |
 ///
 /// A filter with a time of day that is local needs `local`, the changes of the computer's offset from UTC, in seconds.
 pub fn answer(decoding: &mut Decoding, question: &Json) -> Result<Json, String> {
@@ -50,8 +50,7 @@ pub fn answer(decoding: &mut Decoding, question: &Json) -> Result<Json, String> 
             decoding.export = Some(Export::new(view, question["format"].as_str().unwrap_or_default())?);
             Ok(Json::Null)
         }
-        "document" => Ok(decoding.document()),
-        "status" => Ok(decoding.status()),
+        "report" => Ok(report(decoding.document())),
         other => Err(format!("no call {other:?}")),
     }
 }

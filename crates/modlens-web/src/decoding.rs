@@ -10,6 +10,7 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_recording::format::Refusal;
 use modlens_recording::{Options, Recording};
+use modlens_report::Parts;
 use modlens_tables::overview::Overview;
 use modlens_writers::capture::{Capture, CaptureOptions, Encapsulation};
 use modlens_writers::BLOCK_BYTES;
@@ -125,12 +126,7 @@ impl Decoding {
         Ok(self.rows)
     }
 
-    /// How the recording was read so far: format, how sure, what was left out.
-    pub fn status(&self) -> Json {
-        self.recording.status(&self.session)
-    }
-
-    /// Doctor, statistics and overview so far, and the names of functions by code.
+    /// The document of the recording so far.
     pub fn document(&self) -> Json {
         let made;
         let report = match (&self.report, &self.contrast) {
@@ -141,18 +137,13 @@ impl Decoding {
             (report, _) => report.as_ref(),
         };
         let examples = report.map_or_else(Vec::new, Report::examples);
-        json!({
+        let core = json!({
             "doctor": report.map(Report::json), "statistics": self.session.stats_json(),
             "overview": self.overview.as_ref().map(|overview| overview.json(&examples)),
-            "functions": self.function_names(),
-        })
-    }
-
-    fn function_names(&self) -> Json {
-        let functions = &self.functions;
-        let codes = functions.rows().map(|row| row.code);
-        let named = codes.filter_map(|code| Some((code.to_string(), Json::from(functions.name(code)?))));
-        Json::Object(named.collect())
+        });
+        let statuses = [self.recording.status(&self.session)];
+        let known = if statuses[0].is_null() { &[][..] } else { &statuses[..] };
+        modlens_report::document(Parts { core, statuses: known, functions: &self.functions, title: None })
     }
 
     /// Appends the next bytes of the capture or recording that is being written, or of the export of rows.

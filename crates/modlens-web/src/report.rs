@@ -2,7 +2,8 @@
 
 use serde_json::{json, Value as Json};
 
-/// The title of the page of a document, and its body as HTML.
-pub fn report(document: &Json) -> Json {
-    json!({"title": modlens_report::title(document), "html": modlens_report::body(document)})
+/// A document with the title and the body of its page as HTML.
+pub fn report(document: Json) -> Json {
+    let (title, body) = (modlens_report::title(&document), modlens_report::body(&document));
+    json!({"document": document, "title": title, "body": body})
 }

@@ -17,7 +17,7 @@ mod violations;
 pub use body::Body;
 pub use frame::{annotate, ends_in_checksum, pdu_of, Wrapping};
 pub use part::guess_direction;
-pub use piece::{Layer, Piece};
+pub use piece::{spaced_hex, Layer, Piece};
 
 #[cfg(test)]
 mod tests;
