@@ -12,5 +12,5 @@ pub(crate) use batch::MemoryPool;
 pub use batch::{Batch, Part};
 pub use buses::{Bus, Buses, Network};
 pub use connection::{Connection, End};
-pub use exchange::{Exchange, ExchangeFrame, ExchangeRun, ExchangeTiming, PacketPair, PacketsOfRun, NOT_REFUSED};
+pub use exchange::{Exchange, ExchangeFrame, ExchangeRun, ExchangeTiming, OptionalNs, PacketPair, PacketsOfRun, NOT_REFUSED};
 pub use rows::{DiagnosisRow, FindingRow, Frame, FrameRef, InnerPauses, Span, Transaction};

@@ -157,7 +157,7 @@ impl Decoding {
 
     /// Takes the rows that were decided.
     fn take(&mut self) {
-        let batch = self.session.take();
+        let mut batch = self.session.take();
         self.rows += batch.transaction_count();
         if let Some(contrast) = &mut self.contrast {
             contrast.observe(&batch);
@@ -165,12 +165,16 @@ impl Decoding {
         if let Some(overview) = &mut self.overview {
             overview.observe(&batch);
         }
+        let is_kept = matches!(self.purpose, Purpose::All | Purpose::Rows | Purpose::Live) && !is_empty(&batch);
+        if is_kept {
+            batch.shrink();
+        }
         let batch = Arc::new(batch);
         if let Some(capture) = &mut self.capture {
             capture.add_batch(&batch, None);
             capture.append_ready(BLOCK_BYTES, &mut self.captured);
         }
-        if matches!(self.purpose, Purpose::All | Purpose::Rows | Purpose::Live) && !is_empty(&batch) {
+        if is_kept {
             self.views.add(batch);
         }
         if self.purpose == Purpose::Live {

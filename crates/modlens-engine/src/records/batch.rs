@@ -79,6 +79,20 @@ impl MemoryPool {
     }
 }
 
+impl Batch {
+    /// Gives back the memory that no row takes, of a batch that is kept for long.
+    pub fn shrink(&mut self) {
+        self.arena.shrink_to_fit();
+        self.codes.shrink_to_fit();
+        self.frames.shrink_to_fit();
+        self.transactions.shrink_to_fit();
+        self.findings.shrink_to_fit();
+        self.exchanges.shrink_to_fit();
+        self.packet_pairs.shrink_to_fit();
+        self.exchange_runs.shrink_to_fit();
+    }
+}
+
 impl Drop for Batch {
     /// Gives the vectors of the batch, emptied, back to its session, unless that is gone, has enough of them, or the arena is
     /// too large to be kept. `exchange_runs`, `connections` and `inner_packets`,

@@ -118,15 +118,40 @@ pub enum ExchangeFrame {
     Response,
 }
 
+/// A duration that may be unknown, in the room of one that is not: exchanges are kept by the million.
+#[derive(Clone, Copy, Debug)]
+pub struct OptionalNs(Ns);
+
+impl OptionalNs {
+    /// One that is not known. No clock reaches its value.
+    pub const UNKNOWN: Self = Self(Ns::MIN);
+
+    /// One that is known.
+    pub const fn known(ns: Ns) -> Self {
+        Self(ns)
+    }
+
+    /// The duration, if it is known.
+    pub fn get(self) -> Option<Ns> {
+        (self.0 != Ns::MIN).then_some(self.0)
+    }
+}
+
+impl From<Option<Ns>> for OptionalNs {
+    fn from(known: Option<Ns>) -> Self {
+        known.map_or(Self::UNKNOWN, Self)
+    }
+}
+
 /// What a compact exchange with times has beside its bytes: the times and the place of its packets, or of its lines in a log.
 #[derive(Clone, Copy, Debug)]
 pub struct PacketPair {
     /// Start of the request and of the response.
     pub starts: [Ns; 2],
     /// Silence before the request.
-    pub gap: Option<Ns>,
+    pub gap: OptionalNs,
     /// From the end of the request to the start of the response; `None` if the clock cannot measure it.
-    pub response_time: Option<Ns>,
+    pub response_time: OptionalNs,
     /// Number of the request's packet or line.
     pub packet: u64,
     /// Transaction identifier of both MBAP headers, on a connection.
@@ -247,12 +272,12 @@ impl ExchangeRun {
             exception: Some(exception).filter(|&code| code != 0),
             confidence,
             unconfirmed: confidence < UNCONFIRMED_TRANSACTION_BITS,
-            response_time: pair.and_then(|pair| pair.response_time),
+            response_time: pair.and_then(|pair| pair.response_time.get()),
             waited: None,
             late_response: None,
             retry_of: None,
             late_response_to: None,
-            gap: pair.and_then(|pair| pair.gap),
+            gap: pair.and_then(|pair| pair.gap.get()),
             mbap_id: pair.filter(|_| self.mode() == Mode::Tcp).map(|pair| pair.mbap_id),
             request: frame_ref(frame, start, request, 0),
             response: frame_ref(frame + 1, start + request, response, 1),

@@ -90,13 +90,14 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::records::{Exchange, ExchangeRun, PacketPair};
+    use crate::records::{Exchange, ExchangeRun, OptionalNs, PacketPair};
     use crate::session::held_exchanges::ExchangeStart;
     use modlens_protocol::framing::Mode;
 
     const EXCHANGE: Exchange =
         Exchange { start: 0, lengths: [12, 11], address: 0, quantity: 1, unit: 1, function: 3, confidence: 0, exception: 0 };
-    const PAIR: PacketPair = PacketPair { starts: [0, 1], gap: None, response_time: None, packet: 1, mbap_id: 0 };
+    const PAIR: PacketPair =
+        PacketPair { starts: [0, 1], gap: OptionalNs::UNKNOWN, response_time: OptionalNs::UNKNOWN, packet: 1, mbap_id: 0 };
 
     fn row(number: u64) -> Transaction {
         let exchanges = Span { start: 0, length: 1 };

@@ -2,7 +2,7 @@
 
 use std::mem::ManuallyDrop;
 
-use modlens_engine::records::{Batch, Exchange, ExchangeFrame, ExchangeRun, ExchangeTiming, PacketPair, Transaction};
+use modlens_engine::records::{Batch, Exchange, ExchangeFrame, ExchangeRun, ExchangeTiming, OptionalNs, PacketPair, Transaction};
 use modlens_protocol::functions::{FunctionRow, Functions};
 use modlens_protocol::pdu::u16_at;
 use modlens_protocol::Ns;
@@ -27,7 +27,8 @@ pub struct ExchangeRef<'a> {
 }
 
 /// Packets of which all is known.
-static KNOWN_TIMES: PacketPair = PacketPair { starts: [0, 0], gap: Some(0), response_time: Some(0), packet: 0, mbap_id: 0 };
+static KNOWN_TIMES: PacketPair =
+    PacketPair { starts: [0, 0], gap: OptionalNs::known(0), response_time: OptionalNs::known(0), packet: 0, mbap_id: 0 };
 
 impl<'a> ExchangeRef<'a> {
     /// Index of its bus.

@@ -63,8 +63,8 @@ impl Decoder {
         if self.wanted.transactions || self.wanted.frames {
             let pair = starts.map(|starts| PacketPair {
                 starts,
-                gap: request.gap,
-                response_time,
+                gap: request.gap.into(),
+                response_time: response_time.into(),
                 packet: request.origin,
                 mbap_id: matched.mbap_id.unwrap_or(0),
             });

@@ -81,7 +81,13 @@ impl Decoder {
             let start = self.batch.store(request.bytes).start;
             self.batch.store(response.bytes);
             let exchange = known.expected.compact(start, lengths, confidence_by_id(), NOT_REFUSED);
-            let pair = PacketPair { starts: times, gap, response_time, packet: request.number, mbap_id: id };
+            let pair = PacketPair {
+                starts: times,
+                gap: gap.into(),
+                response_time: response_time.into(),
+                packet: request.number,
+                mbap_id: id,
+            };
             if pairs.exchanges > 0 {
                 self.held.exchanges.push_next(exchange, pair);
             } else {
