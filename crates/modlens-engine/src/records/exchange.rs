@@ -118,7 +118,7 @@ pub enum ExchangeFrame {
     Response,
 }
 
-/// A duration that may be unknown, in the room of one that is not: exchanges are kept by the million.
+/// A duration that may be unknown. It takes no more memory than a known one: exchanges are kept by the million.
 #[derive(Clone, Copy, Debug)]
 pub struct OptionalNs(Ns);
 
