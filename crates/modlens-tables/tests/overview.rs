@@ -2,11 +2,14 @@
 
 use modlens_engine::records::Batch;
 use modlens_engine::session::{BusOptions, Session};
+use modlens_profiles::points::Plan;
+use modlens_profiles::profile::{Profile, ProfileFormat};
 use modlens_protocol::checksum::crc16;
 use modlens_protocol::source::Clock;
 use modlens_readers::chunk::{Chunk, Times};
 use modlens_tables::overview::Overview;
 use serde_json::{json, Value as Json};
+use std::sync::Arc;
 
 const START: i64 = 1_700_000_000_000_000_000;
 /// 19200-8E1: 11 bits a character.
@@ -19,7 +22,10 @@ fn framed(body: &[u8]) -> Vec<u8> {
 /// A batch for each exchange: a unit is asked for two registers every 2 s; it answers 20 ms later with the values
 /// that it is given, with an exception, or not at all.
 fn batches(exchanges: &[(u8, Option<Result<u16, u8>>)], clock: bool) -> Vec<Batch> {
-    let mut session = Session::default();
+    batches_of(Session::default(), exchanges, clock)
+}
+
+fn batches_of(mut session: Session, exchanges: &[(u8, Option<Result<u16, u8>>)], clock: bool) -> Vec<Batch> {
     let mut options = BusOptions::named("line");
     options.line = Some("19200-8E1".parse().unwrap());
     options.bus.clock = if clock { Clock::Utc } else { Clock::None };
@@ -145,8 +151,14 @@ fn parts_merge_to_the_whole() {
             ((number % 5) as u8 + 1, answer)
         })
         .collect();
-    for clock in [true, false] {
-        let batches = batches(&exchanges, clock);
+    let profile = "profile = 1\n[[registers]]\nat = 'hr:107'\nname = 'level'\n";
+    let plan = Arc::new(Plan::new(Profile::parse(profile, ProfileFormat::Toml).unwrap()));
+    for (clock, has_profile) in [(true, false), (false, false), (true, true), (false, true)] {
+        let mut session = Session::default();
+        if has_profile {
+            session.bind(None, &[1, 2, 3], &plan);
+        }
+        let batches = batches_of(session, &exchanges, clock);
         let whole = observed(&batches).json(&[4]);
         for cut in [1, 123, 500, 699] {
             let mut merged = observed(&batches[..cut]);

@@ -81,6 +81,8 @@ struct Point {
     unit_of_measure: Option<String>,
     counts: Counts,
     changes: u64,
+    /// The bytes of the first value and of the last one.
+    first: Vec<u8>,
     raw: Vec<u8>,
     text: Option<String>,
     number: Option<f64>,
@@ -211,7 +213,11 @@ impl Registers {
             }
         }
         for (key, point) in &self.points {
-            all.insert(*key, point.row(range));
+            // Before its unit had a profile, a register was in blocks.
+            match all.get_mut(key) {
+                Some(own) => own.merge(point.row(range)),
+                None => drop(all.insert(*key, point.row(range))),
+            }
         }
         all.into_iter().map(|((unit, space, address, _), row)| row.json(unit, space, address)).collect()
     }
@@ -368,6 +374,7 @@ impl Point {
             unit_of_measure: point.zip(instance).and_then(|(compiled, instance)| instance.plan.point(compiled).unit.clone()),
             counts: Counts::default(),
             changes: 0,
+            first: part.raw.clone(),
             raw: Vec::new(),
             text: None,
             number: None,
@@ -392,7 +399,7 @@ impl Point {
     }
 
     fn merge(&mut self, later: &Self, most: usize) {
-        self.changes += later.changes + u64::from(self.raw != later.raw && later.changes == 0);
+        self.changes += later.changes + u64::from(self.raw != later.first);
         (self.raw, self.text, self.number) = (later.raw.clone(), later.text.clone(), later.number);
         self.counts.merge(later.counts);
         self.series.merge(&later.series, most);
@@ -437,11 +444,11 @@ struct Row {
 }
 
 impl Row {
-    /// Adds the same register of another block.
+    /// Adds the same register of another block, or of the time since its unit has a profile.
     fn merge(&mut self, other: Self) {
         let newest = self.counts.newest.max(other.counts.newest);
         if other.counts.newest >= self.counts.newest {
-            self.number = other.number;
+            (self.number, self.text) = (other.number, other.text);
         }
         self.counts.merge(other.counts);
         self.counts.newest = newest;
