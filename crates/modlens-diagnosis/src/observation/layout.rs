@@ -43,6 +43,8 @@ pub(super) fn layout_fault(batch: &Batch, row: &Transaction, has: impl Fn(Findin
     }
     match row.status {
         Status::BadResponse if oddity::is_swapped(answer) => Some(LayoutFault::SwappedChecksum),
+        // What is too short for its function ends with the checksum of what is there.
+        Status::BadResponse if has(Finding::Incomplete) && crc_valid(answer) => Some(LayoutFault::Other),
         Status::BadRequest if oddity::is_swapped(request) => Some(LayoutFault::SwappedChecksum),
         Status::Ok if has(Finding::LengthMismatch) && is_read(answer) => {
             Some(count_fault(answer)).filter(|fault| *fault != LayoutFault::Other)
