@@ -12,7 +12,7 @@ from dissectors.explain import Explanation, explain
 from dissectors.table import functions
 from dissectors.texts import respelled
 
-__all__ = ["WordGroups", "explain_word", "word_groups"]
+__all__ = ["TITLES", "WordGroups", "explain_word", "word_groups"]
 
 WordGroups = Mapping[str, Mapping[str, str]]
 """Title of a group -> its names, each with one line on what it is."""
@@ -65,6 +65,18 @@ def _related(word: str) -> list[str]:
     return list(dict.fromkeys((*named, *described)))[:_MOST_RELATED]
 
 
+TITLES = {
+    "margin": (
+        "how close a unit is to its limit: the response time that 99 % of its answers stay below"
+        " (p99), against the time after which the master gives up (timeout)"
+    ),
+    "measured": (
+        "answers whose response time is known; for the others the recording's clock is too coarse"
+    ),
+}
+"""Titles in tables of the doctor and of statistics that are no columns of rows."""
+
+
 def explain_word(word: str, source: _modlens.Functions | None = None) -> Explanation:
     """What a word means: a code or a name, otherwise a column of one or several tables.
 
@@ -76,6 +88,9 @@ def explain_word(word: str, source: _modlens.Functions | None = None) -> Explana
     try:
         return explain(word, source=source)
     except UsageError as error:
+        if word.casefold() in TITLES:
+            title = word.casefold()
+            return Explanation("column", f"{title} (of a table)", "", (TITLES[title],))
         key = respelled("column", word)
         there = [(name, one) for name in TABLES for one in columns(name) if one.key == key]
         if not there and (related := [] if "did you mean" in error.message else _related(word)):

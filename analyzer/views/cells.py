@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from analyzer.explanations import TITLES
 from analyzer.views.grid import ColumnLayout, GridColumn
 from analyzer.views.screen import visible, width_of
 from dissectors.table import function as table_function
@@ -24,10 +25,7 @@ __all__ = [
     "share_of",
 ]
 
-MEASURED = (
-    "measured: answers whose response time is known; for the others the recording's clock is too"
-    " coarse"
-)
+MEASURED = f"measured: {TITLES['measured']}"
 OTHER = "late answers, broadcasts, and requests whose outcome was not recorded"
 """What two columns mean, for the line below their table."""
 

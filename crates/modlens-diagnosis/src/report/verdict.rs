@@ -97,14 +97,14 @@ pub(super) fn verdict(
     let worst = rows.iter().find(is_diagnosed).filter(|row| row.severity != Severity::Info);
     let suspected = rows.iter().find(|row| !is_diagnosed(row)).map(|row| format!("{}: {}", word(row.certainty), row.sentence));
     let refused = Share { failed: buses.iter().map(|(_, bus)| refused(bus)).sum(), total: share.total };
-    let refusals = match refused.failed {
+    let refusals = |link: &str| match refused.failed {
         0 => String::new(),
-        count => format!(", but {} refused (exception)", were(count)),
+        count => format!("{link} {} refused (exception)", were(count)),
     };
     let numbers = if share.failed == 0 && refused.failed > 0 {
         format!("{} of {} requests were refused (exception)", thousands(refused.failed), thousands(refused.total))
     } else {
-        format!("{} of {} requests failed{refusals}", thousands(share.failed), thousands(share.total))
+        format!("{} of {} requests failed{}", thousands(share.failed), thousands(share.total), refusals(" and"))
     };
     let judged = Judged::of(buses, is_selection);
     if let Some(worst) = worst {
@@ -146,10 +146,11 @@ pub(super) fn verdict(
     }
     let answered = share.total - share.failed;
     let numbers = format!(
-        "{} of {} requests were answered ({}){refusals}.",
+        "{} of {} requests were answered ({}){}.",
         thousands(answered),
         thousands(share.total),
-        percent(1.0 - share.rate())
+        percent(1.0 - share.rate()),
+        refusals(", but")
     );
     (Verdict::Healthy, judged.state("is healthy", &numbers))
 }
