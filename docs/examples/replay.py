@@ -9,7 +9,7 @@ import time
 
 import modlens
 
-RECORDING, SPEED = sys.argv[1], float((*sys.argv, 1)[2])
+RECORDING, SPEED = sys.argv[1], float(sys.argv[2] if sys.argv[2:] else 1)
 
 with socket.create_server(("localhost", 5020)) as server:
     sys.stdout.write("now: modlens tap socket://localhost:5020\n")
