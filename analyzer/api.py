@@ -14,7 +14,7 @@ from analyzer.doubts import warn
 from analyzer.exports import format_of
 from analyzer.exports.sink import Target, with_suitable_table
 from analyzer.filters import selection
-from analyzer.keywords import check_filter, refuse
+from analyzer.keywords import OF_FRAMES, check_filter, refuse
 from analyzer.line import Line, parse_line
 from analyzer.live_run import LiveRun
 from analyzer.profiles import Binding, parse_binding, with_vendor_functions
@@ -132,7 +132,10 @@ class Decoding:
     def __getattr__(self, name: str) -> NoReturn:
         """What rows or a DataFrame have: `AttributeError` says what to write."""
         call = "()" if callable(getattr(Rows, name, None)) else ""
-        instead = f"; write recording.transactions.{name}{call}" if hasattr(Rows, name) else ""
+        rows = "readings" if name == "wide" else "transactions"
+        instead = f"; write recording.{rows}.{name}{call}" if hasattr(Rows, name) else ""
+        if name in OF_FRAMES:
+            instead = f"; write recording.transactions.{OF_FRAMES[name]}"
         raise AttributeError(f"a recording has no {name!r}{instead}")
 
     def __getitem__(self, place: object, /) -> NoReturn:

@@ -9,6 +9,7 @@ import importlib
 from collections.abc import Sequence
 from typing import Any, Protocol
 
+from analyzer.doubts import warn
 from analyzer.installing import how_to_install
 from dissectors.errors import UsageError
 
@@ -125,7 +126,7 @@ def response_times(transactions: Rows, by: str | Sequence[str], every: str | Non
         frequency = _interval(pandas, every)
         found["interval"] = _moments(pandas, found)
         groups.insert(0, pandas.Grouper(key="interval", freq=frequency))
-    times = found.groupby(groups, observed=True)["response_time_us"]
+    times = found.groupby(groups, observed=True, dropna=False)["response_time_us"]
     columns_by_name = {
         "answered": times.size(),
         "count": times.count(),
@@ -134,7 +135,16 @@ def response_times(transactions: Rows, by: str | Sequence[str], every: str | Non
         "max_us": times.max(),
     }
     table = pandas.DataFrame(columns_by_name)
-    return table[table["answered"] > 0]
+    table = table[table["answered"] > 0]
+    few = table[(table["count"] > 0) & (2 * table["count"] < table["answered"])]
+    if len(few):
+        row = few.iloc[0]
+        warn(
+            f"in {len(few)} of {len(table)} rows the times of few answers are known (in the first"
+            f" {row['count']:.0f} of {row['answered']:.0f}), mostly of slow ones: compare count"
+            " with answered"
+        )
+    return table
 
 
 def _labels(found: Any) -> Any:

@@ -6,16 +6,12 @@ import os
 import sys
 import warnings
 from collections.abc import Iterator, Mapping
-from itertools import combinations
 from types import FrameType
 from typing import Any
 
 from analyzer.settings import Settings
 
 __all__ = ["doubts", "warn"]
-
-MOST_RECORDINGS = 8
-"""Recordings that are compared with each other; more are an archive."""
 
 LEAST_REQUESTS = 20
 
@@ -47,26 +43,19 @@ def _unheard(settings: Settings, buses: list[dict[str, Any]]) -> Iterator[str]:
 
 def _copies(buses: list[dict[str, Any]]) -> Iterator[str]:
     """Recordings beside each other of which one, without times, has the requests of the other."""
-    if len(buses) > MOST_RECORDINGS:
-        return
-    for one, other in combinations(buses, 2):
-        beside = os.path.dirname(one["bus"]) == os.path.dirname(other["bus"])
-        timeless = one["duration_us"] is None or other["duration_us"] is None
-        counts = _requests(one)
-        if (
-            beside
-            and timeless
-            and counts == _requests(other)
-            and sum(counts.values()) >= LEAST_REQUESTS
-        ):
-            yield (
-                f"{one['bus']} and {other['bus']} have the same requests: perhaps one traffic,"
-                " counted twice"
-            )
-
-
-def _requests(bus: Mapping[str, Any]) -> dict[tuple[int, int], int]:
-    return {(row["unit"], row["function"]): row["transactions"] for row in bus["units"]}
+    alike: dict[tuple[str, frozenset[Any]], list[dict[str, Any]]] = {}
+    for bus in buses:
+        if sum(row["transactions"] for row in bus["units"]) >= LEAST_REQUESTS:
+            counts = ((row["unit"], row["function"], row["transactions"]) for row in bus["units"])
+            alike.setdefault((os.path.dirname(bus["bus"]), frozenset(counts)), []).append(bus)
+    copies = [
+        " and ".join(bus["bus"] for bus in group)
+        for group in alike.values()
+        if len(group) > 1 and any(bus["duration_us"] is None for bus in group)
+    ]
+    if copies:
+        more = f" (and {len(copies) - 1} more such pairs)" if copies[1:] else ""
+        yield f"{copies[0]}{more} have the same requests: perhaps one traffic, counted twice"
 
 
 def warn(text: str) -> None:

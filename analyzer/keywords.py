@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from dissectors.errors import UsageError
 from dissectors.function_lookup import similar_name
 
-__all__ = ["check_filter", "refuse"]
+__all__ = ["OF_FRAMES", "check_filter", "refuse"]
 
 _LINE = {
     "rate": ("baud", "baudrate", "baud_rate", "rate", "speed"),
@@ -28,6 +28,7 @@ _INSTEAD = {
     "port": "ports=[502]",
     "format": "read_as=",
     "tz": "timezone=",
+    "columns": 'select("unit", "status")',
     "framer": 'mode="rtu"',
     "method": 'mode="rtu"',
     **dict.fromkeys(("unit", "units", "slave", "slave_id"), '.where("unit == 1")'),
@@ -35,12 +36,25 @@ _INSTEAD = {
     **dict.fromkeys(("between", "start", "end"), ".where(\"time >= '12:00'\")"),
 }
 
+_FILES = {"csv": "csv", "excel": "xlsx", "parquet": "parquet", "json": "jsonl", "sql": "sqlite"}
+
+OF_FRAMES = {
+    **dict.fromkeys(("query", "filter"), 'where("unit == 1")'),
+    **{f"to_{name}": f'write("rows.{ending}")' for name, ending in _FILES.items()},
+    **dict.fromkeys(
+        ("describe", "dtypes", "groupby", "iloc", "join", "loc", "merge", "pivot_table", "plot",
+         "resample", "shape", "sort_values", "tail", "value_counts", "values"),
+        "to_pandas(), which gives a DataFrame",
+    ),
+}  # fmt: skip
+"""What to write instead of what a DataFrame has, and rows have not."""
+
 
 def refuse(call: Callable[..., object], given: Mapping[str, object]) -> None:
     """Raise `UsageError` for the first of these keywords, if there is one."""
     if not given:
         return
-    first, known = next(iter(given)), tuple(getattr(call, "__kwdefaults__", {}))
+    first, known = next(iter(given)), tuple(getattr(call, "__kwdefaults__", None) or ())
     if any(first in names for names in _LINE.values()):
         instead = f'; write line="{_line(given)}"'
     elif first in _INSTEAD:
@@ -48,7 +62,7 @@ def refuse(call: Callable[..., object], given: Mapping[str, object]) -> None:
     elif hint := similar_name(first, known):
         instead = f"; did you mean {hint!r}?"
     else:
-        instead = f"; it has {', '.join(known)}"
+        instead = f"; it has {', '.join(known) or 'no keywords'}"
     raise UsageError(f"{call.__name__} has no {first!r}{instead}")
 
 

@@ -24,7 +24,7 @@ from analyzer.exports.sink import (
     with_suitable_table,
 )
 from analyzer.filters import Filter, parse
-from analyzer.keywords import check_filter
+from analyzer.keywords import OF_FRAMES, check_filter, refuse
 from analyzer.visible import visible
 from dissectors.errors import ModlensError, UsageError
 
@@ -147,12 +147,13 @@ class Rows(Generic[Item_co]):
         """A `polars.DataFrame`; `UsageError` where polars is not installed."""
         return self._handed_to(library("polars").DataFrame)
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self, **unknown: Never) -> Any:
         """A `pandas.DataFrame`, by way of pyarrow; `UsageError` where one is not installed.
 
         Texts that come again (`status`, `function_name`) are categories, whole numbers and truth
         values may be missing (`Int64`, `boolean`), times are UTC to the nanosecond.
         """
+        refuse(self.to_pandas, unknown)
         return typed(self.to_arrow())
 
     def wide(self, every: str | None = None, *, how: str = "last") -> Any:
@@ -212,12 +213,20 @@ class Rows(Generic[Item_co]):
 
     def __getattr__(self, name: str) -> NoReturn:
         """A column, or what a DataFrame has: `AttributeError` says what to write."""
-        instead = ""
-        if not name.startswith("_"):
-            known = name in {column.key for column in columns(self.name)}
-            column = f'; write select("{name}") for the column, where("{name} == ...") for rows'
-            instead = column if known else "; a DataFrame may: to_pandas()"
+        instead = "" if name.startswith("_") else f"; {self._instead(name)}"
         raise AttributeError(f"{self.name} have no {name!r}{instead}")
+
+    def _instead(self, name: str) -> str:
+        """What to write for a name that rows do not have."""
+        if callable(getattr(type(self._recording), name, None)):
+            return f"write recording.{name}()"
+        if name in OF_FRAMES:
+            return f"write {OF_FRAMES[name]}"
+        try:
+            [key] = pick(self.name, name)
+        except UsageError as error:
+            return str(error).partition("; ")[2]
+        return f'write select("{key}") for the column, where("{key} == ...") for rows'
 
     def __repr__(self) -> str:
         parts = [f"[{_bound(step.start)}:{_bound(step.stop)}]" if isinstance(step, slice)

@@ -10,6 +10,7 @@ import pytest
 
 import modlens
 from tests.conftest import CAPTURES
+from tests.support.ordinary_traffic import framed
 
 TIMEOUTS = modlens.decode(CAPTURES / "pymodbus_timeouts" / "recording.jsonl", line="19200-8E1")
 DEAD = modlens.decode(CAPTURES / "pymodbus_dead_unit" / "recording.jsonl", line="9600-8E1")
@@ -152,8 +153,67 @@ def test_without_a_clock_there_is_no_time() -> None:
         (lambda: DEAD.where(unit=3), 'where("unit == 3")'),  # type: ignore[arg-type]
         (lambda: DEAD.transactions.where(status="ok"), "where(\"status == 'ok'\")"),  # type: ignore[arg-type]
         (lambda: DEAD.where(3), 'where("unit == 1'),  # type: ignore[arg-type]
+        (lambda: DEAD.transactions.to_pandas(columns=["unit"]), 'select("unit", "status")'),  # type: ignore[arg-type]
     ],
 )
 def test_a_mistake_says_what_to_write(mistake: Any, instead: str) -> None:
     with pytest.raises(modlens.ModlensError, match=instead.replace("(", r"\(").replace(")", r"\)")):
         mistake()
+
+
+@pytest.mark.parametrize(
+    ("rows", "name", "instead"),
+    [
+        (DEAD.transactions, "response_times", "write recording.response_times()"),
+        (DEAD.transactions, "to_csv", 'write write("rows.csv")'),
+        (DEAD.transactions, "query", 'write where("unit == 1")'),
+        (DEAD.transactions, "slave", "write 'unit'"),
+        (DEAD.transactions, "unitt", "did you mean 'unit'?"),
+        (DEAD, "wide", "write recording.readings.wide()"),
+        (DEAD, "groupby", "write recording.transactions.to_pandas()"),
+    ],
+)
+def test_a_name_that_is_missing_says_what_to_write(rows: Any, name: str, instead: str) -> None:
+    with pytest.raises(AttributeError) as raised:
+        getattr(rows, name)
+    assert instead in str(raised.value)
+
+
+def test_times_that_few_answers_have_are_a_warning() -> None:
+    """By a clock of 1 s only the time of the slow answer is known."""
+    pair = [framed(bytes.fromhex(body)).hex(" ") for body in ("0103006B0001", "0103020007")]
+    times = [("00", "00"), *[(f"{second:02}", f"{second:02}") for second in range(2, 20)]]
+    times.append(("30", "35"))
+    text = "".join(
+        f"12:00:{at} {word} {frame}\n"
+        for pair_times in times
+        for at, word, frame in zip(pair_times, ("TX", "RX"), pair, strict=True)
+    )
+    with pytest.warns(UserWarning, match="compare count with answered"):
+        table = modlens.decode(text.encode()).response_times()
+    assert table.loc[1, "answered"] == len(times)
+
+
+def test_times_by_a_column_with_empty_cells_have_a_row_for_these() -> None:
+    """On a serial line no transaction has a client."""
+    frame = TIMEOUTS.response_times(by=["unit", "client"])
+    assert frame["answered"].sum() == TIMEOUTS.response_times()["answered"].sum() > 0
+
+
+def test_many_recordings_that_are_there_twice_are_one_warning(tmp_path: Path) -> None:
+    """Ten recordings of one folder, each beside its bytes alone."""
+    for number in range(1, 11):
+        unit = f"{number:02X}"
+        pair = [bytes.fromhex(f"{unit}03006B0001"), bytes.fromhex(f"{unit}03020007")]
+        frames = [framed(body).hex(" ") for body in pair]
+        lines = [
+            f"12:00:{second:02}.{part}00 {word} {frame}\n"
+            for second in range(30)
+            for part, word, frame in ((0, "TX", frames[0]), (1, "RX", frames[1]))
+        ]
+        (tmp_path / f"{number}.log").write_text("".join(lines))
+        (tmp_path / f"{number}.bin").write_bytes(bytes.fromhex("".join(frames)) * 30)
+    with pytest.warns(UserWarning, match="counted twice") as caught:
+        modlens.decode(tmp_path).stats()
+    [warning] = [one for one in caught if "counted twice" in str(one.message)]
+    assert "(and 9 more such pairs)" in str(warning.message)
