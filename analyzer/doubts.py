@@ -42,7 +42,7 @@ def _unheard(settings: Settings, buses: list[dict[str, Any]]) -> Iterator[str]:
 
 
 def _copies(buses: list[dict[str, Any]]) -> Iterator[str]:
-    """Recordings beside each other of which one, without times, has the requests of the other."""
+    """Recordings with times, and beside them others without times that have the same requests."""
     alike: dict[tuple[str, frozenset[Any]], list[dict[str, Any]]] = {}
     for bus in buses:
         if sum(row["transactions"] for row in bus["units"]) >= LEAST_REQUESTS:
@@ -51,7 +51,7 @@ def _copies(buses: list[dict[str, Any]]) -> Iterator[str]:
     copies = [
         " and ".join(bus["bus"] for bus in group)
         for group in alike.values()
-        if len(group) > 1 and any(bus["duration_us"] is None for bus in group)
+        if len({bus["duration_us"] is None for bus in group}) > 1
     ]
     if copies:
         more = f" (and {len(copies) - 1} more such pairs)" if copies[1:] else ""

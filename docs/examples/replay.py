@@ -18,5 +18,8 @@ with socket.create_server(("localhost", 5020)) as server:
     begun = time.monotonic()
     for frame in modlens.decode(RECORDING).frames:
         time.sleep(max((frame.elapsed_us or 0) / 1e6 / SPEED - (time.monotonic() - begun), 0))
-        tap.sendall(frame.hex)
+        try:
+            tap.sendall(frame.hex)
+        except ConnectionError:
+            sys.exit("the tap has ended")
     time.sleep(1)  # The last answer is complete when the line has been silent.

@@ -56,7 +56,7 @@ fn distinct<'a>(texts: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
     found
 }
 
-/// What names begin with in common, without a number at its end.
+/// What names begin with in common, without a number at its end where they differ.
 fn common<'a>(mut names: impl Iterator<Item = &'a str>) -> String {
     let Some(first) = names.next() else { return String::new() };
     let shared = |one: &'a str, other: &str| -> &'a str {
@@ -64,7 +64,11 @@ fn common<'a>(mut names: impl Iterator<Item = &'a str>) -> String {
         let end = different.map_or(one.len().min(other.len()), |((at, _), _)| at);
         &one[..end]
     };
-    let found = names.fold(first, shared);
+    let names: Vec<&str> = names.collect();
+    if names.iter().all(|name| *name == first) {
+        return first.to_owned();
+    }
+    let found = names.into_iter().fold(first, shared);
     let short = found.trim_end_matches(|letter: char| letter.is_ascii_digit() || "-_. ".contains(letter));
     if short.is_empty() {
         found.to_owned()

@@ -201,6 +201,27 @@ def test_the_name_and_period_come_first(browser: Browser, modlens: Modlens, tmp_
     assert not re.search(r"\d\dT\d\d:|\d\.\d+Z", text)
 
 
+@pytest.mark.parametrize(
+    ("files", "title"),
+    [
+        (["p91/tap.jsonl"], "p91"),
+        (["line7.jsonl"], "line7"),
+        (["line-01.jsonl", "line-02.jsonl"], "line"),
+    ],
+)
+def test_the_name_is_what_files_have_in_common(
+    files: list[str], title: str, modlens: Modlens, tmp_path: Path
+) -> None:
+    """A generic name gives way to that of its folder."""
+    recording = CAPTURES / "pymodbus_two_units" / "recording.jsonl"
+    for name in files:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(recording.read_bytes())
+    target = tmp_path / "report.html"
+    assert modlens("report", *(tmp_path / name for name in files), "-o", target).status == 0
+    assert f"<title>{title}: Modbus report</title>" in target.read_text()
+
+
 def test_the_name_is_that_of_the_bus_file(modlens: Modlens, tmp_path: Path) -> None:
     """Without `--title`; without a bus file it is what the names of the files have in common."""
     plant = tmp_path / "plant.toml"
