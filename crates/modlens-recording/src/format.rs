@@ -128,3 +128,28 @@ fn refusal(sample: &[u8], best: &str, reason: &str) -> String {
     };
     format!("{kind}; see `modlens formats`, or choose one with --from")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Why a text without a frame is not read.
+    fn refused(text: &str) -> String {
+        match decide(text.as_bytes(), "x.log", None, Dialects::embedded) {
+            Err(Refusal::Unfit(why)) => why,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn the_refusal_of_a_text_has_the_reason_that_the_readers_found() {
+        let reported = refused("[W] Modbus error function code: 0x84 exception: 2\n");
+        assert!(reported.contains("a line reports exception 2 (illegal data address)"), "{reported}");
+        let unproved = refused("what is it? 11 22 33 44 55 66 77 88\n");
+        assert!(unproved.contains("no checksum"), "{unproved}");
+        assert_eq!(
+            refused("nothing to be seen\n"),
+            "text in an unknown format; see `modlens formats`, or choose one with --from"
+        );
+    }
+}

@@ -234,7 +234,8 @@ fn plural(number: u64) -> &'static str {
 fn unproved(scored: &[(Arc<Dialect>, RowScore)], text: &[u8]) -> Option<FormatGuess> {
     // Bytes that are text may be a frame in letters.
     let odd = oddities::named(text);
-    let foreign = foreign_protocols::name(&bursts(text)).filter(|kind| odd.is_none() || !kind.contains("plain text"));
+    let foreign =
+        foreign_protocols::name(&bursts(text)).filter(|kind| odd.is_none() || !kind.contains(foreign_protocols::PLAIN_TEXT));
     let why = foreign.or(odd).map_or_else(String::new, |kind| format!("; {kind}"));
     match scored.iter().max_by_key(|(row, score)| (score.bytes, !row.generic)) {
         Some((row, score)) => {

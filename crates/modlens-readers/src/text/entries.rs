@@ -230,12 +230,14 @@ impl EntryAssembler {
         let is_rest = stream.number == self.number && stream.previous.ends_with(bytes);
         let has_rest_in_front = stream.side == Some(Side::Received) && before.len() < bytes.len() && !stream.group.is_empty();
         let are_both = bytes.strip_prefix(&stream.group[..]).is_some_and(|rest| !rest.is_empty() && rest == stream.previous);
-        let is_known = has_rest_in_front || are_both || is_rest || stream.group.starts_with(bytes);
-        match stream.group.ends_with(bytes) || (before.len() < bytes.len() && stream.previous.ends_with(before)) {
-            true => bytes.len(),
-            false if is_known => bytes.len(),
-            false if grows => stream.group.len(),
-            false => 0,
+        let ends_with_last = before.len() < bytes.len() && stream.previous.ends_with(before);
+        let is_part = stream.group.starts_with(bytes) || stream.group.ends_with(bytes);
+        if is_part || ends_with_last || has_rest_in_front || are_both || is_rest {
+            bytes.len()
+        } else if grows {
+            stream.group.len()
+        } else {
+            0
         }
     }
 

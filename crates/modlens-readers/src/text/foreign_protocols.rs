@@ -12,6 +12,9 @@ struct Protocol {
     matches: fn(&[u8]) -> bool,
 }
 
+/// What bytes in letters look like. It is the least specific of all.
+pub(super) const PLAIN_TEXT: &str = "plain text";
+
 /// The most specific protocol stands first, because PROFIBUS and M-Bus share a frame format (EN 60870-5-1, FT 1.2).
 const PROTOCOLS: &[Protocol] = &[
     Protocol { name: "DL/T 645", frame_format: "68, six bytes of address, 68, sum, 16", matches: is_dlt645 },
@@ -24,7 +27,7 @@ const PROTOCOLS: &[Protocol] = &[
         frame_format: "7E around each frame, and its CRC-16",
         matches: is_hdlc,
     },
-    Protocol { name: "plain text", frame_format: "printable characters only", matches: is_plain_text },
+    Protocol { name: PLAIN_TEXT, frame_format: "printable characters only", matches: is_plain_text },
 ];
 
 /// The names of all protocols that can be recognised.
@@ -49,7 +52,7 @@ pub fn name_of_stream(bytes: &[u8]) -> Option<String> {
     let starts: Vec<Vec<u8>> = [0x68u8, 0x10, 0x55, 0xDC, 0xFE, 0x7E]
         .iter()
         .flat_map(|start| memchr::memchr_iter(*start, bytes).take(64).map(|at| bytes[at..bytes.len().min(at + 300)].to_vec()))
-        .filter(|burst| PROTOCOLS.iter().any(|protocol| protocol.name != "plain text" && (protocol.matches)(burst)))
+        .filter(|burst| PROTOCOLS.iter().any(|protocol| protocol.name != PLAIN_TEXT && (protocol.matches)(burst)))
         .collect();
     if starts.len() < 2 {
         return None;

@@ -6,31 +6,30 @@ use modlens_protocol::oddity::Oddity;
 /// Lines that are looked at.
 const MOST_LINES: usize = 2000;
 
-/// What programs report, in lower case, with what it means and what to do: exceptions by name and number (application protocol,
-/// 7), wrong checksums, timeouts.
-const REPORTS: [(&[&str], &str); 9] = [
+/// The exceptions that programs report (application protocol, 7): code, names in lower case, and what to do. The message has
+/// the first of the names.
+const EXCEPTIONS: [(u8, &[&str], &str); 5] = [
     (
-        &["illegal function", "exception 1", "exception: 1", "exception code 1", "exception code: 1", "exception = 1"],
-        "exception 1 (illegal function): the unit does not know the function; try input registers (4) for holding registers (3), or \
-         a write by another function",
+        1,
+        &["illegal function"],
+        "the unit does not know the function; try input registers (4) for holding registers (3), or a write by another function",
     ),
     (
-        &["illegal data address", "exception 2", "exception: 2", "exception code 2", "exception code: 2", "exception = 2"],
-        "exception 2 (illegal data address): the unit does not have the address, or not the whole block; check whether the address \
-         counts from 0 or 1, and the function",
+        2,
+        &["illegal data address"],
+        "the unit does not have the address, or not the whole block; check whether the address counts from 0 or 1, and the function",
     ),
+    (3, &["illegal data value"], "the unit takes neither this quantity nor this value; ask for fewer registers"),
+    (4, &["server device failure", "slave device failure"], "the unit, or a gateway that cannot reach it, has failed"),
     (
-        &["illegal data value", "exception 3", "exception: 3", "exception code 3", "exception code: 3", "exception = 3"],
-        "exception 3 (illegal data value): the unit takes neither this quantity nor this value; ask for fewer registers",
+        11,
+        &["target device failed to respond"],
+        "the gateway gets no answer of the unit; check its wires, rate and address",
     ),
-    (
-        &["slave device failure", "server device failure", "exception 4", "exception: 4", "exception code 4", "exception code: 4"],
-        "exception 4 (device failure): the unit, or a gateway that cannot reach it, has failed",
-    ),
-    (
-        &["target device failed to respond", "exception 11", "exception: 11", "exception code 11", "exception code: 11"],
-        "exception 11: the gateway gets no answer of the unit; check its wires, rate and address",
-    ),
+];
+
+/// What else programs report, in lower case, with what it means and what to do.
+const REPORTS: [(&[&str], &str); 4] = [
     (
         &["cleanup recv buffer"],
         "bytes left over before a request: the rest of an answer that came after the client had given up; raise its timeout",
@@ -61,19 +60,37 @@ pub(super) fn named(text: &[u8]) -> Option<String> {
 
 /// What most lines report.
 fn reported<'a>(lines: impl Iterator<Item = &'a [u8]>) -> Option<String> {
-    let mut counts = [0; REPORTS.len()];
+    let mut counts = [0; EXCEPTIONS.len() + REPORTS.len()];
     for line in lines {
-        let line = String::from_utf8_lossy(line).to_ascii_lowercase();
-        let says = |word: &&str| {
-            line.match_indices(*word).any(|(at, _)| !line[at + word.len()..].starts_with(|c: char| c.is_ascii_digit()))
-        };
-        if let Some(found) = REPORTS.iter().position(|(words, _)| words.iter().any(&says)) {
-            counts[found] += 1;
+        if let Some(report) = report_in(&String::from_utf8_lossy(line).to_ascii_lowercase()) {
+            counts[report] += 1;
         }
     }
     let (most, times) = counts.iter().enumerate().max_by_key(|(at, count)| (**count, usize::MAX - at))?;
     let lines = if *times == 1 { String::from("a line reports") } else { format!("{times} lines report") };
-    (*times > 0).then(|| format!("{lines} {}", REPORTS[most].1))
+    let meaning = match EXCEPTIONS.get(most) {
+        Some((code, names, advice)) => format!("exception {code} ({}): {advice}", names[0]),
+        None => String::from(REPORTS[most - EXCEPTIONS.len()].1),
+    };
+    (*times > 0).then(|| format!("{lines} {meaning}"))
+}
+
+/// What a line in lower case reports: the index in `EXCEPTIONS`, or after all of these in `REPORTS`.
+fn report_in(line: &str) -> Option<usize> {
+    let says = |words: &[&str]| words.iter().any(|word| line.contains(word));
+    let codes: Vec<u8> = exception_codes(line).collect();
+    let exception = EXCEPTIONS.iter().position(|(code, names, _)| codes.contains(code) || says(names));
+    let report = || Some(EXCEPTIONS.len() + REPORTS.iter().position(|(words, _)| says(words))?);
+    exception.or_else(report)
+}
+
+/// The numbers after the word "exception": `exception 2`, `exception code: 2`, `exception = 2`.
+fn exception_codes(line: &str) -> impl Iterator<Item = u8> + '_ {
+    line.match_indices("exception").filter_map(|(at, word)| {
+        let rest = &line[at + word.len()..];
+        let rest = rest.strip_prefix(" code").unwrap_or(rest).strip_prefix([' ', ':'])?.trim_start_matches([' ', '=']);
+        rest.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok()
+    })
 }
 
 /// A line without the marks by which people emphasize a byte: `00 **06** 31`.
@@ -84,6 +101,7 @@ fn without_emphasis(line: &[u8]) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use modlens_protocol::functions::{parse_toml, VOCABULARY};
 
     #[test]
     fn odd_bytes_come_before_words() {
@@ -96,5 +114,34 @@ mod tests {
         assert!(digits.is_some_and(|words| words.contains("sent as characters")));
         assert_eq!(named(b"nothing to be seen\n"), None);
         assert_eq!(named(b"exception: 25 of 30\n"), None);
+    }
+
+    #[test]
+    fn an_exception_is_known_by_its_name_and_by_its_number() {
+        let all: [&[u8]; 6] = [
+            b"Exception 4",
+            b"exception: 4",
+            b"Exception Code 4",
+            b"exception code: 4",
+            b"exception = 4",
+            b"Slave Device Failure",
+        ];
+        let said = named(b"exception 4").expect("a reason");
+        assert!(said.starts_with("a line reports exception 4 (server device failure): "), "{said}");
+        assert_eq!(all.map(named), all.map(|_| Some(said.clone())));
+        for other in ["exceptions 4", "exception4", "exception 44", "exception code: 0x84"] {
+            assert_eq!(named(other.as_bytes()), None, "{other}");
+        }
+    }
+
+    #[test]
+    fn exceptions_have_the_names_of_the_vocabulary() {
+        let vocabulary = parse_toml(VOCABULARY).expect("a table");
+        let rows = vocabulary["exception"].as_array().expect("rows");
+        for (code, names, _) in EXCEPTIONS {
+            let row = rows.iter().find(|row| row["code"] == code).expect("an exception of the specification");
+            let name = row["name"].as_str().expect("a name").to_lowercase();
+            assert!(name.ends_with(names[0]), "{code}: {name}");
+        }
     }
 }
