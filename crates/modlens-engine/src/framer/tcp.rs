@@ -43,11 +43,10 @@ fn is_whole_read(input: &Input, length: usize) -> bool {
 /// Whether a header is that of the response that the outstanding request expects: unit, function and length fit, where
 /// the function has one. That is as good as its layout, and a recording may print the beginning of a long response only.
 fn answers(context: &FramerContext<'_>, bytes: &[u8], length: usize) -> bool {
-    context.outstanding_request.is_some_and(|request| {
-        let row = request.pdu.split_first().and_then(|(&code, body)| context.functions.row(code, body));
-        let fits = |row| expected_data_bytes(row, request.pdu).is_some_and(|data| length == HEADER_BYTES + 1 + data);
-        bytes[PREFIX_BYTES..HEADER_BYTES] == [request.unit, request.pdu[0]] && row.is_none_or(fits)
-    })
+    let Some(request) = context.outstanding_request else { return false };
+    let Some((&code, body)) = request.pdu.split_first() else { return false };
+    let fits = |row| expected_data_bytes(row, request.pdu).is_some_and(|data| length == HEADER_BYTES + 1 + data);
+    bytes[PREFIX_BYTES..HEADER_BYTES] == [request.unit, code] && context.functions.row(code, body).is_none_or(fits)
 }
 
 /// Whether a gateway has left the CRC of the RTU frame after the PDU, and the read ends with it.

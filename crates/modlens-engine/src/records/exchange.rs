@@ -288,3 +288,17 @@ impl ExchangeRun {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_unknown_duration_is_no_known_one_and_takes_no_memory() {
+        let known = [Ns::MIN + 1, -1, 0, 1, Ns::MAX];
+        assert_eq!(known.map(|ns| OptionalNs::known(ns).get()), known.map(Some));
+        assert_eq!([Some(0), None].map(|ns| OptionalNs::from(ns).get()), [Some(0), None]);
+        assert_eq!(OptionalNs::UNKNOWN.get(), None);
+        assert_eq!(size_of::<OptionalNs>(), size_of::<Ns>());
+    }
+}
