@@ -31,8 +31,11 @@ def lrc(data: bytes) -> int:
 def pdu_of(frame: bytes, mode: str, has_checksum: bool = True) -> bytes | None:
     """The PDU in a frame; None where the frame is empty, or cannot be decoded."""
 
-def ends_in_checksum(frame: bytes, mode: str) -> bool:
-    """Whether the last bytes of a frame are its checksum."""
+def has_checksum(frame: bytes, mode: str, is_sound: bool) -> bool:
+    """Whether the frame of a transaction has its checksum, right or wrong.
+
+    Where one that is sound does not end in it, the recording prints none.
+    """
 
 def is_text(sample: bytes) -> bool:
     """Whether these bytes can be text: hardly any control characters, UTF-8 or mostly ASCII.

@@ -95,4 +95,4 @@ def has_checksum(frame: bytes | None, mode: str, *, is_sound: bool) -> bool:
     >>> has_checksum(bytes.fromhex("01 03 00 6B 00 03"), "rtu", is_sound=True)
     False
     """
-    return not is_sound or _modlens.ends_in_checksum(frame or b"", mode)
+    return _modlens.has_checksum(frame or b"", mode, is_sound)

@@ -98,10 +98,10 @@ pub fn pdu_of<'py>(py: Python<'py>, frame: &[u8], mode: &str, has_checksum: bool
     Ok(annotate::pdu_of(frame, frame_mode(mode)?, has_checksum).map(|pdu| PyBytes::new(py, &pdu)))
 }
 
-/// Whether the last bytes of a frame of a mode are its checksum.
+/// Whether the frame of a transaction has its checksum, right or wrong.
 #[pyfunction]
-pub fn ends_in_checksum(frame: &[u8], mode: &str) -> PyResult<bool> {
-    Ok(annotate::ends_in_checksum(frame, frame_mode(mode)?))
+pub fn has_checksum(frame: &[u8], mode: &str, is_sound: bool) -> PyResult<bool> {
+    Ok(annotate::has_checksum(frame, frame_mode(mode)?, is_sound))
 }
 
 fn frame_mode(name: &str) -> PyResult<Mode> {

@@ -139,7 +139,7 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<files::RowFile>()?;
     module.add_class::<functions::Functions>()?;
     module.add_function(wrap_pyfunction!(functions::pdu_of, module)?)?;
-    module.add_function(wrap_pyfunction!(functions::ends_in_checksum, module)?)?;
+    module.add_function(wrap_pyfunction!(functions::has_checksum, module)?)?;
     module.add_function(wrap_pyfunction!(profile::judge, module)?)?;
     module.add_function(wrap_pyfunction!(profile::sunspec_models, module)?)?;
     module.add_class::<profile::Profile>()?;

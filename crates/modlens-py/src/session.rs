@@ -51,7 +51,6 @@ pub(crate) fn line_number(line: Option<&str>) -> PyResult<u8> {
     })
 }
 
-/// The word by which Python knows a clock.
 /// Framer, decoder, pairing and statistics after one `feed`.
 #[pyclass(module = "_modlens")]
 pub struct Session {

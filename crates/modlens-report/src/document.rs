@@ -1,11 +1,12 @@
 //! The document of a recording: what the doctor says, statistics, time series, examples, and what a person wants to know first.
 
-use modlens_protocol::annotate::{annotate, pdu_of, spaced_hex, Body, Piece, Wrapping};
+use modlens_protocol::annotate::{annotate, has_checksum, pdu_of, spaced_hex, Body, Piece, Wrapping};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::{Finding, Severity};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::hex::decode_pairs;
+use modlens_protocol::status::Status;
 use serde_json::{json, Map, Value as Json};
 
 use crate::layout::{list, text};
@@ -107,16 +108,17 @@ fn frames(example: &Json, functions: &Functions) -> Json {
     let Some(mode) = [Mode::Rtu, Mode::Ascii, Mode::Tcp].into_iter().find(|mode| example["mode"] == mode.text()) else {
         return json!([]);
     };
-    let bytes = |key: &str| {
+    let found = |key: &str, damaged: Status| {
         let mut bytes = Vec::new();
         decode_pairs(text(&example[key]).as_bytes(), &mut bytes);
-        bytes
+        let has_checksum = has_checksum(&bytes, mode, example["status"] != damaged.text());
+        (bytes, has_checksum)
     };
-    let (request, response) = (bytes("request_hex"), bytes("response_hex"));
-    let answered = pdu_of(&request, mode, true);
-    let frame = |title: &str, direction: Direction, frame: &[u8]| {
+    let (request, response) = (found("request_hex", Status::BadRequest), found("response_hex", Status::BadResponse));
+    let answered = pdu_of(&request.0, mode, request.1);
+    let frame = |title: &str, direction: Direction, (frame, has_checksum): &(Vec<u8>, bool)| {
         let body = Body { functions, direction, request: answered.as_deref() };
-        let pieces = annotate(frame, Wrapping::Frame { mode, has_checksum: true }, body);
+        let pieces = annotate(frame, Wrapping::Frame { mode, has_checksum: *has_checksum }, body);
         (!frame.is_empty()).then(|| json!({"title": title, "pieces": shortened(&pieces)}))
     };
     let both = [frame("request", Direction::Request, &request), frame("response", Direction::Response, &response)];
@@ -134,4 +136,24 @@ fn shortened(pieces: &[Piece]) -> Vec<Json> {
     let (middle, last) = rest.split_at(rest.len() - MAX_PIECES / 2);
     let between = json!([middle[0].offset, "", format!("{} more fields", middle.len()), "", "", true]);
     first.iter().map(row).chain([between]).chain(last.iter().map(row)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Request and response of the application protocol's section 6.3, with the checksum and without it.
+    #[test]
+    fn sound_frames_of_a_recording_without_checksums_are_whole() {
+        let pairs = [("1103006B0003", "110306022B00000064"), ("1103006B00037687", "110306022B00000064C8BA")];
+        for (request, response) in pairs {
+            let example = json!({"mode": "rtu", "status": "ok", "request_hex": request, "response_hex": response});
+            let frames = frames(&example, Functions::embedded());
+            let pieces = || list(&frames).iter().flat_map(|frame| list(&frame["pieces"]));
+            assert!(pieces().all(|piece| piece[5] == true), "{frames}");
+            assert!(pieces().any(|piece| piece[4] == "400110: u16 100, s16 100, 0x0064"), "{frames}");
+        }
+        let damaged = json!({"mode": "rtu", "status": "bad_request", "request_hex": "1103006B00037688"});
+        assert_eq!(frames(&damaged, Functions::embedded())[0]["pieces"][4][2], "checksum");
+    }
 }

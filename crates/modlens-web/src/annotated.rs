@@ -1,6 +1,6 @@
 //! The bytes of a row beside their meaning.
 
-use modlens_protocol::annotate::{annotate, pdu_of, Body, Piece, Wrapping};
+use modlens_protocol::annotate::{annotate, has_checksum, pdu_of, Body, Piece, Wrapping};
 use modlens_protocol::framing::{Direction, Mode, Verdict};
 use modlens_protocol::functions::Functions;
 use modlens_protocol::hex::{hex, parse_hex};
@@ -87,7 +87,8 @@ fn transaction(row: (&Table, usize)) -> Option<Transaction> {
     let mode = Mode::from_text(&mode)?;
     let frame = |title, direction, hex: &str, damaged: Status| {
         let bytes = parse_hex(hex)?;
-        let wrapping = Wrapping::of_frame(&bytes, mode, status != damaged.text());
+        let has_checksum = has_checksum(&bytes, mode, status != damaged.text());
+        let wrapping = Wrapping::Frame { mode, has_checksum };
         Some(Frame { title, bytes, wrapping, direction })
     };
     let request = frame("request", Direction::Request, &request, Status::BadRequest)?;

@@ -40,16 +40,14 @@ pub fn annotate(frame: &[u8], wrapping: Wrapping, body: Body<'_>) -> Vec<Piece> 
     }
 }
 
-impl Wrapping {
-    /// That of the frame of a transaction. Where a frame that is sound does not end in its checksum, the recording
-    /// prints none.
-    pub fn of_frame(frame: &[u8], mode: Mode, is_sound: bool) -> Self {
-        Self::Frame { mode, has_checksum: !is_sound || ends_in_checksum(frame, mode) }
-    }
+/// Whether the frame of a transaction has its checksum, right or wrong. Where one that is sound does not end in it, the
+/// recording prints none.
+pub fn has_checksum(frame: &[u8], mode: Mode, is_sound: bool) -> bool {
+    !is_sound || ends_in_checksum(frame, mode)
 }
 
 /// Whether the last bytes of a frame are its checksum; those of Modbus/TCP have none.
-pub fn ends_in_checksum(frame: &[u8], mode: Mode) -> bool {
+fn ends_in_checksum(frame: &[u8], mode: Mode) -> bool {
     match mode {
         Mode::Rtu => crc_valid(frame),
         Mode::Ascii => binary_of(frame).and_then(|binary| Some(lrc(binary.split_last()?.1) == *binary.last()?)) == Some(true),

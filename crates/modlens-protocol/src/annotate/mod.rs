@@ -15,7 +15,7 @@ mod piece;
 mod violations;
 
 pub use body::Body;
-pub use frame::{annotate, ends_in_checksum, pdu_of, Wrapping};
+pub use frame::{annotate, has_checksum, pdu_of, Wrapping};
 pub use part::guess_direction;
 pub use piece::{spaced_hex, Layer, Piece};
 

@@ -83,13 +83,12 @@ fn the_pdu_of_a_frame_is_without_what_is_around_it() {
 #[test]
 fn a_sound_frame_without_its_checksum_is_unit_and_pdu() {
     let (bare, whole) = (parse_hex("1103006B0003").unwrap(), parse_hex("1103006B00037687").unwrap());
-    let wrapping = |has_checksum| Wrapping::Frame { mode: Mode::Rtu, has_checksum };
-    assert_eq!(Wrapping::of_frame(&bare, Mode::Rtu, true), wrapping(false));
-    assert_eq!(Wrapping::of_frame(&bare, Mode::Rtu, false), wrapping(true));
-    assert_eq!(Wrapping::of_frame(&whole, Mode::Rtu, true), wrapping(true));
+    assert!(!has_checksum(&bare, Mode::Rtu, true));
+    assert!(has_checksum(&bare, Mode::Rtu, false));
+    assert!(has_checksum(&whole, Mode::Rtu, true));
     assert_eq!(pdu_of(&bare, Mode::Rtu, false), parse_hex("03006B0003"));
-    assert!(ends_in_checksum(b":1103006B00037E\r\n", Mode::Ascii));
-    assert!(!ends_in_checksum(b":1103006B0003\r\n", Mode::Ascii));
+    assert!(has_checksum(b":1103006B00037E\r\n", Mode::Ascii, true));
+    assert!(!has_checksum(b":1103006B0003\r\n", Mode::Ascii, true));
 }
 
 /// The examples of all functions, vendors' too, have nothing wrong and nothing extra; each direction is found by layout.
@@ -114,12 +113,12 @@ proptest! {
         frame in proptest::collection::vec(any::<u8>(), 0..260),
         request in proptest::option::of(proptest::collection::vec(any::<u8>(), 0..12)),
         direction in 0..3_usize,
-        has_checksum: bool,
+        with_checksum: bool,
         is_text: bool,
     ) {
         let text = [b":".as_slice(), crate::hex::hex(&frame).as_bytes(), b"\r\n"].concat();
         let frame = if is_text { text } else { frame };
-        let modes = [Mode::Rtu, Mode::Ascii, Mode::Tcp].map(|mode| Wrapping::Frame { mode, has_checksum });
+        let modes = [Mode::Rtu, Mode::Ascii, Mode::Tcp].map(|mode| Wrapping::Frame { mode, has_checksum: with_checksum });
         for wrapping in modes.into_iter().chain([Wrapping::None]) {
             let pieces = annotate(&frame, wrapping, body(DIRECTIONS[direction], request.as_deref()));
             let mut joined = Vec::new();
@@ -130,8 +129,8 @@ proptest! {
             prop_assert_eq!(&joined, &frame);
         }
         for mode in [Mode::Rtu, Mode::Ascii, Mode::Tcp] {
-            pdu_of(&frame, mode, has_checksum);
-            Wrapping::of_frame(&frame, mode, true);
+            pdu_of(&frame, mode, with_checksum);
+            has_checksum(&frame, mode, true);
         }
     }
 }
