@@ -65,6 +65,11 @@ impl ProvedHex {
         self.statements.is_single(shape)
     }
 
+    /// Whether the text has any statement of one line.
+    pub fn has_single(&self) -> bool {
+        self.statements.has_single()
+    }
+
     /// Whether the line after each one of this statement says the same again, and who sent it.
     pub fn is_told_again(&self, shape: Shape) -> bool {
         self.statements.is_told_again(shape)

@@ -142,6 +142,11 @@ impl Statements {
         self.single.binary_search(&shape).is_ok()
     }
 
+    /// Whether the text has any statement of one line.
+    pub fn has_single(&self) -> bool {
+        !self.single.is_empty()
+    }
+
     /// Whether the next line says the same again, and who sent it.
     pub fn is_told_again(&self, shape: Shape) -> bool {
         self.told_again.contains(&shape)

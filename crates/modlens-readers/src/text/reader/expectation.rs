@@ -71,6 +71,11 @@ impl Reader {
         self.number <= LAST_LINE && self.assembler.records > 0 && !self.is_counting()
     }
 
+    /// Whether prose announces the bytes of the next lines, so that they are left out.
+    pub(super) fn leaves_out_what_follows(&self) -> bool {
+        self.expects_what_follows && self.number < LAST_LINE
+    }
+
     /// Notes what a line without bytes announces.
     pub(super) fn note_announcement(&mut self, text: &[u8]) {
         if self.number <= LAST_LINE && !text.first().is_some_and(|byte| byte.is_ascii_digit() || *byte == b'[') {

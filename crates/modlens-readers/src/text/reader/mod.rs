@@ -259,7 +259,8 @@ impl Reader {
                 self.read_proved_tail(line, self.tail);
             }
             self.unread.clear();
-            self.expects_regular_lines = !self.is_general && !self.expects_what_follows && self.may_expect_regular_lines(&row);
+            self.expects_regular_lines =
+                !self.is_general && !self.leaves_out_what_follows() && self.may_expect_regular_lines(&row);
         } else if !self.read_with_another_dialect(line)
             && (is_comment(text) || !self.read_with_unread_lines(line))
             && !self.read_proved(line)
@@ -307,7 +308,7 @@ impl Reader {
             }
             self.assembler.take(dialect, *role, found, bytes, &self.timestamps);
             self.last_voice = voice;
-            if dialect.generic && self.proved.is_some() {
+            if dialect.generic && self.may_be_quoted() {
                 self.prose.remember(bytes);
             }
         }

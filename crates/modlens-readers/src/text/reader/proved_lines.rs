@@ -157,6 +157,11 @@ impl Reader {
         self.assembler.number = self.number;
     }
 
+    /// Whether a sentence of this text may quote its frames, so that they are remembered.
+    pub(super) fn may_be_quoted(&self) -> bool {
+        self.proved.as_ref().is_some_and(|proved| proved.has_single())
+    }
+
     /// Whether a sentence quotes bytes of a frame that was read before, or the next line says the same and who sent it.
     fn is_quote(&self, line: &[u8], one: &Found) -> bool {
         let (Some(proved), Some(shape)) = (self.proved.as_deref(), one.shape) else { return false };
@@ -180,7 +185,9 @@ impl Reader {
             let found = LineMatch { time, side, flags, ..LineMatch::default() };
             self.assembler.take(&row, LineRole::Bytes(side), &found, &one.bytes, &self.timestamps);
             self.last_voice = voice;
-            self.prose.remember(&one.bytes);
+            if self.may_be_quoted() {
+                self.prose.remember(&one.bytes);
+            }
         }
     }
 }

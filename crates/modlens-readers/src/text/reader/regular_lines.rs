@@ -63,6 +63,9 @@ impl Reader {
         self.assembler.number = self.number;
         self.frame_length = length;
         let entry = self.assembler.take_frame(&self.frame[..length], framing, (time, side), &self.timestamps);
+        if self.may_be_quoted() {
+            self.prose.remember(&self.frame[..length]);
+        }
         entry.map_or(NextLine::Printed, NextLine::Entry)
     }
 }
@@ -124,9 +127,9 @@ mod tests {
     }
 
     /// All that the reader gives for a text that comes in blocks of this size.
-    fn read(text: &str, is_general: bool, piece: usize) -> Vec<String> {
+    fn read(text: &str, rows: &str, is_general: bool, piece: usize) -> Vec<String> {
         let table = Arc::new(Dialects::embedded().clone());
-        let mut reader = Reader::new(table.named("hex").unwrap(), Some(table), Arc::default());
+        let mut reader = Reader::new(table.named(rows).unwrap(), Some(table), Arc::default());
         reader.is_general = is_general;
         reader.look_ahead(text.as_bytes());
         let mut all = Vec::new();
@@ -158,6 +161,8 @@ mod tests {
                 // Most lines look like the one before, or nothing would be regular.
                 let start = if other < 30 { usual } else { start };
                 match other {
+                    32 => text += "what comes back should be:",
+                    33 => text += &["can it be that the second one (", &digits(&frame(kind), 0), ") is the answer to this line"].concat(),
                     35 => text += "\n",
                     36 => text += "a line of words: cache holds 7 of 4096 entries",
                     37 => text += "# a comment",
@@ -167,13 +172,19 @@ mod tests {
                 }
                 text += if other == 34 { "\r\n" } else { "\n" };
             }
-            prop_assert_eq!(read(&text, false, piece), read(&text, true, text.len()));
+            for rows in ["hex", "hex+proved"] {
+                prop_assert_eq!(read(&text, rows, false, piece), read(&text, rows, true, text.len()), "{}", rows);
+            }
         }
     }
 
-    #[test]
-    fn most_lines_of_plain_hex_are_regular() {
-        let text: String = (0..100).map(|at| front(0, at) + &digits(&frame(at % 4), 0) + "\n").collect();
+    /// Lines of plain hex with times.
+    fn plain_lines(count: usize) -> String {
+        (0..count).map(|at| front(0, at) + &digits(&frame(at % 4), 0) + "\n").collect()
+    }
+
+    /// How many lines of a text in plain hex are regular.
+    fn regular_lines(text: &str) -> usize {
         let mut reader = Reader::new(Dialects::embedded().named("hex").unwrap(), None, Arc::default());
         reader.push(text.as_bytes());
         let mut regular = 0;
@@ -181,6 +192,18 @@ mod tests {
             regular += usize::from(reader.frame_length > 0);
             assert!(entry.time.is_some());
         }
-        assert_eq!(regular, 99);
+        regular
+    }
+
+    #[test]
+    fn most_lines_of_plain_hex_are_regular() {
+        assert_eq!(regular_lines(&plain_lines(100)), 99);
+    }
+
+    #[test]
+    fn lines_are_regular_again_where_a_text_is_a_log_whatever_was_announced() {
+        let text = plain_lines(1) + "what comes back should be:\n" + &plain_lines(998);
+        // Lines 3 to 500 are left out as announced.
+        assert_eq!(regular_lines(&text), 500);
     }
 }
