@@ -1,9 +1,9 @@
 //! Addresses of registers as handbooks write them: `40108`, `400108`, `4x006B`.
 
-use modlens_protocol::register_type::Space;
+use modlens_protocol::register_type::{self, Space};
 
 /// The highest wire address.
-pub const LAST_ADDRESS: i64 = 0xFFFF;
+pub const LAST_ADDRESS: i64 = register_type::LAST_ADDRESS as i64;
 
 /// The register type and wire address of a text, if it is an address of a handbook.
 pub fn parse(text: &str) -> Option<(Space, i64)> {

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use modlens_protocol::decimal::thousands;
 use modlens_protocol::visible::visible;
 use serde_json::Value as Json;
 
@@ -14,17 +15,10 @@ fn written(value: f64, decimals: u32, group: bool) -> String {
     let scale = 10_f64.powi(decimals as i32);
     let scaled = (value.abs() * scale + 0.5).floor();
     let (whole, rest) = ((scaled / scale).floor(), scaled % scale);
-    let digits = format!("{whole:.0}");
-    let mut text = String::new();
-    if value < 0.0 && scaled > 0.0 {
-        text.push('-');
-    }
-    for (at, digit) in digits.char_indices() {
-        if group && at > 0 && (digits.len() - at) % 3 == 0 {
-            text.push(',');
-        }
-        text.push(digit);
-    }
+    let sign = if value < 0.0 && scaled > 0.0 { "-" } else { "" };
+    // A document from elsewhere may have numbers of more than 64 bits.
+    let digits = if group && whole < u64::MAX as f64 { thousands(whole as u64) } else { format!("{whole:.0}") };
+    let mut text = format!("{sign}{digits}");
     if decimals > 0 {
         let _ = write!(text, ".{rest:0width$.0}", width = decimals as usize);
     }
@@ -111,6 +105,7 @@ mod tests {
         assert_eq!(fixed(-0.5, 0), "-1");
         assert_eq!(fixed(-0.4, 0), "0");
         assert_eq!(fixed(0.999_6, 3), "1.000");
+        assert_eq!(fixed(1e20, 0), "100000000000000000000");
         assert_eq!([1.0, 150.0, 4694.56, 52_345.0, 59_752_048.0].map(milliseconds), ["0.001", "0.150", "4.69", "52.3", "59,752"]);
     }
 
