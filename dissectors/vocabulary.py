@@ -21,7 +21,6 @@ __all__ = [
     "Finding",
     "Kind",
     "Name",
-    "conformity_level",
     "diagnoses",
     "diagnosis",
     "diagnostic",
@@ -31,8 +30,6 @@ __all__ = [
     "findings",
     "mei_type",
     "names",
-    "object_id",
-    "read_device_id_code",
     "statuses",
     "vendors",
     "verdicts",
@@ -133,33 +130,6 @@ def mei_type(code: int) -> Name | None:
     '6.21'
     """
     return _lookup("mei_types", code)
-
-
-def object_id(code: int) -> Name | None:
-    """The entry of an object id of Read Device Identification; ranges included.
-
-    >>> object_id(0).name, object_id(0x90).name
-    ('VendorName', 'Private')
-    """
-    return _lookup("object_ids", code)
-
-
-def read_device_id_code(code: int) -> Name | None:
-    """The entry of a Read Device ID code.
-
-    >>> read_device_id_code(4).name
-    'specific'
-    """
-    return _lookup("read_device_id_codes", code)
-
-
-def conformity_level(code: int) -> Name | None:
-    """The entry of a conformity level.
-
-    >>> conformity_level(0x81).name
-    'basic, stream and individual'
-    """
-    return _lookup("conformity_levels", code)
 
 
 def names(kind: Kind) -> tuple[Name, ...]:

@@ -173,3 +173,10 @@ def test_a_sub_function_that_is_cut_off_has_no_name() -> None:
     cut, whole = (describe(bytes.fromhex(pdu), mode="pdu")[0] for pdu in ("08 04", "08 0004"))
     assert cut.meaning.startswith("Diagnostics, ")
     assert whole.meaning.startswith("Diagnostics (Force Listen Only Mode), ")
+
+
+def test_an_object_id_of_a_range_has_the_name_of_the_range() -> None:
+    """Objects from 0x80 on are private (application protocol, 6.21)."""
+    pdu = bytes.fromhex("2B 0E 04 83 00 00 01 85 02 4869")
+    found = by_name(describe(pdu, mode="pdu", direction="response"))
+    assert found["objects[0].object_id"].meaning == "Private"

@@ -53,9 +53,6 @@ def test_look_ups() -> None:
     assert vocabulary.exception_name(99) == "Exception 99"
     assert vocabulary.exception(7) is None
     assert vocabulary.diagnostic(19) is None
-    found = vocabulary.object_id(0x85)
-    assert found is not None
-    assert (found.name, found.category) == ("Private", "extended")
 
 
 def test_findings_are_documented() -> None:
