@@ -140,9 +140,9 @@ def response_times(transactions: Rows, by: str | Sequence[str], every: str | Non
     if len(few):
         row = few.iloc[0]
         warn(
-            f"in {len(few)} of {len(table)} rows the times of few answers are known (in the first"
-            f" {row['count']:.0f} of {row['answered']:.0f}), mostly of slow ones: compare count"
-            " with answered"
+            f"in {len(few)} of {len(table)} rows fewer than half of the answers have a time (in the"
+            f" first {row['count']:.0f} of {row['answered']:.0f}); a coarse clock times slow answers"
+            " only: compare count with answered"
         )
     return table
 

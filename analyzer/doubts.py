@@ -13,7 +13,7 @@ from analyzer.settings import Settings
 
 __all__ = ["doubts", "warn"]
 
-LEAST_REQUESTS = 20
+_LEAST_TRANSACTIONS = 20
 
 
 def doubts(settings: Settings, statistics: Mapping[str, Any]) -> Iterator[str]:
@@ -45,7 +45,7 @@ def _copies(buses: list[dict[str, Any]]) -> Iterator[str]:
     """Recordings with times, and beside them others without times that have the same requests."""
     alike: dict[tuple[str, frozenset[Any]], list[dict[str, Any]]] = {}
     for bus in buses:
-        if sum(row["transactions"] for row in bus["units"]) >= LEAST_REQUESTS:
+        if sum(row["transactions"] for row in bus["units"]) >= _LEAST_TRANSACTIONS:
             counts = ((row["unit"], row["function"], row["transactions"]) for row in bus["units"])
             alike.setdefault((os.path.dirname(bus["bus"]), frozenset(counts)), []).append(bus)
     copies = [
