@@ -141,8 +141,8 @@ def response_times(transactions: Rows, by: str | Sequence[str], every: str | Non
         row = few.iloc[0]
         warn(
             f"in {len(few)} of {len(table)} rows fewer than half of the answers have a time (in the"
-            f" first {row['count']:.0f} of {row['answered']:.0f}); a coarse clock times slow answers"
-            " only: compare count with answered"
+            f" first {row['count']:.0f} of {row['answered']:.0f}); a coarse clock times slow"
+            " answers only: compare count with answered"
         )
     return table
 
