@@ -266,6 +266,33 @@ def test_bytes_that_prove_nothing_are_named_by_what_is_odd(tmp_path: Path) -> No
         decode(log).doctor()
 
 
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        # A microcontroller prints no leading zeros, and its library the response without its unit.
+        ("83 3 60 F2", "unit 15 refuses function 3 with exception 3 (illegal data value)"),
+        ("buffer: C5 30 00 01 48 F3", "the bytes c5 30 00 01 48 f3 are no frame"),
+        ("[W][modbus:125]: Modbus CRC Check failed! 9021!=02", "a line reports a wrong checksum"),
+    ],
+)
+def test_lines_that_nothing_reads_are_suspected_where_the_rest_says_nothing(
+    line: str, says: str, tmp_path: Path
+) -> None:
+    lines = ["Tx: 0F 03 07 04 00 01 C5 91", "Rx: 0F 03 02 03 CD 10 E0", "and here:", line]
+    sentence = doctor(lines, tmp_path)["sentence"]
+    assert sentence.startswith("Suspected: ")
+    assert says in sentence
+
+
+def test_an_address_of_memory_is_no_damaged_frame(tmp_path: Path) -> None:
+    lines = [
+        "Tx: 0F 03 07 04 00 01 C5 91",
+        "Rx: 0F 03 02 03 CD 10 E0",
+        "[V] Response: @3FFD7468/13:",
+    ]
+    assert doctor(lines, tmp_path)["sentence"].startswith("Cannot be judged")
+
+
 def test_a_request_at_the_end_has_no_outcome(tmp_path: Path) -> None:
     assert codes(doctor([f"TX: {REQUEST.hex(' ')}"], tmp_path)) == []
 

@@ -22,6 +22,7 @@ use crate::contrast::{BusContrast, Contrast};
 use crate::kinds;
 use crate::odd::Odd;
 use crate::statistics::Share;
+use verdict::Verdict;
 
 /// What the doctor says of a recording.
 #[derive(Clone)]
@@ -89,6 +90,16 @@ impl Report {
             reserves,
             not_judged: unjudged,
         }
+    }
+
+    /// The same with what the unread lines of a text show, where its frames say nothing.
+    #[must_use]
+    pub fn with_unread(mut self, said: Option<&str>) -> Self {
+        if let Some(said) = said.filter(|_| self.verdict == Verdict::Unknown.text() && self.rows.is_empty()) {
+            let rest = self.sentence.trim_start_matches(['C', 'c']);
+            self.sentence = format!("Suspected: {said}. The rest c{rest}");
+        }
+        self
     }
 
     /// The diagnoses, by harm.

@@ -1,12 +1,23 @@
 //! What is odd about bytes that are no frame, as far as they show it by themselves: a checksum with its bytes swapped, a header
 //! that announces another length, a frame in letters. Each is something that no disturbance of a line brings forth.
 
+use crate::annotate::exception_name;
 use crate::checksum::{crc16, crc_valid};
 use crate::functions::{Functions, EXCEPTION_BIT};
 use crate::mbap::{layout_fits, layout_lengths, PREFIX_BYTES};
 
 /// The shortest RTU frame: unit, function code, checksum.
 const LEAST_FRAME: usize = 4;
+
+/// The shortest exception response, without its checksum.
+const LEAST_REFUSAL: usize = 3;
+
+/// A request to read, without and with its checksum.
+const READ_BYTES: usize = 6;
+const READ_FRAME: usize = 8;
+
+/// No request reads more than so many bits (application protocol, 6.1).
+const MOST_BITS: u16 = 2000;
 
 /// Fewer letters say nothing.
 const LEAST_LETTERS: usize = 6;
@@ -44,6 +55,26 @@ pub enum Oddity {
     },
     /// A frame that lacks its last byte.
     Cut,
+    /// An exception response without a right checksum, or printed without its unit, which the checksum shows.
+    Refusal {
+        /// Who refuses.
+        unit: u8,
+        /// What was asked for, and the code.
+        function: u8,
+        /// The exception.
+        code: u8,
+    },
+    /// The answer to a read begins with another function.
+    OtherFunction {
+        /// What was asked for.
+        asked: u8,
+        /// What came.
+        answered: u8,
+    },
+    /// The answer to a read is the read itself.
+    Echo,
+    /// All bytes are 00; how many.
+    Zeros(usize),
     /// Nearly all bytes are 00, FF, or one run of equal bits beside another.
     Levels,
 }
@@ -58,8 +89,17 @@ impl Oddity {
     /// assert_eq!(Oddity::of(&[0x11, 3, 0, 0x6B, 0, 3, 0x76, 0x87]), None);
     /// ```
     pub fn of(bytes: &[u8]) -> Option<Self> {
-        if bytes.len() < LEAST_FRAME || crc_valid(bytes) {
+        if bytes.len() < LEAST_REFUSAL || crc_valid(bytes) {
             return None;
+        }
+        if let Some(refusal) = refusal(bytes) {
+            return Some(refusal);
+        }
+        if bytes.len() < LEAST_FRAME {
+            return None;
+        }
+        if bytes.len() >= LEAST_LEVELS && bytes.iter().all(|byte| *byte == 0) {
+            return Some(Self::Zeros(bytes.len()));
         }
         if let Some(digits) = digits(bytes) {
             return Some(Self::Digits(digits));
@@ -77,6 +117,29 @@ impl Oddity {
             .or_else(|| stray_front(bytes))
             .or_else(|| lacks_last(bytes).then_some(Self::Cut))
             .or_else(|| is_of_levels(bytes).then_some(Self::Levels))
+    }
+
+    /// What is odd about the bytes that came after a request to read; neither needs a checksum.
+    ///
+    /// ```
+    /// use modlens_protocol::oddity::Oddity;
+    /// let request = [0x55, 3, 0x3F, 0xFF, 0, 1];
+    /// assert_eq!(Oddity::of_answer(&request, &[0x55, 0xFF, 1]), Some(Oddity::OtherFunction { asked: 3, answered: 0xFF }));
+    /// assert_eq!(Oddity::of_answer(&request, &request), Some(Oddity::Echo));
+    /// assert_eq!(Oddity::of_answer(&request, &[0x55, 3, 2, 0, 9]), None);
+    /// ```
+    pub fn of_answer(request: &[u8], answer: &[u8]) -> Option<Self> {
+        let [unit @ 1..=247, asked @ 1..=4, _, _, high, low, ..] = *request else { return None };
+        let quantity = u16::from_be_bytes([high, low]);
+        let is_read = matches!(request.len(), READ_BYTES | READ_FRAME) && (1..=MOST_BITS).contains(&quantity);
+        if !is_read || answer.len() < LEAST_REFUSAL || answer[0] != unit {
+            return None;
+        }
+        if answer.len() >= READ_BYTES && request.starts_with(answer) {
+            return Some(Self::Echo);
+        }
+        let answered = answer[1];
+        (answered & !EXCEPTION_BIT != asked).then_some(Self::OtherFunction { asked, answered })
     }
 
     /// What it is and what to do, in words.
@@ -106,9 +169,25 @@ impl Oddity {
                 if *bytes == 1 { "a stray byte is" } else { "two stray bytes are" },
                 if *is_cut { ", whose last byte is missing" } else { "" }
             ),
+            Self::Zeros(count) => format!(
+                "all {count} bytes are 00, which is what a receiver makes of a line that is held low: swapped wires (A and B), or \
+                 a driver that never lets go"
+            ),
             Self::Levels => String::from(
                 "nearly all bytes are 00, FF or their like, which is what a receiver makes of a line with swapped wires (A and B), of \
                  another rate, or of one that nobody drives",
+            ),
+            Self::Refusal { unit, function, code } => format!(
+                "unit {unit} refuses function {function} with exception {code} ({})",
+                exception_name(*code).unwrap_or_default()
+            ),
+            Self::OtherFunction { asked, answered } => format!(
+                "the answer begins with function {answered:02X}, and function {asked:02X} was asked for: what answers does not \
+                 speak Modbus, or its bytes are damaged (rate, parity, levels)"
+            ),
+            Self::Echo => String::from(
+                "the answer is the request itself: the adapter hears its own transmission, and nothing else answers; turn its echo \
+                 off, or read and discard as many bytes as were sent",
             ),
             Self::Cut => String::from("the frame lacks its last byte, and is right otherwise: the reader expects one byte too few"),
         }
@@ -152,6 +231,22 @@ pub fn is_out_of_step(bytes: &[u8]) -> bool {
 
 fn is_known(function: u8) -> bool {
     Functions::embedded().name(function & !EXCEPTION_BIT).is_some()
+}
+
+/// An exception response whose checksum is wrong or missing, or one without its unit, which a right checksum shows.
+fn refusal(bytes: &[u8]) -> Option<Oddity> {
+    let said = |unit, function: u8, code| {
+        let is_answer = function & EXCEPTION_BIT != 0 && is_known(function) && exception_name(code).is_some();
+        is_answer.then_some(Oddity::Refusal { unit, function: function & !EXCEPTION_BIT, code })
+    };
+    match *bytes {
+        [unit @ 1..=247, function, code] | [unit @ 1..=247, function, code, _, _] => said(unit, function, code),
+        [function, code, _, _] if function & EXCEPTION_BIT != 0 => {
+            let unit = (1..=247).find(|unit| crc_valid(&[&[*unit], bytes].concat()))?;
+            said(unit, function, code)
+        }
+        _ => None,
+    }
 }
 
 fn header_length(bytes: &[u8]) -> Option<Oddity> {
@@ -220,6 +315,19 @@ mod tests {
         // Neither noise nor a few signs show anything.
         assert_eq!(Oddity::of(&[0x40, 0x40, 0x40, 0x41, 0x64, 0xF0]), None);
         assert_eq!(Oddity::of(&[0x9A, 0x3C, 0xE1, 0x55, 0x47, 0xB2]), None);
+    }
+
+    #[test]
+    fn an_exception_response_is_known_without_its_checksum_or_its_unit() {
+        // Of unit 15 to function 3 with exception 3: the checksum of `0F 83 03` is F2 60, low byte first 60 F2.
+        let refusal = Some(Oddity::Refusal { unit: 15, function: 3, code: 3 });
+        for bytes in [&[15, 0x83, 3][..], &[15, 0x83, 3, 0x60, 0xF3], &[0x83, 3, 0x60, 0xF2]] {
+            assert_eq!(Oddity::of(bytes), refusal, "{bytes:?}");
+        }
+        // A right frame; a code that the specification does not have; a checksum that fits no unit.
+        for bytes in [&[15, 0x83, 3, 0x60, 0xF2][..], &[15, 0x83, 99], &[0x83, 3, 0, 0]] {
+            assert_eq!(Oddity::of(bytes), None, "{bytes:?}");
+        }
     }
 
     #[test]

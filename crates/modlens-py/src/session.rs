@@ -64,6 +64,8 @@ pub struct Session {
     events: Option<Events>,
     /// What the doctor has said of that at the end of the recordings.
     report: Option<Report>,
+    /// What the unread lines of the first text show of which this is known.
+    unread: Option<String>,
     /// What is collected for reports, if they are wanted.
     overview: Option<Overview>,
     /// The overview has the time series alone.
@@ -128,6 +130,7 @@ impl Session {
             contrast,
             events,
             report: None,
+            unread: None,
             overview,
             shows_text,
             buses: 0,
@@ -346,6 +349,9 @@ impl Session {
 
     fn close(&mut self, bus: usize) -> PyResult<()> {
         self.check_bus(bus)?;
+        if self.unread.is_none() && self.contrast.is_some() {
+            self.unread = self.core.reader(bus).and_then(|reader| reader.unread_lines().says());
+        }
         self.core.close_bus(bus);
         Ok(())
     }
@@ -374,7 +380,7 @@ impl Session {
     fn conclude(&mut self, py: Python<'_>) -> Batch {
         let batch = py.detach(|| {
             let mut batch = self.take_counted();
-            self.report = self.contrast.as_ref().map(Report::of);
+            self.report = self.contrast.as_ref().map(|contrast| self.report_of(contrast));
             batch.diagnoses = self.report.as_ref().map_or_else(Vec::new, |report| report.rows().to_vec());
             batch
         });
@@ -470,8 +476,14 @@ impl Session {
     fn report(&self) -> Option<Cow<'_, Report>> {
         match (&self.report, &self.contrast) {
             (Some(report), _) => Some(Cow::Borrowed(report)),
-            (None, contrast) => contrast.as_ref().map(|contrast| Cow::Owned(Report::of(contrast))),
+            (None, contrast) => contrast.as_ref().map(|contrast| Cow::Owned(self.report_of(contrast))),
         }
+    }
+
+    /// What the doctor says, with what the unread lines of texts show.
+    fn report_of(&self, contrast: &Contrast) -> Report {
+        let said = self.unread.clone().or_else(|| (0..self.buses).find_map(|bus| self.core.reader(bus)?.unread_lines().says()));
+        Report::of(contrast).with_unread(said.as_deref())
     }
 
     /// The engine, for the inbox, which feeds it without the interpreter.

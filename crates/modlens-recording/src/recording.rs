@@ -87,6 +87,11 @@ impl Recording {
         Ok(())
     }
 
+    /// What the lines of a text show that nothing could read; `None` if that is nothing.
+    pub fn unread(&self, session: &Session) -> Option<String> {
+        self.open.as_ref().and_then(|(target, _)| target.unread(session))
+    }
+
     /// What is known of the reading so far: format, how sure, and what was left out. `null` before the format is known.
     pub fn status(&self, session: &Session) -> Json {
         let Some((target, detection)) = &self.open else { return Json::Null };
@@ -159,6 +164,14 @@ impl Target {
             Self::Bus(_) => {}
             Self::Text(bus) => session.feed_text(bus, block, last),
             Self::Capture(capture) => session.feed_capture(capture, block, last),
+        }
+    }
+
+    /// What the lines of a text show that nothing could read.
+    fn unread(&self, session: &Session) -> Option<String> {
+        match *self {
+            Self::Text(bus) => session.reader(bus)?.unread_lines().says(),
+            _ => None,
         }
     }
 

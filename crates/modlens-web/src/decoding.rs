@@ -114,7 +114,7 @@ impl Decoding {
         // The recording of a tap may go on in another file, but not here.
         self.session.flush();
         self.take();
-        self.report = self.contrast.as_ref().map(Report::of);
+        self.report = self.contrast.as_ref().map(|contrast| self.report_of(contrast));
         if let Some(report) = &self.report {
             let mut batch = self.session.take();
             batch.diagnoses = report.rows().to_vec();
@@ -126,12 +126,17 @@ impl Decoding {
         Ok(self.rows)
     }
 
+    /// What the doctor says, with what the unread lines of a text show.
+    fn report_of(&self, contrast: &Contrast) -> Report {
+        Report::of(contrast).with_unread(self.recording.unread(&self.session).as_deref())
+    }
+
     /// The document of the recording so far.
     pub fn document(&self) -> Json {
         let made;
         let report = match (&self.report, &self.contrast) {
             (None, Some(contrast)) => {
-                made = Report::of(contrast);
+                made = self.report_of(contrast);
                 Some(&made)
             }
             (report, _) => report.as_ref(),

@@ -131,7 +131,10 @@ pub(super) fn verdict(
     if share.total < FEW {
         let is_whole =
             buses.iter().all(|(_, bus)| (bytes_of_frames(bus), bus.symptoms.all().count()) == (bytes_of_good_frames(bus), 0));
-        return (Verdict::Unknown, format!("Cannot be judged: {}.", too_few(share, refused, is_whole)));
+        return (
+            Verdict::Unknown,
+            format!("Cannot be judged: {}.", too_few(share, refused, is_whole, bytes(FrameVerdict::Noise))),
+        );
     }
     if let Some(open) = open.filter(|open| open.severity != Severity::Info) {
         return (Verdict::Trouble, format!("{}. {}", judged.problems(&numbers), open.sentence));
@@ -173,7 +176,7 @@ fn word(certainty: &str) -> &'static str {
 
 /// Why so few requests are no ground for a verdict, and what came of them all the same: who pastes three lines of a log into a
 /// file wants to hear that they were read.
-fn too_few(share: Share, refused: Share, is_whole: bool) -> String {
+fn too_few(share: Share, refused: Share, is_whole: bool, of_no_frame: u64) -> String {
     let requests = match share.total {
         0 if is_whole => {
             return "the recording does not show the outcome of any request; what it holds are whole frames".to_owned()
@@ -185,6 +188,9 @@ fn too_few(share: Share, refused: Share, is_whole: bool) -> String {
         count => format!("{count} requests are too few"),
     };
     let failed = match share.failed {
+        0 if refused.failed == 0 && of_no_frame > 1 => {
+            format!("; what was asked was answered, and {} bytes are of no frame", thousands(of_no_frame))
+        }
         0 if refused.failed == 0 => String::from("; what was asked was answered"),
         0 => String::new(),
         count => format!("; {count} of {} failed", share.total),

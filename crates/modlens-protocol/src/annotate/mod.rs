@@ -16,6 +16,7 @@ mod violations;
 
 pub use body::Body;
 pub use frame::{annotate, has_checksum, pdu_of, Wrapping};
+pub use names::exception_name;
 pub use part::guess_direction;
 pub use piece::{spaced_hex, Layer, Piece};
 

@@ -28,6 +28,11 @@ pub fn entry_of(part: &str, code: u32) -> Option<&'static Entry> {
     parts.iter().find(|(name, _)| name == part)?.1.iter().find(|entry| (entry.first..=entry.last).contains(&code))
 }
 
+/// The name of an exception code in lower case, such as `illegal data address`.
+pub fn exception_name(code: u8) -> Option<String> {
+    Some(entry_of("exception", u32::from(code))?.name.to_lowercase())
+}
+
 fn entry(row: &Json) -> Entry {
     let text = |key: &str| row[key].as_str().unwrap_or_default().to_owned();
     let first = ["code", "sub_function", "id"].iter().find_map(|key| row[key].as_u64()).unwrap_or_default();

@@ -1,10 +1,25 @@
 //! What a text without a proven frame says all the same: what is odd about its bytes, or what the program itself reports.
 
-use crate::text::proved::longest_hex;
+use crate::text::proved::{longest_hex, single_bytes, single_digits};
+use modlens_protocol::annotate::spaced_hex;
+use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::oddity::Oddity;
 
 /// Lines that are looked at.
 const MOST_LINES: usize = 2000;
+
+/// From so many bytes on they may be a damaged frame, the longest of which has 256 and a header (RTU; Modbus TCP: 260).
+const MIN_DAMAGED: usize = 5;
+const MAX_FRAME: usize = 260;
+
+/// Of a longer one the first bytes are shown.
+const MOST_SHOWN: usize = 8;
+
+/// So many other characters may be in a line of bytes.
+const MOST_WORDS: usize = 40;
+
+/// Fewer bytes are no answer.
+const LEAST_BYTES: usize = 3;
 
 /// The exceptions that programs report (application protocol, 7): code, names in lower case, and what to do. The message has
 /// the first of the names.
@@ -50,12 +65,42 @@ const REPORTS: [(&[&str], &str); 4] = [
 
 /// What the bytes of a text show, or what it reports in words; `None` if neither says anything.
 pub(super) fn named(text: &[u8]) -> Option<String> {
-    let lines = || text.split(|&byte| byte == b'\n').take(MOST_LINES);
-    let odd = lines().enumerate().find_map(|(at, line)| Some((at + 1, Oddity::of(&longest_hex(&without_emphasis(line))?)?)));
-    if let Some((number, oddity)) = odd {
-        return Some(format!("in line {number} {}", oddity.words()));
+    let lines = text.split(|&byte| byte == b'\n').take(MOST_LINES);
+    named_lines((1..).zip(lines))
+}
+
+/// The same of some lines, each with its number.
+pub(super) fn named_lines<'a>(lines: impl Iterator<Item = (u64, &'a [u8])> + Clone) -> Option<String> {
+    let words = || reported(lines.clone().map(|(_, line)| line));
+    odd_bytes(lines.clone()).or_else(words).or_else(|| lines.clone().find_map(|(number, line)| no_frame(number, line)))
+}
+
+/// What the bytes of the first line show whose bytes are odd by themselves, or as the answer to those of the line before.
+fn odd_bytes<'a>(lines: impl Iterator<Item = (u64, &'a [u8])>) -> Option<String> {
+    let mut before = Vec::new();
+    for (number, line) in lines {
+        let line = without_emphasis(line);
+        let Some(bytes) = single_digits(&line).or_else(|| longest_hex(&line)) else { continue };
+        if bytes.len() < LEAST_BYTES {
+            continue;
+        }
+        if let Some(oddity) = Oddity::of(&bytes).or_else(|| Oddity::of_answer(&before, &bytes)) {
+            return Some(format!("in line {number} {}", oddity.words()));
+        }
+        before = bytes;
     }
-    reported(lines())
+    None
+}
+
+/// A line that is little more than bytes, which are no frame.
+fn no_frame(number: u64, line: &[u8]) -> Option<String> {
+    let line = without_emphasis(line);
+    let bytes = single_bytes(&line).filter(|bytes| (MIN_DAMAGED..=MAX_FRAME).contains(&bytes.len()))?;
+    let is_only_bytes = line.len() <= 4 * bytes.len() + MOST_WORDS && !crc_valid(&bytes);
+    let shown = spaced_hex(&bytes[..bytes.len().min(MOST_SHOWN)]);
+    let more = if bytes.len() > MOST_SHOWN { " \u{2026}" } else { "" };
+    is_only_bytes
+        .then(|| format!("in line {number} the bytes {shown}{more} are no frame: they are damaged, cut, or of another protocol"))
 }
 
 /// What most lines report.

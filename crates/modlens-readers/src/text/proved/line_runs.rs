@@ -14,6 +14,9 @@ const MAX_PART_CHARS: usize = 1 << 15;
 /// The most escaped strings that are read in one line.
 const MAX_STRINGS: usize = 16;
 
+/// The characters of a byte that stands apart: two digits and what separates it from the next one.
+const CHARS_OF_BYTE: usize = 3;
+
 /// So many words of two hex digits in a line are bytes, whatever stands between them.
 const MIN_SCATTERED_BYTES: usize = 8;
 
@@ -31,6 +34,20 @@ pub(in crate::text) fn longest_hex(line: &[u8]) -> Option<Vec<u8>> {
     let part = &line[..part_end(line, 0)];
     let runs = hex_runs(part).into_iter().chain(escaped_runs(part));
     runs.map(Run::without_number).map(|run| run.bytes).max_by_key(Vec::len)
+}
+
+/// The longest run of hex in a line whose bytes stand apart, so that it is no word or number.
+pub(in crate::text) fn single_bytes(line: &[u8]) -> Option<Vec<u8>> {
+    let runs = hex_runs(&line[..part_end(line, 0)]);
+    let apart = |run: &Run| run.text.len() + 1 >= CHARS_OF_BYTE * run.bytes.len();
+    runs.into_iter().filter(apart).map(Run::without_number).map(|run| run.bytes).max_by_key(Vec::len)
+}
+
+/// The bytes of a line that holds nothing but bytes in hex without leading zeros, `83 3 60 F2`.
+pub(in crate::text) fn single_digits(line: &[u8]) -> Option<Vec<u8>> {
+    let text = line.trim_ascii();
+    let [run] = <[Run; 1]>::try_from(number_runs(text, Style::Loose)).ok()?;
+    (run.text == (0..text.len())).then_some(run.bytes)
 }
 
 /// The runs with the positions of a line whose text from `start` on was searched.

@@ -36,7 +36,7 @@ use statements::Statements;
 
 pub(super) use candidates::other_hex;
 pub(super) use found::{Found, Worth};
-pub(super) use line_runs::{hex_bytes, longest_hex};
+pub(super) use line_runs::{hex_bytes, longest_hex, single_bytes, single_digits};
 pub(super) use sender::sender;
 
 /// What the lines so far have shown.

@@ -1,5 +1,6 @@
 //! The lines of a text that nothing could read: their number, and those of them that hold most hex.
 
+use crate::text::oddities;
 use crate::text::proved::hex_bytes;
 
 /// How many lines are kept so that users can see examples.
@@ -7,6 +8,10 @@ const MAX_EXAMPLES: usize = 3;
 
 /// How many characters of such a line are kept.
 const MAX_EXAMPLE_CHARS: usize = 120;
+
+/// So many of these lines are kept to be judged, and of each so many bytes.
+const MAX_KEPT: usize = 200;
+const MAX_KEPT_BYTES: usize = 1000;
 
 /// What could not be read of a text.
 #[derive(Clone, Debug, Default)]
@@ -21,6 +26,8 @@ pub struct UnreadLines {
     pub hex_bytes: u64,
     /// The lines with most hex; of lines with equally many bytes the first. Number, text, bytes of hex.
     pub examples: Vec<(u64, String, usize)>,
+    /// The first of these lines.
+    kept: Vec<(u64, Vec<u8>)>,
 }
 
 impl UnreadLines {
@@ -39,6 +46,9 @@ impl UnreadLines {
         self.count += 1;
         if self.is_only_counted {
             return;
+        }
+        if self.kept.len() < MAX_KEPT {
+            self.kept.push((number, line[..line.len().min(MAX_KEPT_BYTES)].to_vec()));
         }
         let bytes = hex_bytes(line);
         self.with_hex += u64::from(bytes > 0);
@@ -61,5 +71,11 @@ impl UnreadLines {
         self.with_hex = self.with_hex.saturating_sub(u64::from(bytes > 0));
         self.hex_bytes = self.hex_bytes.saturating_sub(bytes as u64);
         self.examples.retain(|(other, _, _)| *other != number);
+        self.kept.retain(|(other, _)| *other != number);
+    }
+
+    /// What the bytes of these lines show, or what the lines report in words; `None` if neither says anything.
+    pub fn says(&self) -> Option<String> {
+        oddities::named_lines(self.kept.iter().map(|(number, line)| (*number, &line[..])))
     }
 }
