@@ -87,10 +87,11 @@ def describe_driver_errors(bus: Mapping[str, Any]) -> str:
     return f"the driver counted {', '.join(words)}" if words else ""
 
 
-def explain_timeouts(bus: Mapping[str, Any]) -> Iterator[str]:
+def explain_timeouts(bus: Mapping[str, Any], *, has_two_masters: bool = False) -> Iterator[str]:
     """The timeouts of a bus in words: who, how often, how long the master waits, what was before.
 
-    How long it waits is a bound: the time from a request without response to the next request.
+    How long it waits is a bound: the time from a request without response to the next request. Of
+    two masters, each ends the waits of the other, so none is a timeout.
 
     `bus` as in views/stats.py; nothing where nothing timed out.
     """
@@ -99,10 +100,12 @@ def explain_timeouts(bus: Mapping[str, Any]) -> Iterator[str]:
         return
     waited = found["waited"]
     if waited:
+        span = " to ".join(cells.milliseconds(waited[end]) for end in ("min_us", "max_us"))
         yield (
-            "the master's response timeout: about"
-            f" {cells.milliseconds(waited['p50_us'])} ms or less (waits of"
-            f" {cells.milliseconds(waited['min_us'])} to {cells.milliseconds(waited['max_us'])} ms)"
+            f"the response timeout is unknown: two masters end each other's waits (of {span} ms)"
+            if has_two_masters
+            else "the master's response timeout: about"
+            f" {cells.milliseconds(waited['p50_us'])} ms or less (waits of {span} ms)"
         )
     rows = found["requests"]
     for row in rows[:_MAX_REQUESTS]:

@@ -97,7 +97,10 @@ def _lines(
             yield from _notes(cells.MEASURED, width)
     yield from _exception_codes(rows, width, short if len(short) > 1 else {})
     for bus in buses:
-        yield from _timeouts(bus, width)
+        of_bus = {
+            row["code"] for row in (doctor or {}).get("diagnoses", []) if row["bus"] == bus["bus"]
+        }
+        yield from _timeouts(bus, width, has_two_masters="two_masters" in of_bus)
     if stats["findings"]:
         yield []
         yield [("findings, most urgent first (modlens explain NAME)", "head")]
@@ -128,7 +131,7 @@ def _exception_codes(
         yield from _wrapped("; ".join(of_units), width)
 
 
-def _timeouts(bus: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
+def _timeouts(bus: Mapping[str, Any], width: int, *, has_two_masters: bool) -> Iterator[list[Part]]:
     """The lines about the poll cycle and the timeouts of a bus."""
     cycle = bus.get("cycle")
     if cycle:
@@ -139,7 +142,7 @@ def _timeouts(bus: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
             (f"; {count_of(cycle['requests'], 'periodic request')}", ""),
         ]
         yield from polls(bus, width)
-    lines = list(explain_timeouts(bus))
+    lines = list(explain_timeouts(bus, has_two_masters=has_two_masters))
     if lines:
         yield []
         yield [("response timeouts", "head")]

@@ -87,7 +87,7 @@ pub struct Data {
     pub opening: Option<[u8; COMPARED_BYTES]>,
     /// The first two registers; the second one is 0 where there is none.
     pub head: [u16; 2],
-    /// The first or the last register is FFFF; and 0000.
+    /// The first or the last register is FFFF; and 0000. A single register touches FFFF where it is near: -1 is next to 0.
     pub touches: [bool; 2],
     /// How many bytes.
     pub length: u16,
@@ -342,6 +342,16 @@ fn answering_unit(mode: Mode, wire: &[u8]) -> Option<u8> {
 /// Answers to different requests are compared by so many bytes.
 pub(crate) const COMPARED_BYTES: usize = 4;
 
+/// How far two values of a register are apart. It may be signed, so 65535 is next to 0.
+#[inline]
+pub(crate) fn apart(one: u16, other: u16) -> u32 {
+    let difference = one.wrapping_sub(other);
+    difference.min(difference.wrapping_neg()).into()
+}
+
+/// Registers that differ by less than this may be the next value of the same series.
+pub(crate) const FAR: u32 = 64;
+
 /// What a block of data looks like; `bits` are no registers.
 #[inline(always)]
 #[allow(clippy::inline_always)] // Most callers need a part of it.
@@ -354,7 +364,8 @@ pub(crate) fn data(block: &[u8], bits: bool) -> Data {
         None => [register(0), 0],
     };
     let last = block.last_chunk().map_or(0, |pair| u16::from_be_bytes(*pair));
-    let touches = [head[0] == 0xFFFF || last == 0xFFFF, head[0] == 0 || last == 0];
+    let is_near_ones = block.len() == 2 && !bits && apart(last, 0xFFFF) < FAR;
+    let touches = [head[0] == 0xFFFF || last == 0xFFFF || is_near_ones, head[0] == 0 || last == 0];
     // All bytes are looked at only where a register may be one of many alike; a single byte is none, and begins with 0 then.
     let is_all = |byte: u8| !bits && !block.is_empty() && block.iter().all(|other| *other == byte);
     let (all_ones, all_zeros) = match touches {
@@ -476,7 +487,8 @@ mod tests {
             let seen = data(&block, bits);
             prop_assert_eq!((seen.all_ones, seen.all_zeros), (is_all(0xFF), is_all(0)));
             prop_assert_eq!(seen.head, head);
-            prop_assert_eq!(seen.touches, [0xFFFF, 0].map(|edge| head[0] == edge || last == edge));
+            let is_near = block.len() == 2 && !bits && !(0x3F..=0xFFBF).contains(&last);
+            prop_assert_eq!(seen.touches, [head[0] == 0xFFFF || last == 0xFFFF || is_near, head[0] == 0 || last == 0]);
             prop_assert_eq!(seen.opening.is_some(), block.len() >= COMPARED_BYTES);
             prop_assert_eq!(usize::from(seen.length), block.len());
         }

@@ -55,7 +55,7 @@ impl Report {
             );
             rest.push((*name, odd));
             without_cause.extend(unexplained::of_bus(name, &view, &claims));
-            reserves.extend(reserves::of_bus(name, bus));
+            reserves.extend(reserves::of_bus(name, bus, &claims));
             unjudged.extend(unjudged::of_bus(name, bus));
         }
         if contrast.overflowed() {

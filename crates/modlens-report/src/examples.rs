@@ -28,10 +28,10 @@ pub struct Frame {
     pub rows: Vec<([String; 5], bool)>,
 }
 
-/// The example transactions; those that the first causes name come first.
+/// The example transactions; those that the first causes name come first. What is only worth knowing needs no bytes on paper.
 pub fn examples(document: &Json) -> Vec<Example> {
     let several = has_several_buses(document);
-    let urgent = list(&document["doctor"]["diagnoses"]).iter().take(URGENT);
+    let urgent = list(&document["doctor"]["diagnoses"]).iter().filter(|row| row["severity"] != "info").take(URGENT);
     let named: Vec<&Json> = urgent.flat_map(|row| list(&row["examples"]).iter().take(PRINTED)).collect();
     let mut rows: Vec<&Json> = list(&document["overview"]["examples"]).iter().collect();
     rows.sort_by_key(|row| !named.contains(&&row["txn"]));

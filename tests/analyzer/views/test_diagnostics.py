@@ -48,6 +48,8 @@ def test_who_did_not_answer_and_how_long_the_master_waits() -> None:
     assert row["before"][0] == {"unit": 2, "status": "no_response", "count": 2}
     assert row["before"][1] == {"unit": 1, "status": "ok", "count": 1}
     text = list(explain_timeouts(bus))
+    (first, *_) = explain_timeouts(bus, has_two_masters=True)
+    assert first.startswith("the response timeout is unknown: two masters end each other's waits")
     assert text[0].startswith("the master's response timeout: ")
     assert text[1].startswith(
         "unit 2, function 3 Read Holding Registers, hr 16-19: no response to 3 of 3 requests"

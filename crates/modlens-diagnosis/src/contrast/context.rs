@@ -9,7 +9,7 @@ use modlens_protocol::Ns;
 use super::before::Before;
 use super::recent::{Answer, RecentAnswers};
 use super::tally::Place;
-use crate::observation::{is_write, response_part, Data, FrameObservation, Observation, Outcome, RequestKey, Shift};
+use crate::observation::{apart, is_write, response_part, Data, FrameObservation, Observation, Outcome, RequestKey, Shift, FAR};
 
 /// A write is remembered for so many transactions.
 const WRITE_MEMORY: u64 = 4;
@@ -25,9 +25,6 @@ const COMPARED: usize = 12;
 
 /// Behind a silence, the data of so many transactions are compared with those in front of it.
 const BEHIND_SILENCE: u64 = 24;
-
-/// Registers that differ by less than this may be the next value of the same series.
-const FAR: u32 = 64;
 
 /// Shorter answers are alike by accident.
 const LEAST_COMPARED_BYTES: u16 = 4;
@@ -413,12 +410,12 @@ impl Context {
 /// How far the first two registers of two answers are apart.
 #[inline]
 fn distance(one: [u16; 2], other: [u16; 2]) -> u32 {
-    one.iter().zip(other).map(|(one, other)| u32::from(one.abs_diff(other))).sum()
+    one.iter().zip(other).map(|(one, other)| apart(*one, other)).sum()
 }
 
 /// Values so near to each other come about by accident once in 2 to the power of this.
 fn bits(one: [u16; 2], other: Data) -> u32 {
     let registers = usize::from(other.length / 2).min(2);
-    let near = |at: usize| 16u32.saturating_sub((2 * u32::from(one[at].abs_diff(other.head[at])) + 1).ilog2());
+    let near = |at: usize| 16u32.saturating_sub((2 * apart(one[at], other.head[at]) + 1).ilog2());
     (0..registers).map(near).sum()
 }

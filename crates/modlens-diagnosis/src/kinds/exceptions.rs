@@ -149,11 +149,12 @@ pub(super) fn address_off_by_one(view: &View<'_>) -> Vec<Claim> {
     claims.collect()
 }
 
-/// A block of which parts are answered.
+/// A block of which parts are answered, or blocks that a unit refuses from one moment on.
 pub(super) fn register_hole(view: &View<'_>) -> Vec<Claim> {
     let all = view.bus.requests.sorted();
+    let lost: Vec<(u8, Claim)> = view.units().filter_map(|(unit, _)| Some((unit, lost_addresses(view, &all, unit)?))).collect();
     let claims = refused(&all).into_iter().filter_map(|request| {
-        if is_function_refused(&all, request.0) {
+        if is_function_refused(&all, request.0) || lost.iter().any(|(unit, _)| *unit == request.0.unit) {
             return None;
         }
         let parts = match reason(&all, request) {
@@ -166,7 +167,30 @@ pub(super) fn register_hole(view: &View<'_>) -> Vec<Claim> {
         let claim = claim(view, "register_hole", request)?.fact("parts", parts).fact("missing", missing);
         Some(claim.fact("what_to_check", what_to_check).fact("experiment", experiment))
     });
-    claims.collect()
+    claims.chain(lost.iter().map(|(_, claim)| claim.clone())).collect()
+}
+
+/// A unit that answered several blocks and refuses the addresses of all that it is asked for from then on: one thing has
+/// changed, not the map of each block.
+fn lost_addresses(view: &View<'_>, all: &[Request<'_>], unit: u8) -> Option<Claim> {
+    let of_unit: Vec<Request<'_>> = all.iter().filter(|(key, _)| key.unit == unit).copied().collect();
+    let is_lost = |counts: &RequestCounts| counts.good > 0 && counts.refused[1] >= 2 && is_always_refused(counts);
+    if of_unit.len() < 2 || !of_unit.iter().all(|(_, counts)| is_lost(counts)) {
+        return None;
+    }
+    let sum = |share: Share, (_, counts): &Request<'_>| share.with(Share { failed: counts.refusals(), total: counts.sent() });
+    let share = of_unit.iter().fold(Share::default(), sum);
+    let chance = view.significant(at_least(share, 0.01))?;
+    let mut blocks: Vec<String> = of_unit.iter().map(|(key, _)| block(key)).collect();
+    blocks.dedup();
+    let claim = Claim::new("register_hole", &view.bus.units.get(&unit)?.exceptions[2], chance).of_unit(unit).with_share(share);
+    // Refusals of the unit know nothing of what was answered before them; each request does.
+    let of_requests = of_unit.iter().map(|(_, counts)| Claim::new("register_hole", &counts.bad, chance));
+    let claim = claim.in_the_time_of(&of_requests.min_by_key(|one| one.first.map(|place| place.number))?);
+    let claim = claim.fact("missing", format!("all that was asked for ({}) no longer exists", blocks.join(", ")));
+    let check = "What was changed in the device at that time: its mode, configuration or firmware. Then its register map.";
+    let experiment = "Ask for a register that the device's manual names: if it is refused as well, the device is not ready.";
+    Some(claim.fact("what_to_check", check).fact("experiment", experiment))
 }
 
 /// What does not exist, what to check and what would prove it; a single register has no halves.
