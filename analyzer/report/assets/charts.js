@@ -44,7 +44,7 @@ const Charts = (() => {
     const numbers = (plot, ticks) => ticks.map((one) => (one === null ? "" : one.toLocaleString("en-US", { maximumFractionDigits: 6 })));
     return [
       { ...common, label: label || labelOf(axis, span), labelSize: 18, size: 34, space: (plot) => (plot.scales.x.max - plot.scales.x.min < 30 ? 95 : 80), values: axis === "utc" ? clock : label ? numbers : undefined },
-      { ...common, label: unit, labelSize: 18, size: 60, space: 22, values: numbers, ...(whole ? { incrs: [1, 2, 5, 10, 20, 50, 100, 200, 500, 1e3, 2e3, 5e3, 1e4, 1e5, 1e6, 1e7] } : {}) },
+      { ...common, label: unit, labelSize: 18, size: 60, space: () => (paper ? 14 : 22), values: numbers, ...(whole ? { incrs: [1, 2, 5, 10, 20, 50, 100, 200, 500, 1e3, 2e3, 5e3, 1e4, 1e5, 1e6, 1e7] } : {}) },
     ];
   }
 
@@ -101,7 +101,7 @@ const Charts = (() => {
     const canvas = plot.over.parentElement.querySelector("canvas");
     canvas.setAttribute("aria-label", `${title}: a plot; its figures are in the table below`);
     canvas.setAttribute("role", "img");
-    const entry = { plot, host, axis, span, height, isReady: false };
+    const entry = { plot, host, axis, span, height, label: plot.axes[0].label, isReady: false };
     drawn.push(entry);
     // Until then its scale is its own, and nobody has zoomed.
     setTimeout(() => { entry.isReady = true; });
@@ -160,9 +160,13 @@ const Charts = (() => {
     for (const one of drawn) one.plot.redraw(false, true);
   }
 
+  // Paper leaves the date to the legend: the figures of the scale need its room.
   function resize(onPaper) {
     paper = onPaper;
-    for (const one of drawn) one.plot.setSize({ width: widthOf(one.host), height: paper ? one.height * LOW : one.height });
+    for (const one of drawn) {
+      one.plot.axes[0].label = paper && one.axis === "utc" ? null : one.label;
+      one.plot.setSize({ width: widthOf(one.host), height: paper ? one.height * LOW : one.height });
+    }
     redraw();
   }
 
@@ -174,5 +178,8 @@ const Charts = (() => {
   // What the plots with an axis show of it.
   const ranges = () => drawn.filter((one) => one.axis).map(({ plot }) => [plot.scales.x.min, plot.scales.x.max]);
 
-  return { overTime, chart, colour, forget, redraw, resize, reset, ranges };
+  // The figures beside each plot.
+  const scales = () => drawn.map(({ plot }) => plot.axes[1]._values.filter(Boolean));
+
+  return { overTime, chart, colour, forget, redraw, resize, reset, ranges, scales };
 })();

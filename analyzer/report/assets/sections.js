@@ -75,7 +75,7 @@ const Plots = (() => {
     const x = counts.map((_, at) => Math.sqrt(edges[at] * edges[at + 1]) / 1000), span = [edges[0] / 1000, edges.at(-1) / 1000];
     const shown = (_, value) => (value === null ? span.map((one) => Show.milliseconds(one * 1000)).join(" to ") : Show.milliseconds(value * 1000));
     Charts.chart(place, {
-      title: `distribution: ${name}`, axis: null, unit: "responses", x, span, label: "ms", whole: true, height: 140,
+      title: `distribution: ${name}`, axis: null, unit: "count", x, span, label: "ms", whole: true, height: 140,
       scale: { time: false, distr: 3 }, xSeries: { label: "ms", value: shown }, series: [{ name: "responses", values: counts, draw: "bars" }],
     });
   }

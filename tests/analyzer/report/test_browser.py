@@ -334,6 +334,9 @@ def test_two_pages_for_a_manager_and_an_appendix(opened: Browser) -> None:
     assert opened.run(f"return {shown}.filter((one) => !one.open).length") == 0
     printed = opened.run("return document.querySelectorAll('.example.named').length")
     assert opened.run(f"return {shown}.length") == printed > 0
+    scales = opened.run("return Charts.scales()")
+    assert scales
+    assert all(len(figures) >= 2 for figures in scales)
     found = opened.command("Page.printToPDF", preferCSSPageSize=True, printBackground=True)
     pages = pages_of(base64.b64decode(found["data"]))
     opened.shape(1280)
