@@ -12,7 +12,15 @@ from typing import Any, NamedTuple
 import _modlens
 from analyzer.views.screen import Part, fit, width_of
 
-__all__ = ["WIDE_COLUMNS", "Cell", "ColumnLayout", "Grid", "GridColumn", "RegisterValues"]
+__all__ = [
+    "WIDE_COLUMNS",
+    "Cell",
+    "ColumnLayout",
+    "Grid",
+    "GridColumn",
+    "NamedValues",
+    "RegisterValues",
+]
 
 WIDE_COLUMNS = 120
 """From this terminal width on, columns are two spaces apart and longer names are used."""
@@ -29,7 +37,30 @@ class RegisterValues(NamedTuple):
         return _modlens.carried(self.row, self.base, max(width, 0))
 
 
-Cell = str | RegisterValues
+class NamedValues(NamedTuple):
+    """Named values, shown as far as they fit: with their names, or where none fits, without."""
+
+    texts: Sequence[tuple[str, str]]
+
+    def within(self, width: int) -> str:
+        """As many values as fit into `width` columns, and how many more there are.
+
+        >>> values = NamedValues([("voltage_l1", "230.6"), ("voltage_l2", "231.4")])
+        >>> [values.within(width) for width in (40, 24, 12, 5)]
+        ['voltage_l1 230.6, voltage_l2 231.4', 'voltage_l1 230.6 … +1', '230.6 231.4', '230.6']
+        """
+        named = [f"{name} {value}" for name, value in self.texts]
+        bare = [value for _, value in self.texts]
+        for texts, separator in ((named, ", "), (bare, " ")):
+            for count in range(len(texts), 0, -1):
+                more = len(texts) - count
+                text = separator.join(texts[:count]) + (f" … +{more}" if more else "")
+                if width_of(text) <= width:
+                    return text
+        return bare[0] if bare else ""
+
+
+Cell = str | RegisterValues | NamedValues
 
 
 class ColumnLayout(NamedTuple):
@@ -37,7 +68,8 @@ class ColumnLayout(NamedTuple):
 
     Without `max_width` and `free_share` (both 0), or with `is_whole`, nothing in the column is cut
     off: a cell wider than the column pushes its line to the right. A column that `gives_way` is as
-    narrow as `min_width` where the terminal has no room.
+    narrow as `min_width` where the terminal has no room. Where that is not enough, columns are left
+    out: that with the highest `spare` first, those with 0 never.
     """
 
     title: str
@@ -47,6 +79,7 @@ class ColumnLayout(NamedTuple):
     free_share: int = 0
     is_whole: bool = False
     gives_way: bool = False
+    spare: int = 0
 
     def width(self, widest: int) -> int:
         """The width for the title and the widest cell, without a share of what is left."""
@@ -71,23 +104,43 @@ class Grid:
     """
 
     def __init__(self, fields: Sequence[GridColumn], rows: Iterable[Any], width: int) -> None:
-        self._fields = fields
         self._gap = "  " if width >= WIDE_COLUMNS else " "
-        widest = _widest(fields, rows)
-        self._widths = [field.head.width(cell) for field, cell in zip(fields, widest, strict=True)]
-        rest = width - sum(self._widths) - len(self._gap) * (len(fields) - 1)
-        for index, field in reversed(list(enumerate(fields))):
-            if field.head.gives_way and rest < 0:
-                given = min(-rest, self._widths[index] - field.head.min_width)
-                self._widths[index] -= given
-                rest += given
-        shares = sum(field.head.free_share for field in fields)
-        for index, field in enumerate(fields):
+        columns = list(zip(fields, _widest(fields, rows), strict=True))
+        while (rest := self._rest(columns, width)) < 0:
+            spare = max(columns, key=lambda column: column[0].head.spare)
+            given = sum(_given(field, widest) for field, widest in columns)
+            if not spare[0].head.spare or given >= -rest:
+                break
+            columns.remove(spare)
+        self._fields = [field for field, _ in columns]
+        self._widths = [field.head.width(widest) for field, widest in columns]
+        for index, (field, widest) in reversed(list(enumerate(columns))):
+            given = max(min(-rest, _given(field, widest)), 0)
+            self._widths[index] -= given
+            rest += given
+        self._share([widest for _, widest in columns], rest)
+
+    def _rest(self, columns: Sequence[tuple[GridColumn, int]], width: int) -> int:
+        """The width that these columns leave of a terminal's; below 0 where it has no room."""
+        taken = sum(field.head.width(widest) for field, widest in columns)
+        return width - taken - len(self._gap) * (len(columns) - 1)
+
+    def _share(self, widest: Sequence[int], rest: int) -> None:
+        """Give what is left to the columns with a share; more than its text only to the last."""
+        shares = sum(field.head.free_share for field in self._fields)
+        for index, field in enumerate(self._fields):
             free_share = field.head.free_share
             if free_share and rest > 0:
                 taken = rest * free_share // shares
+                if index + 1 < len(self._fields):
+                    taken = min(taken, max(widest[index] - self._widths[index], 0))
                 self._widths[index] += taken
                 rest, shares = rest - taken, shares - free_share
+
+    @property
+    def titles(self) -> list[str]:
+        """The titles of the columns that have room."""
+        return [field.head.title for field in self._fields]
 
     def head(self) -> list[Part]:
         """The line of titles."""
@@ -105,10 +158,23 @@ class Grid:
         return parts[:-1]
 
 
+def _given(field: GridColumn, widest: int) -> int:
+    """How many columns a field can do without."""
+    head = field.head
+    return head.width(widest) - head.min_width if head.gives_way else 0
+
+
 def _widest(fields: Sequence[GridColumn], rows: Iterable[Any]) -> list[int]:
-    """The width of the widest cell of each column; the rows are gone through once."""
+    """The width of the widest cell of each column; the rows are gone through once.
+
+    What is in the last column with a share does not matter: it takes all that is left.
+    """
     widest = [0] * len(fields)
-    measured = [(at, field) for at, field in enumerate(fields) if not field.head.free_share]
+    measured = [
+        (at, field)
+        for at, field in enumerate(fields)
+        if not field.head.free_share or at + 1 < len(fields)
+    ]
     for row in rows:
         for at, field in measured:
             cell = field.cell(row)

@@ -153,14 +153,16 @@ def _reserves(rows: Sequence[Mapping[str, Any]], width: int) -> Iterator[list[Pa
             lambda row: cells.milliseconds(row["response_time_p99_us"]),
         ),
         GridColumn(
-            ColumnLayout("timeout ms", 10, align_right=True),
+            ColumnLayout("timeout ms", 10, align_right=True, spare=1),
             lambda row: cells.milliseconds(row["timeout_us"]),
         ),
-        GridColumn(ColumnLayout("late", 5, align_right=True), lambda row: _some(row["late"])),
+        GridColumn(
+            ColumnLayout("late", 5, align_right=True, spare=3), lambda row: _some(row["late"])
+        ),
         GridColumn(ColumnLayout("damaged", 7, align_right=True), lambda row: _some(row["damaged"])),
     ]
     if any(0 < row["timed"] < row["answered"] for row in rows):
-        fields.insert(3, GridColumn(ColumnLayout("measured", 5, align_right=True), _timed))
+        fields.insert(3, GridColumn(ColumnLayout("measured", 5, align_right=True, spare=2), _timed))
     buses = tuple(dict.fromkeys(row["bus"] for row in rows))
     if len(buses) > 1:
         fields.insert(0, cells.bus_field(buses, lambda row: str(row["bus"])))
@@ -168,7 +170,7 @@ def _reserves(rows: Sequence[Mapping[str, Any]], width: int) -> Iterator[list[Pa
     yield grid.head()
     for row in rows:
         yield grid.line(row)
-    if any(field.head.title == "measured" for field in fields):
+    if "measured" in grid.titles:
         yield from _wrapped(cells.MEASURED, width, style="dim")
 
 

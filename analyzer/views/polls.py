@@ -30,9 +30,9 @@ def polls(bus: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
 
 
 def _fields(duration_us: float | None) -> Sequence[GridColumn]:
-    def milliseconds(title: str, name: str) -> GridColumn:
+    def milliseconds(title: str, name: str, spare: int = 0) -> GridColumn:
         return GridColumn(
-            ColumnLayout(title, 8, align_right=True),
+            ColumnLayout(title, 8, align_right=True, spare=spare),
             lambda row: cells.milliseconds(row["interval"][name]),
         )
 
@@ -46,9 +46,11 @@ def _fields(duration_us: float | None) -> Sequence[GridColumn]:
         ),
         GridColumn(ColumnLayout("function", 12, free_share=1), cells.function_name),
         GridColumn(ColumnLayout("addresses", 11), _addresses),
-        GridColumn(ColumnLayout("sent", 6, align_right=True), lambda row: f"{row['count']:,}"),
+        GridColumn(
+            ColumnLayout("sent", 6, align_right=True, spare=1), lambda row: f"{row['count']:,}"
+        ),
         milliseconds("every ms", "p50_us"),
-        milliseconds("longest", "max_us"),
+        milliseconds("longest", "max_us", 2),
         GridColumn(ColumnLayout("of time", 7, align_right=True), share),
     )
 

@@ -42,14 +42,18 @@ def show_map(
         ),
         GridColumn(ColumnLayout("min", 3, align_right=True), lambda row: _figure(row["min"])),
         GridColumn(ColumnLayout("max", 3, align_right=True), lambda row: _figure(row["max"])),
-        GridColumn(ColumnLayout("seen", 4, align_right=True), lambda row: str(row["count"])),
-        GridColumn(ColumnLayout(changes, 3, align_right=True), lambda row: str(row["changes"])),
+        GridColumn(
+            ColumnLayout("seen", 4, align_right=True, spare=3), lambda row: str(row["count"])
+        ),
+        GridColumn(
+            ColumnLayout(changes, 3, align_right=True, spare=2), lambda row: str(row["changes"])
+        ),
     ]
     if has_names:
         layout = ColumnLayout("name", 12, max_width=28, gives_way=True)
         fields.insert(3, GridColumn(layout, lambda row: visible(row["name"] or "")))
     if has_ages:
-        fields.append(GridColumn(ColumnLayout("age s", 6, align_right=True), _age))
+        fields.append(GridColumn(ColumnLayout("age s", 6, align_right=True, spare=1), _age))
     if len(buses) > 1:
         fields.insert(
             0, GridColumn(ColumnLayout("bus", 3, max_width=24), lambda row: visible(row["bus"]))

@@ -136,11 +136,12 @@ def _timeouts(bus: Mapping[str, Any], width: int, *, has_two_masters: bool) -> I
     cycle = bus.get("cycle")
     if cycle:
         yield []
-        yield [
-            (f"poll cycle: median {cells.milliseconds(cycle['p50_us'])} ms", ""),
-            (f", longest {cells.milliseconds(cycle['max_us'])} ms", "dim"),
-            (f"; {count_of(cycle['requests'], 'periodic request')}", ""),
-        ]
+        times = [cells.milliseconds(cycle[name]) for name in ("p50_us", "max_us")]
+        text = (
+            f"poll cycle: median {times[0]} ms, longest {times[1]} ms;"
+            f" {count_of(cycle['requests'], 'periodic request')}"
+        )
+        yield from ([(line, "")] for line in textwrap.wrap(text, width))
         yield from polls(bus, width)
     lines = list(explain_timeouts(bus, has_two_masters=has_two_masters))
     if lines:
@@ -184,10 +185,10 @@ def _bus_fields(short: Mapping[str, str]) -> list[GridColumn]:
 
     return [
         GridColumn(ColumnLayout("bus", 8, free_share=1), name),
-        GridColumn(ColumnLayout("mode", 5), lambda bus: bus["mode"] or ""),
+        GridColumn(ColumnLayout("mode", 5, spare=3), lambda bus: bus["mode"] or ""),
         GridColumn(ColumnLayout("seconds", 8, align_right=True), _duration),
         GridColumn(
-            ColumnLayout("bytes", 8, align_right=True),
+            ColumnLayout("bytes", 8, align_right=True, spare=2),
             lambda bus: f"{sum(bus['bytes'].values()):,}",
         ),
         GridColumn(
@@ -200,7 +201,7 @@ def _bus_fields(short: Mapping[str, str]) -> list[GridColumn]:
             _damaged_style,
         ),
         GridColumn(
-            ColumnLayout("noise", 6, align_right=True),
+            ColumnLayout("noise", 6, align_right=True, spare=1),
             lambda bus: _some(bus["frames"].get("noise", 0)),
         ),
         GridColumn(ColumnLayout("utilization", 6, align_right=True), _utilization),
@@ -219,7 +220,8 @@ def _row_fields(rows: Sequence[Mapping[str, Any]], *, is_wide: bool) -> list[Gri
             lambda row: f"{row['transactions']:,}",
         ),
         GridColumn(
-            ColumnLayout("ok", 4, align_right=True), lambda row: _some(_with_status(row, "ok"))
+            ColumnLayout("ok", 4, align_right=True, spare=1),
+            lambda row: _some(_with_status(row, "ok")),
         ),
         GridColumn(ColumnLayout("exceptions", 4, align_right=True), _exceptions, lambda _: "odd"),
         GridColumn(ColumnLayout("failed", 6, align_right=True), _failed, lambda _: "bad"),
@@ -228,7 +230,9 @@ def _row_fields(rows: Sequence[Mapping[str, Any]], *, is_wide: bool) -> list[Gri
             if is_wide and any(map(_other, rows))
             else []
         ),
-        GridColumn(ColumnLayout("retry", 5, align_right=True), lambda row: _some(row["retries"])),
+        GridColumn(
+            ColumnLayout("retry", 5, align_right=True, spare=3), lambda row: _some(row["retries"])
+        ),
     ]
     if is_wide and any(0 < _timed(row) < _answered(row) for row in rows):
         chosen.append(
@@ -238,7 +242,10 @@ def _row_fields(rows: Sequence[Mapping[str, Any]], *, is_wide: bool) -> list[Gri
             )
         )
     chosen += [
-        GridColumn(ColumnLayout(f"{name} ms", 6, align_right=True), _response(f"{name}_us"))
+        GridColumn(
+            ColumnLayout(f"{name} ms", 6, align_right=True, spare=0 if name == "p50" else 2),
+            _response(f"{name}_us"),
+        )
         for name in ("min", "p50", "p95", "max")
         if is_wide or name in ("p50", "max")
     ]

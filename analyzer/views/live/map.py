@@ -37,11 +37,13 @@ def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
         name = f"{visible(bus)}: " if len(state.table_options.buses) > 1 else ""
         title = f"{name}unit {unit} {kind.replace('_', ' ')}s"
         dead = _dead(state, bus, unit)
-        room = max(width - len(dead), 0)
+        room = min(max(width - len(dead), 0), width_of(title))
         out.append([(fit(title, room), "head"), (fit(dead, width - room), "bad")])
         if (bus, unit) not in shown:
             shown.add((bus, unit))
-            out += _named(state.named(bus, unit), state.clock(), width)
+            named = state.named(bus, unit)
+            units = {name: state.unit_of_measure(bus, unit, name) for name in named}
+            out += _named(named, units, state.clock(), width)
         values = {place[3]: value for place, value in group}
         out += _block(values, kind, state, width)
     return out
@@ -102,12 +104,14 @@ def _ruler(per_line: int, cell: int) -> list[Part]:
     return [(" " * _LABEL + "".join(fit(text, cell, right=True) for text in texts), "dim")]
 
 
-def _named(values: dict[str, LiveValue], now: float, width: int) -> Iterator[list[Part]]:
-    """Names and scaled values side by side, in columns of equal width."""
+def _named(
+    values: dict[str, LiveValue], units: dict[str, str], now: float, width: int
+) -> Iterator[list[Part]]:
+    """Names and scaled values with their units side by side, in columns of equal width."""
     if not values:
         return
     names = max(width_of(visible(name)) for name in values)
-    texts = {name: visible(str(one.value)) for name, one in values.items()}
+    texts = {name: visible(f"{one.value} {units[name]}".rstrip()) for name, one in values.items()}
     numbers = max(map(width_of, texts.values()))
     cell = names + numbers + 3
     per_line = max((width - 2) // cell, 1)

@@ -6,6 +6,7 @@ transaction only when the screen is refreshed.
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -92,6 +93,7 @@ class LiveState:
     _requests: dict[tuple[Any, ...], tuple[_modlens.Row, bool]] = field(default_factory=dict)
     _values: dict[RegisterKey, LiveValue] = field(default_factory=dict)
     _named: dict[NamedKey, LiveValue] = field(default_factory=dict)
+    _units: dict[NamedKey, str] = field(default_factory=dict)
     _ages: dict[tuple[str, int], UnitAge] = field(default_factory=dict)
     _stats: dict[str, Any] = field(default_factory=dict)
     _statuses: Sequence[BusStatus] = ()
@@ -110,9 +112,12 @@ class LiveState:
         self.seen += len(table)
         self.history.add(table)
         now = self.clock()
+        known = len(self._requests)
         for row in table:
             self._record_age(row, now)
             self._record_request(row)
+        if len(self._requests) > known:
+            self._record_units(batch)
 
     def pause(self, *, paused: bool) -> None:
         """Hold what is shown, or go on; decoding goes on in any case."""
@@ -172,6 +177,10 @@ class LiveState:
         found = self._named.items()
         return {name: value for (on, number, name), value in found if (on, number) == (bus, unit)}
 
+    def unit_of_measure(self, bus: str, unit: int, name: str) -> str:
+        """The unit of measure of a named value; empty without one."""
+        return self._units.get((bus, unit, name), "")
+
     def age(self, bus: str, unit: int) -> UnitAge:
         """When a unit last answered."""
         return self._ages.get((bus, unit), UnitAge())
@@ -199,6 +208,14 @@ class LiveState:
         self._requests[key] = (row, True)
         if len(self._requests) > MAX_REQUESTS:
             del self._requests[next(iter(self._requests))]
+
+    def _record_units(self, batch: _modlens.Batch) -> None:
+        """The units of measure of what a batch has read for the first time."""
+        found = _modlens.RegisterMap()
+        found.add(batch)
+        for row in json.loads(found.rows()):
+            if row["name"] and row["unit_of_measure"]:
+                self._units[row["bus"], row["unit"], row["name"]] = row["unit_of_measure"]
 
     def _record_values(self, row: _modlens.Row, now: float) -> None:
         for first, data in ((row.address, row.data), (row.write_address, row.write_data)):

@@ -5,7 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 from analyzer.views import cells
-from analyzer.views.grid import WIDE_COLUMNS, ColumnLayout, Grid, GridColumn, RegisterValues
+from analyzer.views.grid import (
+    WIDE_COLUMNS,
+    Cell,
+    ColumnLayout,
+    Grid,
+    GridColumn,
+    NamedValues,
+    RegisterValues,
+)
 from analyzer.views.live.activity import FAILED, LATELY_S
 from analyzer.views.live.state import LiveState, UnitAge
 from analyzer.views.live.status import age
@@ -16,9 +24,8 @@ __all__ = ["lines"]
 _LATELY = f"{LATELY_S / 60:.0f} min"
 """Title of the column with the errors of the last minutes."""
 
-_NARROW_COLUMNS = 60
-_LEFT_OUT = ("per s", "p50 ms", "max ms")
-"""Columns that a narrow terminal does without, so that errors and age stay."""
+_SPARE = {"last value": 4, "max ms": 3, "p50 ms": 2, "per s": 1}
+"""Columns that a narrow terminal does without, so that errors and age stay; the highest first."""
 
 _TROUBLE = ("no_response", "bad_request", "bad_response")
 
@@ -40,8 +47,6 @@ def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
     if not rows:
         return [[("no traffic yet", "dim")]]
     chosen = _fields(state, is_wide=width >= WIDE_COLUMNS)
-    if width < _NARROW_COLUMNS:
-        chosen = [one for one in chosen if one.head.title not in _LEFT_OUT]
     if len(state.table_options.buses) > 1:
         chosen.insert(0, cells.bus_field(state.table_options.buses, lambda row: str(row["bus"])))
     grid = Grid(chosen, rows, width)
@@ -65,13 +70,16 @@ def _fields(state: LiveState, *, is_wide: bool) -> list[GridColumn]:
             ColumnLayout("transactions" if is_wide else "count", 6, align_right=True),
             lambda row: f"{row['transactions']:,}",
         ),
-        GridColumn(ColumnLayout("per s", 5, align_right=True), rate),
+        GridColumn(ColumnLayout("per s", 5, align_right=True, spare=_SPARE["per s"]), rate),
         GridColumn(ColumnLayout("errors", 6, align_right=True), _wrong, _wrong_style),
         GridColumn(ColumnLayout(_LATELY, 5, align_right=True), _wrong_lately, _lately_style),
     ]
     chosen += [
-        GridColumn(ColumnLayout(f"{name} ms", 6, align_right=True), _time(f"{name}_us"))
-        for name in (("p50", "p95", "max") if is_wide else ("p50", "max"))
+        GridColumn(
+            ColumnLayout(title, 6, align_right=True, spare=_SPARE.get(title, 0)),
+            _time(f"{title.removesuffix(' ms')}_us"),
+        )
+        for title in (("p50 ms", "p95 ms", "max ms") if is_wide else ("p50 ms", "max ms"))
     ]
     chosen.append(
         GridColumn(
@@ -81,7 +89,10 @@ def _fields(state: LiveState, *, is_wide: bool) -> list[GridColumn]:
         )
     )
     chosen.append(
-        GridColumn(ColumnLayout("last value", 10, free_share=1), lambda row: _last(row, state))
+        GridColumn(
+            ColumnLayout("last value", 10, free_share=1, spare=_SPARE["last value"]),
+            lambda row: _last(row, state),
+        )
     )
     return chosen
 
@@ -118,10 +129,12 @@ def _age(found: UnitAge, now: float) -> str:
     return age(now - found.answered)
 
 
-def _last(row: Any, state: LiveState) -> RegisterValues | str:
+def _last(row: Any, state: LiveState) -> Cell:
     last = row["last"]
     if last is None:
         return ""
     if last.readings:
-        return visible(", ".join(f"{name} {value}" for name, value in last.readings.items()))
+        return NamedValues(
+            [(visible(name), visible(str(value))) for name, value in last.readings.items()]
+        )
     return RegisterValues(last, state.table_options.address)

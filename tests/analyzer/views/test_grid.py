@@ -44,14 +44,37 @@ def test_a_text_with_a_limit_is_cut() -> None:
 
 
 def test_shares_fill_the_line() -> None:
-    """Free room is distributed by share, to the last column."""
+    """Room that texts need is distributed by share, to the last column."""
     table = grid(
         [ColumnLayout("a", free_share=1), ColumnLayout("b", free_share=2), ColumnLayout("n")],
-        [["", "", "x"]],
+        [["x" * 50, "y" * 50, "z"]],
         40,
     )
     assert len(text_of(table.head())) == 40
     assert len(text_of(table.line(["x" * 50, "y" * 50, "z"]))) == 40
+
+
+def test_only_the_last_column_is_wider_than_its_text() -> None:
+    """No blanks between a name and its number on a wide terminal."""
+    heads = [ColumnLayout("name", 6, free_share=1), ColumnLayout("n", align_right=True)]
+    rows = [["supply temperature", "7"]]
+    assert text_of(grid(heads, rows, 100).line(rows[0])) == "supply temperature 7"
+    assert text_of(grid(heads, rows, 12).line(rows[0])) == "supply te… 7"
+
+
+def test_a_narrow_terminal_does_without_columns_that_can_be_spared() -> None:
+    """That with the highest number goes first; those without one stay."""
+    heads = [
+        ColumnLayout("unit", 4),
+        ColumnLayout("rate", 5, spare=1),
+        ColumnLayout("max", 5, spare=2),
+    ]
+    rows = [["1", "2", "3"]]
+    widths = (16, 15, 10, 9, 3)
+    titles = [grid(heads, rows, width).titles for width in widths]
+    whole, two, one = ["unit", "rate", "max"], ["unit", "rate"], ["unit"]
+    assert titles == [whole, two, two, one, one]
+    assert text_of(grid(heads, rows, 10).line(rows[0])) == "1    2    "
 
 
 def test_a_narrow_terminal_gets_the_least_widths() -> None:

@@ -19,7 +19,7 @@ GOLDEN = Path(__file__).parent / "golden"
 CALM, DISTURBED = (
     f"captures/pymodbus_{name}/recording.jsonl" for name in ("two_units", "disturbed")
 )
-SIZES = ((50, 20), (80, 24), (160, 50), (200, 50))
+SIZES = ((50, 20), (80, 24), (132, 43), (160, 50), (200, 50))
 UPDATE_S = 3.0
 
 

@@ -314,7 +314,7 @@ def test_named_values_are_scaled(tmp_path: Path) -> None:
     """With a profile the map and the table show names and values, also names with blanks."""
     profile = tmp_path / "meter.toml"
     profile.write_text(
-        'profile = 1\n[[registers]]\nat = "hr:0"\nname = "Room temperature"\nscale = 0.1\n'
+        'profile = 1\n[[registers]]\nat = "hr:0"\nname = "Room temperature"\nscale = 0.1\nunit = "°C"\n'
     )
     recording = tmp_path / "bus.hex"
     frames = (framed("010300000001"), framed("01030200d7"))
@@ -325,8 +325,9 @@ def test_named_values_are_scaled(tmp_path: Path) -> None:
     for batch in run.batches():
         state.put(batch)
     state.refresh()
-    assert "Room temperature 21.5" in text(map_lines(state, 80, 20)[1])
+    assert "Room temperature 21.5 °C" in text(map_lines(state, 80, 20)[1])
     assert text(table_lines(state, 132, 20)[1]).rstrip().endswith("Room temperature 21.5")
+    assert text(table_lines(state, 80, 20)[1]).rstrip().endswith("21.5")
 
 
 def test_a_mark_tells_registers_apart_by_what_they_did() -> None:
