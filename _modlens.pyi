@@ -1053,8 +1053,6 @@ class Session:
         """The same for a capture and all its buses; `capture` does not know it any more."""
     def close_logic(self, logic: int) -> None:
         """The same for samples of a logic analyzer."""
-    def pending_rows(self) -> int:
-        """Rows that `take` would return now (frames, transactions and findings together)."""
     def take(self) -> Batch: ...
     def conclude(self) -> Batch:
         """The last rows, and the diagnoses of the whole session where these are wanted."""

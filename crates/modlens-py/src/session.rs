@@ -368,10 +368,6 @@ impl Session {
         Ok(())
     }
 
-    fn pending_rows(&self) -> usize {
-        self.core.pending_rows()
-    }
-
     fn take(&mut self, py: Python<'_>) -> Batch {
         Batch::new(py.detach(|| self.take_counted()))
     }
