@@ -168,7 +168,7 @@ fn show_speed(options: &Options) {
     print(&row("", layers.iter().map(|layer| layer.name().to_owned()).collect()));
     for (name, load) in Load::ALL.into_iter().filter(|(name, _)| options.only.as_ref().is_none_or(|only| name.contains(only))) {
         let bytes = load.bytes(options.bytes, seed);
-        let cells = layers.iter().map(|&layer| speed::rate(layer, &bytes));
+        let cells = layers.iter().map(|&layer| speed::rate(layer, load.mode(), &bytes));
         print(&row(name, cells.map(|(rate, linear)| format!("{rate:.0}{}", if linear { " " } else { "*" })).collect()));
     }
     if options.noise.bytes > 0 {

@@ -12,6 +12,7 @@ use modlens_protocol::functions::Functions;
 use modlens_readers::chunk::Chunk;
 
 use crate::checksum::rtu;
+use crate::family::{kinds, written};
 use crate::sim::bulk::{Bulk, Mixed};
 use crate::sim::case::Traffic;
 use crate::sim::noise::Pattern;
@@ -52,12 +53,12 @@ impl MeasuredLayer {
         Self::ALL.into_iter().find(|layer| layer.name() == name)
     }
 
-    /// Processes the bytes and returns the number of frames or rows.
-    pub fn run(self, bytes: &[u8]) -> u64 {
+    /// Processes the bytes of a line in this mode and returns the number of frames or rows.
+    pub fn run(self, mode: Mode, bytes: &[u8]) -> u64 {
         match self {
-            Self::Framing => framing(bytes),
-            Self::Transactions => rows(bytes, false),
-            Self::Everything => rows(bytes, true),
+            Self::Framing => framing(mode, bytes),
+            Self::Transactions => rows(mode, bytes, false),
+            Self::Everything => rows(mode, bytes, true),
         }
     }
 }
@@ -67,6 +68,8 @@ impl MeasuredLayer {
 pub enum Load {
     /// The traffic of `sim::bulk`.
     Mixed,
+    /// The kind of this name of the family of workloads.
+    Family(&'static str),
     /// One request and its response of so many registers, repeated.
     Poll(u16),
     /// The scenario of this name.
@@ -81,8 +84,11 @@ pub enum Load {
 
 impl Load {
     /// All kinds, with their names.
-    pub const ALL: [(&'static str, Self); 17] = [
+    pub const ALL: [(&'static str, Self); 20] = [
         ("clean mixed", Self::Mixed),
+        ("ascii", Self::Family("ascii")),
+        ("write-register", Self::Family("write-register")),
+        ("write-many", Self::Family("write-many")),
         ("clean 8+7", Self::Poll(1)),
         ("clean 8+255", Self::Poll(125)),
         ("field", Self::Scenario("field")),
@@ -101,6 +107,15 @@ impl Load {
         ("lying writes", Self::FalseByteCounts),
     ];
 
+    /// The mode of its line.
+    pub fn mode(self) -> Mode {
+        if matches!(self, Self::Family("ascii")) {
+            Mode::Ascii
+        } else {
+            Mode::Rtu
+        }
+    }
+
     /// About so many bytes of this kind.
     pub fn bytes(self, size: usize, seed: u64) -> Vec<u8> {
         match self {
@@ -108,6 +123,12 @@ impl Load {
                 let mut bulk = Bulk::default();
                 Mixed::new(seed, false).more(size, &mut bulk);
                 bulk.bytes
+            }
+            Self::Family(name) => {
+                let mut bytes = Vec::new();
+                let kind = kinds::named(name).expect("a name of the table");
+                written::write(kind, seed, size, &mut bytes).expect("memory takes all");
+                bytes
             }
             Self::Poll(quantity) => {
                 let [high, low] = quantity.to_be_bytes();
@@ -133,10 +154,10 @@ fn repeated(part: &[u8], size: usize) -> Vec<u8> {
     part.iter().copied().cycle().take(size / part.len() * part.len()).collect()
 }
 
-/// The number of frames and noise rows that the RTU framer finds, without a session.
-fn framing(bytes: &[u8]) -> u64 {
+/// The number of frames and noise rows that the framer finds, without a session.
+fn framing(mode: Mode, bytes: &[u8]) -> u64 {
     let functions = Functions::embedded();
-    let mut framer = FixedFramer::new(Mode::Rtu, None, None);
+    let mut framer = FixedFramer::new(mode, None, None);
     let mut input = Input::new(None);
     input.break_ns = framer.break_ns(None);
     let mut known_units = [false; 256];
@@ -161,17 +182,17 @@ fn framing(bytes: &[u8]) -> u64 {
     count
 }
 
-fn session(everything: bool) -> (Session, usize) {
+fn session(mode: Mode, everything: bool) -> (Session, usize) {
     let wanted = WantedTables { frames: everything, transactions: true, findings: everything };
     let mut session = Session::new(Arc::new(Functions::default()), wanted, false, None);
     let mut options = BusOptions::named("bus");
-    options.mode = Some(Mode::Rtu);
+    options.mode = Some(mode);
     let bus = session.add_bus(options);
     (session, bus)
 }
 
-fn rows(bytes: &[u8], everything: bool) -> u64 {
-    let (mut session, bus) = session(everything);
+fn rows(mode: Mode, bytes: &[u8], everything: bool) -> u64 {
+    let (mut session, bus) = session(mode, everything);
     let mut count = 0;
     let mut take = |session: &mut Session| {
         let batch = session.take();
@@ -188,9 +209,9 @@ fn rows(bytes: &[u8], everything: bool) -> u64 {
 
 /// The speed in MB per CPU second of this thread, the best of three runs, and whether four times the bytes take at most six
 /// times as long, which shows that the time is linear.
-pub fn rate(layer: MeasuredLayer, bytes: &[u8]) -> (f64, bool) {
+pub fn rate(layer: MeasuredLayer, mode: Mode, bytes: &[u8]) -> (f64, bool) {
     let best = |bytes: &[u8]| {
-        let seconds = (0..3).map(|_| timed(|| layer.run(bytes)));
+        let seconds = (0..3).map(|_| timed(|| layer.run(mode, bytes)));
         seconds.fold(f64::MAX, f64::min)
     };
     let (whole, quarter) = (best(bytes), best(&bytes[..bytes.len() / 4]));
@@ -212,7 +233,7 @@ fn cpu() -> Option<Duration> {
 /// The peak memory in MB after a sixteenth of so many bytes of uniform noise and after all of them; they are made and
 /// processed block by block.
 pub fn memory(bytes: u64, seed: u64) -> Option<(f64, f64)> {
-    let (mut session, bus) = session(true);
+    let (mut session, bus) = session(Mode::Rtu, true);
     let mut before = None;
     let mut done = 0;
     while done < bytes {

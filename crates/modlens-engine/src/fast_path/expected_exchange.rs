@@ -15,16 +15,16 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, StandardLayout, EXCEPTION_BIT};
 
 /// Unit addresses on a serial line that cause no finding (serial line specification, 2.2).
-pub(crate) const RTU_UNITS: RangeInclusive<u8> = 1..=247;
+const RTU_UNITS: RangeInclusive<u8> = 1..=247;
 
 /// Bytes of unit, function, address, and quantity or value (application protocol, 6.1 to 6.6).
-pub(crate) const SHORT_REQUEST_BYTES: usize = 6;
+const SHORT_REQUEST_BYTES: usize = 6;
 
 /// Bytes of unit, function and byte count in front of the data of a read response.
 const READ_HEADER_BYTES: usize = 3;
 
 /// Bytes in front of the data of a request that writes several values: as above, and a byte count (6.11, 6.12).
-pub(crate) const WRITE_HEADER_BYTES: usize = SHORT_REQUEST_BYTES + 1;
+const WRITE_HEADER_BYTES: usize = SHORT_REQUEST_BYTES + 1;
 
 /// Bytes in front of the data of a request that reads registers and writes others: as a short one, then address, quantity and
 /// byte count of what is written (6.17).
@@ -189,12 +189,6 @@ impl ExpectedExchange {
             }
             Response::Echo => response[..SHORT_REQUEST_BYTES] == request[..SHORT_REQUEST_BYTES],
         }
-    }
-
-    /// Returns whether its response repeats the beginning of the request, and has no data of its own.
-    #[cfg(test)]
-    pub(crate) fn is_write(&self) -> bool {
-        matches!(self.response, Response::Echo)
     }
 
     /// Bytes of the request and of the response on an RTU line: with their checksums.

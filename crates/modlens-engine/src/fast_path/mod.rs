@@ -22,7 +22,7 @@
 //!   has to look at the data.
 //!
 //! What follows from the bytes of a read is remembered (`request_memo`), the verdict of those checks included. Writes hardly ever
-//! repeat, so that they are asked each time (`plain_write`).
+//! repeat, so that they are asked each time.
 //!
 //! # Three ways
 //!
@@ -32,7 +32,7 @@
 //! | any other block of an RTU or ASCII line: the head of the line, again and again | `heads` |
 //! | a packet of a connection or a line of a log with times each: the request is pending until the next one | `messages` (`known_pairs`) |
 //!
-//! All three end in `emit`, but for the two short loops over reads of the memo and over writes, which learn by the run.
+//! All three end in `emit`, but for the two loops over reads of the memo, which learn by the run.
 //!
 //! Example: `11 03 00 6B 00 03 76 87` and right after it `11 03 06 02 2B 00 00 00 64 C8 BA` become two frame rows and a
 //! transaction row in one step. With exception `11 83 02 C1 34` after it, that is a compact exchange, or both frames are taken
@@ -70,7 +70,6 @@
 
 pub(crate) mod expected_exchange;
 mod pairing;
-pub(crate) mod plain_write;
 pub(crate) mod request_memo;
 pub(crate) mod rtu_exchange;
 

@@ -3,7 +3,6 @@
 
 use crate::confidence;
 use crate::fast_path::expected_exchange::ExpectedExchange;
-use crate::fast_path::plain_write::PlainWrite;
 use crate::fast_path::request_memo::RequestMemo;
 use crate::fast_path::rtu_exchange::{is_response, rtu_transaction_confidence, Answered};
 use crate::framer::rtu::search::SURE_SILENCE_SHARE;
@@ -12,7 +11,7 @@ use crate::framer::PauseEvidence;
 use crate::pairing::Pairing;
 use crate::records::{Exchange, NOT_REFUSED};
 use crate::rtu_model::side::REQUEST;
-use crate::rtu_model::traffic_model::{LearningRun, RequestIdentity};
+use crate::rtu_model::traffic_model::LearningRun;
 use crate::session::profiles::{LearnOutcome, Profiles};
 use crate::stats::{RequestKey, Stats};
 use crate::weights::CERTAIN_DIRECTION_BITS;
@@ -91,12 +90,6 @@ impl CompactRun {
         known.framer.search.model.begin_run(&mut self.learned);
         loop {
             self.take_remembered_reads(&mut known, block, exchanges);
-            if known.profiles.are_none() {
-                if let Some(write) = self.take_write(&mut known, block) {
-                    exchanges.push(write);
-                    continue;
-                }
-            }
             let (rest, answered) = (&block.bytes[self.length..], block.answered_after(self.last));
             let Some(decided) = next_exchange(&known, rest, answered, block.pause) else { break };
             let outcome = known.learn_points(&decided, rest);
@@ -146,38 +139,6 @@ impl CompactRun {
             self.length = block.bytes.len() - rest.len();
             self.learned.count(taken, taken);
         }
-    }
-
-    /// Takes the plain write that comes next, if its response follows without doubt, as `next_exchange` and `take_decided` would.
-    #[inline]
-    fn take_write(&mut self, known: &mut RunContext<'_>, block: &RunBytes<'_>) -> Option<Exchange> {
-        let bytes = &block.bytes[self.length..];
-        let write = PlainWrite::at(known.functions, bytes).filter(|_| self.learned.left() > 0)?;
-        let PlainWrite { lengths, is_mirrored, address, quantity } = write;
-        let (unit, function) = (bytes[0], bytes[1]);
-        let is_certain = !(is_mirrored && block.answered_after(self.last).may_be_answered_by(known.functions, bytes))
-            && known.framer.search.model.is_familiar(unit, function, REQUEST)
-            && write.is_answered(known.functions, bytes);
-        if !is_certain {
-            return None;
-        }
-        self.silence_share = None;
-        let response_bits = if is_mirrored { self.mirrored_bits(known, block, unit) } else { u8::MAX };
-        let confidence = rtu_transaction_confidence(is_mirrored, response_bits);
-        let start = (block.arena_start + self.length) as u32;
-        let request = &bytes[..lengths[0]];
-        known.framer.search.model.learn_request(&RequestIdentity::of(request), request);
-        self.learned.count(1, u32::from(!is_mirrored));
-        self.mirrored += u32::from(is_mirrored);
-        self.last = Some(self.length);
-        self.length += lengths[0] + lengths[1];
-        known.note_unit(unit);
-        let lengths = lengths.map(|length| length as u16);
-        let exchange = Exchange { start, lengths, address, quantity, unit, function, confidence, exception: NOT_REFUSED };
-        let mut counts = known.stats.exchange_counts(known.counts);
-        counts.count_request(key_of(&exchange));
-        counts.note_last(key_of(&exchange));
-        Some(exchange)
     }
 
     /// Returns the upper bound of the confidence of an exchange whose response equals its request; `u8::MAX` for no bound. It
