@@ -4,8 +4,8 @@
     python -m tests.support.learn_kinds --folder FOLDER --length 1h
 
 Without a folder, the devices are those of `tests.support.device_kinds`, or those that came later
-(`--later`). A folder holds recordings KIND.LENGTH.jsonl.gz and the truth beside them,
-KIND.LENGTH.truth.jsonl, a line for each value.
+(`--later`), or last (`--unseen`). A folder holds recordings KIND.LENGTH.jsonl.gz and, beside them,
+the truth, KIND.LENGTH.truth.jsonl, a line for each value.
 
 A claim about the layout is one about several registers, or about a sign; texts are left out. A
 layout is decidable if it has moved enough: an upper register has changed, or a float has had three
@@ -33,13 +33,14 @@ from tests.support.device_kinds import KINDS, Item, Kind
 from tests.support.find_tasks import find_score
 from tests.support.later_kinds import KINDS as LATER
 from tests.support.plant_signals import signals
+from tests.support.unseen_kinds import KINDS as UNSEEN
 
 __all__ = ["is_layout_right", "lines_of", "main", "place", "recording", "score"]
 
 LONG = {"hr": "holding_register", "ir": "input_register"}
 READ = {"hr": 3, "ir": 4}
 START = 1_781_515_800.0
-WIDTHS = {"u32": 2, "s32": 2, "f32": 2, "u64": 4}
+WIDTHS = {"u32": 2, "s32": 2, "f32": 2, "u64": 4, "s64": 4}
 NUMBERS = ("s16", "u32", "s32", "f32", "u64", "s64", "f64")
 EVEN = {"u32": "s32", "u64": "s64"}
 """Types that differ only for numbers that were never seen."""
@@ -201,12 +202,14 @@ def main() -> None:
     parser.add_argument("--folder", type=Path)
     parser.add_argument("--length", default="1h")
     parser.add_argument("--later", action="store_true", help="those of `tests.support.later_kinds`")
+    parser.add_argument("--unseen", action="store_true", help="of `tests.support.unseen_kinds`")
     parser.add_argument(
-        "--kind", choices=[*KINDS, *LATER], help="only this kind, with its mistakes"
+        "--kind", choices=[*KINDS, *LATER, *UNSEEN], help="only this kind, with its mistakes"
     )
     parser.add_argument("--find", type=int, default=0, metavar="N", help="N tasks a kind of task")
     options = parser.parse_args()
     first, last = map(int, options.seeds.split("-"))
+    kinds = UNSEEN if options.unseen else LATER if options.later else KINDS
     total: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
         if options.folder:
@@ -215,7 +218,7 @@ def main() -> None:
                 total += score(truth, learned(path))
         else:
             for seed in range(first, last + 1):
-                for name, kind in (LATER if options.later else KINDS).items():
+                for name, kind in kinds.items():
                     if options.kind in (None, name):
                         path = Path(folder) / f"{name}.jsonl"
                         text, truth = recording(kind, seed, 60 * options.minutes)

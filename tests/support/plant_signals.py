@@ -92,6 +92,7 @@ def signals(seed: int, seconds: int) -> Iterator[dict[str, float]]:
             "t_engine": 82 + now["load"] / 2, "t_oil": 91 + now["load"] / 2, "oil": now["oil"],
             "fuel": 71 - at / 1600, "u_24": 27.6 + 0.08 * now["noise"], "u_24b": 27.1 + 0.06 * now["noise"],
             "rpm": now["rpm"], "rpm2": 0.93 * now["rpm"] + 3 * now["noise"], "p_fan": 60 + now["rpm"] / 40,
+            **{f"kw{phase}": watt / 1000 for phase, watt in enumerate(power, 1)}, "kw": sum(power) / 1000,
             "humidity": now["hum"], "humidity2": now["hum"] + 6, "humidity3": 0.8 * now["hum"] + 7,
             "co2": now["co2"], "kw_heat": heat / 1000, "cop": 3.4 + 0.05 * now["noise"],
             "kwh": total["e"] / 1000, "kwh_heat": total["e_heat"] / 1000, "flow": 14 + now["load"] / 3,

@@ -9,8 +9,9 @@ use crate::columns::{read_data, read_range, row_of, write_data, write_range, Ite
 use modlens_engine::records::{Batch, Transaction};
 use modlens_profiles::find::LayoutHint;
 use modlens_profiles::fit::{fit, Fit, SeenTable};
-use modlens_profiles::learn::{conclude, Anchor, Counts, Learned, ObservedTable, MOST_ROWS};
+use modlens_profiles::learn::{conclude, likely_pairs, Anchor, Counts, LayoutPoint, Learned, ObservedTable, MOST_ROWS};
 use modlens_profiles::points::Plan;
+use modlens_profiles::profile::Type;
 use modlens_protocol::register_type::Space;
 use modlens_protocol::status::Status;
 
@@ -99,14 +100,25 @@ impl RegisterSurvey {
         fit(plan, &tables.collect::<Vec<_>>())
     }
 
-    /// The layout of the points that are certain.
+    /// The layout of the points that are certain, and pairs that are likely.
     pub fn layout_hints(&self) -> Vec<LayoutHint> {
         let mut found = Vec::new();
         for ((unit, space), table) in self.units.iter().filter(|((_, space), _)| !space.is_bits()) {
-            for layout in conclude(table, &[]).into_iter().map(|learned| learned.layout).filter(|layout| layout.is_certain) {
-                let (address, count, kind, order) = (layout.address, layout.count, layout.kind, layout.order);
-                found.push(LayoutHint { unit: *unit, space: *space, address, count, kind, order });
-            }
+            let learned = conclude(table, &[]);
+            let points: Vec<&LayoutPoint> = learned.iter().map(|learned| &learned.layout).collect();
+            let hint = |address, count, kind, order, is_certain| LayoutHint {
+                unit: *unit,
+                space: *space,
+                address,
+                count,
+                kind,
+                order,
+                is_certain,
+            };
+            let certain = points.iter().filter(|layout| layout.is_certain);
+            found.extend(certain.map(|layout| hint(layout.address, layout.count, layout.kind, layout.order, true)));
+            let likely = likely_pairs(table, &points).into_iter();
+            found.extend(likely.map(|(address, order)| hint(address, 2, Type::U32, order, false)));
         }
         found
     }

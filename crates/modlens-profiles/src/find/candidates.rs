@@ -26,6 +26,8 @@ pub struct LayoutHint {
     pub kind: Type,
     /// The order of registers and bytes.
     pub order: Order,
+    /// Whether `learn` says so; else it is likely because of the places of other numbers.
+    pub is_certain: bool,
 }
 
 /// The candidates of a query.
@@ -166,7 +168,8 @@ fn explain(column: &Column<'_>, reading: Reading, query: &Query, comparison: Opt
         .into_iter()
         .filter(|scaling| !is_bit || scaling.prior == 0.0)
         .map(|scaling| {
-            let chances = windows.iter().zip(&query.shown).map(|(window, shown)| window.chance(shown, &scaling).log2());
+            let chances =
+                windows.iter().zip(&query.shown).map(|(window, shown)| window.chance(shown, &scaling, column.is_float()).log2());
             let fit: f64 = chances.sum();
             (fit + scaling.prior + digits_bits(&query.shown, &scaling, column.is_float()), fit, scaling)
         })
@@ -208,6 +211,13 @@ impl Layout {
         };
         let bytes = if matches!(variant.order, Order::Badc | Order::Dcba) { -5.0 } else { 0.0 };
         match hint_at(0) {
+            _ if (0..variant.words).any(|offset| hint_at(offset).is_some_and(|hint| !hint.is_certain)) => {
+                let hint = hint_at(0).filter(|hint| hint.address == first && usize::from(hint.count) == variant.words);
+                match hint {
+                    Some(hint) if hint.order == variant.order && hint.kind == variant.kind => 1.0,
+                    _ => rarity + bytes + bit,
+                }
+            }
             Some(hint) if hint.address == first && usize::from(hint.count) == variant.words => {
                 let same = hint.kind == variant.kind && hint.order == variant.order;
                 if same || variant.words == 1 {

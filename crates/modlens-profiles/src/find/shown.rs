@@ -49,6 +49,9 @@ const MOMENTS: i64 = 33;
 /// The probability that a right reading misses: a misread digit, or a clock that is wrong by more than stated.
 const MISS: f64 = 2e-4;
 
+/// The probability that a display shows more digits than the register has.
+const FINER: f64 = 0.25;
+
 /// The numbers that a reading had around a time at which a value was shown, with their weights.
 #[derive(Debug)]
 pub struct Window {
@@ -85,9 +88,10 @@ impl Window {
     }
 
     /// The probability that a display which shows this reading shows the value.
-    pub fn chance(&self, shown: &Shown, scaling: &Scaling) -> f64 {
-        let (mut exact, mut cut, mut between) = (0.0, 0.0, 0.0);
+    pub fn chance(&self, shown: &Shown, scaling: &Scaling, is_float: bool) -> f64 {
+        let (mut exact, mut cut, mut between, mut coarse) = (0.0, 0.0, 0.0, 0.0);
         let unit = shown.unit();
+        let step = if is_float { unit } else { scaling.scale };
         for &(held, next, weight) in &self.moments {
             let first = held * scaling.scale + scaling.offset - shown.value;
             let second = next * scaling.scale + scaling.offset - shown.value;
@@ -96,11 +100,13 @@ impl Window {
                 exact += weight;
             } else if nearest < unit {
                 cut += weight;
+            } else if nearest <= 0.5 * step {
+                coarse += weight;
             } else if first * second < 0.0 {
                 between += weight;
             }
         }
-        0.85 * exact + 0.06 * cut + 0.06 * between + MISS
+        0.85 * exact + 0.06 * cut + 0.06 * between + FINER * unit / step.max(unit) * coarse + MISS
     }
 }
 

@@ -6,6 +6,7 @@ use std::rc::Rc;
 use crate::learn::anchor::{self, Anchor};
 use crate::learn::calibration::{layout_bits, quantity_bits, role_bits, scale_bits};
 use crate::learn::grid;
+use crate::learn::habits::Habits;
 use crate::learn::layout::{best_blocks, layout, BestBlocks};
 use crate::learn::layout_point::LayoutPoint;
 use crate::learn::observed::{ObservedTable, Samples};
@@ -40,8 +41,15 @@ pub struct Learned {
 /// Learns about all registers of a table, in the order of their addresses; `anchors` are scales known from elsewhere.
 pub fn conclude(table: &ObservedTable, anchors: &[Anchor]) -> Vec<Learned> {
     let best = best_blocks(table);
-    let mut points = layout(table, &best);
+    let mut points = layout(table, &best, None);
+    let were_known = Habits::of(&points).are_known();
     grid::fill(table, &mut points);
+    let habits = Habits::of(&points);
+    if !were_known && habits.are_known() {
+        // Pairs with an upper register of zero show the order, too.
+        points = layout(table, &best, Some(&habits));
+        grid::fill(table, &mut points);
+    }
     singles::add(table, &best, &mut points);
     let upper_halves = possible_upper_halves(table, &points);
     let mut reader = CourseReader::new(table, &best, points.len());
@@ -54,14 +62,16 @@ pub fn conclude(table: &ObservedTable, anchors: &[Anchor]) -> Vec<Learned> {
         })
         .collect();
     let ranges: Vec<_> = courses.iter().map(|(course, _)| (!course.numbers.is_empty()).then(|| course.range())).collect();
-    let roles: Vec<_> = courses.iter().map(|(_, role)| role.map(|role| (role, role_bits(role)))).collect();
-    let mut scales = scales(&courses);
+    let addresses: Vec<u16> = points.iter().map(|point| point.address).collect();
+    let mut scales = scales(&courses, &addresses);
     for anchor in anchors {
         if let Ok(at) = points.binary_search_by_key(&anchor.address, |point| point.address) {
             anchor::apply(&courses, at, anchor, &mut scales);
         }
     }
-    relate(&courses, &mut scales);
+    let totals = relate(&courses, &mut scales);
+    let roles = courses.iter().enumerate().map(|(i, (_, role))| role.or(totals.contains(&i).then_some(Role::Counter)));
+    let roles: Vec<_> = roles.map(|role| role.map(|role| (role, role_bits(role)))).collect();
     let rest = roles.into_iter().zip(scales).zip(ranges);
     let learned = |(mut layout, ((role, scale), range)): (LayoutPoint, ((_, Option<Scale>), _))| {
         let evidence = layout.bits;
@@ -73,7 +83,8 @@ pub fn conclude(table: &ObservedTable, anchors: &[Anchor]) -> Vec<Learned> {
     points.into_iter().zip(rest).map(learned).collect()
 }
 
-/// Constant registers beside one that only rises or jumps over its whole range: they may be its upper half.
+/// Constant registers beside one that only rises or jumps over its whole range, and those of zero beside one that moves: they
+/// may be its upper half.
 fn possible_upper_halves(table: &ObservedTable, points: &[LayoutPoint]) -> BTreeSet<u16> {
     let single: BTreeSet<u16> = points.iter().filter(|point| point.count == 1).map(|point| point.address).collect();
     let is_lower = |at: &u16| {
@@ -81,7 +92,11 @@ fn possible_upper_halves(table: &ObservedTable, points: &[LayoutPoint]) -> BTree
         counts.is_some_and(|counts| counts.changes() > 0 && (counts.downs == 0 || counts.max - counts.min > 0x6000))
     };
     let beside = |at: u16| [at.checked_sub(1), at.checked_add(1)];
-    single.iter().filter(|at| is_lower(at)).flat_map(|&at| beside(at)).flatten().collect()
+    let moves = |at: &u16| table.registers.get(at).is_some_and(|counts| counts.changes() > 0);
+    let is_zero = |at: &u16| table.registers.get(at).is_some_and(|counts| counts.first == 0 && counts.changes() == 0);
+    let beside_lower = single.iter().filter(|at| is_lower(at)).flat_map(|&at| beside(at)).flatten();
+    let beside_moving = single.iter().filter(|at| moves(at)).flat_map(|&at| beside(at)).flatten().filter(is_zero);
+    beside_lower.chain(beside_moving).collect()
 }
 
 /// Reads the numbers of points over time.

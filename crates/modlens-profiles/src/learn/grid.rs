@@ -29,17 +29,27 @@ pub(super) fn fill(table: &ObservedTable, points: &mut Vec<LayoutPoint>) {
     add(points, added);
     let taken = taken(points);
     let usual = usual_order(points);
+    let mut runs = all_zero_pairs(table, &taken, usual);
+    if usual.is_none() {
+        // Clear runs show the order of the others.
+        if let Some(order) = usual_order(&runs) {
+            runs = all_zero_pairs(table, &taken, Some(order));
+        }
+    }
+    if usual_order(&runs).is_some() {
+        add(points, runs);
+    }
+}
+
+/// The pairs of all runs in all blocks.
+fn all_zero_pairs(table: &ObservedTable, taken: &BTreeSet<u16>, usual: Option<Order>) -> Vec<LayoutPoint> {
     let mut runs: BTreeMap<u16, LayoutPoint> = BTreeMap::new();
     for (first, count) in table.blocks.keys() {
-        for point in zero_pairs(table, *first, *count, &taken, usual) {
+        for point in zero_pairs(table, *first, *count, taken, usual) {
             runs.entry(point.address).or_insert(point);
         }
     }
-    let order = runs.values().map(|point| point.order).collect::<Vec<_>>();
-    let both = order.contains(&Order::Abcd) && order.contains(&Order::Cdab);
-    if !both {
-        add(points, runs.into_values().collect());
-    }
+    runs.into_values().collect()
 }
 
 /// Puts certain points in; guesses that overlap them go.
@@ -88,6 +98,31 @@ fn floats(table: &ObservedTable, points: &[LayoutPoint]) -> Vec<LayoutPoint> {
             }
         }
     }
+    found
+}
+
+/// Places of a block that are likely to hold a number of two registers, with its order: they are at the parity of others of
+/// one order, and their upper register has not been used. Nothing is claimed of them.
+pub fn likely_pairs(table: &ObservedTable, points: &[&LayoutPoint]) -> Vec<(u16, Order)> {
+    let certain = || points.iter().filter(|point| point.is_certain);
+    let taken: BTreeSet<u16> = certain().flat_map(|point| (0..point.count).map(|i| point.address.wrapping_add(i))).collect();
+    let mut found = Vec::new();
+    for &(first, count) in table.blocks.keys() {
+        let pairs = || {
+            certain().filter(|point| (u32::from(first)..u32::from(first) + u32::from(count)).contains(&u32::from(point.address)))
+        };
+        for (order, parity) in [(Order::Abcd, 0), (Order::Abcd, 1), (Order::Cdab, 0), (Order::Cdab, 1)] {
+            let is_alike = |point: &&&LayoutPoint| is_pair(point, order, false) && (point.address - first) % 2 == parity;
+            let (alike, all) = (pairs().filter(is_alike).count(), pairs().filter(|point| point.count > 1).count());
+            if alike >= LEAST_PAIRS && alike == all {
+                let places = (first + parity..first + count.saturating_sub(1)).step_by(2);
+                let is_free = |at: &u16| !taken.contains(at) && !taken.contains(&(at + 1)) && is_small(table, *at, order);
+                found.extend(places.filter(is_free).map(|at| (at, order)));
+            }
+        }
+    }
+    found.sort_unstable_by_key(|place| place.0);
+    found.dedup();
     found
 }
 

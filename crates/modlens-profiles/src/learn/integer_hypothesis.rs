@@ -46,7 +46,7 @@ pub fn integer_hypothesis(sequence: &Sequence<'_, u64>, words: usize, order: Ord
         return None;
     }
     let mut reason = String::new();
-    let constant_upper_bits = if words == 2 && habits.are_known() { constant_upper_half(sequence, &mut reason) } else { 0.0 };
+    let constant_upper_bits = if words == 2 { constant_upper_half(sequence, habits.are_known(), &mut reason) } else { 0.0 };
     let mut bits =
         if words == 4 { four_registers(sequence, &movement, signed, &mut reason) } else { coupling_bits(&movement, &mut reason) };
     bits = bits.max(constant_upper_bits);
@@ -89,14 +89,25 @@ fn size_penalty(values: &[u64], signed: bool) -> f64 {
     0.5 * ((most as f64).log2() - USUAL_DIGITS).max(0.0)
 }
 
-/// Evidence in bits for an upper register that never changes, beside a lower one that does. It never suffices without
-/// the order that the device uses elsewhere.
-fn constant_upper_half(sequence: &Sequence<'_, u64>, reason: &mut String) -> f64 {
+/// The least number in a lower half that suffices where the order of the device is not known: smaller ones are often counters
+/// of their own.
+const LEAST_LOWER: u64 = 0x1000;
+
+/// The upper halves of totals where the order of the device is not known.
+const USUAL_UPPER: u64 = 0x800;
+
+/// Evidence in bits for an upper register that never changes, beside a lower one that does. Without the order that the
+/// device uses elsewhere, it suffices for a long rise only.
+fn constant_upper_half(sequence: &Sequence<'_, u64>, is_order_known: bool, reason: &mut String) -> f64 {
     let values = sequence.values;
     let top = values[0] >> 16;
     let mut lower: Vec<u64> = values.iter().map(|value| value & 0xFFFF).collect();
     let rising = lower.windows(2).all(|pair| pair[0] <= pair[1]);
     lower.dedup();
+    let is_long = rising && lower.len() >= LONG_RISE && lower.last() >= Some(&LEAST_LOWER) && top < USUAL_UPPER;
+    if !is_order_known && !is_long {
+        return 0.0;
+    }
     if values.iter().any(|value| value >> 16 != top) || lower.len() < 5 {
         return 0.0;
     }

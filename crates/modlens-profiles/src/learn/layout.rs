@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::learn::evidence::MIN_MARGIN_BITS;
 use crate::learn::habits::Habits;
 use crate::learn::layout_point::LayoutPoint;
-use crate::learn::observed::{ObservedTable, Samples};
+use crate::learn::observed::{Counts, ObservedTable, Samples};
 use crate::learn::{rank_types, text};
 use crate::profile::{Order, Type};
 
@@ -34,8 +34,8 @@ pub(super) fn best_blocks(table: &ObservedTable) -> BestBlocks<'_> {
 }
 
 /// The best set of points that do not overlap. If it shows what the device does elsewhere, the choice is made again with
-/// a preference for that.
-pub(super) fn layout(table: &ObservedTable, best: &BestBlocks<'_>) -> Vec<LayoutPoint> {
+/// a preference for that; so it is from the beginning if the habits of the device are known.
+pub(super) fn layout(table: &ObservedTable, best: &BestBlocks<'_>, known: Option<&Habits>) -> Vec<LayoutPoint> {
     let texts = texts(table);
     let choose_points = |habits: &Habits| {
         let mut all = texts.clone();
@@ -45,9 +45,11 @@ pub(super) fn layout(table: &ObservedTable, best: &BestBlocks<'_>) -> Vec<Layout
         }
         choose_non_overlapping(all)
     };
-    let first = choose_points(&Habits::default());
-    let habits = Habits::of(&first);
-    let mut chosen = if habits.are_known() { choose_points(&habits) } else { first };
+    let mut chosen = choose_points(known.unwrap_or(&Habits::default()));
+    let habits = Habits::of(&chosen);
+    if known.is_none() && habits.are_known() {
+        chosen = choose_points(&habits);
+    }
     for point in &mut chosen {
         point.is_certain &= !is_end_of_longer_number(table, point);
     }
@@ -68,7 +70,7 @@ fn is_end_of_longer_number(table: &ObservedTable, point: &LayoutPoint) -> bool {
     let has_zeros = |upper: i32| {
         is_zero(upper + outward)
             && is_zero(upper + 2 * outward)
-            && counts(upper - outward).is_some_and(|counts| counts.changes() > 0)
+            && counts(upper - outward).is_some_and(|lower| lower.changes() > 4 * counts(upper).map_or(0, Counts::changes))
     };
     let is_still = counts(upper).is_some_and(|counts| counts.changes() == 0);
     matches!(point.kind, Type::U32 | Type::S32)
@@ -78,7 +80,7 @@ fn is_end_of_longer_number(table: &ObservedTable, point: &LayoutPoint) -> bool {
 
 /// The texts in registers that never change.
 fn texts(table: &ObservedTable) -> Vec<LayoutPoint> {
-    let is_constant = |counts: &&crate::learn::observed::Counts| counts.changes() == 0;
+    let is_constant = |counts: &&Counts| counts.changes() == 0;
     let constant: BTreeMap<u16, u16> =
         table.registers.iter().filter(|(_, counts)| is_constant(counts)).map(|(at, counts)| (*at, counts.first)).collect();
     text::runs(&constant)

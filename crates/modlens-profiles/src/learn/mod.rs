@@ -25,6 +25,7 @@ pub mod text;
 pub use anchor::Anchor;
 pub use conclude::{conclude, Learned};
 pub use evidence::{TypeHypothesis, MIN_MARGIN_BITS};
+pub use grid::likely_pairs;
 pub use habits::Habits;
 pub use layout_point::LayoutPoint;
 pub use observed::{Counts, ObservedBlock, ObservedTable, Samples, MOST_ROWS};

@@ -129,14 +129,19 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_upper_register_needs_the_order_of_the_device() {
+    fn a_constant_upper_register_needs_the_order_of_the_device_or_a_long_rise() {
         let total: Vec<_> = (0..60u32).map(|i| words(0x0007_1234 + 3 * i, Order::Cdab)).collect();
         let debt: Vec<_> = (0..60u32).map(|i| words((-3_000_000i32 - 7 * (i % 13) as i32) as u32, Order::Cdab)).collect();
         for (rows, kind) in [(total, Type::U32), (debt, Type::S32)] {
             assert_eq!(best_with_device_order(&rows, Some(Order::Cdab)), Some((kind, Order::Cdab)));
             assert_eq!(best_with_device_order(&rows, Some(Order::Abcd)), None);
-            assert_eq!(best_with_device_order(&rows, None), None);
+            let is_rising = kind == Type::U32;
+            assert_eq!(best_with_device_order(&rows, None), is_rising.then_some((kind, Order::Cdab)));
+            assert_eq!(best_with_device_order(&rows[..20], None), None);
         }
+        // A small counter of its own beside a constant.
+        let small: Vec<_> = (0..60u16).map(|i| [7, 700 + 3 * i]).collect();
+        assert_eq!(best_with_device_order(&small, None), None);
         // 65535 and 0 often stand beside counters to which they do not belong.
         for idle in [0, 0xFFFF] {
             let rows: Vec<_> = (0..60u16).map(|i| [idle, 700 + 3 * i]).collect();

@@ -1,11 +1,14 @@
 //! Relations between points: a power is voltage times current, a total is the integral of a rate, a voltage is the sum of
 //! cells. They carry a scale from one point to another, and say what a point is.
 
-use crate::learn::role::{Course, Role};
-use crate::learn::scale::Scale;
+use std::collections::BTreeSet;
 
-/// The stretches of time in which a total is compared with an integral.
-const STRETCHES: usize = 12;
+use crate::learn::role::{Course, Role};
+use crate::learn::scale::{mains_factor, Scale};
+
+/// The stretches of time in which a total is compared with an integral, and the steps of the total that each has at least.
+const STRETCHES: std::ops::RangeInclusive<usize> = 3..=12;
+const STRETCH_STEPS: usize = 8;
 
 /// The least steps of a total: fewer are too coarse.
 const LEAST_STEPS: f64 = 24.0;
@@ -26,11 +29,12 @@ const LEAST_NEAREST: usize = 8;
 /// Points and what is known of each.
 type Points<'a, 'b> = &'a [(Course<'b>, Option<Role>)];
 
-/// Adds to scales and quantities what relations show.
-pub(super) fn relate(points: Points<'_, '_>, scales: &mut [Option<Scale>]) {
+/// Adds to scales and quantities what relations show; gives the points that relations show to be totals.
+pub(super) fn relate(points: Points<'_, '_>, scales: &mut [Option<Scale>]) -> BTreeSet<usize> {
     sums_of_cells(points, scales);
+    lone_voltages(points, scales);
     products(points, scales);
-    integrals(points, scales);
+    integrals(points, scales)
 }
 
 /// The points that go up and down.
@@ -64,6 +68,43 @@ fn sums_of_cells(points: Points<'_, '_>, scales: &mut [Option<Scale>]) {
             }
         }
     }
+}
+
+/// The points on either side of a voltage among which its current and power are looked for.
+const REACH: usize = 12;
+
+/// Numbers that would be a voltage of the mains, and that times another one are a third one.
+fn lone_voltages(points: Points<'_, '_>, scales: &mut [Option<Scale>]) {
+    let is_free = |i: &usize| scales[*i].is_none_or(|scale| scale.unit.is_none());
+    let all: Vec<usize> = measurements(points).filter(is_free).collect();
+    let found = all.iter().enumerate().filter_map(|(n, &voltage)| {
+        let factor = mains_factor(&points[voltage].0, points[voltage].1)?;
+        let near = &all[n.saturating_sub(REACH)..(n + REACH + 1).min(all.len())];
+        let others = || near.iter().filter(|&&other| other != voltage);
+        let mut pairs = others().flat_map(|i| others().filter(move |p| *p != i).map(move |p| (*i, *p)));
+        let is_product = |(i, p): (usize, usize)| {
+            let courses = [voltage, i, p].map(|at| &points[at].0);
+            // The share is known but for a power of ten, if all three are integers.
+            let share = steady_share(&courses).map(|share| share / factor);
+            share.is_some_and(|share| (0.9..1.01).contains(&(share / 10f64.powf(share.log10().round()))))
+                && better_than_in_proportion(&courses)
+        };
+        pairs.any(is_product).then_some((voltage, factor))
+    });
+    for (voltage, factor) in found.collect::<Vec<_>>() {
+        scales[voltage] = Some(Scale::of(factor, "V", "voltage", 7.0, "a voltage of the mains: it gives a power with a current"));
+    }
+}
+
+/// Whether a product varies less in proportion to the product of both than in proportion to the second one alone.
+fn better_than_in_proportion([one, other, product]: &[&Course<'_>; 3]) -> bool {
+    let spread = |of: &dyn Fn(usize) -> f64| {
+        let ratios: Vec<f64> = (0..one.numbers.len()).map(of).filter(|ratio| ratio.is_finite() && *ratio > 0.0).collect();
+        let mean = ratios.iter().sum::<f64>() / ratios.len().max(1) as f64;
+        ratios.iter().map(|ratio| (ratio / mean - 1.0).powi(2)).sum::<f64>() / ratios.len().max(1) as f64
+    };
+    let alone = spread(&|i| product.numbers[i] / other.numbers[i]);
+    spread(&|i| product.numbers[i] / (one.numbers[i] * other.numbers[i])) < alone / 4.0
 }
 
 /// Powers that are a voltage of the mains times a current. Both must be floats: of integers, only the ratio is known.
@@ -107,16 +148,30 @@ pub(super) fn steady_share([one, other, product]: &[&Course<'_>; 3]) -> Option<f
     (is_steady && high > 0.0 && low < 0.7 * high).then(|| at(5))
 }
 
-/// Totals that are the integral of a measurement whose scale is known.
-fn integrals(points: Points<'_, '_>, scales: &mut [Option<Scale>]) {
+/// Totals that are the integral of a measurement: their scale follows where that of the measurement is known. What only
+/// rises is a total if it is one; gives those.
+fn integrals(points: Points<'_, '_>, scales: &mut [Option<Scale>]) -> BTreeSet<usize> {
     let is_free = |i: &usize| scales[*i].is_none_or(|scale| scale.unit.is_none());
-    let totals: Vec<usize> = (0..points.len()).filter(|&i| points[i].1 == Some(Role::Counter)).filter(is_free).collect();
-    let is_rate = |i: &usize| {
-        scales[*i].is_some_and(|scale| !matches!(scale.quantity, Some("voltage" | "current" | "frequency" | "duration")))
+    let may_be_total = |i: &usize| match points[*i].1 {
+        None => points[*i].0.only_rises(),
+        role => role == Some(Role::Counter),
     };
-    let rates: Vec<usize> = measurements(points).filter(is_rate).collect();
-    let most = MOST_PAIRS / totals.len().max(1);
+    let totals: Vec<usize> = (0..points.len()).filter(may_be_total).filter(is_free).collect();
+    let is_no_rate = |i: &usize| {
+        scales[*i].is_some_and(|scale| matches!(scale.quantity, Some("voltage" | "current" | "frequency" | "duration")))
+    };
+    let (rates, others): (Vec<usize>, Vec<usize>) =
+        measurements(points).filter(|i| !is_no_rate(i)).partition(|i| scales[*i].is_some());
+    let most = MOST_PAIRS / totals.len().max(1) / 2;
+    // What a battery holds is the integral of its current, too, and may rise for hours.
+    let has_battery = scales.iter().flatten().any(|scale| scale.reason == "cells of a battery");
+    let mut found = BTreeSet::new();
     for total in totals {
+        let of_unknown = nearest(&others, total, most).iter();
+        let mut all = of_unknown.chain(nearest(&rates, total, most));
+        if !has_battery && all.any(|&rate| integral_factor(&points[total].0, &points[rate].0).is_some()) {
+            found.insert(total);
+        }
         let near = nearest(&rates, total, most).iter();
         let fits = near.filter_map(|&rate| integral_factor(&points[total].0, &points[rate].0).map(|fit| (fit, rate)));
         let mut fits: Vec<((f64, f64), usize)> = fits.collect();
@@ -135,6 +190,7 @@ fn integrals(points: Points<'_, '_>, scales: &mut [Option<Scale>]) {
         let reason = "the integral of a measurement";
         scales[total] = Some(Scale { factor, unit, quantity, bits: 7.0, quantity_bits: 7.0, reason });
     }
+    found
 }
 
 /// The power of ten that makes a total the integral of a rate over hours, and the residual as a share.
@@ -145,21 +201,22 @@ fn integral_factor(total: &Course<'_>, rate: &Course<'_>) -> Option<(f64, f64)> 
         let hours = (times[1] - times[0]) / 3600.0;
         integral.push(integral[integral.len() - 1] + hours * (numbers[0].max(0.0) + numbers[1].max(0.0)) / 2.0);
     }
-    let at = |i: usize| first + (last - first) * i as f64 / STRETCHES as f64;
+    let mut different = total.numbers.clone();
+    different.dedup();
+    let stretches = (different.len() / STRETCH_STEPS).clamp(*STRETCHES.start(), *STRETCHES.end());
+    let at = |i: usize| first + (last - first) * i as f64 / stretches as f64;
     let steps = |seconds: &[f64], numbers: &[f64]| -> Vec<f64> {
-        (0..STRETCHES).map(|i| value_at(seconds, numbers, at(i + 1)) - value_at(seconds, numbers, at(i))).collect()
+        (0..stretches).map(|i| value_at(seconds, numbers, at(i + 1)) - value_at(seconds, numbers, at(i))).collect()
     };
     let (parts, rises) = (steps(&rate.seconds, &integral), steps(&total.seconds, &total.numbers));
     let (sum, rise) = (parts.iter().sum::<f64>(), rises.iter().sum::<f64>());
-    let mut different = total.numbers.clone();
-    different.dedup();
     if last <= first || sum <= 0.0 || rise <= 0.0 || (different.len() as f64) < LEAST_STEPS {
         return None;
     }
     let ratio = sum / rise;
     let factor = 10f64.powf(ratio.log10().round());
     let residual = parts.iter().zip(&rises).map(|(part, rise)| (part - ratio * rise).abs()).sum::<f64>() / sum;
-    let mean = sum / STRETCHES as f64;
+    let mean = sum / stretches as f64;
     let variation = parts.iter().map(|part| (part - mean).abs()).sum::<f64>() / sum;
     let fits = (ratio / factor - 1.0).abs() < 0.03 && residual < MOST_RESIDUAL && variation > LEAST_VARIATION;
     (fits && residual < variation / 3.0).then_some((factor, residual))

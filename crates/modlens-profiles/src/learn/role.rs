@@ -58,6 +58,9 @@ pub(super) struct Course<'a> {
     pub counts: Vec<&'a Counts>,
 }
 
+/// Fewer steps do not show that something rises evenly.
+const LEAST_STEPS: usize = 24;
+
 impl Course<'_> {
     /// Ups, downs and changes of direction among the numbers that were kept.
     fn directions(&self) -> (u64, u64, u64) {
@@ -80,6 +83,22 @@ impl Course<'_> {
         } else {
             0.0
         }
+    }
+
+    /// Whether the number only rises, without a change of direction in between.
+    pub fn only_rises(&self) -> bool {
+        let (ups, downs, _) = self.directions();
+        downs == 0 && ups > 0 && self.counts.iter().take(1).all(|counts| counts.downs == 0)
+    }
+
+    /// Whether the numbers are those of a time: they rise evenly, in many steps.
+    pub fn rises_evenly(&self) -> bool {
+        let (Some(&first), Some(&start), rate) = (self.numbers.first(), self.seconds.first(), self.rate()) else { return false };
+        let steps = self.numbers.windows(2).filter(|pair| pair[0].to_bits() != pair[1].to_bits()).count();
+        let line = |second: f64| first + rate * (second - start);
+        steps >= LEAST_STEPS
+            && rate > 0.0
+            && self.seconds.iter().zip(&self.numbers).all(|(&second, number)| (number - line(second)).abs() < 2.5)
     }
 
     /// The time from the first to the last number in seconds.
@@ -113,8 +132,8 @@ pub(super) fn role(course: &Course<'_>) -> Option<Role> {
         return Some(Role::Setpoint);
     }
     if course.is_constant() {
-        // Zero and the ends of the range are what unused registers hold, and upper halves.
-        let is_used = course.counts.iter().any(|counts| !matches!(counts.first, 0 | 0x7FFF | 0x8000 | 0xFFFF));
+        // The ends of the range are what unused registers hold.
+        let is_used = course.counts.iter().any(|counts| !matches!(counts.first, 0x7FFF | 0x8000 | 0xFFFF));
         return (first.samples >= 4 && is_used).then_some(Role::Constant);
     }
     if course.counts.len() == 1 {
@@ -152,6 +171,11 @@ fn one_register(course: &Course<'_>, counts: &Counts) -> Option<Role> {
     if let Some(distinct) = counts.distinct() {
         return few_values(counts, &distinct);
     }
+    if counts.ups == 0 {
+        // What only falls is hardly a counter, unless it counts down the time.
+        let is_time = is_rate(course.rate(), -1.0) || is_rate(course.rate(), -1.0 / 60.0);
+        return (counts.downs >= 16 && !is_time).then_some(Role::Measurement);
+    }
     if counts.downs == 0 {
         // A quantity that drifts may rise for hours.
         let hours = course.duration() / 3600.0;
@@ -169,6 +193,9 @@ fn clock(course: &Course<'_>, counts: &Counts) -> Option<Role> {
     (fits && moves && course.numbers.windows(2).all(is_full)).then_some(Role::Clock)
 }
 
+/// States are smaller than this.
+const LEAST_NUMBER: u16 = 100;
+
 /// The role of a register that had at most twelve values.
 fn few_values(counts: &Counts, distinct: &[(u16, u32)]) -> Option<Role> {
     let changes = counts.changes();
@@ -182,6 +209,11 @@ fn few_values(counts: &Counts, distinct: &[(u16, u32)]) -> Option<Role> {
     }
     if counts.max >= 16 && counts.max < 0x8000 && counts.single_bits * 3 >= changes * 2 && moved.count_ones() >= 2 && !is_range {
         return (values.len() >= 3 && stays >= 6.0).then_some(Role::BitField);
+    }
+    // A larger number that moves by its smallest step. Flags change a single bit each.
+    let is_number = values.len() >= 3 || changes > counts.single_bits;
+    if is_range && counts.min >= LEAST_NUMBER && counts.reversals >= 3 && is_number {
+        return Some(Role::Measurement);
     }
     // Flags change one at a time; so does a number that takes two values.
     let is_state = (changes - counts.single_bits) * 3 >= changes;

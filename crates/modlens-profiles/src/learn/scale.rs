@@ -99,8 +99,8 @@ const ANCHORS: [Anchor; 5] = [
     },
 ];
 
-/// The scale of each point.
-pub(super) fn scales(courses: &[(Course<'_>, Option<Role>)]) -> Vec<Option<Scale>> {
+/// The scale of each point, given with its address.
+pub(super) fn scales(courses: &[(Course<'_>, Option<Role>)], addresses: &[u16]) -> Vec<Option<Scale>> {
     let mut found: Vec<Option<Scale>> = courses.iter().map(|(course, role)| by_itself(course, *role)).collect();
     for anchor in &ANCHORS {
         for &factor in anchor.factors {
@@ -118,8 +118,40 @@ pub(super) fn scales(courses: &[(Course<'_>, Option<Role>)]) -> Vec<Option<Scale
                     }
                 }
             }
+            if anchor.alike == PHASES {
+                let fitting: Vec<usize> = fits.iter().filter(|(_, fits)| *fits).map(|(i, _)| *i).collect();
+                for i in alike(courses, at_equal_distances(courses, addresses, &fitting)) {
+                    found[i] = found[i].or(Some(Scale::of(factor, anchor.unit, anchor.quantity, anchor.bits, anchor.reason)));
+                }
+            }
         }
     }
+    found
+}
+
+/// Voltages of the mains are three.
+const PHASES: usize = 3;
+
+/// The registers from one phase to the next, at most.
+const MOST_DISTANCE: u16 = 40;
+
+/// Of points in the order of their addresses, those that are one of three of a type at equal distances: the voltages of
+/// phases whose other values are in between.
+fn at_equal_distances(courses: &[(Course<'_>, Option<Role>)], addresses: &[u16], fitting: &[usize]) -> Vec<usize> {
+    let mut found = Vec::new();
+    for (n, &first) in fitting.iter().enumerate() {
+        let near = |other: usize| addresses[other] - addresses[first] <= MOST_DISTANCE;
+        for &second in fitting[n + 1..].iter().take_while(|other| near(**other)) {
+            let third = addresses[second].checked_add(addresses[second] - addresses[first]);
+            let third = third.and_then(|third| addresses.binary_search(&third).ok()).filter(|third| fitting.contains(third));
+            let kind = |at: usize| courses[at].0.kind;
+            if let Some(third) = third.filter(|third| kind(first) == kind(second) && kind(first) == kind(*third)) {
+                found.extend([first, second, third]);
+            }
+        }
+    }
+    found.sort_unstable();
+    found.dedup();
     found
 }
 
@@ -134,8 +166,15 @@ fn alike(courses: &[(Course<'_>, Option<Role>)], run: Vec<usize>) -> Vec<usize> 
     };
     let mut middles: Vec<f64> = run.iter().map(|&at| middle(at)).collect();
     middles.sort_by(f64::total_cmp);
-    let median = middles[middles.len() / 2];
+    let median = middles.get(middles.len() / 2).copied().unwrap_or(f64::NAN);
     run.into_iter().filter(|&at| (middle(at) / median - 1.0).abs() <= MOST_UNLIKE).collect()
+}
+
+/// A factor that makes a point a voltage of the mains by its range alone.
+pub(super) fn mains_factor(course: &Course<'_>, role: Option<Role>) -> Option<f64> {
+    let voltages = ANCHORS.iter().filter(|anchor| anchor.alike == PHASES);
+    let mut factors = voltages.flat_map(|anchor| anchor.factors.iter().map(move |factor| (anchor, *factor)));
+    factors.find(|(anchor, factor)| fits(anchor, *factor, course, role)).map(|(_, factor)| factor)
 }
 
 /// Whether a point moves in the range of an anchor.
@@ -157,6 +196,10 @@ fn by_itself(course: &Course<'_>, role: Option<Role>) -> Option<Scale> {
     match (course.kind, role?) {
         (_, Role::Counter) if !course.is_constant() && course.numbers.len() >= 8 && is_rate(course.rate(), 1.0) => {
             Some(plain(1.0, Some("s"), Some("duration"), "rises by one a second"))
+        }
+        (_, Role::Counter) if course.rises_evenly() => {
+            let hours = [1.0, 0.1, 0.01].into_iter().find(|hours| is_rate(course.rate() * 3600.0, 1.0 / hours));
+            hours.map(|hours| plain(hours, Some("h"), Some("duration"), "rises evenly, by hours"))
         }
         (Type::F32 | Type::F64, Role::Measurement) => Some(plain(1.0, None, None, "a float, which needs no scale")),
         _ => None,
