@@ -19,6 +19,7 @@ from analyzer.cli.messages import Messages
 from analyzer.cli.parser import add_decoding, add_input, add_line
 from analyzer.cli.selection import add_selection
 from analyzer.cli.standard_streams import print_text
+from analyzer.marks import marks_of
 from analyzer.views.candidates import show_candidates
 from analyzer.views.screen import stdout
 from dissectors.errors import UsageError
@@ -40,9 +41,11 @@ examples:
   modlens find day.pcapng --value 231.4 --at 12:03 --value 229.8 --at 12:40
   modlens find day.pcapng --like history.csv
   modlens find day.pcapng --same 9:00..9:30 --up 9:30..9:32 --down 10:05..10:10
+  modlens find day.pcapng --up k1..k2 --down k2..k3
 
-Times are those of the recording: 12:03:10, 2026-11-21T12:03:10Z, or seconds
-since its start. Write a value with the digits that the display showed.
+Times are those of the recording: 12:03:10, 2026-11-21T12:03:10Z, seconds since
+its start, or k1, the first mark that k set while it was tapped. Write a value
+with the digits that the display showed.
 """
 
 
@@ -119,7 +122,8 @@ class Search:
         if within is None:
             raise UsageError(f"--within {options.within}: not a duration; write 5s or 500ms")
         self._within = within
-        self._finder = _modlens.Finder(_kept(options, within))
+        self._marks = marks_of(options.files)
+        self._finder = _modlens.Finder(_kept(options, within, self._marks))
 
     def add(self, batch: _modlens.Batch) -> None:
         """Add what a batch read and wrote."""
@@ -131,7 +135,8 @@ class Search:
             raise UsageError(
                 "find: no register was read or written at a known time in this recording"
             )
-        times = RecordedTimes(*self._finder.span, local=self._options.times == "local")
+        local = self._options.times == "local"
+        times = RecordedTimes(*self._finder.span, self._marks, local=local)
         query = _query(self._options, times, self._within, self._history)
         found: dict[str, Any] = json.loads(self._finder.find(json.dumps(query)))
         return times, found
@@ -166,13 +171,16 @@ def _history(name: str | None) -> History | None:
     return load_history(path, column if colon else None)
 
 
-def _kept(options: argparse.Namespace, within: int) -> list[tuple[int, int]]:
+def _kept(
+    options: argparse.Namespace, within: int, marks: Mapping[int, int]
+) -> list[tuple[int, int]]:
     """The times near which no sample may be dropped, where they are known before reading."""
     margin = within + 60_000_000_000
     texts = [*options.times_shown]
     for word in CHANGES:
         texts += [part for text in getattr(options, word, ()) for part in text.split("..")]
-    moments = [parsed_time(text, local=options.times == "local") for text in texts]
+    local = options.times == "local"
+    moments = [parsed_time(text, marks, local=local) for text in texts]
     return [(moment - margin, moment + margin) for moment in moments if moment is not None]
 
 

@@ -1,8 +1,9 @@
-"""Times as they are given to `modlens find`: with a date, without one, or since the start."""
+"""Times as they are given to `modlens find`: with a date, without one, since the start, a mark."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal, InvalidOperation
 
@@ -17,23 +18,30 @@ _CAPTURED_NS = 86_400_000_000_000 * 365
 _STATES_ZONE = re.compile(r".*(?:Z|utc|local|[+-]\d\d:?\d\d)$")
 
 
-def parsed_time(text: str, *, local: bool) -> int | None:
-    """A time with a date, in nanoseconds since 1970; None for any other."""
-    return parse_ns(text, local=local)
+_MARK = re.compile(r"k(\d+)")
+
+
+def parsed_time(text: str, marks: Mapping[int, int], *, local: bool) -> int | None:
+    """A mark, or a time with a date, in nanoseconds since 1970; None for any other."""
+    mark = _MARK.fullmatch(text.strip())
+    return parse_ns(text, local=local) if mark is None else marks.get(int(mark[1]))
 
 
 class RecordedTimes:
     """The times of a recording, from its first to its last, in nanoseconds since 1970."""
 
-    def __init__(self, first: int, last: int, *, local: bool) -> None:
-        self._first, self._last, self._local = first, last, local
+    def __init__(self, first: int, last: int, marks: Mapping[int, int], *, local: bool) -> None:
+        self._first, self._last, self._marks, self._local = first, last, marks, local
 
     def moment(self, text: str, option: str) -> int:
         """The moment that a text means; `UsageError` where it means none, or several."""
         text = text.strip()
-        moment = parsed_time(text, local=self._local)
+        moment = parsed_time(text, self._marks, local=self._local)
         if moment is not None:
             return self._inside(moment, text, option)
+        if _MARK.fullmatch(text):
+            known = ", ".join(f"k{number}" for number in sorted(self._marks)) or "none"
+            raise UsageError(f"{option} {text}: no such mark beside the recording (there: {known})")
         clock = parse_time_of_day(text)
         if clock is not None:
             return self._on_a_day(clock, text, option)

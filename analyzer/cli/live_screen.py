@@ -16,6 +16,7 @@ import _modlens
 from analyzer.cli.keys import Keys
 from analyzer.counts import count_of
 from analyzer.filters import parse
+from analyzer.marks import note_mark
 from analyzer.views.live import VIEWS, draw
 from analyzer.views.live.marked import QUESTIONS, Marked
 from analyzer.views.live.state import LiveState
@@ -60,19 +61,26 @@ class LiveScreen:
 
     `quit_requested` is True once the user has pressed q. Messages of the tap (`show_message`)
     appear in the bottom line and are kept in `messages`, so that they can be printed when the
-    screen is closed.
+    screen is closed. `recording` names the file beside which marks are noted, if there is one.
     """
 
     name = "the screen"
     table = ""
 
-    def __init__(self, state: LiveState, view: str, screen: Screen) -> None:
+    def __init__(
+        self,
+        state: LiveState,
+        view: str,
+        screen: Screen,
+        recording: Callable[[], str | None] = lambda: None,
+    ) -> None:
         self.quit_requested = False
         self.messages: list[str] = []
         self.row_count = 0
         self._state = state
         self._view = view
         self._screen = screen
+        self._recording = recording
         self._keys = Keys()
         self._last_drawn_s = float("-inf")
         self._filter_input: str | None = None
@@ -252,6 +260,12 @@ class LiveScreen:
         mark = self._state.history.mark(f"at {time.strftime('%H:%M:%S')}")
         self.messages.append(mark.text)
         self._state.marked.mark(self._state.raw())
+        recording = self._recording()
+        if recording is not None:
+            try:
+                note_mark(recording, self._state.history.marks, time.time_ns())
+            except OSError as error:
+                self.show_message(f"the mark could not be noted: {error.strerror or error}")
         sys.stderr.flush()
 
     def _narrow_down(self, key: str) -> None:

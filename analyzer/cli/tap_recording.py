@@ -66,6 +66,11 @@ class TapRecording:
         """How the recording is going; None where there is none."""
         return None if self._recorder is None else self._recorder.status()
 
+    def file(self) -> str | None:
+        """The file that is written at the moment; None where nothing is recorded."""
+        status = self.current()
+        return None if status is None else str(status.file)
+
     def trouble(self) -> str | None:
         """Why nothing can be recorded at the moment."""
         status = self.current()

@@ -53,7 +53,7 @@ def tap_sinks(
         state = LiveState(
             table_options, live.stats, live.statuses, live.doctor, trouble=recording.trouble
         )
-        tap_messages.screen = LiveScreen(state, options.view, screen)
+        tap_messages.screen = LiveScreen(state, options.view, screen, recording.file)
         sinks.append(tap_messages.screen)
     if options.around is not None:
         sinks += [

@@ -12,6 +12,7 @@ import pytest
 import _modlens
 from analyzer.cli.find_times import RecordedTimes
 from analyzer.cli.history_file import load_history
+from analyzer.marks import note_mark
 from dissectors.errors import SourceError, UsageError
 from tests.conftest import Modlens
 
@@ -75,6 +76,20 @@ def test_what_changed(modlens: Modlens, recording: str) -> None:
     assert best["odds_bits"] > 1
 
 
+def test_marks_are_times(modlens: Modlens, recording: str) -> None:
+    """As `k` on the screens of a tap notes them beside the recording: the same as their times."""
+    times = ("9:31", "9:45", "9:48", "10:02", "10:05")
+    for number, text in enumerate(times, 1):
+        hour, _, minute = text.partition(":")
+        second = START + 3600 * (int(hour) - 9) + 60 * (int(minute) - 30)
+        note_mark(recording, number, second * 10**9)
+    by_marks = ["--same", "k1..k2", "--up", "k2..k3", "--down", "k4..k5"]
+    by_times = ["--same", "9:31..9:45", "--up", "9:45..9:48", "--down", "10:02..10:05"]
+    assert found(modlens, recording, *by_marks) == found(modlens, recording, *by_times)
+    missing = modlens("find", recording, "--up", "k4..k9", "--times", "utc")
+    assert "--up k9: no such mark beside the recording (there: k1, k2, k3, k4, k5)" in missing.err
+
+
 @pytest.mark.parametrize("form", ["home assistant", "grafana"])
 def test_a_history(modlens: Modlens, recording: str, tmp_path: Path, form: str) -> None:
     """In Fahrenheit from Home Assistant; from Grafana in another zone, 40 s late, comma and all."""
@@ -121,7 +136,7 @@ def test_mistakes(modlens: Modlens, recording: str, words: tuple[str, ...], says
 
 def test_a_time_of_day_needs_one_day() -> None:
     day = 86_400 * 10**9
-    times = RecordedTimes(START * 10**9, START * 10**9 + 2 * day, local=False)
+    times = RecordedTimes(START * 10**9, START * 10**9 + 2 * day, {}, local=False)
     with pytest.raises(UsageError, match="several such days; give the date"):
         times.moment("12:00", "--at")
     assert times.moment("2026-06-16 12:00", "--at") == (START + 86_400 + 9_000) * 10**9
