@@ -1,15 +1,16 @@
 """The map view: registers and coils in a grid of addresses, with their age.
 
-Changed values are highlighted, old ones dim.
+Changed values are highlighted, old ones dim. The letter after a value says what it is for.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Set
 from itertools import groupby
 
 from analyzer.addresses import SHORT, render
 from analyzer.counts import count_of
+from analyzer.views.live.roles import LETTERS, REST, UNDECIDED
 from analyzer.views.live.state import LiveState, LiveValue
 from analyzer.views.live.status import age
 from analyzer.views.screen import Part, fit, visible, width_of
@@ -17,7 +18,7 @@ from analyzer.views.screen import Part, fit, visible, width_of
 __all__ = ["lines"]
 
 _BIT_CELLS = {"coil": 2, "discrete_input": 2}
-_REGISTER_CELL = 6
+_REGISTER_CELL = 7
 _LABEL = 10
 _AGE = 8
 _OLD_S = 10.0
@@ -31,7 +32,8 @@ def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
         return [[("no values seen yet", "dim")]]
     if state.marked.answers:
         return _kept(state, width)
-    out: list[list[Part]] = []
+    letters = _letters(state)
+    out = _legend(set(letters.values()), width)
     shown: set[tuple[str, int]] = set()
     for (bus, unit, kind), group in groupby(found.items(), key=lambda item: item[0][:3]):
         name = f"{visible(bus)}: " if len(state.table_options.buses) > 1 else ""
@@ -45,8 +47,22 @@ def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
             units = {name: state.unit_of_measure(bus, unit, name) for name in named}
             out += _named(named, units, state.clock(), width)
         values = {place[3]: value for place, value in group}
-        out += _block(values, kind, state, width)
+        of_block = {at: letters.get((unit, kind, at), "") for at in values}
+        out += _block(values, kind, of_block, state, width)
     return out
+
+
+def _letters(state: LiveState) -> Mapping[tuple[int, str, int], str]:
+    """The letter of each register. Of several buses there are none: their units may be alike."""
+    return state.roles.letters(state.clock()) if len(state.table_options.buses) == 1 else {}
+
+
+def _legend(letters: Set[str], width: int) -> list[list[Part]]:
+    """The meaning of the letters that are shown."""
+    names = {letter: name for name, letter in LETTERS.items()}
+    names |= {REST: "more of a number", UNDECIDED: "undecided"}
+    said = "  ".join(f"{letter} {name}" for letter, name in names.items() if letter in letters)
+    return [[(fit(said, width), "dim")]] if said else []
 
 
 def _kept(state: LiveState, width: int) -> list[list[Part]]:
@@ -72,7 +88,11 @@ def _kept(state: LiveState, width: int) -> list[list[Part]]:
 
 
 def _block(
-    values: dict[int, LiveValue], kind: str, state: LiveState, width: int
+    values: dict[int, LiveValue],
+    kind: str,
+    letters: Mapping[int, str],
+    state: LiveState,
+    width: int,
 ) -> Iterator[list[Part]]:
     """The lines of one unit and register type, with the age of the oldest value on each.
 
@@ -89,10 +109,13 @@ def _block(
         parts: list[Part] = [(fit(label, _LABEL, right=True), "dim")]
         for address in range(first, first + per_line):
             value = values.get(address)
+            room = cell if kind in _BIT_CELLS else cell - 1
             if value is None:
-                parts.append((fit("·", cell, right=True), "dim"))
+                parts.append((fit("·", room, right=True), "dim"))
             else:
-                parts.append((fit(str(value.value), cell, right=True), _style(value, now)))
+                parts.append((fit(str(value.value), room, right=True), _style(value, now)))
+            if room < cell:
+                parts.append((letters.get(address) or " ", "dim"))
         seen = min(values[at].seen for at in range(first, first + per_line) if at in values)
         style = "odd" if now - seen >= _OLD_S else "dim"
         yield [*parts, (fit(age(now - seen), _AGE, right=True), style)]
@@ -100,7 +123,7 @@ def _block(
 
 def _ruler(per_line: int, cell: int) -> list[Part]:
     """The offsets above the columns; of bits the last digit, as no more has room."""
-    texts = (f"+{at}" if cell > len("+00") else str(at % 10) for at in range(per_line))
+    texts = (f"+{at} " if cell > len("+00") else str(at % 10) for at in range(per_line))
     return [(" " * _LABEL + "".join(fit(text, cell, right=True) for text in texts), "dim")]
 
 

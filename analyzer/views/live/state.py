@@ -17,6 +17,7 @@ from analyzer.live_run import BusStatus
 from analyzer.views.live.activity import Activity
 from analyzer.views.live.history import History
 from analyzer.views.live.marked import Marked
+from analyzer.views.live.roles import Roles
 from analyzer.views.row_lines import TableOptions
 
 __all__ = ["LiveState", "LiveValue", "UnitAge"]
@@ -88,6 +89,7 @@ class LiveState:
     paused: bool = False
     history: History = field(default_factory=History)
     marked: Marked = field(default_factory=Marked)
+    roles: Roles = field(default_factory=Roles)
     seen: int = 0
     started: float = 0.0
     _requests: dict[tuple[Any, ...], tuple[_modlens.Row, bool]] = field(default_factory=dict)
@@ -111,6 +113,7 @@ class LiveState:
             return
         self.seen += len(table)
         self.history.add(table)
+        self.roles.add(batch)
         now = self.clock()
         known = len(self._requests)
         for row in table:

@@ -301,13 +301,30 @@ def test_the_map_has_a_ruler() -> None:
     """Offsets stand above the columns of registers."""
     line = Line()
     state = LiveState(TableOptions(buses=("bus",)), line.stats, clock=lambda: line.seconds)
-    for address in range(100, 105):
+    for address in range(96, 100):
         state.put(line.ask(1, address, address))
     state.refresh()
-    title, ruler, values = (text(one) for one in map_lines(state, 80, 20))
+    title, ruler, values = (text(one) for one in map_lines(state, 80, 20)[-3:])
     assert title.strip() == "unit 1 holding registers"
-    for offset, value in (("+0", "100"), ("+1", "101"), ("+2", "102")):
+    for offset, value in (("+0", "96"), ("+1", "97"), ("+2", "98")):
         assert values[: ruler.index(offset) + len(offset)].endswith(value)
+
+
+def test_a_letter_says_what_a_register_is_for() -> None:
+    """Registers that differ by how they moved; of several buses nothing is said."""
+    line = Line()
+    lines = {}
+    for buses in (("bus",), ("bus", "other")):
+        state = LiveState(TableOptions(buses=buses), line.stats, clock=lambda: line.seconds)
+        for at in range(60):
+            state.put(line.ask(1, 100, 5000 + at * 17 % 13 * 40 + at % 3))
+            state.put(line.ask(1, 101, 4711))
+            line.now_ms += 20_000
+        state.refresh()
+        lines[buses] = [text(one) for one in map_lines(state, 80, 20)]
+    assert lines["bus",][0].strip() == "m measurement  k constant"
+    assert "m  4711k" in lines["bus",][-1]
+    assert "4711k" not in lines["bus", "other"][-1]
 
 
 def test_named_values_are_scaled(tmp_path: Path) -> None:
