@@ -217,7 +217,10 @@ def _value(text: str) -> Decimal:
     except InvalidOperation:
         value = Decimal("NaN")
     if not value.is_finite():
-        raise UsageError(f"--value {text}: not a number; write it as shown, such as 231.4")
+        raise UsageError(
+            f"--value {text}: not a number; write it with all its digits and without its unit,"
+            " such as 231.4"
+        )
     return value
 
 

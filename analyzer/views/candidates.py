@@ -27,6 +27,17 @@ def show_candidates(
         screen.line("  nothing fits: a wider --within, or another time, may help", "dim")
         return
     screen.lines(_line(rank, one) for rank, one in enumerate(candidates[:limit], 1))
+    none = max(0.0, 1 - sum(one["chance"] for one in candidates))
+    if none >= _LEAST:
+        screen.line(
+            f"      none of these: the value was not on the line{chance_text(none):>9}", "dim"
+        )
+    if len(candidates) > limit:
+        screen.line(f"      {len(candidates) - limit} more with --limit", "dim")
+    best = candidates[0]["chance"]
+    if best < none:
+        screen.line("Probably none of these: are the value and its time right?", "dim")
+    plausible = [one for one in candidates if one["chance"] >= _LEAST]
     look = found["look"]
     if look is not None:
         values = ", ".join(
@@ -35,8 +46,10 @@ def show_candidates(
         )
         when = time_text(look["time_ns"])
         screen.line(f"Tell them apart: a second value, best at {when} ({values})")
-    elif len(candidates) > 1 and candidates[0]["chance"] < _SURE:
+    elif len(plausible) > 1:
         screen.line("The recording cannot tell them apart: their values are always alike.", "dim")
+    elif none <= best < _SURE:
+        screen.line("A second value at another time would show whether it is the first one.", "dim")
 
 
 def _line(rank: int, one: Mapping[str, Any]) -> Sequence[Part]:

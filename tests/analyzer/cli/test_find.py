@@ -69,6 +69,15 @@ def test_one_value_names_when_to_look_again(modlens: Modlens, recording: str) ->
     assert "Tell them apart: a second value, best at " in done.out
 
 
+def test_a_value_that_was_never_there(modlens: Modlens, recording: str) -> None:
+    """46 is 2300 x 0.02, which no device does: the chances say so, and so does the last line."""
+    words = ("--value", "46", "--at", "9:40:00", "--times", "utc")
+    lines = modlens("find", recording, *words).out.splitlines()
+    assert "none of these: the value was not on the line" in lines[-2]
+    assert lines[-1].startswith("Probably none of these")
+    assert not any("cannot tell them apart" in line for line in lines)
+
+
 def test_what_changed(modlens: Modlens, recording: str) -> None:
     words = ["--same", "9:31..9:45", "--up", "9:45..9:48", "--down", "10:02..10:05"]
     best = found(modlens, recording, *words)[0]
