@@ -331,7 +331,8 @@ def test_named_values_are_scaled(tmp_path: Path) -> None:
     """With a profile the map and the table show names and values, also names with blanks."""
     profile = tmp_path / "meter.toml"
     profile.write_text(
-        'profile = 1\n[[registers]]\nat = "hr:0"\nname = "Room temperature"\nscale = 0.1\nunit = "°C"\n'
+        'profile = 1\n[[registers]]\nat = "hr:0"\nname = "Room temperature"\n'
+        'scale = 0.1\nunit = "°C"\n'
     )
     recording = tmp_path / "bus.hex"
     frames = (framed("010300000001"), framed("01030200d7"))
