@@ -4,7 +4,8 @@
     python -m tests.doctor.score --kinds lockstep no_bias --seeds 1-3
     python -m tests.doctor.score --write cases --kinds lockstep --seeds 1
 
-`--write` only writes the recordings, and prints the command that examines each.
+`--write` only writes the recordings, and prints the command that examines each. `cases.tsv` lists
+them and some healthy lines for the example `ablation` of `modlens-diagnosis`.
 """
 
 from __future__ import annotations
@@ -170,13 +171,28 @@ def _errors_of_capture(capture: Capture) -> list[str]:
 
 
 def write_cases(kinds: Sequence[str], seeds: Sequence[int], into: Path) -> None:
-    """Recordings for a look at them."""
-    for name in kinds:
-        for seed in seeds:
-            case = make(name, seed)
-            folder = written(case, into / f"{name.replace(' ', '_')}_{seed}")
-            command = f"modlens doctor {case.main} {shlex.join(case.words)}"
-            _say(f"cd {folder}; {command}  # {case.expected}")
+    """Recordings for a look at them, and as many healthy lines as there are kinds."""
+    rows = []
+    cases = [(name, make(name, seed), seed) for name in kinds for seed in seeds]
+    numbers = range(1, len(kinds) + 1)
+    healthy = [("healthy line", healthy_line(number), number) for number in numbers]
+    for name, case, number in [*cases, *healthy]:
+        folder = written(case, into / f"{name.replace(' ', '_')}_{number}")
+        _say(f"cd {folder}; modlens doctor {case.main} {shlex.join(case.words)}  # {case.expected}")
+        line, code = _line_of(case.words), case.expected.code if case.expected else ""
+        if line is not None:
+            rows.append(f"{(folder / case.main).resolve()}\t{line}\t{code}\n")
+    (into / "cases.tsv").write_text("".join(rows), "utf-8")
+
+
+def _line_of(words: Sequence[str]) -> str | None:
+    """The line settings, or none; nothing where other options are needed."""
+    match list(words):
+        case []:
+            return ""
+        case ["--line", line]:
+            return line
+    return None
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

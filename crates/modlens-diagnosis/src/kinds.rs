@@ -106,6 +106,7 @@ const EXPLAINS: &[(&str, &[&str])] = &[
     ),
     ("gateway_mixup", &["slow_answers", "bystander", "device_absent", "polled_too_fast", "dead_unit_cost"]),
     ("connection_limit", &["connection_churn"]),
+    ("foreign_protocol", &["line_noise"]),
     ("bystander", &["duplicate_address"]),
     ("device_absent", &["polled_too_fast"]),
     ("lockstep", &["slow_answers", "gateway_mixup", "value_spike"]),

@@ -7,7 +7,7 @@
 //! A list of damaged frames does not tell a cause. Nearly all troubles are conditional: only this unit, only after that one,
 //! only the first byte, only when the pause was short. So the contrast counts failed and good transactions side by side, by
 //! everything that might make the difference, and each kind of trouble (`kinds`) is a function of these counters.
-//! `dissectors/diagnoses.toml` says in words what a kind needs and how it is told.
+//! `dissectors/diagnoses.toml` says in words what a kind needs and how it is said.
 //!
 //! **Memory is bounded.** A bus has counters for at most 248 units (TCP: 256), each with histograms of fixed size; for the
 //! 1,024 requests, 256 connections, 256 runs of noise with the least hashes of those seen; and 4 examples for each claim. All
@@ -20,7 +20,7 @@
 //!
 //! **What went well is counted in bulk.** Nearly all exchanges of most recordings are plain, good and without a finding
 //! (`clean`); of such a one hardly more is noted than that it was, by its request, and that stays pending until somebody asks.
-//! Where its values, or what came before it, may matter, and behind every failure, it is counted by itself, with what is pending
+//! Where its values, or what came before it, may matter, and after every failure, it is counted by itself, with what is pending
 //! of its unit and its request counted first, and the order is as if each had been counted so (`contrast/one_by_one.rs`
 //! compares). Where nobody wants rows, the engine emits compact exchanges (`Batch::exchanges`).
 //!

@@ -1,4 +1,4 @@
-//! The verdict, the diagnoses in words, what reserves the units have, and what could not be judged.
+//! The verdict, the diagnoses in words, how near the units are to their limits, and what could not be judged.
 
 mod course;
 mod episodes;
@@ -24,7 +24,7 @@ use crate::odd::Odd;
 use crate::statistics::Share;
 use verdict::Verdict;
 
-/// What the doctor says of a recording.
+/// The judgement of the doctor on a recording.
 #[derive(Clone)]
 pub struct Report {
     rows: Vec<DiagnosisRow>,

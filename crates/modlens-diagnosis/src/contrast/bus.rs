@@ -13,7 +13,7 @@ use modlens_protocol::Ns;
 use super::before::Before;
 use super::clean_units::CleanUnits;
 use super::context::{Around, Context, GoodFrame, LEAST_ANSWER_BYTES};
-use super::known_requests::KnownRequests;
+use super::known_requests::RequestMemory;
 use super::network::Connections;
 use super::noise::NoiseRuns;
 use super::request::{RequestCounts, MAX_REQUESTS};
@@ -75,7 +75,7 @@ pub struct FrameCounts {
     pub lost: Tally,
     /// Damaged requests without a transaction, by the part that is damaged.
     pub request_parts: [Tally; DAMAGED_PARTS],
-    /// Good frames of writes, and those shortly behind them.
+    /// Good frames of writes, and those shortly after them.
     pub behind_writes: u64,
     /// Frames without a finding that are not counted in the tallies yet.
     clean: u64,
@@ -119,8 +119,11 @@ pub struct BusContrast {
     /// Frames and transactions that are pending.
     pub(super) pending: u64,
     pub(super) clean_units: CleanUnits,
-    pub(super) known: KnownRequests,
+    pub(super) known: RequestMemory,
 }
+
+/// From the beginning of a request to that of one of another master, in halves of a character: its own eight, and a silence.
+const HALF_CHARACTERS_APART: i64 = 17;
 
 impl BusContrast {
     /// Takes the next frame.
@@ -191,12 +194,12 @@ impl BusContrast {
         self.context.last_good = good;
     }
 
-    /// Forgets what could be found anew: requests have been left out, or rows came that are not in the memory of answers.
+    /// Forgets what could be found again: requests have been left out, or rows came that are not in the memory of answers.
     pub(super) fn forget(&mut self) {
         self.known.clear(self.context.recent.count());
     }
 
-    /// Leaves a batch behind.
+    /// Ends a batch.
     pub(super) fn end_batch(&mut self) {
         if self.pending > MAX_PENDING {
             self.settle();
@@ -234,7 +237,7 @@ impl BusContrast {
         }
     }
 
-    /// Counts how often exchanges that went well came right behind others.
+    /// Counts how often exchanges that went well came right after others.
     pub(super) fn count_pairs(&mut self, key: RequestKey, slot: Option<u16>, before: RequestKey, pairs: u32) {
         self.clean_units.of(key.unit).by_previous.add(before.unit, pairs.into());
         if let Some(counts) = slot.and_then(|slot| self.requests.at(slot.into(), &key)) {
@@ -279,7 +282,7 @@ impl BusContrast {
         all
     }
 
-    /// Adds the part behind this one.
+    /// Adds the part after this one.
     pub(super) fn merge(&mut self, later: &Self) {
         self.settle();
         if later.pending > 0 {
@@ -291,7 +294,7 @@ impl BusContrast {
         later.first_transactions.iter().for_each(|seen| self.transaction(seen.clone()));
         self.frames_seen += later.frames_seen - later.first_frames.len() as u64;
         self.transactions_seen += later.transactions_seen - later.first_transactions.len() as u64;
-        // Where all of them were replayed, the context is already that behind them.
+        // Where all of them were replayed, the context is already that after them.
         let all_replayed = later.transactions_seen == later.first_transactions.len() as u64;
         self.context.follow(&later.context, !all_replayed);
         self.frames.merge(&later.frames);
@@ -373,7 +376,9 @@ impl BusContrast {
 
     fn count_transaction(&mut self, seen: &Observation, before: Before) {
         self.symptoms.transaction(seen, before);
-        if let Some(after) = before.hasty.filter(|after| *after > 0) {
+        // Requests without any silence between them were read late, both at once: no second master hits the very end of a frame.
+        let least = HALF_CHARACTERS_APART * self.facts.char_ns.unwrap_or(0) / 2;
+        if let Some(after) = before.hasty.filter(|after| *after > least) {
             self.hasty.add(after);
         }
         if seen.outcome == Outcome::Good {

@@ -23,13 +23,13 @@ const MAX_RUNS: usize = 1024;
 /// The last transactions whose data may come again as the answer to another request.
 const COMPARED: usize = 12;
 
-/// Behind a silence, the data of so many transactions are compared with those in front of it.
+/// After a silence, the data of so many transactions are compared with those in front of it.
 const BEHIND_SILENCE: u64 = 24;
 
-/// Shorter answers are alike by accident.
+/// Shorter answers are alike by chance.
 const LEAST_COMPARED_BYTES: u16 = 4;
 
-/// Fewer bytes than these behind a request are strays, not an answer.
+/// Fewer bytes than these after a request are strays, not an answer.
 pub(super) const LEAST_ANSWER_BYTES: u32 = 3;
 
 /// Noise that a write brings forth comes before so many further good frames: the next request and its answer.
@@ -81,15 +81,15 @@ pub(super) struct Around {
     pub attached: Option<(Direction, Option<u8>)>,
     /// A good frame in another framing than the one before.
     pub is_other_framing: bool,
-    /// With it, the damage and noise between two good frames are more than strays; and whether that comes behind a write.
+    /// With it, the damage and noise between two good frames are more than strays; and whether that comes after a write.
     pub burst: Option<bool>,
     /// It begins with the unit and the function of the answer before.
     pub is_doubled: bool,
-    /// On Modbus/TCP, it stands in the line or packet of the frame before, or begins as an answer to it with a wrong length.
+    /// On Modbus/TCP, it is in the line or packet of the frame before, or begins as an answer to it with a wrong length.
     pub is_behind_header: bool,
 }
 
-/// A run of damaged frames and noise behind a good frame.
+/// A run of damaged frames and noise after a good frame.
 #[derive(Clone, Debug, PartialEq)]
 struct BadRun {
     length: u32,
@@ -115,7 +115,7 @@ pub(super) struct PreviousAnswer {
     pub came: Ns,
 }
 
-/// Behind so many requests that cannot be read, the one before is forgotten.
+/// After so many requests that cannot be read, the one before is forgotten.
 const MAX_AGE: usize = 8;
 
 /// What the next rows need to know of those before.
@@ -144,9 +144,9 @@ pub(super) struct Context {
     last_id: Option<u16>,
     /// The last transactions.
     pub recent: RecentAnswers,
-    /// The last transaction that stands shortly behind one without an answer, by its number among the `recent` ones.
+    /// The last transaction that stands shortly after one without an answer, by its number among the `recent` ones.
     behind_silence_until: u64,
-    /// The last transaction that stands shortly behind a write.
+    /// The last transaction that stands shortly after a write.
     behind_write_until: u64,
 }
 
@@ -167,7 +167,7 @@ impl Context {
         run.length += seen.length;
         run.bytes.extend_from_slice(&seen.bytes);
         let is_burst = run.length >= LEAST_ANSWER_BYTES && !was_burst;
-        // What comes behind the request of a write is its answer.
+        // What comes after the request of a write is its answer.
         let is_answer_to_write = good.since_write == 0 && good.direction == Direction::Request;
         let burst = is_burst.then_some(good.is_behind_write() && !is_answer_to_write);
         let is_doubled = is_burst
@@ -185,7 +185,7 @@ impl Context {
         Around { attached, burst, is_doubled, is_other_framing: false, is_behind_header }
     }
 
-    /// An unanswered request behind which an answer's worth of damage came was answered, if badly.
+    /// An unanswered request after which an answer's worth of damage came was answered, if badly.
     pub fn complete(&self, seen: &mut Observation) {
         let Some(run) = self.bad_runs.get(&seen.request_frame).filter(|run| run.length >= LEAST_ANSWER_BYTES) else { return };
         if seen.outcome == Outcome::Garbled {
@@ -194,7 +194,7 @@ impl Context {
         if !matches!(seen.outcome, Outcome::Silent | Outcome::NotSeen) {
             return;
         }
-        // Where no clock tells that the master has waited, the export does not count the request as failed.
+        // Where no clock shows that the master has waited, the export does not count the request as failed.
         if seen.outcome == Outcome::Silent {
             seen.outcome = Outcome::Garbled;
         }
@@ -207,7 +207,7 @@ impl Context {
 
     /// What came before a request with this key and start.
     pub fn before(&self, key: Option<RequestKey>, start: Option<Ns>) -> Before {
-        // A request sent again, and one behind bytes that could not be read, say nothing about the order of requests.
+        // A request sent again, and one after bytes that could not be read, say nothing about the order of requests.
         let is_repeated =
             self.previous_request.is_some_and(|before| before.age == 0 && !before.failed && Some(before.key) == key);
         let request = self.previous_request.filter(|before| before.age == 0 && Some(before.key) != key);
@@ -243,13 +243,13 @@ impl Context {
         self.previous_request.filter(|before| before.age == 0).map(|before| before.key)
     }
 
-    /// Whether the next transaction stands shortly behind a write.
+    /// Whether the next transaction stands shortly after a write.
     #[inline]
     pub fn is_behind_write(&self) -> bool {
         self.recent.next_number() <= self.behind_write_until
     }
 
-    /// Whether the next transaction stands shortly behind a silence.
+    /// Whether the next transaction stands shortly after a silence.
     #[inline]
     pub fn is_behind_silence(&self) -> bool {
         self.recent.next_number() <= self.behind_silence_until
@@ -294,7 +294,7 @@ impl Context {
         self.last_answer_frame > request
     }
 
-    /// Leaves behind an exchange that went well: the frame of its answer, and its identifier.
+    /// Passes an exchange that went well: the frame of its answer, and its identifier.
     #[inline]
     pub fn pass_frames(&mut self, answer: u64, id: Option<u16>) {
         (self.last_answer_frame, self.last_id) = (answer, id);
@@ -364,7 +364,7 @@ impl Context {
         others.any(|others| others.key().unit == key.unit && others.key() != key)
     }
 
-    /// Shortly behind a silence: whether the values go on as those of the request `before` did in front of it.
+    /// Shortly after a silence: whether the values go on as those of the request `before` did in front of it.
     fn shift(&self, key: RequestKey, data: Data, before: Option<RequestKey>) -> Option<Shift> {
         let left = self.behind_silence_until.checked_sub(self.recent.next_number())?;
         let since = BEHIND_SILENCE.checked_sub(left)?;
@@ -413,7 +413,7 @@ fn distance(one: [u16; 2], other: [u16; 2]) -> u32 {
     one.iter().zip(other).map(|(one, other)| apart(*one, other)).sum()
 }
 
-/// Values so near to each other come about by accident once in 2 to the power of this.
+/// Values so near to each other come about by chance once in 2 to the power of this.
 fn bits(one: [u16; 2], other: Data) -> u32 {
     let registers = usize::from(other.length / 2).min(2);
     let near = |at: usize| 16u32.saturating_sub((2 * apart(one[at], other.head[at]) + 1).ilog2());

@@ -74,7 +74,7 @@ impl Epochs {
         self.ended.merge(&later.ended);
     }
 
-    /// Answers that lag one step behind their requests, among all answers, and the bits of evidence for them.
+    /// Answers that come one step late, among all answers, and the bits of evidence for them.
     pub fn behind(&self) -> (Tally, u64) {
         let mut all = self.first.tally();
         all.merge(&self.ended);

@@ -48,7 +48,7 @@ pub struct Episode {
 }
 
 impl Gaps {
-    /// Adds a gap behind all others; `until` is what was counted before it.
+    /// Adds a gap after all others; `until` is what was counted before it.
     pub(super) fn add(&mut self, good: u64, until: Span, to: Place) {
         if good > 0 {
             self.0.push(Gap { good, failed: until.failed, total: until.total, from: until.last, to });

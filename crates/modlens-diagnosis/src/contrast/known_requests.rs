@@ -15,16 +15,16 @@ const FREE: u16 = u16::MAX;
 
 /// What is known of the requests of a bus.
 #[derive(Clone, Debug, Default)]
-pub(super) struct KnownRequests {
+pub(super) struct RequestMemory {
     /// By hash, or after it where that place is taken: the index of a request.
     places: Vec<u16>,
-    all: Vec<KnownRequest>,
+    all: Vec<RememberedRequest>,
     /// How many transactions there were when requests, or answers to them, were forgotten.
     forgotten: u64,
 }
 
 /// What is known makes no difference once nothing is pending.
-impl PartialEq for KnownRequests {
+impl PartialEq for RequestMemory {
     fn eq(&self, other: &Self) -> bool {
         let pending = |all: &Self| all.all.iter().any(|known| known.pending.good > 0);
         !pending(self) && !pending(other)
@@ -33,7 +33,7 @@ impl PartialEq for KnownRequests {
 
 /// What is known of a request.
 #[derive(Clone, Debug)]
-pub(super) struct KnownRequest {
+pub(super) struct RememberedRequest {
     /// Which request, as a number.
     number: u64,
     /// The place of its counters; `None` if there is no room for them.
@@ -105,7 +105,7 @@ impl PendingExchanges {
     }
 }
 
-impl KnownRequest {
+impl RememberedRequest {
     /// Which request.
     pub fn key(&self) -> RequestKey {
         RequestKey::of_number(self.number)
@@ -118,7 +118,7 @@ impl KnownRequest {
     }
 }
 
-impl KnownRequests {
+impl RequestMemory {
     /// The index of the request with this number.
     #[inline]
     pub fn find(&self, number: u64) -> Option<usize> {
@@ -145,13 +145,13 @@ impl KnownRequests {
         }
         self.places[place] = self.all.len() as u16;
         let (slot, pending) = (slot.map(|slot| slot as u16), PendingExchanges::default());
-        self.all.push(KnownRequest { number, slot, head: [0; 2], recent_until: 0, pending });
+        self.all.push(RememberedRequest { number, slot, head: [0; 2], recent_until: 0, pending });
         self.all.len() - 1
     }
 
     /// The request with this index.
     #[inline]
-    pub fn at(&mut self, index: usize) -> &mut KnownRequest {
+    pub fn at(&mut self, index: usize) -> &mut RememberedRequest {
         &mut self.all[index]
     }
 
@@ -202,7 +202,7 @@ mod tests {
 
     #[test]
     fn all_of_them_are_found_until_they_are_forgotten() {
-        let mut all = KnownRequests::default();
+        let mut all = RequestMemory::default();
         assert_eq!(all.find(key(1).number()), None);
         for address in 0..MAX_KNOWN as u16 {
             assert!(!all.is_full());

@@ -50,7 +50,7 @@ pub struct NoiseRuns {
     pub runs: Sample<NoiseKey, NoiseCounts, MAX_RUNS>,
     /// The first bursts between two silences.
     pub bursts: Bursts,
-    /// Between how many good frames there was more than strays: elsewhere, and behind writes.
+    /// Between how many good frames there was more than strays: elsewhere, and after writes.
     pub by_write: [u64; 2],
 }
 

@@ -31,9 +31,9 @@ macro_rules! symptoms {
 symptoms! {
     /// No answer came.
     NoAnswer = "no_answer",
-    /// No answer of the unit is in the recording; only a first sight tells this from the others (`sight`).
+    /// No answer of the unit is in the recording; only a first sight separates this from the others (`sight`).
     NeverAnswered = "never_answered",
-    /// The answer is damaged from its first byte on, and no answer of the unit is valid; a first sight tells this, too.
+    /// The answer is damaged from its first byte on, and no answer of the unit is valid; a first sight names this, too.
     NeverValid = "never_valid",
     /// A frame of another framing than the one before.
     OtherFraming = "other_framing",
@@ -71,7 +71,7 @@ symptoms! {
     AlteredEcho = "altered_echo",
     /// The answer stops before its end, and is right as far as it goes.
     AnswerCut = "answer_cut",
-    /// A single byte behind an answer: the unit's number, with which the next one begins.
+    /// A single byte after an answer: the unit's number, with which the next one begins.
     NextStart = "next_start",
     /// A valid answer that nobody asked for.
     SecondAnswer = "second_answer",

@@ -70,7 +70,7 @@ pub struct UnitCounts {
     pub runs: Runs,
     /// Failures that repeat a request.
     pub repeated_failures: u64,
-    /// Answers with stray bytes in front of them, and behind them.
+    /// Answers with stray bytes in front of them, and after them.
     pub strays: [Tally; 2],
     /// Answers of other units to requests of this one, by the unit that answered.
     pub answered_by: BTreeMap<u8, Tally>,
@@ -98,7 +98,7 @@ pub struct UnitCounts {
     pub by_gap_after_others: ByDuration,
     /// Garbled answers of another length than that expected.
     pub odd_lengths: Tally,
-    /// Answers one step behind.
+    /// Answers one step late.
     pub epochs: Epochs,
     /// Reads from unit 0, that is: from all units.
     pub reads_from_unit_0: Tally,

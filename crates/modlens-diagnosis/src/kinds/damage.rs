@@ -141,10 +141,10 @@ pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
     vec![claim]
 }
 
-/// So many bursts behind writes are no accident.
+/// So many bursts after writes are no accident.
 const LEAST_BURSTS: u64 = 5;
 
-/// Bursts of noise that come behind writes: what a write switches (a contactor, a pump) disturbs the line, whether that costs a
+/// Bursts of noise that come after writes: what a write switches (a contactor, a pump) disturbs the line, whether that costs a
 /// request or not.
 pub(super) fn noise_of_writes(view: &View<'_>) -> Option<Claim> {
     let [elsewhere, behind] = view.bus.noise.by_write;
@@ -185,7 +185,7 @@ fn hits_both_sides(view: &View<'_>) -> bool {
 }
 
 /// Whether damage may all be that of late answers. One meets the next request or its answer, so damage is theirs where it comes
-/// behind a failure, or is that of a unit that answers late (`slow_answers`).
+/// after a failure, or is that of a unit that answers late (`slow_answers`).
 fn is_of_late_answers(view: &View<'_>) -> bool {
     let slow: Vec<Option<u8>> = super::answers::slow_answers(view).iter().map(|claim| claim.unit).collect();
     let late: u64 = view.units().map(|(_, counts)| counts.late.failed).sum();
@@ -203,7 +203,7 @@ fn damage(counts: &UnitCounts) -> Share {
     counts.garbled.share().with(Share { failed: counts.bad_requests.failed, total: 0 })
 }
 
-/// Whether failures come right behind writes.
+/// Whether failures come right after writes.
 fn burst(view: &View<'_>) -> Option<String> {
     let sum = |index: usize| view.units().fold(Share::default(), |sum, (_, counts)| sum.with(counts.by_write[index]));
     let (quiet, written) = (sum(0), sum(1));
@@ -282,7 +282,7 @@ fn begins_alike(view: &View<'_>, counts: &UnitCounts) -> Option<u64> {
 /// Fewer beginnings may be alike by chance.
 const LEAST_BEGINNINGS: u64 = 5;
 
-/// The chance that damage falls to this edge of the frame by accident.
+/// How likely damage falls to this edge of the frame by chance.
 fn at_the_edge(view: &View<'_>, edge: &Tally, damaged: Share) -> Option<f64> {
     if edge.failed * 10 < edge.total * 7 {
         return None;

@@ -241,14 +241,20 @@ fn reason_of_length(all: &[Request<'_>], request: Request<'_>) -> Reason {
     let silent = all.iter().filter(|(other, counts)| {
         other.unit == request.0.unit && other.function == request.0.function && counts.good == 0 && counts.silent >= 2
     });
-    let shortest = silent.map(|(other, _)| other.quantity).min().unwrap_or(0);
+    let silent: Vec<_> = silent.collect();
+    let shortest = silent.iter().map(|(other, _)| other.quantity).min().unwrap_or(0);
+    // Two lengths without any answer, time and again: an address that is missing is refused.
+    let is_usual = silent.len() > 1 && silent.iter().all(|(_, counts)| counts.silent >= MANY_SILENT);
     let covers = covered(request.0, &good) == u32::from(request.0.quantity);
-    if longest > 0 && longest < shortest && (covers || is_sharp(longest, shortest)) {
+    if longest > 0 && longest < shortest && (covers || is_usual || is_sharp(longest, shortest)) {
         Reason::TooLong { good: longest }
     } else {
         Reason::Unknown
     }
 }
+
+/// So many silences of one request are no accident of the line.
+const MANY_SILENT: u64 = 10;
 
 /// Whether the longest block that is answered and the shortest that is not are so near to each other that this is no accident.
 fn is_sharp(longest: u16, shortest: u16) -> bool {
@@ -332,7 +338,7 @@ const BUSY: [(u8, &str, &str); 5] = [
     (11, "Gateway Target Device Failed to Respond", "The serial side of the gateway: wiring, address and rate of the unit, and the gateway's own timeout, which has to be longer than the unit takes."),
 ];
 
-/// What proves that load is the reason, and what tells a failure of the device from one of some registers.
+/// What proves that load is the reason, and what separates a failure of the device from one of some registers.
 const FOR_LOAD: &str = "Ask half as often: refusals become rarer by more than half.";
 const NOT_FOR_LOAD: &str =
     "Ask for a single register that the manual names, then for the same one directly at the device, without the gateway.";

@@ -34,7 +34,7 @@ fn of_unit(view: &View<'_>, unit: Option<u8>) -> Option<Claim> {
     // No accident swaps the bytes of a checksum, and from some answers on the engine takes such a unit as it is.
     let is_habit = main == Symptom::ChecksumSwapped && all.failed >= MIN_HABIT;
     let share = Share { failed: all.failed, total: if is_habit { all.failed } else { all.failed.max(asked) } };
-    // Of a few frames, the first sight tells.
+    // Of a few frames, the first sight speaks.
     if all.failed.max(asked) < FEW {
         return None;
     }

@@ -32,15 +32,15 @@ pub(super) fn two_masters(view: &View<'_>) -> Vec<Claim> {
     let is_foreign = super::wires::is_surely_foreign(view);
     let met = crossings.failed + if is_foreign { 0 } else { hasty(view) };
     let crossed = at_least(Share { failed: met, total: met + failed }, CROSSED_BY_NOISE);
-    let is_certain =
-        has_one_list_twice(view) || (crossings.failed > 0 && by_noise(odd) <= MAX_CHANCE) || (met > 1 && crossed <= MAX_CHANCE);
+    let is_hasty = met > 1 && (crossed <= MAX_CHANCE || both(crossed, superimposed(view)) <= MAX_CHANCE);
+    let is_certain = has_one_list_twice(view) || (crossings.failed > 0 && by_noise(odd) <= MAX_CHANCE) || is_hasty;
     let met = by_noise(crossings.failed + view.bus.frames.collisions.failed);
     // A late answer meets the next request, too: who asks it is one master.
     let is_slow = || !super::answers::slow_answers(view).is_empty();
     if !is_certain && (is_foreign || is_slow() || !order(view).is_some_and(|order| order.tells(both(met, superimposed(view))))) {
         return Vec::new();
     }
-    // What is told has to be countable in the transactions: those that failed, and those that met another one.
+    // What is said has to be countable in the transactions: those that failed, and those that met another one.
     let met = match (crossings.failed, view.bus.frames.collisions.failed) {
         (0, 0) => ", where the requests of the two meet".to_owned(),
         (0, 1) => ", and 1 frame collided with another one".to_owned(),
@@ -139,7 +139,7 @@ fn has_one_list_twice(view: &View<'_>) -> bool {
 
 /// The order of requests: that of one master's list, and how often they come in another one.
 struct Order {
-    /// Requests that failed behind, or in front of, one that they do not usually follow: the chance that so many do by accident.
+    /// Requests that failed after, or in front of, one that they do not usually follow: how likely so many are by chance.
     chance: f64,
     /// Whether those out of order are mostly clean.
     varies_by_itself: bool,

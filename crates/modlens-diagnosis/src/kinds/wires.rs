@@ -224,13 +224,13 @@ fn errors_of_one(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim
 }
 
 /// Whether most bursts hold unit and function of a request side by side: an answer's head, which a receiver at another rate
-/// does not get. Their other bytes were lost behind the line, as where a client reads no more than the length expected.
+/// does not get. Their other bytes were lost after the line, as where a client reads no more than the length expected.
 fn bears_heads(view: &View<'_>) -> bool {
     let heads: Vec<[u8; 2]> = view.bus.requests.sorted().iter().map(|(key, _)| [key.unit, key.function]).collect();
     let is_head = |pair: &[u8]| heads.iter().any(|[unit, function]| pair[0] == *unit && pair[1] & 0x7F == *function);
     let kept = &view.bus.noise.bursts.kept;
     let held = kept.iter().filter(|burst| burst.windows(2).any(is_head)).count() as u64;
-    // Of 256 random bytes, each place is a head by accident once in so many times.
+    // Of 256 random bytes, each place is a head by chance once in so many times.
     let by_accident = 256.0 * 2.0 * heads.len() as f64 / 65_536.0;
     let share = Share { failed: held, total: kept.len() as u64 };
     share.rate() > 0.3 && at_least(share, by_accident.min(0.2)) < MAX_CHANCE
@@ -304,7 +304,7 @@ fn foreign_runs(view: &View<'_>) -> Option<Claim> {
     Some(Claim::new("foreign_protocol", &counts.seen, chance).with_share(share).fact("text", text).fact("period", period))
 }
 
-/// Whole bursts that begin alike, a preamble of FE included, which looks like strays of its own; those right behind a request are
+/// Whole bursts that begin alike, a preamble of FE included, which looks like strays of its own; those right after a request are
 /// its damaged answers.
 fn foreign_bursts(view: &View<'_>) -> Option<Claim> {
     let bursts = &view.bus.noise.bursts;

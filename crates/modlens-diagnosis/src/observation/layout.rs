@@ -5,7 +5,7 @@ use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::direction::possible_directions;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
-use modlens_protocol::functions::Functions;
+use modlens_protocol::functions::{Functions, StandardLayout, EXCEPTION_BIT};
 use modlens_protocol::oddity;
 use modlens_protocol::status::Status;
 
@@ -57,22 +57,9 @@ pub(super) fn layout_fault(batch: &Batch, row: &Transaction, has: impl Fn(Findin
     }
 }
 
-/// Whether a PDU is a request by its function, and the byte count of a write is that of its quantity and its data.
+/// Whether a PDU may be a request by its layout: its quantity, its byte count and its data agree.
 fn is_request(pdu: &[u8]) -> bool {
-    let functions = Functions::embedded();
-    let agrees = match pdu {
-        [15, _, _, high, low, count, data @ ..] => {
-            let bytes = usize::from(u16::from_be_bytes([*high, *low])).div_ceil(8);
-            usize::from(*count) == bytes && data.len() == bytes
-        }
-        [16, _, _, high, low, count, data @ ..] => {
-            let bytes = 2 * usize::from(u16::from_be_bytes([*high, *low]));
-            usize::from(*count) == bytes && data.len() == bytes
-        }
-        _ => true,
-    };
-    let is_known = functions.row(pdu[0], &pdu[1..]).is_some();
-    !is_known || (agrees && possible_directions(functions, pdu).0)
+    pdu[0] & EXCEPTION_BIT != 0 || possible_directions(Functions::embedded(), pdu).0
 }
 
 /// What is wrong with the byte count of an answer, its checksum included.
@@ -84,9 +71,15 @@ fn count_fault(answer: &[u8]) -> LayoutFault {
     }
 }
 
+/// The layout of a function that reads coils or registers.
+fn read_of(function: u8) -> Option<StandardLayout> {
+    let layout = Functions::embedded().standard_request(function)?.kind;
+    matches!(layout, StandardLayout::ReadBits | StandardLayout::ReadRegisters).then_some(layout)
+}
+
 /// Whether an answer is one to a read of coils or registers.
 fn is_read(answer: &[u8]) -> bool {
-    answer.get(1).is_some_and(|function| (1..=4).contains(function)) && crc_valid(answer)
+    answer.get(1).is_some_and(|function| read_of(*function).is_some()) && crc_valid(answer)
 }
 
 /// What stands between the function code and the checksum.
@@ -96,16 +89,13 @@ fn body(frame: &[u8]) -> Option<&[u8]> {
 
 /// Whether a frame is an answer to a read whose byte count has two bytes.
 fn has_wide_count(frame: &[u8]) -> bool {
-    matches!(body(frame), Some([0, count, data @ ..]) if !data.is_empty() && usize::from(*count) == data.len() && (1..=4).contains(&frame[1]))
+    matches!(body(frame), Some([0, count, data @ ..]) if !data.is_empty() && usize::from(*count) == data.len() && read_of(frame[1]).is_some())
 }
 
 /// Whether an answer of this length lacks the byte count of what was asked for: unit, function, data and checksum are all.
 pub(crate) fn lacks_count(length: u32, function: u8, quantity: u16) -> bool {
-    let data = match function {
-        1 | 2 => u32::from(quantity).div_ceil(8),
-        3 | 4 => 2 * u32::from(quantity),
-        _ => return false,
-    };
+    let Some(read) = read_of(function) else { return false };
+    let data = if read == StandardLayout::ReadBits { u32::from(quantity).div_ceil(8) } else { 2 * u32::from(quantity) };
     length == data + 4
 }
 

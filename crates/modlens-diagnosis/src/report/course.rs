@@ -32,7 +32,7 @@ pub struct Course {
 }
 
 impl Course {
-    /// What a claim of a bus tells.
+    /// What a claim of a bus says.
     pub(super) fn of(bus: &BusContrast, claim: &Claim, rest: Rest) -> Self {
         let time = |place: Option<Place>| place.and_then(|place| place.time);
         Self {

@@ -42,7 +42,7 @@ pub(super) fn row(bus: &str, contrast: &BusContrast, claim: &Claim, rest: Rest) 
     }
 }
 
-/// A figure of three digits: those behind them differ between machines, whose logarithms do.
+/// A figure of three digits: those after them differ between machines, whose logarithms do.
 fn three_digits(figure: f64) -> f64 {
     format!("{figure:.2e}").parse().expect("a number in its own words")
 }

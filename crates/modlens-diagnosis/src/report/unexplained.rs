@@ -15,7 +15,7 @@ use crate::statistics::Share;
 /// The code of these rows, which are no diagnoses.
 pub const UNEXPLAINED: &str = "unexplained";
 
-/// The units of a bus that fail more often than by accident, of which no claim says why.
+/// The units of a bus that fail more often than by chance, of which no claim says why.
 pub(super) fn of_bus(name: &str, view: &View<'_>, claims: &[Claim]) -> Vec<(DiagnosisRow, Course)> {
     if view.is_small() {
         return Vec::new();

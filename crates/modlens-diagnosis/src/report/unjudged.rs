@@ -29,7 +29,7 @@ pub(super) fn of_bus(name: &str, bus: &BusContrast) -> Vec<Json> {
     let has_times = bus.units.values().any(|unit| unit.response_times.count + unit.waited.count > 0);
     if requests > 0 && !has_times {
         say(
-            "pace and time-outs: the recording has no clock, or one that is too coarse",
+            "pace and timeouts: the recording has no clock, or one that is too coarse",
             "a recording with times of a millisecond or better, such as one of modlens tap",
         );
     }
