@@ -10,13 +10,13 @@ from typing import Any, BinaryIO, Literal, Never, NoReturn, Self, cast
 import _modlens
 from analyzer.columns import TABLES, columns
 from analyzer.data_frames import LEAST_REQUESTS, outages, response_times
-from analyzer.doubts import warn
 from analyzer.exports import format_of
 from analyzer.exports.sink import Target, with_suitable_table
 from analyzer.filters import selection
 from analyzer.keywords import OF_FRAMES, check_filter, refuse
 from analyzer.line import Line, parse_line
 from analyzer.live_run import LiveRun
+from analyzer.notes import Notes
 from analyzer.profiles import Binding, parse_binding, with_vendor_functions
 from analyzer.row_types import (
     AnyRow,
@@ -66,6 +66,19 @@ class Decoding:
         self._read_as = read_as
         self._data = data or {}
         self._chosen = chosen
+        self._notes: tuple[str, ...] | None = None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a pass has to say beside its rows, as the command does on standard error.
+
+        What was skipped of captures and logs, and settings that can hardly be meant so. Where that
+        is likely to cost rows, `ModlensWarning` says it as well. Those of the last whole pass; one
+        is made where there was none.
+        """
+        if self._notes is None:
+            self.stats()
+        return self._notes or ()
 
     @property
     def transactions(self) -> Rows[TransactionRow]:
@@ -150,12 +163,12 @@ class Decoding:
 
     def batches(self, *tables: str) -> Iterator[_modlens.Batch]:
         """One pass over the recordings; tables that are not named may be empty in the batches."""
-        yield from self._run(tables).batches()
+        yield from self._pass(self._run(tables, notes := Notes(self._notes or ())), notes)
 
     def stats(self) -> dict[str, Any]:
         """Statistics of a whole pass; the site's page "Statistics and verdict" lists the keys."""
-        run = self._run(())
-        for _ in run.batches():
+        run = self._run((), notes := Notes(self._notes or ()))
+        for _ in self._pass(run, notes):
             pass
         return run.stats()
 
@@ -164,10 +177,31 @@ class Decoding:
 
         The site's page "Statistics and verdict" lists the keys.
         """
-        run = self._run(("diagnoses",))
-        for _ in run.batches():
+        run = self._run(("diagnoses",), notes := Notes(self._notes or ()))
+        for _ in self._pass(run, notes):
             pass
         return run.doctor()
+
+    def show(self, txn: int | None = None, *, frame: int | None = None, width: int = 100) -> str:
+        """The bytes of a transaction or frame beside their meaning, as `modlens show` prints them.
+
+        `UsageError` where there is none of this number.
+
+        >>> from modlens import decode
+        >>> print(decode(bytes.fromhex("1103006B00037687")).show(frame=1, width=70))
+        frame 1: request, rtu, ok
+        offset  bytes  field     value   meaning
+             0  11     unit      17      unit 17
+             1  03     function  3       Read Holding Registers, request
+             2  00 6b  address   107     107 = 0x006B, 400108 (40108)
+             4  00 03  quantity  3       3 registers, 400108 to 400110
+             6  76 87  checksum  0x8776  CRC OK
+        <BLANKLINE>
+        """
+        from analyzer.annotated import text_of  # noqa: PLC0415 - for those who look at bytes
+
+        run = self._run(("transactions", "frames", "findings", "readings"), Notes())
+        return text_of(run, self._settings.functions, txn=txn, frame=frame, width=width)
 
     def outages(self, *, requests: int = LEAST_REQUESTS) -> Any:
         """When units were away, as a `pandas.DataFrame`: at least so many `requests` unanswered.
@@ -193,9 +227,20 @@ class Decoding:
         """
         return response_times(self.transactions, by, every)
 
-    def _run(self, tables: Iterable[str]) -> FileRun:
-        settings = replace(self._settings, tables=tuple(tables))
-        return FileRun(self.names, settings, read_as=self._read_as, data=self._data, notify=warn)
+    def _pass(self, run: FileRun, notes: Notes) -> Iterator[_modlens.Batch]:
+        """The batches of a run; at its end its notes are those of the recording."""
+        yield from run.batches()
+        self._notes = tuple(notes)
+
+    def _run(self, tables: Iterable[str], notes: Notes) -> FileRun:
+        return FileRun(
+            self.names,
+            replace(self._settings, tables=tuple(tables)),
+            read_as=self._read_as,
+            data=self._data,
+            notify=notes.add,
+            on_status=notes.of_status,
+        )
 
 
 def decode(  # noqa: PLR0913 - that many things can be said of a recording

@@ -10,6 +10,7 @@ from types import FrameType
 from typing import Any
 
 from analyzer.settings import Settings
+from dissectors.errors import ModlensWarning
 
 __all__ = ["doubts", "warn"]
 
@@ -64,4 +65,4 @@ def warn(text: str) -> None:
     depth = 2
     while frame is not None and frame.f_globals.get("__name__", "").startswith("analyzer."):
         frame, depth = frame.f_back, depth + 1
-    warnings.warn(text, UserWarning, stacklevel=depth)
+    warnings.warn(text, ModlensWarning, stacklevel=depth)

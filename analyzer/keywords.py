@@ -40,6 +40,7 @@ _FILES = {"csv": "csv", "excel": "xlsx", "parquet": "parquet", "json": "jsonl", 
 
 OF_FRAMES = {
     **dict.fromkeys(("query", "filter"), 'where("unit == 1")'),
+    "between": "where(\"time >= '12:00' and time < '13:00'\")",
     **{f"to_{name}": f'write("rows.{ending}")' for name, ending in _FILES.items()},
     **dict.fromkeys(
         ("describe", "dtypes", "groupby", "iloc", "join", "loc", "merge", "pivot_table", "plot",

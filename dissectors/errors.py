@@ -22,6 +22,7 @@ __all__ = [
     "CaptureError",
     "FilterError",
     "ModlensError",
+    "ModlensWarning",
     "PortError",
     "ProfileError",
     "SourceError",
@@ -44,6 +45,10 @@ class ModlensError(Exception):
     def __init__(self, message: str) -> None:
         self.message = " ".join(message.split())
         super().__init__(self.message)
+
+
+class ModlensWarning(UserWarning):
+    """A recording or setting that can hardly be meant so; `warnings` filters it by this class."""
 
 
 class UsageError(ModlensError):

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from analyzer.cli.progress import ProgressLine
 from analyzer.cli.standard_streams import STDERR, discard_output
-from analyzer.counts import count_of
-from analyzer.views.screen import Screen, fit, visible
+from analyzer.unread import unread
+from analyzer.views.screen import Screen, visible
 from analyzer.views.summary import summary
 from dissectors.errors import SourceError
 
@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from analyzer.session import RecordingStatus
 
 __all__ = ["Messages"]
-
-EXCERPT_COLUMNS = 60
-"""Terminal columns that are shown of a line that could not be parsed."""
 
 _CLOCKS = {
     "none": "no timestamps",
@@ -121,23 +118,9 @@ class Messages:
         details = status.details
         if "trouble" in details:
             self.error(f"{status.name}: {details['trouble']}")
-        later = [
-            name for name in details.get("formats", []) if name not in status.format.split("+")
-        ]
-        if later:
-            self.info(f"{status.name}: also has lines of {', '.join(later)}")
-        unparsed = details.get("unparsed", 0)
-        self.unparsed_lines += unparsed
-        for reason, count in (details.get("dropped") or {}).items():
-            self.info(f"{status.name}: {count:,} skipped: {reason}")
-        if unparsed:
-            lines = count_of(details["lines"], "line")
-            hexed = details["unparsed_with_hex"]
-            amount = count_of(details["unparsed_hex_bytes"], "byte")
-            held = f"; {hexed:,} of them hold{'s' * (hexed == 1)} {amount} of hex" if hexed else ""
-            self.info(f"{status.name}: {unparsed:,} of {lines} could not be parsed{held}")
-            for number, text, _ in details["unparsed_examples"]:
-                self.info(f"  line {number}: {fit(visible(text), EXCERPT_COLUMNS).rstrip()}")
+        self.unparsed_lines += details.get("unparsed", 0)
+        for sentence in unread(status):
+            self.info(sentence)
 
 
 def _resolution(details: dict[str, Any], clock: str) -> str:

@@ -9,17 +9,17 @@ import argparse
 import io
 import os
 
-from analyzer.cli.chosen_settings import settings
-from analyzer.cli.file_input import file_run
-from analyzer.cli.messages import Messages
-from analyzer.cli.parser import add_decoding, add_line
-from analyzer.cli.show_frames import (
+from analyzer.annotated import (
     DisplayedExchange,
     lookup_frame,
     lookup_packet,
     lookup_transaction,
     show,
 )
+from analyzer.cli.chosen_settings import settings
+from analyzer.cli.file_input import file_run
+from analyzer.cli.messages import Messages
+from analyzer.cli.parser import add_decoding, add_line
 from analyzer.cli.show_registers import add_place, show_registers
 from analyzer.hex_text import frame_bytes, parse_hex
 from analyzer.session import FileRun

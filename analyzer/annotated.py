@@ -1,7 +1,8 @@
-"""Looks up and draws what `modlens show` shows."""
+"""Looks up and draws a frame, or a request and its response: bytes beside their meaning."""
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -14,8 +15,16 @@ from analyzer.views.cells import milliseconds
 from analyzer.views.detail import show_findings, show_frame, show_pause
 from analyzer.views.screen import Screen, visible, width_of
 from dissectors.describe import Mode, describe, has_checksum, pdu_of
+from dissectors.errors import UsageError
 
-__all__ = ["DisplayedExchange", "lookup_frame", "lookup_packet", "lookup_transaction", "show"]
+__all__ = [
+    "DisplayedExchange",
+    "lookup_frame",
+    "lookup_packet",
+    "lookup_transaction",
+    "show",
+    "text_of",
+]
 
 Direction = Literal["request", "response"]
 
@@ -138,6 +147,32 @@ def show(
         for name, value in exchange.readings:
             screen.line(f"  {name}{' ' * (width - width_of(name))}  {value}")
     show_findings(exchange.findings, screen)
+
+
+def text_of(
+    run: FileRun,
+    functions: _modlens.Functions,
+    *,
+    txn: int | None,
+    frame: int | None,
+    width: int,
+) -> str:
+    """A transaction or frame of a run as text; `UsageError` where there is none of this number."""
+    number, what, look = (
+        (txn, "transaction", lookup_transaction)
+        if frame is None
+        else (frame, "frame", lookup_frame)
+    )
+    if number is None or (txn is not None and frame is not None):
+        raise UsageError("write show(txn=3) for a transaction, show(frame=5) for a frame")
+    if not isinstance(number, int):
+        raise UsageError(f"a {what} is named by its number such as 3, not {number!r}")
+    found = look(run, number)
+    if found is None:
+        raise UsageError(f"there is no {what} {number}")
+    text = io.StringIO()
+    show(found, Screen(text, width=width), functions, None)
+    return text.getvalue()
 
 
 def lookup_frame(run: FileRun, number: int) -> DisplayedExchange | None:
