@@ -2,7 +2,7 @@
 const Live = (() => {
   const ROWS_MS = 700, REPORT_MS = 5000, KEPT = 256 << 20;
   const $ = (id) => document.getElementById(id);
-  const say = (text) => { $("state").textContent = text; };
+  const say = (text) => { $("state").textContent = Show.visible(text); };
   // What came, for saving; its first part where that is too much.
   let pieces = [], kept = 0, isFull = false, isPaused = false, live = null;
 

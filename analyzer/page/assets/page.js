@@ -148,7 +148,7 @@ const Page = (() => {
     if (found.version !== DOCUMENT_VERSION) throw new Error(`this page reads version ${DOCUMENT_VERSION} of the document, not ${found.version}`);
     showReport(await ask({ call: "report", document: found }), false);
     $("progress").hidden = true;
-    say(`${Show.visible(one.name)} is shown.`);
+    say(`${one.name} is shown.`);
     document.documentElement.dataset.state = "shown";
   }
 

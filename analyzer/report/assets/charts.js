@@ -44,7 +44,7 @@ const Charts = (() => {
     const numbers = (plot, ticks) => ticks.map((one) => (one === null ? "" : one.toLocaleString("en-US", { maximumFractionDigits: 6 })));
     return [
       { ...common, label: label || labelOf(axis, span), labelSize: 18, size: 34, space: (plot) => (plot.scales.x.max - plot.scales.x.min < 30 ? 95 : 80), values: axis === "utc" ? clock : label ? numbers : undefined },
-      { ...common, label: unit, labelSize: 18, size: 60, space: () => (paper ? 14 : 22), values: numbers, ...(whole ? { incrs: [1, 2, 5, 10, 20, 50, 100, 200, 500, 1e3, 2e3, 5e3, 1e4, 1e5, 1e6, 1e7] } : {}) },
+      { ...common, label: Show.visible(unit), labelSize: 18, size: 60, space: () => (paper ? 14 : 22), values: numbers, ...(whole ? { incrs: [1, 2, 5, 10, 20, 50, 100, 200, 500, 1e3, 2e3, 5e3, 1e4, 1e5, 1e6, 1e7] } : {}) },
     ];
   }
 

@@ -18,7 +18,7 @@ const Show = (() => {
     });
   }
 
-  const say = (text) => { document.getElementById("said").textContent = text; };
+  const say = (text) => { document.getElementById("said").textContent = visible(text); };
 
   // Halves are rounded away from 0.
   function fixed(value, decimals) {
