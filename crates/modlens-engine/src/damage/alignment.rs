@@ -73,13 +73,10 @@ pub const DAMAGE_COSTS: DamageCosts =
 
 /// The best alignment of an expected frame with bytes that begin where it may begin, if it is worth `need` bits.
 pub fn align(model: &TrafficModel, expected: &ExpectedFrame<'_>, bytes: &[u8], need: f32) -> Option<Alignment> {
-    // If all known bytes are missing, only the CRC is left to recognise the frame by, and that takes a known length.
-    let known = expected.bytes.len() - usize::from(expected.length.is_none());
-    let max_missing = MAX_LOST_BYTES.min(known);
     // Nearly always the first byte already shows that this many are not missing.
     let may_lack =
         |missing: &usize| *missing == 0 || expected.bytes.get(*missing).is_none_or(|known| bytes.first() == Some(known));
-    let counts = (0..=max_missing).filter(may_lack);
+    let counts = (0..=expected.most_missing(bytes.len())).filter(may_lack);
     let alignments = counts.filter_map(|missing| align_without_head(model, expected, bytes, missing, need));
     alignments.max_by(|a, b| a.score.total_cmp(&b.score))
 }
@@ -356,9 +353,10 @@ fn crc_score(expected: &ExpectedFrame<'_>, bytes: &[u8], length: Option<usize>, 
     if update(crc16(&expected.bytes), &bytes[known_end..length]) == 0 {
         return CRC_MATCH_BITS;
     }
-    match correctable_bit(&bytes[..length]) {
-        Some(_) if shortfall == 0 => (CRC_CORRECTABLE_BITS - (8.0 * length as f32).log2()).max(0.0),
-        _ => 0.0,
+    if shortfall == 0 && correctable_bit(&bytes[..length]).is_some() {
+        (CRC_CORRECTABLE_BITS - (8.0 * length as f32).log2()).max(0.0)
+    } else {
+        0.0
     }
 }
 

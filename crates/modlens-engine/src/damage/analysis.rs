@@ -146,7 +146,7 @@ impl UnframedRegion<'_, '_> {
         // are missing included.
         let mut values = PrefixFilter::default();
         for frame in &expected {
-            values.add(&frame.bytes);
+            values.add(&frame.bytes, frame.most_missing(self.length));
         }
         let new_function_cost = self.model.least_cost_of_new_function();
         let delivers_flow_control = self.model.delivers_flow_control();

@@ -8,7 +8,7 @@ use crate::damage::region::UnframedRegion;
 use crate::rtu_model::announced_length::{ENVELOPE_BYTES, EXCEPTION_RESPONSE_BYTES};
 use crate::rtu_model::damage_kind::DamageKind;
 use crate::rtu_model::prefilter::Need;
-use crate::rtu_model::prefix_index::{may_have_byte, members, possible_frames, FrameSet, MAX_LOST_BYTES};
+use crate::rtu_model::prefix_index::{FrameSet, MAX_LOST_BYTES};
 use crate::rtu_model::score;
 use crate::rtu_model::side::{self, REQUEST, RESPONSE};
 use crate::weights::{self, FRAME_END_BITS, MAX_STRAY_BITS, MIN_DAMAGED_FRAME_BITS, POLL_REQUEST_BITS, ROUNDING_BITS};
@@ -48,13 +48,8 @@ impl UnframedRegion<'_, '_> {
     /// Adds the expected frames that may begin at `start`.
     pub(crate) fn add_expected(&self, expected: &[ExpectedFrame<'_>], start: usize, candidates: &mut Vec<Candidate>) {
         let bytes = &self.bytes()[start..];
-        // As a set, one bit per expected frame: those that may have this byte at this place.
-        let with_byte = |place: usize, byte: u8| {
-            let frames = expected.iter().enumerate();
-            frames.fold(0, |set: FrameSet, (at, frame)| set | FrameSet::from(may_have_byte(&frame.bytes, place, byte)) << at)
-        };
-        for at in members(possible_frames(bytes, with_byte)) {
-            candidates.extend(self.aligned_candidate(&expected[at], start));
+        for frame in expected.iter().filter(|frame| frame.may_begin_with(bytes)) {
+            candidates.extend(self.aligned_candidate(frame, start));
         }
     }
 

@@ -49,14 +49,14 @@ pub struct PrefixFilter {
 }
 
 impl PrefixFilter {
-    /// Admits one more frame, of which the first bytes are known.
-    pub fn add(&mut self, known: &[u8]) {
+    /// Admits one more frame, of which the first bytes are known, and `most_missing` of them may be lost.
+    pub fn add(&mut self, known: &[u8], most_missing: usize) {
         let put = |set: &mut [u64; 4], byte: u8| set[usize::from(byte >> 6)] |= 1 << (byte & 63);
-        // With so few bytes known, all of them may be lost, and any byte may be first.
-        if known.len() <= MAX_LOST_BYTES {
+        // Where all of them may be lost, any byte may be first.
+        if known.len() <= most_missing {
             self.first = [u64::MAX; 4];
         }
-        for &byte in known.iter().take(MAX_LOST_BYTES + 1) {
+        for &byte in known.iter().take(most_missing + 1) {
             put(&mut self.first, byte);
         }
         if let Some(&byte) = known.get(1) {
@@ -142,7 +142,7 @@ mod tests {
             };
             let mut filter = PrefixFilter::default();
             for frame in frames.iter().filter(|frame| frame.len() >= 2) {
-                filter.add(frame);
+                filter.add(frame, MAX_LOST_BYTES);
             }
             prop_assert!(filter.admits(&bytes) || frames.iter().all(|frame| frame.len() < 2 || !alone(frame)));
             let one_by_one = frames.iter().enumerate().filter(|(_, frame)| !frame.is_empty() && alone(frame));
