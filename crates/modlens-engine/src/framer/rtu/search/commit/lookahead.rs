@@ -83,18 +83,12 @@ impl Search {
         filter: &HeaderFilter,
     ) -> RivalAt {
         let bytes = &input.bytes()[(start - input.offset()) as usize..];
-        // To look for the end of a frame of any length takes longest, so it is asked last.
-        let has_open_length = bytes.get(1).is_some_and(|&code| context.functions.row(code, &bytes[2..]).is_none());
-        if has_open_length && !self.may_exceed(context, bytes, start, filter) {
+        if !self.may_exceed(context, bytes, start, filter) {
             return RivalAt::Never;
         }
-        // Nearly no other start has a frame that completes: this is asked before what its header is worth.
         let completion = self.completion(input, context, start);
         let never_completes = completion == Completion::Never;
         if never_completes && !(filter.may_be_due_at(start) && self.is_due_at(start)) {
-            return RivalAt::Never;
-        }
-        if !has_open_length && !self.may_exceed(context, bytes, start, filter) {
             return RivalAt::Never;
         }
         let mut result = RivalAt::Never;

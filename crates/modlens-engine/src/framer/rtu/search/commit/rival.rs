@@ -27,8 +27,8 @@ impl UnitSet {
 
 /// What the headers of unfinished frames are compared with first, before each path is looked at.
 pub(super) struct HeaderFilter {
-    /// A header that adds no more bits than this to a path cannot exceed the bar, not even after the best path.
-    least_bits: f32,
+    /// `RivalBar::least`.
+    least: f32,
     /// The units that are addressed by an outstanding request on any path.
     outstanding_units: UnitSet,
     /// Stream offsets at which paths end, modulo 64, one bit each.
@@ -148,9 +148,17 @@ impl Search {
     pub(super) fn may_exceed(&mut self, context: &FramerContext<'_>, seen: &[u8], start: u64, filter: &HeaderFilter) -> bool {
         let &[unit, code, ..] = seen else { return true };
         let header = self.model.max_header_score(context.functions, unit, code);
-        let is_little = header + weights::FRAME_DUE_BITS <= filter.least_bits
-            || (header - self.model.unframed_cost(1) <= filter.least_bits && !self.is_due_at(start));
+        // A header that adds no more bits than this cannot exceed the bar, whichever path it follows.
+        let least_bits = filter.least - (self.best_path_score_before(start) + weights::ROUNDING_BITS);
+        let is_little = header + weights::FRAME_DUE_BITS <= least_bits
+            || (header - self.model.unframed_cost(1) <= least_bits && !self.is_due_at(start));
         !is_little || (filter.outstanding_units.contains(unit) && self.may_answer(unit, code & !EXCEPTION_BIT))
+    }
+
+    /// The score in bits of the best of the paths that end at this stream offset or before it.
+    fn best_path_score_before(&self, offset: u64) -> f32 {
+        let before = self.lattice.iter().filter(|hypothesis| hypothesis.end <= offset);
+        before.map(|hypothesis| hypothesis.path_score).fold(f32::MIN, f32::max)
     }
 
     /// Whether some path ends exactly at this stream offset.
@@ -170,8 +178,7 @@ impl Search {
         let mut outstanding_units = UnitSet::default();
         let outstanding = self.lattice.iter().filter_map(|before| before.answerable.outstanding);
         outstanding.for_each(|id| outstanding_units.insert(self.requests.get(id).unit));
-        let best_path = self.lattice.iter().map(|before| before.path_score).fold(f32::MIN, f32::max);
         let ends = self.lattice.iter().fold(0, |ends, before| ends | 1 << (before.end % 64));
-        HeaderFilter { least_bits: bar.least - (best_path + weights::ROUNDING_BITS), outstanding_units, ends }
+        HeaderFilter { least: bar.least, outstanding_units, ends }
     }
 }
