@@ -28,29 +28,37 @@ pub fn is_impossible(code: u8, length: usize) -> bool {
     code == 0 || (code & EXCEPTION_BIT != 0 && length != EXCEPTION_RESPONSE_BYTES)
 }
 
-/// Score in bits of a frame by itself in this direction, whatever is before it; `None` where no frame can look like this.
-/// The caller has found the CRC of `frame` to be valid, so its two bytes count with their information content.
-pub fn frame_score(model: &TrafficModel, context: &FramerContext<'_>, frame: &[u8], direction: usize) -> Option<f32> {
+/// Scores in bits of a frame by itself, as a request and as a response, whatever is before it; `None` where no frame of that
+/// direction can look like this. The caller has found the CRC of `frame` to be valid, so its two bytes count with their
+/// information content.
+pub fn frame_scores(model: &TrafficModel, context: &FramerContext<'_>, frame: &[u8]) -> [Option<f32>; 2] {
     let frame = FrameBytes(frame);
     if is_impossible(frame.code(), frame.0.len()) {
-        return None;
+        return [None; 2];
     }
     if frame.is_exception() {
-        return (direction == RESPONSE).then(|| exception_response_score(model, context.functions, frame));
+        return [None, Some(exception_response_score(model, context.functions, frame))];
     }
     let row = context.functions.row(frame.code(), frame.body());
-    let header = crc_score(model, frame) + header_score(model, context.functions, frame, direction);
-    let header = header - broadcast_cost(row, frame, direction);
-    Some(match row {
-        Some(row) => header + layout_score(model, row, frame.body(), direction),
-        None => header - model.open_length_cost(frame.code(), direction, frame.body()),
+    let (crc, header) = (crc_score(model, frame), unchosen_header_score(model, frame));
+    [REQUEST, RESPONSE].map(|direction| {
+        let header = crc + (header - model.function_cost(context.functions, frame.code(), direction));
+        let header = header - broadcast_cost(row, frame, direction);
+        Some(match row {
+            Some(row) => header + layout_score(model, row, frame.body(), direction),
+            None => header - model.open_length_cost(frame.code(), direction, frame.body()),
+        })
     })
 }
 
 /// Score in bits of unit and function code: the information content of each, less what it costs to choose it on this line.
 fn header_score(model: &TrafficModel, functions: &Functions, frame: FrameBytes<'_>, direction: usize) -> f32 {
-    let (unit, code) = (frame.unit(), frame.code());
-    model.bits(unit) - model.unit_cost(unit) + model.bits(code) - model.function_cost(functions, code, direction)
+    unchosen_header_score(model, frame) - model.function_cost(functions, frame.code(), direction)
+}
+
+/// The same, but for the choice of the function code, which depends on the direction.
+fn unchosen_header_score(model: &TrafficModel, frame: FrameBytes<'_>) -> f32 {
+    model.bits(frame.unit()) - model.unit_cost(frame.unit()) + model.bits(frame.code())
 }
 
 /// Cost in bits of what never happens to the broadcast unit 0 (serial line specification, 2.1): that it responds, or that it is

@@ -272,6 +272,7 @@ impl Layout {
     }
 
     /// The length of a body that starts with these bytes; unbounded if the layout is not known.
+    #[inline]
     pub fn extent(&self, body: &[u8]) -> Extent {
         match self {
             Self::Body(shape) => shape.extent(body),

@@ -32,8 +32,9 @@ impl Search {
         let hypotheses_before = self.lattice.len();
         let substring = self.valid_substring(input, context, start, FrameBytes(frame));
         let mut next_damaged_end_at = None;
-        for direction in [REQUEST, RESPONSE] {
-            let Some(score) = score::frame_score(&self.model, context, substring.frame.0, direction) else { continue };
+        let scores = score::frame_scores(&self.model, context, substring.frame.0);
+        for (direction, score) in [REQUEST, RESPONSE].into_iter().zip(scores) {
+            let Some(score) = score else { continue };
             let contradiction = contradiction_cost(context, substring.declared, direction);
             let own_score = score + substring.timing_score - contradiction;
             let placements = self.best_placements(input, context, &substring, direction, own_score, floor);

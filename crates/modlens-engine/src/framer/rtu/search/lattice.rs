@@ -6,13 +6,22 @@
 use crate::framer::rtu::search::commit::Decision;
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::state::Search;
+use crate::rtu_model::crc_scan::MAX_CANDIDATE_SPAN;
 use crate::rtu_model::traffic_model::TrafficModel;
-use crate::weights::{BEAM_BITS, BEAM_HYPOTHESES, BEAM_IN_NOISE_BITS, MIN_DAMAGED_FRAME_BYTES, UNANSWERED_BITS};
+use crate::weights::{
+    BEAM_BITS, BEAM_HYPOTHESES, BEAM_IN_NOISE_BITS, MIN_DAMAGED_FRAME_BYTES, UNANSWERED_BITS, UNFRAMED_PIECE_BYTES,
+};
 
 /// The score in bits below which a new hypothesis is not added while there is none but the root (`Search::beam_floor`), once the
 /// bytes up to stream offset `scanned_to` are scanned.
 pub(super) fn root_floor(model: &TrafficModel, root: &Hypothesis, scanned_to: u64) -> f32 {
     root.path_score - model.open_unframed_cost(scanned_to - root.end) - BEAM_IN_NOISE_BITS
+}
+
+/// The stream offset before which nothing is decided after a root that ends at `root_end` while there is no hypothesis: any
+/// later byte may belong to a frame that begins in the first unframed bytes.
+pub(super) fn first_decision_behind(root_end: u64) -> u64 {
+    root_end + UNFRAMED_PIECE_BYTES + MAX_CANDIDATE_SPAN + 1
 }
 
 impl Search {
@@ -138,8 +147,8 @@ impl Search {
 
     /// Computes again what depends on the root.
     fn update_after_new_root(&mut self) {
-        self.skip.forget_decisions();
         let root_end = self.committed_offset();
+        self.skip.forget_decisions(if self.lattice.len() == 1 { first_decision_behind(root_end) } else { 0 });
         self.lattice[ROOT].next_damaged_end_at = root_end + MIN_DAMAGED_FRAME_BYTES;
         self.skip.next_damaged_end_at = u64::MAX;
         for i in 0..self.lattice.len() {

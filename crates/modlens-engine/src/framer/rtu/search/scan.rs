@@ -3,7 +3,7 @@
 use crate::framer::rtu::search::commit::Decision;
 use crate::framer::rtu::search::extend::first_damaged_end;
 use crate::framer::rtu::search::hypothesis::ROOT;
-use crate::framer::rtu::search::lattice::root_floor;
+use crate::framer::rtu::search::lattice::{first_decision_behind, root_floor};
 use crate::framer::rtu::search::state::Search;
 use crate::framer::FramerContext;
 use crate::input::Input;
@@ -137,7 +137,7 @@ impl Search {
         self.scanned_to = root_end;
         self.model.update_costs();
         self.lattice[ROOT].next_damaged_end_at = first_damaged_end(input, context, root_end);
-        self.skip.forget_decisions();
+        self.skip.forget_decisions(first_decision_behind(root_end));
         self.skip.next_damaged_end_at = self.lattice[ROOT].next_damaged_end_at;
         self.skip.needs_more_bytes = false;
         self.is_scanning = true;

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use crate::framer::rtu::search::commit::state::{CommitState, Completion, Decision, Rival, RivalBar};
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
+use crate::framer::rtu::search::lattice::first_decision_behind;
 use crate::framer::rtu::search::nested::Contents;
 use crate::framer::rtu::search::state::Search;
 use crate::framer::FramerContext;
@@ -64,15 +65,15 @@ impl Search {
     /// The state while the best path has no frame: final if closed, or if no frame can begin any more in the first block of
     /// unframed bytes (`UNFRAMED_PIECE_BYTES`). Prunes the lattice where noise has made many hypotheses.
     fn unframed_state(&mut self, is_closed: bool) -> CommitState {
-        let piece_end = self.committed_offset() + weights::UNFRAMED_PIECE_BYTES;
         // A frame that begins in the block ends before this offset.
-        if is_closed || self.scanned_to > piece_end + MAX_CANDIDATE_SPAN {
+        let until = first_decision_behind(self.committed_offset());
+        if is_closed || self.scanned_to >= until {
             return CommitState::Final;
         }
         if self.lattice.len() >= 2 * weights::BEAM_HYPOTHESES {
             self.prune();
         }
-        CommitState::Unframed { until: piece_end + MAX_CANDIDATE_SPAN + 1 }
+        CommitState::Unframed { until }
     }
 
     /// The state of the first frame of the best path, while the line is not closed; `path_end` is the index of the last frame

@@ -104,9 +104,9 @@ pub struct SkipAhead {
 }
 
 impl SkipAhead {
-    /// Voids what was known, because the root is another one.
-    pub fn forget_decisions(&mut self) {
-        (self.next_decision_at, self.no_rival_before, self.last_rival) = (0, 0, None);
+    /// Voids what was known, because the root is another one. Nothing is decided before this stream offset.
+    pub fn forget_decisions(&mut self, next_decision_at: u64) {
+        (self.next_decision_at, self.no_rival_before, self.last_rival) = (next_decision_at, 0, None);
         self.open_starts.clear();
     }
 }
