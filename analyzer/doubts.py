@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from types import FrameType
 from typing import Any
 
+from analyzer.addresses import SHORT
 from analyzer.settings import Settings
 from dissectors.errors import ModlensWarning
 
@@ -21,6 +22,7 @@ def doubts(settings: Settings, statistics: Mapping[str, Any]) -> Iterator[str]:
     """What to say at the end of a run about its settings and recordings, one sentence each."""
     if not settings.select:
         yield from _unheard(settings, statistics["buses"])
+        yield from _unnamed(settings, statistics["buses"])
         yield from _copies(statistics["buses"])
 
 
@@ -40,6 +42,54 @@ def _unheard(settings: Settings, buses: list[dict[str, Any]]) -> Iterator[str]:
                 f"profile {one.profile.name} is for unit {named}, which was not heard;"
                 f" there are {known}"
             )
+
+
+def _unnamed(settings: Settings, buses: list[dict[str, Any]]) -> Iterator[str]:
+    """Profiles that name nothing of what was read: a device may have it under another function."""
+    for one in settings.profiles:
+        of_profile = _places(one.profile.points)
+        polls = [bus["polls"] for bus in buses if one.bus is None or one.bus == bus["bus"]]
+        asked = [row for found in polls for row in found["requests"] if row["unit"] in one.units]
+        asked = [row for row in asked if row["register_type"] and row["address"] is not None]
+        if not of_profile or not asked or any(found["more"] for found in polls):
+            continue
+        read = {(SHORT[row["register_type"]], at) for row in asked for at in _addresses(row)}
+        if read.isdisjoint(of_profile):
+            yield (
+                f"profile {one.profile.name} names nothing of what was read: it has"
+                f" {_ranges(of_profile)}, and unit {', '.join(map(str, one.units))} was asked for"
+                f" {_ranges(read)}"
+            )
+
+
+def _places(points: Iterable[Mapping[str, Any]]) -> set[tuple[str, int]]:
+    """The types and addresses of points; empty where one has no fixed place."""
+    places = set()
+    for point in points:
+        kind, _, address = str(point.get("at", "")).partition(":")
+        if kind not in SHORT.values() or not address.isdecimal():
+            return set()
+        places.add((kind, int(address)))
+    return places
+
+
+def _addresses(row: Mapping[str, Any]) -> range:
+    return range(row["address"], row["address"] + (row["quantity"] or 1))
+
+
+def _ranges(places: set[tuple[str, int]]) -> str:
+    """The first and last address of each type.
+
+    >>> _ranges({("ir", 4), ("ir", 0), ("hr", 7)})
+    'hr 7, ir 0-4'
+    """
+    kinds: dict[str, list[int]] = {}
+    for kind, address in sorted(places):
+        kinds.setdefault(kind, []).append(address)
+    return ", ".join(
+        f"{kind} {found[0]}" + (f"-{found[-1]}" if found[1:] else "")
+        for kind, found in kinds.items()
+    )
 
 
 def _copies(buses: list[dict[str, Any]]) -> Iterator[str]:

@@ -49,4 +49,4 @@ def is_lost(status: RecordingStatus) -> bool:
     details = status.details
     records = details.get("records", 0)
     is_empty = 0 < records <= max((details.get("dropped") or {"": 0}).values())
-    return is_empty or _FEW * details.get("unparsed_with_hex", 0) > records
+    return is_empty or bool(_FEW * details.get("unparsed_with_hex", 0) > records)

@@ -26,6 +26,7 @@ from analyzer.cli.triggers import (
     SettingsDoubt,
     StopConditions,
 )
+from analyzer.doubts import doubts
 from analyzer.durations import parse_duration
 from analyzer.live_run import LiveRun, Tap, parse_tap
 from analyzer.profiles import Binding, with_vendor_functions
@@ -289,6 +290,8 @@ def _tap(  # noqa: PLR0915 - in the order in which a tap begins and ends
             if not outputs.reader_gone:
                 messages.statistics(stats, doctor)
                 messages.summary(stats)
+                for text in doubts(settings, stats):
+                    messages.info(text)
                 if options.doctor:
                     show_health(doctor, stdout())
                 else:

@@ -36,9 +36,19 @@ def test_a_file_named_twice_is_read_once() -> None:
 
 
 def test_a_profile_of_a_unit_that_was_not_heard() -> None:
-    assert warnings_of(RECORDING, profiles=["5=mightyzap"]) == []
+    heard = warnings_of(RECORDING, profiles=["5=mightyzap"])
+    assert not [text for text in heard if "not heard" in text]
     (found,) = warnings_of(RECORDING, profiles=["8-9=mightyzap"])
     assert found == "profile mightyzap is for unit 8, 9, which was not heard; there are 5"
+
+
+def test_a_profile_that_names_nothing_of_what_was_read() -> None:
+    """The profile has input registers; the recording reads holding registers of unit 5."""
+    (found,) = warnings_of(RECORDING, profiles=["5=carlo-gavazzi-em24"])
+    assert found.startswith(
+        "profile carlo-gavazzi-em24 names nothing of what was read: it has ir 0-"
+    )
+    assert "and unit 5 was asked for hr 0-" in found
 
 
 def test_a_folder_with_one_traffic_twice() -> None:
