@@ -280,6 +280,13 @@ class Survey:
         `samples` and what follows are those of the first register. Bits have `address` and these
         only. `ValueError` for another table.
         """
+    def movements(self, unit: int, space: str, parts: int) -> str:
+        """How a table moved: {spans, equations}; `ValueError` for another table.
+
+        `spans` has a list for each point, in the order of `points`: [low, high] of each part of the
+        time, or null. An equation is {kind, address, of: [addresses], factor, residual}; `kind` is
+        sum, product or integral.
+        """
     def anchor(self, unit: int, space: str, address: int, factor: float, bits: float) -> None:
         """Take the scale of a point as known; `ValueError` for another table."""
     def fit(self, unit: int, profile: Profile) -> str:

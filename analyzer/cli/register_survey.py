@@ -24,9 +24,11 @@ CHUNK = 1024
 """The rows that are objects of Python at a time."""
 
 
-def survey(options: argparse.Namespace, search: Search | None = None) -> _modlens.Survey:
+def survey(
+    options: argparse.Namespace, search: Search | None = None, *, quiet: bool = False
+) -> _modlens.Survey:
     """Survey the registers in the input files; what is searched in them gets all batches, too."""
-    messages = Messages(quiet=False)
+    messages = Messages(quiet=quiet)
     chosen = replace(settings(options), tables=("transactions",))
     files = file_run(options, chosen, messages)
     found = _modlens.Survey()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from analyzer.cli.comparison import comparison
+from analyzer.cli.learned_tables import learned_tables
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import SIGNALLED
 from analyzer.cli.parser import add_decoding, add_input, add_line
@@ -22,6 +23,7 @@ examples:
   modlens report recording.jsonl --line 19200-8E1 -o report.html
   modlens report monday.pcap tuesday.pcap -o week.html
   modlens report tuesday.pcap --against monday.pcap -o tuesday.html
+  modlens report day.pcapng --learn -o day.html
   modlens report --viewer -o viewer.html
 
 The page needs no network and can be mailed. The viewer is the page of
@@ -56,6 +58,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         " diff finds it; repeatable, for several recordings that are compared as one",
     )
     parser.add_argument(
+        "--learn",
+        action="store_true",
+        help="the page has sections of what modlens learn finds out about registers: what you can"
+        " settle, each value and how it moved, equations between them; reads the recordings twice",
+    )
+    parser.add_argument(
         "--viewer",
         action="store_true",
         help="write a page without data, on which documents of stats --to json can be dropped",
@@ -67,6 +75,8 @@ def run(options: argparse.Namespace) -> int:
     """Decode the recordings, then write the page; gives the exit status."""
     if options.viewer == bool(options.files):
         raise UsageError("report: name recordings, or --viewer for a page without data")
+    if options.viewer and options.learn:
+        raise UsageError("report: --learn looks at recordings; a page without data has none")
     if options.viewer and options.against:
         raise UsageError("report: --against compares recordings; a page without data has none")
     if options.viewer:
@@ -78,6 +88,8 @@ def run(options: argparse.Namespace) -> int:
         document = recording.document
         if options.against and stop_signals.signal is None:
             document = {**document, "comparison": [comparison(options)]}
+        if options.learn and stop_signals.signal is None:
+            document = {**document, "learned": learned_tables(options)}
         write_page(options.output, page(document))
         if stop_signals.signal is not None:
             return SIGNALLED + stop_signals.signal

@@ -9,7 +9,16 @@ from analyzer.counts import count_of
 from analyzer.views.candidates import chance_text
 from analyzer.views.screen import Part, Screen, fit, visible
 
-__all__ = ["show_learned"]
+__all__ = [
+    "chance_of",
+    "is_silent",
+    "open_questions",
+    "order_text",
+    "show_learned",
+    "span_text",
+    "unit_text",
+    "values_text",
+]
 
 _MOVING = ("measurement", "counter")
 _LISTED = 12
@@ -29,67 +38,78 @@ def show_learned(table: Mapping[str, Any], points: Points, source: str, screen: 
         f"{count_of(reads, 'read')}, {known} of {count_of(len(points), 'value')} with a role",
         "head",
     )
-    screen.lines(_open(table, points, source))
+    for what, registers, how in open_questions(points, source):
+        screen.lines([[(f"  {what}: {table['space']} {registers}", "note")], [(f"    {how}", "")]])
     heads = "".join(fit(name, width) for name, width in _COLUMNS)
     screen.line(f"  {heads}{'chance':>7}  why", "dim")
-    screen.lines(_line(table["space"], one) for one in points if not _is_silent(one))
+    screen.lines(_line(table["space"], one) for one in points if not is_silent(one))
 
 
-def _open(table: Mapping[str, Any], points: Points, source: str) -> Iterator[Sequence[Part]]:
-    """What a value on a display settles, and what more traffic would."""
-    space = table["space"]
+def open_questions(points: Points, source: str) -> Iterator[tuple[str, str, str]]:
+    """What is open, of which registers, and what settles it: a value on a display, more traffic."""
     scales = [one for one in points if one["role"] in _MOVING and one["scale"] is None]
     if scales:
-        yield [(f"  scale open: {space} {_addresses(scales)}", "note")]
         command = f"modlens learn {visible(source)} --value X --at TIME"
-        yield [
-            (f"    a value on a display settles its register, and others like it: {command}", "")
-        ]
-    roles = [one for one in points if one["role"] is None and not _is_silent(one)]
-    still = [one for one in points if _is_silent(one)]
+        said = f"a value on a display settles its register, and others like it: {command}"
+        yield "scale open", _addresses(scales), said
+    roles = [one for one in points if one["role"] is None and not is_silent(one)]
+    still = [one for one in points if is_silent(one)]
     for said, found in (("role open", roles), ("not seen to move", still)):
         if found:
-            yield [(f"  {said}: {space} {_addresses(found)}", "note")]
-    if roles or still:
-        yield [("    longer or livelier traffic settles these", "")]
+            yield said, _addresses(found), "longer or livelier traffic"
 
 
-def _is_silent(one: Mapping[str, Any]) -> bool:
-    """Whether nothing is said of a register that never moved."""
-    return one["role"] is None and one["count"] == 1 and one["min"] == one["max"]
+def is_silent(one: Mapping[str, Any]) -> bool:
+    """Whether a single register never moved, and holds nothing or nothing is said of it."""
+    is_still = one["count"] == 1 and one["min"] == one["max"]
+    return is_still and (one["role"] is None or (one["role"] == "constant" and not one["min"]))
 
 
 def _addresses(points: Points) -> str:
-    texts = [_span(one) for one in points[:_LISTED]]
+    texts = [span_text(one) for one in points[:_LISTED]]
     more = len(points) - len(texts)
     return ", ".join(texts) + (f" and {more} more" if more else "")
 
 
-def _span(one: Mapping[str, Any]) -> str:
+def span_text(one: Mapping[str, Any]) -> str:
+    """The addresses of a value, the first and the last."""
     last = one["address"] + one["count"] - 1
     return str(last) if one["count"] == 1 else f"{one['address']}-{last}"
 
 
+def order_text(one: Mapping[str, Any]) -> str:
+    """The order of a number of several registers, after a blank."""
+    return "" if one["count"] == 1 or one["type"] == "str" else f" {one['order']}"
+
+
+def unit_text(one: Mapping[str, Any]) -> str:
+    """The unit of measure, or else the scale."""
+    return one["unit_symbol"] or ("" if one["scale"] is None else f"x {one['scale']:g}")
+
+
+def chance_of(one: Mapping[str, Any]) -> str:
+    """The chance that all is right that is said of a value, as text."""
+    stated = [one[f"{name}_bits"] for name in ("role", "scale") if one[f"{name}_bits"] is not None]
+    if one["layout_bits"] > 0:
+        stated.append(one["layout_bits"])
+    return chance_text(1 / (1 + 2 ** -min(stated))) if stated else ""
+
+
 def _line(space: str, one: Mapping[str, Any]) -> Sequence[Part]:
-    order = "" if one["count"] == 1 or one["type"] == "str" else f" {one['order']}"
-    unit = one["unit_symbol"] or ("" if one["scale"] is None else f"x {one['scale']:g}")
     cells = (
-        f"{space} {_span(one)}", f"{one['type']}{order}", one["role"] or "?", _values(one), unit,
+        f"{space} {span_text(one)}", f"{one['type']}{order_text(one)}", one["role"] or "?",
+        values_text(one), unit_text(one),
     )  # fmt: skip
     parts: list[Part] = [("  ", "")]
     for text, (name, width) in zip(cells, _COLUMNS, strict=True):
         parts.append((fit(visible(text), width - 1) + " ", "dim" if name == "type" else ""))
-    stated = [one[f"{name}_bits"] for name in ("role", "scale") if one[f"{name}_bits"] is not None]
-    if one["layout_bits"] > 0:
-        stated.append(one["layout_bits"])
-    chance = chance_text(1 / (1 + 2 ** -min(stated))) if stated else ""
-    parts.append((f"{chance:>7}", ""))
+    parts.append((f"{chance_of(one):>7}", ""))
     reasons = [reason for reason in (one["scale_reason"], one["reason"]) if reason]
     parts.append((f"  {visible('; '.join(reasons))}", "dim"))
     return parts
 
 
-def _values(one: Mapping[str, Any]) -> str:
+def values_text(one: Mapping[str, Any]) -> str:
     """The range of the values, scaled where the scale is known."""
     if one["min"] is None:
         return ""

@@ -119,6 +119,12 @@ impl Survey {
         Ok(py.detach(|| self.core.points(unit, space, first, most).to_string()))
     }
 
+    /// How the points of a table moved in so many parts of the time, and what they say of each other.
+    fn movements(&mut self, py: Python<'_>, unit: u8, space: &str, parts: usize) -> PyResult<String> {
+        let space = Space::from_word(space).ok_or_else(|| value_error(format!("no table {space:?}")))?;
+        Ok(py.detach(|| self.core.movements(unit, space, parts.max(1)).to_string()))
+    }
+
     /// Takes the scale of a point as known, with the evidence for it in bits.
     fn anchor(&mut self, unit: u8, space: &str, address: u16, factor: f64, bits: f64) -> PyResult<()> {
         let space = Space::from_word(space).ok_or_else(|| value_error(format!("no table {space:?}")))?;

@@ -31,12 +31,19 @@ pub fn is_drawn(column: &Json) -> bool {
     column["as"] == "plot"
 }
 
+/// Whether the cells of a column are small pictures: outlines, one for each colour.
+pub fn is_strip(column: &Json) -> bool {
+    column["as"] == "strip"
+}
+
 /// The text of a cell; empty where there is no value.
 pub fn cell(document: &Json, column: &Json, row: &Row<'_>) -> String {
     let at = |key: &str| column[key].as_str().and_then(|path| row.at(path));
     let Some(value) = at("path").or_else(|| at("or")) else { return String::new() };
     match text(&column["as"]) {
         "plot" => String::new(),
+        // The outlines of the colours of a picture.
+        "strip" => list(value).iter().map(plain).collect::<Vec<String>>().join("|"),
         "int" => fixed(number(value), 0),
         "some" => if_any(number(value), |count| fixed(count, 0)),
         "ms" => milliseconds(number(value)),
@@ -103,7 +110,7 @@ mod tests {
 
     #[test]
     fn each_column_of_the_layout_is_written_by_a_known_word() {
-        const OTHERS: [&str; 8] = ["text", "words", "counts", "list", "function", "yes", "plot", "time"];
+        const OTHERS: [&str; 9] = ["strip", "text", "words", "counts", "list", "function", "yes", "plot", "time"];
         for section in crate::layout::sections() {
             for column in list(&section["columns"]) {
                 let word = text(&column["as"]);

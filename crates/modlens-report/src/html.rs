@@ -159,10 +159,23 @@ fn table(title: &str, found: &Table) -> Markup {
                 }
                 tbody {
                     @for row in &found.rows {
-                        tr { @for (at, text) in row.iter().enumerate() { td class=[class(found, at)] { (text) } } }
+                        tr { @for (at, text) in row.iter().enumerate() { td class=[class(found, at)] { (content_of(found, at, text)) } } }
                     }
                 }
             }
+        }
+    }
+}
+
+/// A text, or the picture that it outlines: 120 wide, 16 high, a path for each colour.
+fn content_of(table: &Table, column: usize, text: &str) -> Markup {
+    html! {
+        @if table.strips[column] && !text.is_empty() {
+            svg.strip viewBox="0 0 120 16" width="120" height="16" aria-hidden="true" {
+                @for (at, outline) in text.split('|').enumerate() { path class={ "c" (at) } d=(outline) {} }
+            }
+        } @else {
+            (text)
         }
     }
 }

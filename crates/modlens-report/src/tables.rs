@@ -2,7 +2,7 @@
 
 use serde_json::Value as Json;
 
-use crate::cells::{cell, columns, function, has_several_buses, is_drawn, is_right};
+use crate::cells::{cell, columns, function, has_several_buses, is_drawn, is_right, is_strip};
 use crate::layout::text;
 use crate::rows::{rows_at, Row};
 use crate::texts::{fixed, number, plain};
@@ -21,6 +21,8 @@ pub struct Table {
     pub right: Vec<bool>,
     /// Which columns scripts draw: without them, their cells are empty.
     pub drawn: Vec<bool>,
+    /// Which columns are small pictures: their texts are outlines.
+    pub strips: Vec<bool>,
     /// Rows that are not shown.
     pub more: usize,
 }
@@ -46,6 +48,7 @@ impl Table {
             rows: (0..found.len()).map(|row| kept.iter().map(|(_, texts)| texts[row].clone()).collect()).collect(),
             right: kept.iter().map(|(column, _)| is_right(column)).collect(),
             drawn: kept.iter().map(|(column, _)| is_drawn(column)).collect(),
+            strips: kept.iter().map(|(column, _)| is_strip(column)).collect(),
             more,
         }
     }
@@ -76,7 +79,8 @@ fn matrix(document: &Json, rows: &[Row<'_>]) -> Table {
     }
     let mut head = vec!["unit".to_owned()];
     head.extend(codes.iter().map(|&code| function(document, &code.into())));
-    Table { right: vec![false; head.len()], drawn: vec![false; head.len()], head, rows: body, more: 0 }
+    let none = vec![false; head.len()];
+    Table { right: none.clone(), drawn: none.clone(), strips: none, head, rows: body, more: 0 }
 }
 
 fn transactions(row: &Row<'_>) -> String {

@@ -9,7 +9,9 @@ use crate::columns::{read_data, read_range, row_of, write_data, write_range, Ite
 use modlens_engine::records::{Batch, Transaction};
 use modlens_profiles::find::LayoutHint;
 use modlens_profiles::fit::{fit, Fit, SeenTable};
-use modlens_profiles::learn::{conclude, likely_pairs, Anchor, Counts, LayoutPoint, Learned, ObservedTable, MOST_ROWS};
+use modlens_profiles::learn::{
+    conclude, likely_pairs, movements, Anchor, Counts, Equation, LayoutPoint, Learned, ObservedTable, MOST_ROWS,
+};
 use modlens_profiles::points::Plan;
 use modlens_profiles::profile::Type;
 use modlens_protocol::register_type::Space;
@@ -126,6 +128,17 @@ impl RegisterSurvey {
     /// The blocks of each table of each unit, as JSON.
     pub fn tables(&self) -> Json {
         self.units.iter().map(|((unit, space), table)| table_json(*unit, *space, table)).collect()
+    }
+
+    /// How the points of a table moved in so many parts of the time, and what they say of each other: as JSON.
+    pub fn movements(&mut self, unit: u8, space: Space, parts: usize) -> Json {
+        self.learn(unit);
+        let (Some(table), Some(learned)) = (self.units.get(&(unit, space)), self.learned.get(&(unit, space))) else {
+            return json!({"spans": [], "equations": []});
+        };
+        let found = movements(table, learned, parts);
+        let equation = |one: &Equation| json!({"kind": one.kind, "address": one.point, "of": one.of, "factor": one.factor, "residual": one.residual});
+        json!({"spans": found.spans, "equations": found.equations.iter().map(equation).collect::<Vec<Json>>()})
     }
 
     /// What was learnt of a table, from the point with the number `first` on, at most `most` points: as JSON.

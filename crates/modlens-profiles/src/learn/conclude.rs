@@ -100,7 +100,7 @@ fn possible_upper_halves(table: &ObservedTable, points: &[LayoutPoint]) -> BTree
 }
 
 /// Reads the numbers of points over time.
-struct CourseReader<'a> {
+pub(super) struct CourseReader<'a> {
     table: &'a ObservedTable,
     best: &'a BestBlocks<'a>,
     /// The numbers that are taken of a point.
@@ -110,13 +110,13 @@ struct CourseReader<'a> {
 }
 
 impl<'a> CourseReader<'a> {
-    fn new(table: &'a ObservedTable, best: &'a BestBlocks<'a>, points: usize) -> Self {
+    pub(super) fn new(table: &'a ObservedTable, best: &'a BestBlocks<'a>, points: usize) -> Self {
         let most = (MOST_NUMBERS / points.max(1)).max(LEAST_NUMBERS);
         Self { table, best, most, times: None }
     }
 
     /// The numbers of a point over time.
-    fn course(&mut self, point: &LayoutPoint) -> Course<'a> {
+    pub(super) fn course(&mut self, point: &LayoutPoint) -> Course<'a> {
         let registers = (0..point.count).filter_map(|i| self.table.registers.get(&point.address.wrapping_add(i)));
         let counts = registers.collect();
         let block = self.best.get(&(point.address, point.count)).filter(|_| point.kind != Type::Str);

@@ -5,6 +5,7 @@ mod anchor;
 mod calibration;
 mod calibration_table;
 mod conclude;
+mod equations;
 mod evidence;
 mod float_hypothesis;
 mod grid;
@@ -24,6 +25,7 @@ pub mod text;
 
 pub use anchor::Anchor;
 pub use conclude::{conclude, Learned};
+pub use equations::{movements, Equation, Movements, Span};
 pub use evidence::{TypeHypothesis, MIN_MARGIN_BITS};
 pub use grid::likely_pairs;
 pub use habits::Habits;

@@ -194,7 +194,7 @@ fn integrals(points: Points<'_, '_>, scales: &mut [Option<Scale>]) -> BTreeSet<u
 }
 
 /// The power of ten that makes a total the integral of a rate over hours, and the residual as a share.
-fn integral_factor(total: &Course<'_>, rate: &Course<'_>) -> Option<(f64, f64)> {
+pub(super) fn integral_factor(total: &Course<'_>, rate: &Course<'_>) -> Option<(f64, f64)> {
     let (first, last) = (total.seconds.first()?.max(*rate.seconds.first()?), total.seconds.last()?.min(*rate.seconds.last()?));
     let mut integral = vec![0.0];
     for (times, numbers) in rate.seconds.windows(2).zip(rate.numbers.windows(2)) {

@@ -349,6 +349,7 @@ complete -c modlens -n '__fish_seen_subcommand_from report' -l dialects -r -d 'T
 complete -c modlens -n '__fish_seen_subcommand_from report' -s o -r -d 'the page to write, such as report.html; - is standard output'
 complete -c modlens -n '__fish_seen_subcommand_from report' -l title -x -d 'name of the plant or bus at the top of the page (default: the name in the bus file or in the recording, else what the files\' names have in common)'
 complete -c modlens -n '__fish_seen_subcommand_from report' -l against -r -d 'a recording from before: the page has a section of what differs from it, as modlens diff finds it; repeatable, for several recordings that are compared as one'
+complete -c modlens -n '__fish_seen_subcommand_from report' -l learn -d 'the page has sections of what modlens learn finds out about registers: what you can settle, each value and how it moved, equations between them; reads the recordings twice'
 complete -c modlens -n '__fish_seen_subcommand_from report' -l viewer -d 'write a page without data, on which documents of stats --to json can be dropped'
 complete -c modlens -n '__fish_seen_subcommand_from report' -l where -x -d 'only transactions that meet this condition, such as "unit == 3" or "function in (3, 4)", and their frames; modlens explain list prints the names'
 complete -c modlens -n '__fish_seen_subcommand_from report' -l between -x -d 'only what happened from T1 up to, but not including, T2: times with or without a date, yesterday, today, or seconds from the start'
