@@ -153,11 +153,17 @@ def text_of(
     run: FileRun,
     functions: _modlens.Functions,
     *,
-    txn: int | None,
+    txn: object,
     frame: int | None,
     width: int,
 ) -> str:
-    """A transaction or frame of a run as text; `UsageError` where there is none of this number."""
+    """A transaction or frame of a run as text; `UsageError` where there is none of this number.
+
+    `txn` is a number, or a row of transactions or frames.
+    """
+    if frame is None and hasattr(txn, "direction"):
+        txn, frame = None, getattr(txn, "frame", None)
+    txn = getattr(txn, "txn", txn)
     number, what, look = (
         (txn, "transaction", lookup_transaction)
         if frame is None

@@ -13,7 +13,7 @@ from analyzer.data_frames import LEAST_REQUESTS, outages, response_times
 from analyzer.exports import format_of
 from analyzer.exports.sink import Target, with_suitable_table
 from analyzer.filters import selection
-from analyzer.keywords import OF_FRAMES, check_filter, refuse
+from analyzer.keywords import OF_FRAMES, OF_RECORDINGS, check_filter, refuse
 from analyzer.line import Line, parse_line
 from analyzer.live_run import LiveRun
 from analyzer.notes import Notes
@@ -149,6 +149,8 @@ class Decoding:
         instead = f"; write recording.{rows}.{name}{call}" if hasattr(Rows, name) else ""
         if name in OF_FRAMES:
             instead = f"; write recording.transactions.{OF_FRAMES[name]}"
+        elif name in OF_RECORDINGS:
+            instead = f"; write recording.{OF_RECORDINGS[name]}"
         raise AttributeError(f"a recording has no {name!r}{instead}")
 
     def __getitem__(self, place: object, /) -> NoReturn:
@@ -182,8 +184,16 @@ class Decoding:
             pass
         return run.doctor()
 
-    def show(self, txn: int | None = None, *, frame: int | None = None, width: int = 100) -> str:
+    def show(
+        self,
+        txn: int | TransactionRow | FrameRow | None = None,
+        *,
+        frame: int | None = None,
+        width: int = 100,
+    ) -> str:
         """The bytes of a transaction or frame beside their meaning, as `modlens show` prints them.
+
+        A row may stand for its number.
 
         `UsageError` where there is none of this number.
 

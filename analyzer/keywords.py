@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from dissectors.errors import UsageError
 from dissectors.function_lookup import similar_name
 
-__all__ = ["OF_FRAMES", "check_filter", "refuse"]
+__all__ = ["OF_FRAMES", "OF_RECORDINGS", "check_filter", "refuse"]
 
 _LINE = {
     "rate": ("baud", "baudrate", "baud_rate", "rate", "speed"),
@@ -49,6 +49,15 @@ OF_FRAMES = {
     ),
 }  # fmt: skip
 """What to write instead of what a DataFrame has, and rows have not."""
+
+OF_RECORDINGS = {
+    **dict.fromkeys(("df", "dataframe", "data"), "transactions.to_pandas()"),
+    **dict.fromkeys(("statistics", "summary"), "stats()"),
+    **dict.fromkeys(("diagnose", "diagnosis", "verdict"), "doctor()"),
+    **dict.fromkeys(("registers", "values"), "readings"),
+    "requests": "transactions",
+}
+"""What to write instead of what people look for in a recording."""
 
 
 def refuse(call: Callable[..., object], given: Mapping[str, object]) -> None:

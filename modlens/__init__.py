@@ -11,6 +11,8 @@ r"""modlens: decode Modbus recordings, and listen to serial lines, from a progra
 notebook, handed to polars, pandas, pyarrow and duckdb, and written to files.
 """
 
+from typing import TYPE_CHECKING, NoReturn
+
 from _modlens import __version__
 from analyzer import (
     CaptureError,
@@ -50,3 +52,14 @@ __all__ = [
     "decode",
     "tap",
 ]
+
+if not TYPE_CHECKING:  # A type checker shall find names that there are not.
+    _INSTEAD = {
+        **dict.fromkeys(("load", "open", "parse", "read", "read_file"), 'decode("bus.log")'),
+        **dict.fromkeys(("listen", "listen_to", "monitor", "sniff"), 'tap("/dev/ttyUSB0")'),
+    }
+
+    def __getattr__(name: str) -> NoReturn:
+        """Say what to write instead of a name that there is not."""
+        instead = f"; write modlens.{_INSTEAD[name]}" if name in _INSTEAD else ""
+        raise AttributeError(f"module 'modlens' has no attribute {name!r}{instead}")

@@ -118,8 +118,19 @@ def test_the_bytes_of_a_transaction_are_text() -> None:
     shown = recording.show(1, width=70).splitlines()
     assert shown[0] == "transaction 1: rtu, ok"
     assert "registers[0]  7" in recording.show(frame=2)
+    assert recording.show(recording.transactions[0], width=70).splitlines() == shown
+    assert recording.show(recording.frames[1]) == recording.show(frame=2)
     for number, text in ((2, "there is no transaction 2"), ("1", "such as 3, not '1'")):
         with pytest.raises(modlens.UsageError, match=text):
             recording.show(number)  # type: ignore[arg-type]
     with pytest.raises(modlens.UsageError, match=r"show\(frame=5\) for a frame"):
         recording.show()
+
+
+def test_what_people_look_for_is_named() -> None:
+    recording = modlens.decode(bytes.fromhex(REQUEST + ANSWER))
+    for name, instead in (("df", r"recording\.transactions\.to_pandas"), ("verdict", "doctor")):
+        with pytest.raises(AttributeError, match=f"write .*{instead}"):
+            getattr(recording, name)
+    with pytest.raises(AttributeError, match=r"write modlens\.decode"):
+        modlens.read  # type: ignore[attr-defined]  # noqa: B018
