@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from typing import Any
 
 import _modlens
@@ -24,8 +25,12 @@ __all__ = ["learned_tables"]
 
 REGISTERS = ("ir", "hr")
 
-PARTS = 60
-"""A strip shows the time in so many parts."""
+MOST_PARTS = 60
+"""A strip shows the time in so many parts, or in fewer where there are many registers."""
+
+MOST_SPANS = 1 << 18
+MOST_VALUES = 2000
+"""What is kept of a table, at most."""
 
 _STATES = ("enum", "bit field", "setpoint")
 
@@ -40,14 +45,15 @@ def learned_tables(options: argparse.Namespace) -> list[dict[str, Any]]:
 def _table(found: _modlens.Survey, table: Table, source: str) -> dict[str, Any]:
     unit, space = table["unit"], table["space"]
     rows = [one for chunk in points(found, table) for one in chunk]
-    moved = json.loads(found.movements(unit, space, PARTS))
+    parts = max(1, min(MOST_PARTS, MOST_SPANS // len(rows))) if rows else 1
+    moved = json.loads(found.movements(unit, space, parts))
     return {
         "unit": unit,
         "open": [
             {"what": what, "registers": f"{space} {registers}", "how": how}
             for what, registers, how in open_questions(rows, source)
         ],
-        "values": list(_values(space, rows, moved["spans"])),
+        "values": list(islice(_values(space, rows, moved["spans"]), MOST_VALUES)),
         "equations": [
             {"equation": _equation(space, one), "residual": one["residual"]}
             for one in moved["equations"]

@@ -35,6 +35,8 @@ PRINTED: Mapping[str, str] = {
     "show": "modlens show captures/pymodbus_disturbed/recording.jsonl --line 19200-8E1 --txn 2",
     "map": "modlens map captures/pymodbus_types/recording.jsonl --line 57600-8E1",
     "explain": "modlens explain exception 2",
+    "learn": "modlens learn captures/pymodbus_types/recording.jsonl --line 57600-8E1 --to table",
+    "find": "modlens find captures/pymodbus_types/recording.jsonl --line 57600-8E1 --value 229.8",
 }
 """Picture -> the command whose output it shows."""
 
