@@ -284,6 +284,15 @@ def test_lines_that_nothing_reads_are_suspected_where_the_rest_says_nothing(
     assert says in sentence
 
 
+@pytest.mark.parametrize("times", [4, 30])
+def test_whole_answers_of_another_length_are_not_of_two_devices(times: int, tmp_path: Path) -> None:
+    """A device that answers a request for one register with two, each time."""
+    asked, answer = rtu(1, read_request(4, 22, 1)), rtu(1, bytes([4, 4, 0, 78, 62, 37]))
+    found = doctor([f"TX: {asked.hex(' ')}", f"RX: {answer.hex(' ')}"] * times, tmp_path)
+    assert codes(found) == ["wrong_layout"]
+    assert "its length is not that of what was asked for" in found["sentence"]
+
+
 def test_an_address_of_memory_is_no_damaged_frame(tmp_path: Path) -> None:
     lines = [
         "Tx: 0F 03 07 04 00 01 C5 91",

@@ -2,7 +2,7 @@
 
 use crate::claim::{Claim, View};
 use crate::contrast::tally::Tally;
-use crate::contrast::UnitCounts;
+use crate::contrast::{Symptom, UnitCounts};
 use crate::observation::DamagedPart;
 use crate::statistics::{at_least, at_most, both, fisher, Share};
 use modlens_protocol::decimal::thousands;
@@ -318,6 +318,12 @@ pub(super) fn one_answers_twice(view: &View<'_>) -> bool {
     view.units().any(|(unit, counts)| answers_twice(view, unit, counts))
 }
 
+/// Whether most bad answers of a unit have a right checksum, and another length than was asked for: nothing has damaged these.
+fn are_whole(view: &View<'_>, unit: u8, counts: &UnitCounts) -> bool {
+    let whole = view.bus.symptoms.all().filter(|(symptom, of, _)| *symptom == Symptom::OtherLength && *of == Some(unit));
+    whole.map(|(_, _, seen)| 2 * seen.all.failed).sum::<u64>() > counts.garbled.failed
+}
+
 fn duplicate(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let whole = &counts.damaged_parts[DamagedPart::Whole as usize];
     let has_two = answers_twice(view, unit, counts);
@@ -333,7 +339,7 @@ fn duplicate(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     // if they begin together, but go on differently, and rarely end together.
     let part = |part: DamagedPart| counts.damaged_parts[part as usize].failed;
     let edges = part(DamagedPart::Start) + part(DamagedPart::End);
-    if begins_alike(view, counts).is_some() {
+    if begins_alike(view, counts).is_some() || (!has_two && are_whole(view, unit, counts)) {
         return None;
     }
     let is_overlap =

@@ -20,7 +20,17 @@ pub(super) fn wrong_layout(view: &View<'_>) -> Vec<Claim> {
 
 fn of_layout<'a>(view: &'a View<'_>) -> impl Iterator<Item = (Symptom, Option<u8>, &'a Tally)> {
     let all = view.bus.symptoms.all().map(|(symptom, unit, seen)| (symptom, unit, &seen.all));
-    all.filter(|(symptom, _, _)| symptom.is_of_layout())
+    let is_usual = |symptom, unit: Option<u8>, tally: &Tally| {
+        symptom == Symptom::OtherLength && unit.is_some_and(|unit| 2 * tally.failed >= asked_of(view, unit))
+    };
+    // Answers to the request before have other lengths, too.
+    let is_behind = !super::network::lockstep(view).is_empty();
+    all.filter(move |(symptom, unit, tally)| symptom.is_of_layout() || (!is_behind && is_usual(*symptom, *unit, tally)))
+}
+
+/// The requests to a unit.
+fn asked_of(view: &View<'_>, unit: u8) -> u64 {
+    view.bus.units.get(&unit).map_or(0, |counts| counts.failures.total)
 }
 
 fn of_unit(view: &View<'_>, unit: Option<u8>) -> Option<Claim> {
@@ -30,7 +40,7 @@ fn of_unit(view: &View<'_>, unit: Option<u8>) -> Option<Claim> {
         sum.merge(tally);
         sum
     });
-    let asked = unit.and_then(|unit| view.bus.units.get(&unit)).map_or(0, |counts| counts.failures.total);
+    let asked = unit.map_or(0, |unit| asked_of(view, unit));
     // No accident swaps the bytes of a checksum, and from some answers on the engine takes such a unit as it is.
     let is_habit = main == Symptom::ChecksumSwapped && all.failed >= MIN_HABIT;
     let share = Share { failed: all.failed, total: if is_habit { all.failed } else { all.failed.max(asked) } };
