@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import tomllib
+
 from analyzer.columns import TABLES, columns
 from tests.conftest import ROOT
 
@@ -98,5 +100,18 @@ def _docstring(text: str) -> str:
     return f'        """{head}.\n\n{body}        """\n'
 
 
+def _installed_are_those_of_the_file() -> bool:
+    """Whether the extension was built since the last change of the columns."""
+    tables = tomllib.loads((ROOT / "analyzer" / "columns.toml").read_text(encoding="utf-8"))
+    return all(
+        [one.key for one in columns(table)] == [one["key"] for one in tables[table]]
+        for table in TABLES
+    )
+
+
 if __name__ == "__main__":
+    if not _installed_are_those_of_the_file():
+        raise SystemExit(
+            "analyzer/columns.toml has other columns than what is installed; run `make demo` first"
+        )
     PATH.write_text(row_types(), encoding="utf-8")

@@ -33,7 +33,7 @@ def test_each_file_has_tests(source: str) -> None:
     """Besides its own doctests, and all are there."""
     chosen = python_tests([source])
     assert len(chosen) > 1
-    assert all((ROOT / test).exists() for test in chosen)
+    assert all((ROOT / test.split("::")[0]).exists() for test in chosen)
 
 
 def test_tests_are_those_of_the_name_or_the_folder() -> None:
@@ -49,6 +49,14 @@ def test_tests_are_those_of_the_name_or_the_folder() -> None:
     assert "tests/analyzer/exports/test_sink.py" in folder
     assert "tests/analyzer/test_filters.py" not in folder
     assert python_tests(["tests/docs/test_readme.py"]) == ["tests/docs/test_readme.py"]
+
+
+def test_a_file_that_a_recipe_changes_is_tried_with_it() -> None:
+    """The help of a command may be the place of a step of CONTRIBUTING.md."""
+    place = "tests/docs/test_contributing.py::test_a_step_has_its_place"
+    assert place in python_tests(["analyzer/cli/__init__.py"])
+    assert place in python_tests(["crates/modlens-engine/src/findings/frame.rs"])
+    assert place not in python_tests(["analyzer/filters.py"])
 
 
 def test_a_change_in_rust_is_tested_in_both_languages() -> None:
