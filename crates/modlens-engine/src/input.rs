@@ -68,6 +68,8 @@ pub struct Input {
     losses: VecDeque<u64>,
     /// A read with a time had more than one byte: the times are those of reads, not of bytes.
     pub has_multibyte_reads: bool,
+    /// Reads of consumed bytes, and those of them that had more than one byte.
+    consumed_reads: [u64; 2],
     /// A read had a time.
     pub has_times: bool,
     /// Bytes had times of their own, as only a serial line gives them.
@@ -242,6 +244,8 @@ impl Input {
             if first.time != NO_TIME {
                 self.time_before_reads = Some(first.time);
             }
+            let is_multibyte = first.end - self.first_read_start > 1;
+            self.consumed_reads = [self.consumed_reads[0] + 1, self.consumed_reads[1] + u64::from(is_multibyte)];
             self.first_read_start = first.end;
             self.reads.pop_front();
         }

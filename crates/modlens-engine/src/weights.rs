@@ -170,6 +170,8 @@ weights! {
         BROKEN_RULE_BITS: f32 = 7.0;
         /// A response that repeats another address than the request has: rather the next frame of a side that is heard alone.
         OTHER_ADDRESS_BITS: f32 = 16.0;
+        /// A response that repeats another value than the request writes: some devices do so, but rather it is the next write.
+        OTHER_VALUE_BITS: f32 = 11.0;
         /// Each byte of a CRC that continues a pattern: where the bytes before it repeat themselves, it was to be expected.
         PATTERN_BYTE_BITS: f32 = 0.3;
         /// A frame that lacks the last byte of its layout. If that byte is 00, its CRC is valid with and without it.

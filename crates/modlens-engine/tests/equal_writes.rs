@@ -196,6 +196,24 @@ fn an_exchange_does_not_span_that_of_another_unit() {
 }
 
 #[test]
+fn two_units_get_the_same_write_in_turn_and_one_of_them_is_dead() {
+    let write = |unit: u8, value: u16| frame(unit, &[6, 0x20, 1, (value >> 8) as u8, value as u8]);
+    let cycle = |value: u16| [write(3, value), write(3, value), write(7, value)];
+    let batch = untimed(&(0..30).flat_map(|at| cycle(5000 + 10 * (at / 5))).collect::<Vec<_>>());
+    assert_eq!(directions(&batch), [Request, Response, Request].repeat(30));
+    let answered = batch.transactions.iter().filter(|row| row.status == Status::Ok);
+    assert_eq!(answered.map(|row| row.unit).collect::<Vec<_>>(), [3; 30]);
+}
+
+#[test]
+fn writes_of_other_values_are_no_sure_responses_to_each_other() {
+    let values = [1, 0, 7, 3, 9, 2];
+    let writes: Vec<Vec<u8>> = values.iter().map(|&value| frame(1, &[6, 0, 4, 0, value])).collect();
+    let batch = untimed(&writes);
+    assert!(batch.transactions.iter().all(|row| row.status != Status::Ok || row.confidence <= 5));
+}
+
+#[test]
 fn a_request_behind_a_damaged_response_is_no_local_echo() {
     // The same poll again and again; of four responses, three arrive damaged.
     let (request, response) = (read_request(3, 7, 2), read_response(3, &[0x1234, 0x5678]));

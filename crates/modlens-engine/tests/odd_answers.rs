@@ -454,3 +454,28 @@ fn a_frame_with_a_long_pause_inside_is_a_valid_frame_that_says_so() {
         assert!(found[0].ends_with("the master paused"), "{found:?}");
     }
 }
+
+#[test]
+fn a_long_pause_in_front_of_the_last_read_is_the_senders_where_bytes_come_one_by_one() {
+    for (pause_ms, expected) in [(15, 0), (60, 1), (130, 1)] {
+        let (mut session, bus) = session(false, Clock::Utc);
+        let mut now = 1_700_000_000_000_000_000;
+        let mut read = |silence: i64, bytes: &[u8]| {
+            now += silence + bytes.len() as i64 * CHAR;
+            session.feed(bus, &Chunk { bytes, times: Times::Read(now), ..Chunk::default() });
+        };
+        for at in 0..6 {
+            let (request, response) = (read_request(1, 10, 2), read_response(1, &[300 + at, 7]));
+            let whole = if at == 3 { 6 } else { request.len() };
+            request[..whole].iter().enumerate().for_each(|(i, &byte)| read(if i == 0 { 30 * MS } else { 0 }, &[byte]));
+            if at == 3 {
+                read(pause_ms * MS, &request[whole..]);
+            }
+            response.iter().enumerate().for_each(|(i, &byte)| read(if i == 0 { 12 * MS } else { 0 }, &[byte]));
+        }
+        session.flush();
+        let batch = session.take();
+        assert_eq!(statuses(&batch), [Status::Ok; 6]);
+        assert_eq!(count(&batch, Finding::GapInFrame), expected, "{pause_ms}");
+    }
+}

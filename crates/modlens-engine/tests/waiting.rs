@@ -328,3 +328,56 @@ fn a_tap_that_hears_one_side_only_says_so_once() {
         assert!(batch.transactions.iter().all(|row| row.unconfirmed || row.status == Status::NotObserved));
     }
 }
+
+#[test]
+fn a_response_that_the_tap_missed_is_not_missing_where_the_master_asks_again_as_soon_as_ever() {
+    // One poll, every 40 ms after the last one; the tap loses a response here and there.
+    for live in [false, true] {
+        let mut tap = Tap::new(live);
+        for i in 0..40u16 {
+            let response = read_response(1, &[i, 7]);
+            tap.send(20, &read_request(1, 0, 2));
+            let is_lost = i > 5 && i % 4 == 0;
+            tap.send(if is_lost { 0 } else { 6 }, if is_lost { &[] } else { &response });
+            if is_lost {
+                tap.now += 6 * MS + response.len() as i64 * CHAR;
+            }
+        }
+        let batch = tap.finish();
+        let lost = statuses(&batch).iter().filter(|status| **status == Status::NotObserved).count();
+        assert_eq!((lost, count(&batch, Finding::NoResponse), count(&batch, Finding::Retry)), (8, 0, 0), "live {live}");
+    }
+}
+
+#[test]
+fn a_unit_that_dies_in_a_slow_cycle_does_not_respond() {
+    // A master that asks once a second in any case may well have given up by then.
+    let mut tap = Tap::new(false);
+    for i in 0..40u16 {
+        let response = read_response(1, &[i, 7]);
+        tap.send(980, &read_request(1, 0, 2));
+        match i {
+            0..20 => tap.send(6, &response),
+            _ => tap.now += 6 * MS + response.len() as i64 * CHAR,
+        }
+    }
+    let silent = statuses(&tap.finish()).iter().filter(|status| **status == Status::NoResponse).count();
+    assert!(silent >= 19, "{silent}");
+}
+
+#[test]
+fn a_unit_that_dies_in_a_fast_cycle_does_not_respond_after_a_few_requests() {
+    for live in [false, true] {
+        let mut tap = Tap::new(live);
+        for i in 0..60u16 {
+            let response = read_response(1, &[i, 7]);
+            tap.send(20, &read_request(1, 0, 2));
+            match i {
+                0..20 => tap.send(6, &response),
+                _ => tap.now += 6 * MS + response.len() as i64 * CHAR,
+            }
+        }
+        let silent = statuses(&tap.finish()).iter().filter(|status| **status == Status::NoResponse).count();
+        assert!(silent >= 30, "{silent}");
+    }
+}

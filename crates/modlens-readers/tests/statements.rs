@@ -64,6 +64,14 @@ fn values_listed_after_a_response_are_no_frames() {
 }
 
 #[test]
+fn what_a_person_types_without_checksum_is_no_damaged_copy_of_the_frame() {
+    let text = "AT+COMMAND1= 01 03 00 00 00 01,1\nCMD1 = 01 03 00 00 00 01 84 0a\nRETURN1 = 01 03 02 04 00 ba 84\n";
+    let (entries, reader, _) = read(text);
+    assert_eq!(entries.iter().map(|entry| entry.0).collect::<Vec<_>>(), [2, 3]);
+    assert_eq!(reader.unread_lines().with_hex, 1);
+}
+
+#[test]
 fn exchanges_prove_frames_without_checksums() {
     let text = "Anfrage: 05 03 00 10 00 02\nAntwort: 05 03 04 00 FA 01 2C\nAnfrage: 05 03 00 20 00 01\nAntwort: 05 83 02\n";
     let (entries, _, confidence) = read(text);

@@ -131,6 +131,12 @@ impl Pairing {
         }
     }
 
+    /// Learns the time between two requests of a serial line, from one that begins and ends at these times and was answered.
+    #[inline]
+    pub fn learn_interval(&mut self, start: Option<Ns>, end: Option<Ns>) {
+        self.usual_interval.add_request(start, end, self.open.is_empty());
+    }
+
     /// Records a run of answered requests of a connection, but for their times and units.
     pub fn record_exchanges_by_id(&mut self, exchanges: u32) {
         self.note_same_identifiers();

@@ -2,6 +2,7 @@
 
 use crate::framer::{FrameResult, Framer, FramerContext, FramingFault, MAX_NOISE_ROW_BYTES};
 use crate::input::{Input, NO_TIME};
+use crate::rtu_model::side::REQUEST;
 use crate::weights::{CRC_CONFIDENCE_BITS, MBAP_CONFIDENCE_BITS, TCP_FRAME_BREAK_NS};
 use modlens_protocol::checksum::{crc_valid, CRC_BYTES};
 use modlens_protocol::direction::{expected_data_bytes, infer_direction};
@@ -73,6 +74,18 @@ fn earlier_end(functions: &Functions, bytes: &[u8], length: usize) -> Option<usi
     let available = bytes.len().min(length - 1);
     let ends = layout_lengths(functions, bytes).into_iter().flatten().filter(|&end| end < available);
     ends.into_iter().find(|&end| begins_with_frame(functions, &bytes[end..available]) == Some(true))
+}
+
+/// The end of the record that begins with the frame at the first byte, if the frame ends there as a response by its byte count,
+/// and its header announces less (`length`): a request with a field out of its limits, and behind it too little for a frame.
+fn later_end(input: &Input, functions: &Functions, length: usize) -> Option<usize> {
+    let end = input.bytes_left_in_read(0);
+    let is_record = input.read(0).is_some_and(|read| read.starts_record);
+    let bytes = input.bytes().get(..end).filter(|_| is_record && end > length && end < length + HEADER_BYTES)?;
+    let body = bytes.get(HEADER_BYTES..length)?;
+    let limits = functions.row(bytes[HEADER_BYTES - 1], body)?.field_limits[REQUEST].iter();
+    let is_no_request = limits.into_iter().any(|limits| limits.violated_by(body).is_some());
+    (is_no_request && layout_lengths(functions, bytes).contains(&Some(end))).then_some(end)
 }
 
 /// The row of a frame whose last bytes did not come before the input was closed: all bytes that are there. `adu` gets its unit
@@ -184,6 +197,8 @@ impl TcpFramer {
     /// The row of the frame at the first byte, where a header stands (`begins`); `None` if more bytes are needed. `adu` is
     /// cleared and gets unit and PDU, as far as they belong to the frame.
     ///
+    /// Where the byte count contradicts the announced length and the record ends with it, the row ends there (`later_end`).
+    ///
     /// `Incomplete` in three cases: a record starts or bytes were lost before the announced end (a silence alone does not end a
     /// frame here); the length is wrong (`check_length`), which is a fault as well; or the input is closed before the announced
     /// end, by the end of the recording or, live, by a silence of `break_ns` and more (`Input::is_closed`). Else the
@@ -195,6 +210,10 @@ impl TcpFramer {
         // No silence is as long as this, so that only the start of a record or a loss counts.
         if let Some(edge) = input.boundary_after(0, length - 1, Ns::MAX) {
             return Some(incomplete(input, context, edge, DelimitedBy::Record, adu));
+        }
+        if let Some(end) = later_end(input, context.functions, length) {
+            let fault = Some(FramingFault::MbapLength);
+            return Some(FrameResult { fault, confidence: CRC_CONFIDENCE_BITS, ..Self::complete(input, context, adu, end) });
         }
         let is_confirmed = context.connection_side.is_some() && is_whole_read(input, length);
         match if is_confirmed { LengthCheck::Plausible } else { Self::check_length(input, context, length) } {

@@ -4,6 +4,12 @@ use super::{Input, Read, NO_TIME};
 use crate::records::InnerPauses;
 use modlens_protocol::Ns;
 
+/// Where at most one read in so many has several bytes, an adapter passes every byte on at once.
+const READS_PER_LATE_READ: u64 = 10;
+
+/// Such an adapter, and the host, make the end of a frame late by so much at most as a matter of course.
+const MAX_USUAL_LATENESS_NS: Ns = 20_000_000;
+
 impl Input {
     /// The silence in ns before the byte at this index of the unframed bytes, if a read starts with it and the times of that
     /// read and of the one before are known; else `None`, as for the first byte of all.
@@ -102,13 +108,18 @@ impl Input {
 
     /// The longest silence in ns between two reads of the first `length` bytes that neither adapter nor host can have made: one that
     /// comes late brings the bytes along that were sent meanwhile, except at the end of a frame. So the silence before the last
-    /// read does not count, and where the duration of a character is not known, none before a read of several bytes.
+    /// read does not count, unless it is long and reads bring single bytes as a rule (`MAX_USUAL_LATENESS_NS`); and where the
+    /// duration of a character is not known, none before a read of several bytes.
     pub fn longest_sent_pause(&self, length: usize) -> Option<Ns> {
         let last = self.read_index(length - 1)?;
-        let is_single = |i: usize| self.reads[i].end - self.read_start(i) == 1;
-        let counts = |i: &usize| is_single(*i) || (self.char_ns.is_some() && *i < last);
-        let pauses = (1..=last).filter(counts).map(|i| self.pause_before((self.read_start(i) - self.offset) as usize));
-        pauses.flatten().max()
+        let comes_bytewise = self.consumed_reads[1] * READS_PER_LATE_READ < self.consumed_reads[0];
+        let counts = |i: usize, pause: Ns| {
+            let is_single = self.reads[i].end - self.read_start(i) == 1;
+            let is_sent = i < last || (comes_bytewise && pause > MAX_USUAL_LATENESS_NS);
+            is_single || (self.char_ns.is_some() && is_sent)
+        };
+        let pause = |i: usize| self.pause_before((self.read_start(i) - self.offset) as usize).filter(|&pause| counts(i, pause));
+        (1..=last).filter_map(pause).max()
     }
 
     /// How many of the first `length` bytes came after their first read, and within which time; `None` if all are in one read,

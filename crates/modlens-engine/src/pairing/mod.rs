@@ -45,10 +45,12 @@ mod silence;
 pub(crate) mod timeouts;
 mod timing;
 mod transaction_ids;
+mod usual_interval;
 
 pub use crate::transactions::result::{DelayedFinding, FrameLocation, Overlap, PairingResult};
 pub use crate::transactions::transaction::{BufferedFrame, ObservedFrame, PendingTransaction};
 pub use timing::TimingModel;
+use usual_interval::UsualInterval;
 
 use crate::findings::order;
 use crate::findings::transaction::note_no_response;
@@ -79,6 +81,8 @@ pub struct Pairing {
     reusable: Vec<Box<PendingTransaction>>,
     /// Response times and timeouts of the bus.
     pub timing: TimingModel,
+    /// The time from answered requests to the next ones.
+    pub(crate) usual_interval: UsualInterval,
     /// The timeout of requests that the user has set; learned where `None`.
     timeout: Option<Ns>,
     pub(crate) echoes: EchoStatistics,
@@ -129,6 +133,7 @@ impl Pairing {
             history: History::default(),
             reusable: Vec::new(),
             timing: TimingModel::default(),
+            usual_interval: UsualInterval::default(),
             timeout,
             echoes: EchoStatistics::default(),
             masters: MasterEvidence::default(),

@@ -7,6 +7,7 @@ use crate::pairing::echo::{mirrors_request, SameRequest};
 use crate::pairing::history::PastRequest;
 use crate::pairing::interval::interval;
 use crate::pairing::silence::Silence;
+use crate::pairing::timeouts::MIN_MASTER_TIMEOUT_NS;
 use crate::pairing::{ObservedFrame, Pairing, PairingResult, PendingTransaction};
 use crate::transactions::transaction::OverlappingRequest;
 use crate::weights::TIMEOUT_EVIDENCE_BITS;
@@ -41,6 +42,9 @@ impl Pairing {
         let same = self.compare_with_open(functions, frame);
         if let SameRequest::Echo(txn) = same {
             return order::echo(txn);
+        }
+        if frame.mode != Mode::Tcp {
+            self.usual_interval.add_request(frame.start, frame.end, self.open.is_empty());
         }
         if let Some(pause) = frame.gap.filter(|_| self.open.is_empty() && mirrors_request(functions, frame.pdu())) {
             self.timing.record_poll_pause(pause);
@@ -253,25 +257,40 @@ impl Pairing {
     /// As `close_oldest`, for the open request with this index; nothing if there is none. `waited`, where it is not known
     /// yet, is the time from the end of the request to the start of `next`; less than two steps of the clock is not kept.
     ///
-    /// Without a good response its status is `no_response`, or `not_observed` in two cases, unless `next` repeats it: the unit
-    /// does respond, and the next request came too soon for a timeout or nothing proves that there was one (`silence_of`), so
+    /// Without a good response its status is `no_response`, or `not_observed` in two cases, unless `next` repeats it, and not
+    /// just as soon as after a response (`is_missed_in_cycle`): the unit does respond, and the next request came too soon for a timeout or nothing proves that there was one (`silence_of`), so
     /// that the tap has probably missed the response; or the order of frames is inferred, where a lack of response may as well
     /// be missing bytes. `close` has the other statuses.
     fn close_at(&mut self, at: usize, functions: &Functions, next: &ObservedFrame<'_>, done: &mut Vec<Box<PendingTransaction>>) {
         let Some(mut transaction) = self.open.remove(at) else { return };
         let waited = transaction.waited.or(interval(transaction.request.end, next.start));
         transaction.waited = waited.filter(|&ns| ns >= 2 * self.resolution);
-        let is_retried = transaction.unit == next.unit() && transaction.request.pdu() == next.pdu();
-        if next.verdict.is_good() {
+        let is_same = transaction.unit == next.unit() && transaction.request.pdu() == next.pdu();
+        let is_missed = is_same && next.mode != Mode::Tcp && self.is_missed_in_cycle(&transaction, waited);
+        let is_retried = is_same && !is_missed;
+        let may_be_missed = is_missed
+            || (is_same && !self.usual_interval.is_known() && waited.is_some_and(|waited| waited < MIN_MASTER_TIMEOUT_NS));
+        if next.verdict.is_good() && !may_be_missed {
             self.learn_timeout(functions, &transaction, is_retried);
         }
         let silence = self.silence_of(&transaction, (waited, is_retried));
-        let is_too_soon = waited.is_some_and(|waited| !is_retried && self.is_before_timeout(waited));
+        let is_too_soon = is_missed || waited.is_some_and(|waited| !is_retried && self.is_before_timeout(waited));
         let is_missed_by_tap = (is_too_soon || matches!(silence, Silence::Unproven | Silence::Unheard))
             && self.answering_units[transaction.unit as usize];
         let is_unproven = self.order_is_inferred && !is_retried;
         let status = if is_missed_by_tap || is_unproven { Status::NotObserved } else { Status::NoResponse };
         self.close(transaction, (status, silence), done);
+        if is_missed {
+            self.history.clear_retry_candidates();
+        }
+    }
+
+    /// Whether the tap has missed the response to an open request, because its master asks the same again as soon as it does
+    /// after a response, and sooner than any master gives up.
+    fn is_missed_in_cycle(&mut self, open: &PendingTransaction, waited: Option<Ns>) -> bool {
+        let is_silent = !open.response.is_present() && !open.expects_no_response && open.status != Status::BadRequest;
+        let is_soon = waited.is_some_and(|waited| self.is_before_timeout(waited));
+        is_silent && is_soon && self.usual_interval.is_missed_response(waited)
     }
 
     /// Learns from a request that is closed because a good one came: if it arrived undamaged and had no response at all, that

@@ -93,6 +93,12 @@ impl Answerable {
         Self { superseded: self.superseded.filter(|id| !is_equal(id)), ..self }
     }
 
+    /// The same, without a request of another unit that was answered before this frame: what comes next does not follow its
+    /// response.
+    fn without_answered_of_others(self, pool: &RequestPool, unit: u8) -> Self {
+        Self { last_answered: self.last_answered.filter(|&(id, _)| pool.get(id).unit == unit), ..self }
+    }
+
     fn ids(&self) -> impl Iterator<Item = RequestId> {
         [self.outstanding, self.superseded, self.last_answered.map(|(request, _)| request)].into_iter().flatten()
     }
@@ -264,7 +270,7 @@ impl RequestPool {
                 let last_answered = Some((request, fingerprint(frame)));
                 Answerable { outstanding: None, superseded: before.superseded, last_answered }
             }
-            _ => before.without_superseded(self, frame),
+            _ => before.without_superseded(self, frame).without_answered_of_others(self, frame[0]),
         }
     }
 

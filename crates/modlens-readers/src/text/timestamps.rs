@@ -260,8 +260,12 @@ impl TimestampParser {
     fn seconds_stamp<'a>(&mut self, line: &'a [u8]) -> Option<(Ns, &'a [u8])> {
         let length = line.iter().take_while(|b| b.is_ascii_digit() || **b == b'.').count();
         let (text, rest) = line.split_at(length);
-        // A timestamp in seconds has a fraction and is followed by a space or punctuation; anything else may be bytes.
-        if !text.contains(&b'.') || !matches!(rest.first(), None | Some(b' ' | b'\t' | b':' | b']' | b',' | b';' | b')')) {
+        // A timestamp in seconds has a fraction and is followed by a space or punctuation; anything else may be bytes, or the
+        // number of an item, as in `2. The device responds`.
+        if !text.contains(&b'.')
+            || text.ends_with(b".")
+            || !matches!(rest.first(), None | Some(b' ' | b'\t' | b':' | b']' | b',' | b';' | b')'))
+        {
             return None;
         }
         Some((self.seconds(text)?, rest))
@@ -392,6 +396,12 @@ fn decimal(text: &[u8]) -> Option<(Ns, u32)> {
 mod tests {
     use super::*;
     use crate::text::clock::day_of;
+
+    #[test]
+    fn the_number_of_an_item_is_no_time() {
+        assert_eq!(found("2. El esclavo responde: ").0, None);
+        assert_eq!(found("2.5 El esclavo responde: ").0, Some(2_500_000_000));
+    }
 
     fn found(line: &str) -> (Option<Ns>, ClockKind) {
         let mut timestamps = TimestampParser::default();

@@ -260,6 +260,8 @@ fn answering_body_score(place: &FrameInPlace<'_>, request: &AnswerableRequest, m
         place.model.bits(place.frame.body()[0])
     } else if matched == ResponseMatch::Partly && repeats_other_address(row, &request.pdu, place.frame.pdu()) {
         -weights::OTHER_ADDRESS_BITS
+    } else if matched == ResponseMatch::Partly && row.has_equal_layouts && request.pdu.len() == place.frame.pdu().len() {
+        -weights::OTHER_VALUE_BITS
     } else if matched == ResponseMatch::Partly {
         -weights::BROKEN_RULE_BITS
     } else if equals_last {

@@ -160,7 +160,10 @@ impl TrafficModel {
         let unanswered = self.unanswered[0];
         let answered = unanswered.all - unanswered.hits;
         if unanswered.all < PRIOR_WEIGHT_FRAMES {
-            weights::TWO_SIDES_ODDS_BITS
+            // One that is not answered is rare with both sides, and the rule with one.
+            let shown =
+                unanswered.hits * log2(weights::PRIOR_UNANSWERED_SHARE) - answered * log2(weights::PRIOR_SAME_AGAIN_SHARE);
+            (weights::TWO_SIDES_ODDS_BITS + shown).clamp(weights::ONE_SIDE_ODDS_BITS, weights::TWO_SIDES_ODDS_BITS)
         } else if answered < weights::ONE_SIDE_ANSWERED_SHARE * unanswered.all {
             weights::ONE_SIDE_ODDS_BITS
         } else {

@@ -175,6 +175,9 @@ fn learn_exchange(state: &mut BusState, matched: &MatchedExchange, [request, res
     let poll_pause = request.gap.filter(|_| expected.echoes_request);
     state.pairing.record_exchange(matched.mbap_id, expected.echoes_request);
     state.pairing.learn_times(poll_pause, response_time, is_mirrored);
+    if matched.mbap_id.is_none() {
+        state.pairing.learn_interval(request.start, request.end);
+    }
     state.note_paired(expected.unit);
     response_time
 }

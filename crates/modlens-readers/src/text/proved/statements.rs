@@ -172,7 +172,9 @@ impl Statements {
     fn learn_turns(&mut self, mentions: &[&Mention]) {
         let kinds = Kinds::of(mentions);
         let mut found: Vec<(Shape, Turns)> = Vec::new();
-        for (at, mention) in mentions.iter().enumerate().filter(|(_, one)| !kinds.is_proven(one.shape)) {
+        let is_bare_copy =
+            |one: &Mention| !one.is_frame && mentions.iter().any(|frame| frame.is_frame && is_body_of(&one.bytes, frame));
+        for (at, mention) in mentions.iter().enumerate().filter(|(_, one)| !kinds.is_proven(one.shape) && !is_bare_copy(one)) {
             let index = found.iter().position(|(shape, _)| *shape == mention.shape).unwrap_or_else(|| {
                 found.push((mention.shape, Turns::default()));
                 found.len() - 1
@@ -247,6 +249,13 @@ impl Turns {
         let common = mention.label.iter().filter(|word| other.label.contains(word)).count();
         self.has_similar_label |= common > 0 && 2 * common >= mention.label.len().max(other.label.len());
     }
+}
+
+/// Whether these bytes are a proven RTU frame without its checksum, as a person types it, or a program prints it before it adds that.
+fn is_body_of(bytes: &[u8], frame: &Mention) -> bool {
+    frame.bytes.len() == bytes.len() + CRC_BYTES
+        && frame.bytes.starts_with(bytes)
+        && proven_framing(&frame.bytes) == Some(Mode::Rtu)
 }
 
 /// The shapes each of whose frames the next line, of another shape, repeats and calls sent, or received, as they do.

@@ -8,7 +8,7 @@
 use crate::framer::rtu::context_score::mirrors_request;
 use crate::framer::rtu::search::state::Search;
 use crate::framer::{FramerContext, PauseEvidence};
-use crate::rtu_model::answerable::{fingerprint, AnswerableRequest};
+use crate::rtu_model::answerable::{fingerprint, AnswerableRequest, Fingerprint};
 use crate::rtu_model::side::RESPONSE;
 use crate::rtu_model::traffic_model::{EchoCosts, FramePosition, SilenceCosts};
 use crate::weights;
@@ -21,6 +21,8 @@ enum PlaceInRun {
     Response,
     /// The request that was just answered.
     Again,
+    /// The request whose response came damaged, or a response after the damaged retry of its request.
+    AfterDamaged,
     /// The outstanding request, for the first time.
     SecondCopy,
     /// The outstanding request, which was heard twice already.
@@ -40,9 +42,21 @@ impl Search {
         pause: PauseEvidence,
     ) -> f32 {
         let place = if context.is_multi_line { None } else { self.place_in_run(context, frame, direction, answers_outstanding) };
-        let odds = place.map_or(MAX_ODDS, |place| self.odds_at(place, self.silence_costs(frame[0]), pause));
+        let odds = place.map_or(MAX_ODDS, |place| {
+            self.odds_at(place, self.silence_costs(frame[0]), pause).min(self.odds_without_echo(pause))
+        });
         self.run_odds = odds.clamp(MIN_ODDS, MAX_ODDS);
         self.run_odds.min(self.odds_of_two_sides(context, frame))
+    }
+
+    /// Log2 of the odds that a frame of a row of equal frames is no echo and follows none. With a clock the silences tell.
+    fn odds_without_echo(&self, pause: PauseEvidence) -> f32 {
+        let EchoCosts { twice, once } = self.model.echo_costs();
+        if pause.timeout == 0.0 {
+            (twice - once).abs()
+        } else {
+            MAX_ODDS
+        }
     }
 
     /// Log2 of the odds that both sides of the line are heard, as far as the direction of this frame hangs on that: where it may
@@ -98,7 +112,12 @@ impl Search {
         let equals = |request: &AnswerableRequest| request.unit == frame[0] && request.pdu == frame[1..frame.len() - CRC_BYTES];
         let Some(outstanding) = requests.outstanding else {
             let (answered, last) = requests.last_answered.filter(|_| direction != RESPONSE)?;
-            return (equals(answered) && last == fingerprint(frame)).then_some(PlaceInRun::Again);
+            let is_as_long = last >> u16::BITS == frame.len() as Fingerprint;
+            return match equals(answered) {
+                true if last == fingerprint(frame) => Some(PlaceInRun::Again),
+                true if is_as_long && mirrors_request(context, &answered.pdu) => Some(PlaceInRun::AfterDamaged),
+                _ => None,
+            };
         };
         match direction {
             _ if !equals(outstanding) || !mirrors_request(context, &outstanding.pdu) => None,
@@ -124,7 +143,8 @@ impl Search {
             PlaceInRun::Response => both(retry_cost - answered - pause.timeout, self.run_odds + response_bits()),
             PlaceInRun::Again => both(weights::COPIED_RESPONSE_BITS - response_bits(), self.run_odds - response_bits()),
             // Without a clock nothing speaks against a request.
-            PlaceInRun::Unasked if pause.timeout == 0.0 => MIN_ODDS,
+            PlaceInRun::Unasked | PlaceInRun::AfterDamaged if pause.timeout == 0.0 => MIN_ODDS,
+            PlaceInRun::AfterDamaged => MAX_ODDS,
             PlaceInRun::Unasked => weights::UNASKED_MIRROR_ODDS_BITS,
             PlaceInRun::LaterCopy => pause.timeout - retry_cost + answered,
             PlaceInRun::SecondCopy => {
