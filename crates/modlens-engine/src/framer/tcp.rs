@@ -77,7 +77,7 @@ fn earlier_end(functions: &Functions, bytes: &[u8], length: usize) -> Option<usi
 }
 
 /// The end of the record that begins with the frame at the first byte, if the frame ends there as a response by its byte count,
-/// and its header announces less (`length`): a request with a field out of its limits, and behind it too little for a frame.
+/// and its header announces less (`length`): a request with a field out of its limits, and then too few bytes for a frame.
 fn later_end(input: &Input, functions: &Functions, length: usize) -> Option<usize> {
     let end = input.bytes_left_in_read(0);
     let is_record = input.read(0).is_some_and(|read| read.starts_record);
