@@ -56,6 +56,7 @@ TESTS_OF_CRATES = {
 CRATES_OF_TABLES = {
     "analyzer/columns.toml": "modlens-tables",
     "analyzer/report/layout.toml": "modlens-report",
+    "analyzer/report/learned.toml": "modlens-report",
     "analyzer/sources/dialects.toml": "modlens-readers",
     "dissectors/diagnoses.toml": "modlens-diagnosis",
     "dissectors/functions.toml": "modlens-protocol",

@@ -6,10 +6,21 @@ use serde_json::Value as Json;
 
 const LAYOUT: &str = include_str!("../../../analyzer/report/layout.toml");
 
-/// The table of sections (`layout.toml`).
+/// The sections of what was learnt; the page of the browser, which learns nothing, does without.
+const LEARNED: &str = if cfg!(target_family = "wasm") { "" } else { include_str!("../../../analyzer/report/learned.toml") };
+
+/// The table of sections (`layout.toml`), with those of what was learnt in front of the timeline.
 pub fn layout() -> &'static Json {
     static FOUND: OnceLock<Json> = OnceLock::new();
-    FOUND.get_or_init(|| toml::from_str(LAYOUT).expect("the embedded layout is tested"))
+    FOUND.get_or_init(|| {
+        let [mut all, learned]: [Json; 2] =
+            [LAYOUT, LEARNED].map(|text| toml::from_str(text).expect("the embedded layout is tested"));
+        if let (Some(sections), Some(more)) = (all["section"].as_array_mut(), learned["section"].as_array()) {
+            let at = sections.iter().position(|one| one["id"] == "timeline").unwrap_or(0);
+            sections.splice(at..at, more.iter().cloned());
+        }
+        all
+    })
 }
 
 /// The sections in their order.
