@@ -7,6 +7,7 @@ was built as it is released.
 
 from __future__ import annotations
 
+import argparse
 import re
 import subprocess
 import sys
@@ -56,6 +57,7 @@ def instructions(what: str, path: Path) -> int:
 
 def main() -> None:
     """Print a line for each recording."""
+    argparse.ArgumentParser(description=__doc__.split("\n", 1)[0] if __doc__ else "").parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         pairs = zip(recordings(SIZE, folder), recordings(START, folder), strict=True)
