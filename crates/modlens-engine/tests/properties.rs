@@ -210,6 +210,13 @@ fn rows_of_log_without_frames(log: &[String], mode: Mode, lines: usize) -> Vec<S
     rows_of_log(Session::new(Arc::default(), wanted, false, None), log, mode, lines)
 }
 
+/// The same with frames, beside compact transactions.
+fn rows_of_log_beside_frames(log: &[String], mode: Mode, lines: usize) -> Vec<String> {
+    let mut session = Session::default();
+    session.emit_compact();
+    rows_of_log(session, log, mode, lines)
+}
+
 fn rows_of_log(mut session: Session, log: &[String], mode: Mode, lines: usize) -> Vec<String> {
     let bus = session.add_bus(BusOptions { mode: Some(mode), ..BusOptions::named("bus") });
     let dialect = if mode == Mode::Ascii { "ascii-lines" } else { "hex" };
@@ -452,6 +459,8 @@ proptest! {
             prop_assert_eq!(&all_rows_of_log(&log, mode, usize::MAX), &slow);
             prop_assert_eq!(&all_rows_of_log(&log, mode, lines), &slow);
             prop_assert_eq!(&all_rows_read_ahead(&log, mode, lines, 3), &slow);
+            prop_assert_eq!(&rows_of_log_beside_frames(&log, mode, usize::MAX), &slow);
+            prop_assert_eq!(&rows_of_log_beside_frames(&log, mode, lines), &slow);
             let without_frames: Vec<String> = slow.into_iter().filter(|row| !row.contains(" Frame {")).collect();
             for lines in [1, lines, usize::MAX] {
                 prop_assert_eq!(&rows_of_log_without_frames(&log, mode, lines), &without_frames);

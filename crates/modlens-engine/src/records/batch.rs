@@ -193,12 +193,20 @@ impl Batch {
 
     /// The transactions in the order of their numbers, in parts.
     pub fn transaction_parts(&self) -> impl Iterator<Item = Part<'_, Transaction>> {
-        parts(&self.transactions, |row| row.number, &self.exchange_runs, |run| run.number)
+        parts(&self.transactions, |row| row.number, self.exchange_runs.iter(), |run| run.number)
     }
 
-    /// The frames in the order of their numbers, in parts; a compact exchange stands for its two.
+    /// The frames in the order of their numbers, in parts, of a recording of which frames were wanted: a compact exchange without
+    /// times stands for its two. Those of others are rows.
     pub fn frame_parts(&self) -> impl Iterator<Item = Part<'_, Frame>> {
-        parts(&self.frames, |row| row.number, &self.exchange_runs, |run| run.frame)
+        let runs = self.exchange_runs.iter().filter(|run| run.packets.is_none());
+        parts(&self.frames, |row| row.number, runs, |run| run.frame)
+    }
+
+    /// Gives back the rows of frames.
+    pub fn forget_frames(&mut self) {
+        self.frames = Vec::new();
+        self.inner_packets = Vec::new();
     }
 
     /// Copies findings into the batch.
@@ -221,10 +229,10 @@ pub enum Part<'a, Row> {
 fn parts<'a, Row>(
     mut rows: &'a [Row],
     row_number: fn(&Row) -> u64,
-    runs: &'a [ExchangeRun],
+    runs: impl Iterator<Item = &'a ExchangeRun>,
     run_number: fn(&ExchangeRun) -> u64,
 ) -> impl Iterator<Item = Part<'a, Row>> {
-    let mut runs = runs.iter().peekable();
+    let mut runs = runs.peekable();
     std::iter::from_fn(move || {
         if let Some(run) = runs.next_if(|run| rows.first().is_none_or(|row| run_number(run) < row_number(row))) {
             return Some(Part::Compact(run));

@@ -131,8 +131,8 @@ impl Session {
         }
     }
 
-    /// Emits compact exchanges of an RTU line without a clock (`Batch::exchanges`) even where frames are wanted: for who can do
-    /// without the rows of their frames.
+    /// Emits compact exchanges (`Batch::exchanges`) even where frames are wanted: for who keeps no rows of frames. An RTU line
+    /// without a clock has none for them; where there are times, frames are rows beside compact transactions.
     pub fn emit_compact(&mut self) {
         self.decoder.always_compact = true;
     }

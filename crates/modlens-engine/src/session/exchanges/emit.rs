@@ -7,7 +7,7 @@ use crate::records::{
 use crate::session::bus::{learn_side, BusState, FROM_CLIENT, FROM_SERVER};
 use crate::session::decoder::Decoder;
 use crate::session::exchanges::matching::{MatchedExchange, LENGTH_AT};
-use crate::session::exchanges::run::Run;
+use crate::session::exchanges::run::{Form, Run};
 use crate::session::frame_timing::FrameTiming;
 use crate::session::held_exchanges::ExchangeStart;
 use crate::session::rows::{elapsed, FindingPlace};
@@ -70,9 +70,12 @@ impl Decoder {
             });
             let confidence = matched.transaction_confidence();
             let exchange = expected.compact(places.wires[0].start, matched.lengths, confidence, matched.exception);
-            match pair.filter(|_| run.is_compact) {
+            if self.wanted.frames {
+                self.push_frames(bus, matched, places, &timings);
+            }
+            match pair.filter(|_| run.form != Form::Rows) {
                 Some(pair) => self.push_compact(bus, exchange, pair, matched.mode),
-                None => self.push_rows(bus, matched, (&exchange, pair.as_ref()), places, &timings),
+                None => self.push_transaction(bus, matched, (&exchange, pair.as_ref()), places, &timings),
             }
         }
         run.totals.exchanges += 1;
@@ -121,11 +124,26 @@ impl Decoder {
         }
     }
 
-    /// Appends the rows of an exchange to the tables that are wanted: its two frames to the batch, and its transaction to
-    /// `held`, as on the slow path. The transaction is that of the compact exchange, but for what this has no room for.
+    /// Appends the rows of the two frames of an exchange to the batch, as on the slow path.
     #[inline(always)]
     #[allow(clippy::inline_always)] // As above.
-    fn push_rows(
+    fn push_frames(&mut self, bus: usize, matched: &MatchedExchange, places: &ExchangePlaces, timings: &[FrameTiming; 2]) {
+        let findings = Span { start: self.batch.codes.len() as u32, length: 0 };
+        let line = self.buses[bus].lines[0].0;
+        let lines = if matched.mbap_id.is_some() { [FROM_CLIENT, FROM_SERVER] } else { [line; 2] };
+        for (at, direction) in [Direction::Request, Direction::Response].into_iter().enumerate() {
+            let row = frame_row(matched, direction, &timings[at]);
+            let elapsed = elapsed(self.origin, row.start);
+            let (number, line, wire, txn) = (self.next_frame + at as u64, lines[at], places.wires[at], Some(self.next_txn));
+            self.batch.frames.push(Frame { number, bus: bus as u32, line, wire, elapsed, txn, findings, ..row });
+        }
+    }
+
+    /// Appends the row of the transaction of an exchange to `held`, if transactions are wanted, as on the slow path. It is that of
+    /// the compact exchange, but for what this has no room for.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // As above.
+    fn push_transaction(
         &mut self,
         bus: usize,
         matched: &MatchedExchange,
@@ -135,16 +153,6 @@ impl Decoder {
     ) {
         let findings = Span { start: self.batch.codes.len() as u32, length: 0 };
         let (number, frame, mode, recording_start) = (self.next_txn, self.next_frame, matched.mode, self.origin);
-        if self.wanted.frames {
-            let line = self.buses[bus].lines[0].0;
-            let lines = if matched.mbap_id.is_some() { [FROM_CLIENT, FROM_SERVER] } else { [line; 2] };
-            for (at, direction) in [Direction::Request, Direction::Response].into_iter().enumerate() {
-                let row = frame_row(matched, direction, &timings[at]);
-                let elapsed = elapsed(recording_start, row.start);
-                let (number, line, wire, txn) = (frame + at as u64, lines[at], places.wires[at], Some(number));
-                self.batch.frames.push(Frame { number, bus: bus as u32, line, wire, elapsed, txn, findings, ..row });
-            }
-        }
         if self.wanted.transactions {
             let packets = pair.map(|_| PacketsOfRun { first: 0, recording_start, mode });
             let exchanges = Span { start: 0, length: 1 };

@@ -29,7 +29,9 @@ impl Decoder {
         }
         let mut adus = std::mem::take(&mut self.adus);
         let mut run = Run::new(state, 0);
-        run.is_compact = mode == Mode::Rtu && run.has_clock() && has_times && self.emits_compact_messages(bus);
+        if mode == Mode::Rtu && run.has_clock() && has_times {
+            run.form = self.form_of_messages(bus);
+        }
         let mut rtu = RtuRun::after(self.buses[bus].lines[0].1.framer.rtu_mut());
         loop {
             let state = &mut self.buses[bus];

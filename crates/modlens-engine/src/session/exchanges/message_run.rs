@@ -5,7 +5,7 @@ use crate::framer::Framer;
 use crate::records::InnerPauses;
 use crate::session::bus::{BusState, FROM_SERVER};
 use crate::session::exchanges::matching::RtuRun;
-use crate::session::exchanges::run::{ExchangeEnd, Run};
+use crate::session::exchanges::run::{ExchangeEnd, Form, Run};
 use crate::session::frame_timing::FrameTiming;
 use crate::session::line::LineState;
 use modlens_protocol::framing::Mode;
@@ -68,7 +68,7 @@ impl MessageRun {
     pub(super) fn on_connection(
         bus: usize,
         state: &mut BusState,
-        is_compact: bool,
+        form: Form,
         (asked, time): (Option<&[u8]>, Ns),
     ) -> Option<Self> {
         let [(first, _), _] = &state.lines[..] else { return None };
@@ -79,7 +79,7 @@ impl MessageRun {
         if state.clock_jumped || !is_ready || state.latest.is_some_and(|latest| time <= latest) {
             return None;
         }
-        let run = Run { is_compact, ..Run::new(state, server_first) };
+        let run = Run { form, ..Run::new(state, server_first) };
         if !run.has_clock() || !state.pairing.let_pass(asked, time) {
             return None;
         }
@@ -90,12 +90,12 @@ impl MessageRun {
     }
 
     /// Returns a run on the only line of a log, on which nothing is undecided; `None` if something is, or without a clock.
-    pub(super) fn on_line(bus: usize, state: &mut BusState, is_compact: bool) -> Option<Self> {
+    pub(super) fn on_line(bus: usize, state: &mut BusState, form: Form) -> Option<Self> {
         let is_only_line = matches!(&state.lines[..], [(0, line)] if takes_messages(line, Mode::Rtu));
         if !is_only_line || state.clock_jumped || !state.pairing.is_idle() || state.options.silence_rule().is_some() {
             return None;
         }
-        let run = Some(Run { is_compact, ..Run::new(state, 0) }).filter(Run::has_clock)?;
+        let run = Some(Run { form, ..Run::new(state, 0) }).filter(Run::has_clock)?;
         let (open, newest) = (state.pairing.open_requests()?, state.newest);
         let line = &mut state.lines[0].1;
         let rtu = RtuRun::after(line.framer.rtu_mut());

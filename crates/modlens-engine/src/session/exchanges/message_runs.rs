@@ -3,6 +3,7 @@
 //! is set aside: it is brought up to date before anything else is done there, or at the end of the block.
 
 use crate::session::exchanges::message_run::MessageRun;
+use crate::session::exchanges::run::Form;
 use modlens_protocol::Ns;
 
 /// These runs.
@@ -46,7 +47,7 @@ impl MessageRuns {
             return false;
         }
         self.turn_to(bus);
-        self.at_hand.as_ref().is_some_and(|run| run.is_connection && run.run.is_compact)
+        self.at_hand.as_ref().is_some_and(|run| run.is_connection && run.run.form == Form::Compact)
     }
 
     #[inline]

@@ -14,7 +14,7 @@ use crate::session::exchanges::emit::ExchangePlaces;
 use crate::session::exchanges::known_pairs::next_with_bytes;
 use crate::session::exchanges::matching::{match_rtu, match_tcp, plain_request, RtuContext};
 use crate::session::exchanges::message_run::{Message, MessageRun};
-use crate::session::exchanges::run::ExchangeEnd;
+use crate::session::exchanges::run::{ExchangeEnd, Form};
 use crate::session::line::LineState;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::source::Place;
@@ -69,12 +69,12 @@ impl Decoder {
         if self.waiting.is_some() {
             self.decide_waiting();
         }
-        let is_compact = self.emits_compact_messages(bus);
+        let form = self.form_of_messages(bus);
         let state = &mut self.buses[bus];
         let run = if is_connection {
-            MessageRun::on_connection(bus, state, is_compact, (plain_request(&self.functions, chunk.bytes), time))
+            MessageRun::on_connection(bus, state, form, (plain_request(&self.functions, chunk.bytes), time))
         } else {
-            MessageRun::on_line(bus, state, is_compact)
+            MessageRun::on_line(bus, state, form)
         };
         if run.is_none() && !is_connection {
             self.message_tries.note_run(0);
@@ -83,12 +83,17 @@ impl Decoder {
         self.message_runs.at_hand.is_some()
     }
 
-    /// Returns whether exchanges of this bus in a message each are emitted compact: on a connection or in a log, in a recording of
-    /// which the frames are not wanted, and without profiles.
-    pub(super) fn emits_compact_messages(&self, bus: usize) -> bool {
+    /// Returns what exchanges of this bus in a message each become: compact on a connection or in a log, in a recording of which
+    /// the rows of frames are not kept, and without profiles.
+    pub(super) fn form_of_messages(&self, bus: usize) -> Form {
         let state = &self.buses[bus];
         let place = if state.options.bus.network.is_some() { Place::Packet } else { Place::Line };
-        !self.wanted.frames && !self.live && state.options.bus.place == place && state.profiles.are_none()
+        let is_whole = self.live || state.options.bus.place != place || !state.profiles.are_none();
+        match (is_whole, self.wanted.frames) {
+            (false, false) => Form::Compact,
+            (false, true) if self.always_compact => Form::CompactBesideFrames,
+            _ => Form::Rows,
+        }
     }
 
     /// Emits the exchange of the pending request and this chunk, if they are one unambiguously.
@@ -154,7 +159,8 @@ impl Decoder {
         }
         let BusState { memo, profiles, pairing, lines, .. } = state;
         let matched = if current.is_connection {
-            let matched = match_tcp(&self.functions, (memo, profiles, &current.open), bytes, times, current.run.is_compact);
+            let matched =
+                match_tcp(&self.functions, (memo, profiles, &current.open), bytes, times, current.run.form == Form::Compact);
             if let Some(matched) = &matched {
                 current.rtu.last_exchange = Some(LastExchange { expected: matched.expected, odds: matched.odds });
             }

@@ -29,14 +29,25 @@ impl ExchangeEnd {
     }
 }
 
+/// What exchanges with times become.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Form {
+    /// Rows.
+    Rows,
+    /// Rows of frames, and compact transactions.
+    CompactBesideFrames,
+    /// Compact exchanges, without frames.
+    Compact,
+}
+
 /// One run of the fast path over a bus: what stays the same in it, and what it has emitted so far.
 pub(super) struct Run {
     /// How frames are timed, as it was at the beginning of the run.
     pub config: TimingConfig,
     /// Response times below this are left out of rows and statistics: the clock cannot measure them.
     pub min_measurable_ns: Ns,
-    /// Its exchanges are in a packet or a line each, and become compact ones in place of rows.
-    pub is_compact: bool,
+    /// What its exchanges become.
+    pub form: Form,
     /// What it has emitted.
     pub totals: BatchTotals,
 }
@@ -46,7 +57,7 @@ impl Run {
     pub(super) fn new(state: &mut BusState, line: usize) -> Self {
         let config = state.timing_config(line);
         let min_measurable_ns = 2 * state.coarsest_resolution();
-        Self { config, min_measurable_ns, is_compact: false, totals: BatchTotals::default() }
+        Self { config, min_measurable_ns, form: Form::Rows, totals: BatchTotals::default() }
     }
 
     /// Returns whether frames of the bus have times.
