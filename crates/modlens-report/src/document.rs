@@ -50,18 +50,23 @@ pub fn document(parts: Parts<'_>) -> Json {
     for example in overview["examples"].as_array_mut().into_iter().flatten() {
         example["frames"] = frames(example, functions);
     }
-    json!({
+    let mut document = json!({
         "format": FORMAT,
         "version": VERSION,
         "program": concat!("modlens ", env!("CARGO_PKG_VERSION")),
         "summary": summary,
         "sources": sources,
-        "doctor": core["doctor"],
+        "doctor": null,
         "findings": findings(&statistics),
-        "statistics": statistics,
-        "overview": overview,
+        "statistics": null,
+        "overview": null,
         "functions": names,
-    })
+    });
+    // These are large: the macro would copy them.
+    document["doctor"] = core["doctor"].take();
+    document["statistics"] = statistics;
+    document["overview"] = overview;
+    document
 }
 
 /// The last that was reported of each source, in the order of their first ones: at its end, what was not read is known.

@@ -290,14 +290,17 @@ impl Overview {
     /// Everything as JSON; `docs/stats.schema.json` describes it. `wanted` are the numbers of transactions that have to be among
     /// the examples if they are known.
     pub fn json(&self, wanted: &[u64]) -> Json {
-        json!({
-            "buses": self.buses.iter().map(|bus| self.bus_json(bus)).collect::<Vec<_>>(),
-            "connections": self.connections, "examples": self.examples.json(wanted),
+        let mut overview = json!({
+            "buses": null, "connections": self.connections, "examples": null,
             "left_out": {
                 "buses": self.left_out.buses.len(), "transactions": self.left_out.transactions,
                 "values": self.left_out.values, "connections": self.more_connections, "parts": self.left_out.parts,
             },
-        })
+        });
+        // What is large is put in here and below: the macro would copy it.
+        overview["buses"] = self.buses.iter().map(|bus| self.bus_json(bus)).collect();
+        overview["examples"] = self.examples.json(wanted);
+        overview
     }
 
     fn bus_json(&self, bus: &BusOverview) -> Json {
@@ -325,12 +328,16 @@ impl Overview {
             unreachable!("both are maps")
         };
         all.extend(more);
-        json!({
+        let mut found = json!({
             "bus": bus.name, "source": bus.source, "settings": bus.settings.map(|line| line.to_string()), "axis": bus.axis.text(),
-            "line": columns,
-            "requests": {"steps": bus.axis.steps(of_requests), "rows": requests, "units": bus.units_json(of_requests)},
-            "registers": {"steps": bus.axis.steps(of_values), "rows": bus.registers.json(of_values)},
-        })
+            "line": null,
+            "requests": {"steps": bus.axis.steps(of_requests), "rows": null, "units": bus.units_json(of_requests)},
+            "registers": {"steps": bus.axis.steps(of_values), "rows": null},
+        });
+        found["line"] = columns;
+        found["requests"]["rows"] = requests.into();
+        found["registers"]["rows"] = bus.registers.json(of_values);
+        found
     }
 
     /// The index here of the bus with this index in the batch; `None` if there is no room for it.
