@@ -53,8 +53,8 @@ CANCEL = """(async () => {
   return performance.now() - began;
 })()"""
 MEMORY = """Page.request('decode', { blob: Page.recording.blob,
-  settings: { name: 'capture', purpose: 'rows' },
-}).then((it) => [it.rows, it.megabytes, it.isCut])"""
+  settings: { name: 'capture', purpose: 'large' },
+}).then((it) => [it.rows, it.megabytes, it.needed])"""
 ENDED = "['shown', 'refused'].includes(document.documentElement.dataset.state)"
 
 

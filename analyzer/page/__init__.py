@@ -28,6 +28,7 @@ _SCRIPTS = (
     "filters.js",
     "bytes.js",
     "registers.js",
+    "report_shown.js",
     "page.js",
     "live.js",
     "serial.js",

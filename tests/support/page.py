@@ -26,6 +26,7 @@ def show(browser: Browser, path: Path, state: str = "shown") -> None:
     browser.send_file("#file", path)
     browser.wait(f"['shown', 'refused'].includes({STATE})", 60)
     assert browser.run(f"return {STATE}") == state, browser.run(TROUBLE)
+    browser.wait("document.documentElement.dataset.report !== 'waiting'")
 
 
 def saved(browser: Browser, table: str) -> str:

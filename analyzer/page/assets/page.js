@@ -1,11 +1,10 @@
 // The page: takes recordings, has the worker decode them, shows causes, tables, and the row that is looked at.
 const Page = (() => {
   const SMALL = 24 << 20, DOCUMENT_VERSION = 1;
-  const layout = JSON.parse(document.getElementById("layout").content.textContent);
   const $ = (id) => document.getElementById(id);
   const el = Show.el;
   const worker = {};
-  let words = null, recordings = [], recording = null, report = null, data = null, grid = null, table = "transactions", hasFrames = true;
+  let words = null, recordings = [], recording = null, data = null, grid = null, table = "transactions", hasFrames = true;
 
   const { say } = Show;
 
@@ -14,7 +13,7 @@ const Page = (() => {
   async function start() {
     const text = $("wasm").content.textContent;
     $("wasm").remove();
-    const packed = Uint8Array.from(atob(text), (one) => one.charCodeAt(0));
+    const packed = Uint8Array.fromBase64?.(text) ?? Uint8Array.from(atob(text), (one) => one.charCodeAt(0));
     const bytes = await new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
     const module = await WebAssembly.compile(bytes);
     worker.port = new Worker(URL.createObjectURL(new Blob([$("worker").content.textContent], { type: "text/javascript" })));
@@ -111,14 +110,16 @@ const Page = (() => {
       if (await isDocument(one.blob)) return await showDocument(one);
       const began = performance.now();
       hasFrames = one.blob.size <= SMALL;
-      let found = await decode(hasFrames ? "all" : "causes", "decoding");
-      showReport(await ask({ call: "report" }), true);
-      if (!hasFrames) found = await decode("rows", "collecting rows");
+      const found = await decode(hasFrames ? "all" : "large", "decoding");
+      const made = await ask({ call: "report" });
+      data = made.document;
+      const rest = Report.verdict(made, true);
       await showTables(found);
       $("progress").hidden = true;
       const seconds = (performance.now() - began) / 1000;
       say(`${one.name}: ${Show.fixed(found.rows, 0)} transactions in ${Show.fixed(seconds, 1)} s. Nothing left this computer.`);
       document.documentElement.dataset.state = "shown";
+      await Report.rest(rest);
     } catch (error) {
       if (error.message !== "cancelled") return refuse(`${one.name}: ${error.message}`);
       refuse(`${one.name}: cancelled`);
@@ -127,29 +128,17 @@ const Page = (() => {
 
   // ---- what is shown
 
-  // Verdict and causes in front of the tables, the rest behind them. Examples are rows of the tables where there are any.
-  function showReport(made, hasTables) {
-    const holder = document.createElement("template");
-    report = made;
-    data = made.document;
-    holder.innerHTML = made.body;
-    const [verdict, causes, ...rest] = holder.content.children;
-    $("results").hidden = false;
-    $("rows").hidden = !hasTables;
-    $("verdict").replaceChildren(verdict, causes);
-    $("report").replaceChildren(...rest.filter((one) => !hasTables || one.id !== "examples"));
-    Plots.all(data, layout);
-    RowFilter.all(layout);
-  }
-
   // A document of modlens stats --to json, which is shown as a report.
   async function showDocument(one) {
     const found = JSON.parse(await one.blob.text());
     if (found.version !== DOCUMENT_VERSION) throw new Error(`this page reads version ${DOCUMENT_VERSION} of the document, not ${found.version}`);
-    showReport(await ask({ call: "report", document: found }), false);
+    const made = await ask({ call: "report", document: found });
+    data = made.document;
+    const rest = Report.verdict(made, false);
     $("progress").hidden = true;
     say(`${one.name} is shown.`);
     document.documentElement.dataset.state = "shown";
+    await Report.rest(rest);
   }
 
   const isDocument = async (blob) => /^\s*\{\s*"format":\s*"modlens report"/.test(await blob.slice(0, 1000).text());
@@ -180,6 +169,8 @@ const Page = (() => {
     });
   }
 
+  const count = (name) => ask({ call: "rows", table: name, columns: [], where: null, from: 0, count: 0 });
+
   // One tab a table, with the number of its rows.
   async function showTabs() {
     for (const name of Object.keys(COLUMNS)) {
@@ -187,7 +178,7 @@ const Page = (() => {
         $("tab-frames")?.remove();
         continue;
       }
-      const { total } = await ask({ call: "rows", table: name, columns: [], where: null, from: 0, count: 0 });
+      const { total } = await count(name);
       if (!$(`tab-${name}`)) $("tabs").append(el("button", { role: "tab", id: `tab-${name}`, "data-table": name, "aria-controls": "table" }));
       $(`tab-${name}`).textContent = `${name[0].toUpperCase()}${name.slice(1)} (${Show.fixed(total, 0)})`;
       $(`tab-${name}`).hidden = !total && name === "connections";
@@ -197,9 +188,9 @@ const Page = (() => {
 
   async function showTables(found) {
     await showTabs();
-    const notes = [];
+    const notes = [], { total } = await count("transactions");
     if (!hasFrames) notes.push(`Frames are listed of recordings up to ${SMALL >> 20} MB.`);
-    if (found.isCut) notes.push(`The first ${Show.fixed(found.rows, 0)} transactions are listed: all are too big for this tab, about ${Show.fixed(found.needed, 0)} MB needed. Causes and statistics are those of all.`);
+    if (found.needed) notes.push(`The last ${Show.fixed(total, 0)} of ${Show.fixed(found.rows, 0)} transactions are listed, and registers as they were in these: all are too big for this tab, about ${Show.fixed(found.needed, 0)} MB needed. Causes, statistics and findings are those of all.`);
     $("limits").textContent = notes.join(" ");
     await choose("transactions");
   }
@@ -287,7 +278,8 @@ const Page = (() => {
     if (isFirst || all) {
       const made = await ask({ call: "report" });
       if (!made.document.statistics.buses.length) return;
-      showReport(made, true);
+      data = made.document;
+      Report.replace(Report.verdict(made, true));
     }
     if (isFirst) {
       await showTables({});
@@ -317,7 +309,7 @@ const Page = (() => {
   async function save(format) {
     try {
       say(`making ${format}…`);
-      const blob = format === "pcapng" ? await capture() : format === "html" ? await reportFile() : await request("save", { question: { table, ...Filters.of(table), format } });
+      const blob = format === "pcapng" ? await capture() : format === "html" ? await Report.file() : await request("save", { question: { table, ...Filters.of(table), format } });
       const name = `${recording.name.replace(/^.*[/\\]/, "").replace(/\.[^.]*$/, "")}-${NAMES[format] || table}.${format}`;
       saveAs(name, blob);
     } catch (error) {
@@ -325,23 +317,8 @@ const Page = (() => {
     }
   }
 
-  // The page that modlens report writes of the document: its frame is in this page, style and scripts are those of this page.
-  async function reportFile() {
-    const packed = new Blob([JSON.stringify(report.document)]).stream().pipeThrough(new CompressionStream("gzip"));
-    const bytes = new Uint8Array(await new Response(packed).arrayBuffer());
-    const parts = {
-      title: report.title, body: report.body, data: btoa(Array.from(bytes, (one) => String.fromCharCode(one)).join("")),
-      style: document.querySelector("style").textContent, script: document.querySelector("script").textContent,
-    };
-    return new Blob([$("frame").content.textContent.replace(/@@(\w+)@@/g, (_, part) => parts[part])], { type: "text/html" });
-  }
-
-  // Frames are needed for a capture: the recording is decoded once more, and then again for the rows.
-  async function capture() {
-    const { pieces } = await decode("capture", "writing a capture");
-    await decode(hasFrames ? "all" : "rows", "collecting rows");
-    return pieces;
-  }
+  // A capture has all frames: the recording is decoded once more, beside the rows that are shown.
+  const capture = async () => (await decode("capture", "writing a capture")).pieces;
 
   // ---- hands
 
@@ -401,7 +378,7 @@ const Page = (() => {
   const ready = start();
   ready.catch((error) => refuse(`This browser cannot run the decoder: ${error.message}`));
   // Tests ask the core by the same way as the page.
-  return { ask, take, request, reportFile, ready, follow, showLive, refuse, saveAs, get recording() { return recording; } };
+  return { ask, take, request, ready, follow, showLive, refuse, saveAs, get recording() { return recording; } };
 })();
 // Drivers of Firefox see what belongs to the window only.
 window.Page = Page;

@@ -24,7 +24,7 @@ const Registers = (() => {
     const form = FORMS[file.name.toLowerCase().split(".").pop()];
     if (!form || file.size > 1 << 20) return false;
     const text = await file.text();
-    if (form === "yaml") throw new Error(`${file.name}: this page reads profiles in TOML and CSV`);
+    if (form === "yaml") throw new Error(`${file.name}: this page reads profiles in TOML and CSV, not in YAML; rewrite it in TOML, or use the command: modlens map RECORDING --profile ${file.name}`);
     try {
       await ask({ call: "profile", text, form });
     } catch (error) {

@@ -6,13 +6,13 @@ const Plots = (() => {
   const nameOf = (data, bus) => (data.overview.buses.length > 1 ? Show.visible(bus.bus) + ": " : "");
 
   // The plots of a section, for each bus.
-  function described(data, host, plots) {
+  function* described(data, host, plots) {
     const buses = data.overview.buses.slice(0, MOST_BUSES);
-    buses.forEach((bus, number) => {
+    for (const [number, bus] of buses.entries()) {
       const steps = Buckets.joined(bus.line, Buckets.least(data, bus)), place = el("div", { class: number < MOST_ON_PAPER ? "" : "screen-only" });
       host.append(place);
-      for (const one of plots) if (!one.only_without || !bus.line[one.only_without]) overTime(data, place, bus, steps, one);
-    });
+      for (const one of plots) if (!one.only_without || !bus.line[one.only_without]) yield overTime(data, place, bus, steps, one);
+    }
     if (buses.length > MOST_ON_PAPER) host.append(el("p", { class: "paper-only" }, `Plots of the first ${MOST_ON_PAPER} buses; those of the others are in the report on a screen.`));
     said(host, data.overview.buses.length - MOST_BUSES, "more buses have no plot here");
     said(host, data.overview.left_out.buses, "more buses have no time series in the document");
@@ -155,7 +155,8 @@ const Plots = (() => {
 
   const DRAWN = { responseTimes, registers };
 
-  function all(data, layout) {
+  // Draws all, a plot or a section at each step: for who has to do something else between two of them.
+  function* inTurn(data, layout) {
     Charts.reset();
     Strips.reset();
     Strips.units(data);
@@ -163,10 +164,14 @@ const Plots = (() => {
       const host = document.querySelector(`[data-plot="${section.id}"]`);
       if (!host) continue;
       host.replaceChildren();
-      if (section.draw) DRAWN[section.draw](data, host);
-      else described(data, host, section.plots);
+      if (section.draw) yield DRAWN[section.draw](data, host);
+      else yield* described(data, host, section.plots);
     }
     Strips.paint();
+  }
+
+  function all(data, layout) {
+    for (const step of inTurn(data, layout)) void step;
   }
 
   function redraw() {
@@ -179,5 +184,5 @@ const Plots = (() => {
     Strips.paint();
   }
 
-  return { all, redraw, resize, ranges: Charts.ranges };
+  return { all, inTurn, redraw, resize, ranges: Charts.ranges };
 })();

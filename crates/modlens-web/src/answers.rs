@@ -29,6 +29,7 @@ const MAX_ROWS: u64 = 1000;
 /// | `map` | | the last value of every register |
 /// | `series` | `where` of the table `readings`, `most` | `total` values, and `steps`: time in µs, lowest, highest |
 /// | `find` | `table`, `where`, `column`, `value` | `at`, the first row with this text in the column, or null |
+/// | `keep_newest` | | null; from now on, as many transactions are kept as fit into the memory that they take now |
 /// | `export` | `table`, `where`, `format` | null; `export_more` then gives the bytes |
 /// | `report` | | `document` of the recording, `title` and `body` of its page as HTML |
 ///
@@ -45,6 +46,10 @@ pub fn answer(decoding: &mut Decoding, question: &Json) -> Result<Json, String> 
         "map" => Ok(registers::map(&decoding.views)),
         "series" => registers::series(&mut decoding.views, question),
         "find" => find(decoding, question),
+        "keep_newest" => {
+            decoding.keep_newest();
+            Ok(Json::Null)
+        }
         "export" => {
             let view = decoding.views.of(question)?;
             decoding.export = Some(Export::new(view, question["format"].as_str().unwrap_or_default())?);

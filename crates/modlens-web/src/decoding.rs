@@ -26,17 +26,15 @@ use crate::view::Views;
 pub enum Purpose {
     /// All: rows of every table are kept, causes are sought.
     All,
-    /// Causes, statistics and time series; no row is kept.
-    Causes,
-    /// Transactions and findings are kept, in little memory; no frames.
-    Rows,
+    /// The same of a large recording: rows are kept in little memory, those of frames are not.
+    Large,
     /// A capture is written, no row is kept.
     Capture,
     /// A line that is listened to: the newest rows of every table are kept, causes are sought.
     Live,
 }
 
-/// Transactions that are kept of a line that is listened to, and whole batches beside them.
+/// Transactions that are kept of a line that is listened to.
 const LIVE_ROWS: usize = 200_000;
 
 /// A recording that is being read, or has been.
@@ -50,6 +48,8 @@ pub struct Decoding {
     report: Option<Report>,
     pub(crate) views: Views,
     rows: usize,
+    /// Transactions that are kept, and whole batches beside them; `None` for all.
+    most_rows: Option<usize>,
     capture: Option<Capture>,
     pub(crate) captured: Vec<u8>,
     pub(crate) mode: Option<Mode>,
@@ -58,22 +58,21 @@ pub struct Decoding {
 }
 
 impl Decoding {
-    /// Opens a recording. Settings: `name`; `purpose` (all, causes, rows, capture, live); `format`, `mode`, `line`, `ports` where
+    /// Opens a recording. Settings: `name`; `purpose` (all, large, capture, live); `format`, `mode`, `line`, `ports` where
     /// the user knows them; `profiles` (text, form, units or null for all). The message says what is wrong with them.
     pub fn open(settings: &Json) -> Result<Self, String> {
         let purpose = match settings["purpose"].as_str().unwrap_or("all") {
             "all" => Purpose::All,
-            "causes" => Purpose::Causes,
-            "rows" => Purpose::Rows,
+            "large" => Purpose::Large,
             "capture" => Purpose::Capture,
             "live" => Purpose::Live,
-            other => return Err(format!("purpose {other:?} is not one of all, causes, rows, capture, live")),
+            other => return Err(format!("purpose {other:?} is not one of all, large, capture, live")),
         };
-        let seeks_causes = matches!(purpose, Purpose::All | Purpose::Causes | Purpose::Live);
-        let wanted = WantedTables { frames: purpose != Purpose::Rows, transactions: true, findings: true };
+        let seeks_causes = purpose != Purpose::Capture;
+        let wanted = WantedTables { frames: true, transactions: true, findings: true };
         let functions = Arc::new(Functions::default());
         let mut session = Session::new(Arc::clone(&functions), wanted, purpose == Purpose::Live, None);
-        if purpose == Purpose::Causes {
+        if purpose == Purpose::Large {
             session.emit_compact();
         }
         for profile in settings["profiles"].as_array().into_iter().flatten() {
@@ -95,6 +94,7 @@ impl Decoding {
             report: None,
             views: Views::default(),
             rows: 0,
+            most_rows: (purpose == Purpose::Live).then_some(LIVE_ROWS),
             capture: (purpose == Purpose::Capture).then(capture_writer),
             captured: Vec::new(),
             export: None,
@@ -106,6 +106,11 @@ impl Decoding {
         self.recording.feed(&mut self.session, block).map_err(message)?;
         self.take();
         Ok(self.rows)
+    }
+
+    /// Keeps the newest transactions only from now on: three of four of those that there are now.
+    pub fn keep_newest(&mut self) {
+        self.most_rows = Some(self.rows / 4 * 3);
     }
 
     /// Ends the recording, and returns how many transactions it has.
@@ -142,10 +147,10 @@ impl Decoding {
             (report, _) => report.as_ref(),
         };
         let examples = report.map_or_else(Vec::new, Report::examples);
-        let core = json!({
-            "doctor": report.map(Report::json), "statistics": self.session.stats_json(),
-            "overview": self.overview.as_ref().map(|overview| overview.json(&examples)),
-        });
+        let mut core = json!({});
+        core["doctor"] = report.map(Report::json).into();
+        core["statistics"] = self.session.stats_json();
+        core["overview"] = self.overview.as_ref().map(|overview| overview.json(&examples)).into();
         let statuses = [self.recording.status(&self.session)];
         let known = if statuses[0].is_null() { &[][..] } else { &statuses[..] };
         modlens_report::document(Parts { core, statuses: known, functions: &self.functions, title: None })
@@ -170,7 +175,10 @@ impl Decoding {
         if let Some(overview) = &mut self.overview {
             overview.observe(&batch);
         }
-        let is_kept = matches!(self.purpose, Purpose::All | Purpose::Rows | Purpose::Live) && !is_empty(&batch);
+        if self.purpose == Purpose::Large {
+            batch.forget_frames();
+        }
+        let is_kept = self.purpose != Purpose::Capture && !is_empty(&batch);
         if is_kept {
             batch.shrink();
         }
@@ -182,8 +190,8 @@ impl Decoding {
         if is_kept {
             self.views.add(batch);
         }
-        if self.purpose == Purpose::Live {
-            self.views.forget_all_but(LIVE_ROWS);
+        if let Some(most) = self.most_rows {
+            self.views.forget_all_but(most, self.purpose != Purpose::Live);
         }
     }
 }

@@ -12,6 +12,8 @@ use serde_json::Value as Json;
 #[derive(Default)]
 pub(crate) struct Views {
     batches: Vec<Arc<Batch>>,
+    /// The first so many have findings only, of batches whose other rows were forgotten.
+    stripped: usize,
     shown: Vec<View>,
 }
 
@@ -42,16 +44,25 @@ impl Views {
         &self.batches
     }
 
-    /// Forgets the oldest batches while the others have this many transactions or more.
-    pub fn forget_all_but(&mut self, transactions: usize) {
+    /// Forgets the oldest batches while the others have this many transactions or more, but, with `keep_findings`, their
+    /// findings.
+    pub fn forget_all_but(&mut self, transactions: usize, keep_findings: bool) {
         let mut kept: usize = self.batches.iter().map(|batch| batch.transaction_count()).sum();
         let is_old = |batch: &&Arc<Batch>| {
             kept -= batch.transaction_count();
             kept >= transactions
         };
-        let count = self.batches.iter().take_while(is_old).count();
-        self.batches.drain(..count);
-        self.shown.iter_mut().for_each(|view| view.forget(count));
+        let count = self.batches[self.stripped..].iter().take_while(is_old).count();
+        if !keep_findings {
+            self.batches.drain(..count);
+            self.shown.iter_mut().for_each(|view| view.forget(count));
+        } else if count > 0 {
+            let old = self.stripped..self.stripped + count;
+            let kept: Vec<Arc<Batch>> = self.batches[old.clone()].iter().filter_map(|batch| findings_of(batch)).collect();
+            self.stripped += kept.len();
+            self.batches.splice(old, kept);
+            self.shown.clear();
+        }
     }
 
     /// The rows of a `table` that satisfy `where`, a filter (empty or null for all rows). The message says what is wrong
@@ -69,6 +80,14 @@ impl Views {
         self.shown.insert(0, view);
         Ok(&self.shown[0])
     }
+}
+
+/// The findings of a batch, if it has any.
+fn findings_of(batch: &Batch) -> Option<Arc<Batch>> {
+    let mut only = Batch::default();
+    (only.buses, only.functions) = (Arc::clone(&batch.buses), batch.functions.clone());
+    only.findings.clone_from(&batch.findings);
+    (!only.findings.is_empty()).then(|| Arc::new(only))
 }
 
 /// The table of a question; transactions where it names none.

@@ -89,7 +89,7 @@ def test_the_report_is_saved(
     """The file is that of the command but for how the document in it is compressed; it is drawn."""
     path = CAPTURES / "pymodbus_plant" / "recording.jsonl"
     show(opened, path)
-    saved = opened.ask("Page.reportFile().then((it) => it.text())")
+    saved = opened.ask("Report.file().then((it) => it.text())")
     of_command = in_its_folder(path, "report", "-o", "-")
     (page_of_page, data), (page_of_command, other) = map(without_data, (saved, of_command))
     assert page_of_page == page_of_command
