@@ -72,6 +72,7 @@ def opened(browser: Browser, written: Path, path: Path) -> dict[str, float]:
     browser.send_file("#file", path)
     browser.wait(f"window.seen.length > 1 && {ENDED}", 300)
     found = {what: float(at) for what, at in browser.run("return window.seen")}
+    browser.wait("document.documentElement.dataset.report === 'drawn'", 60)
     return found | {"pause": float(browser.run("return window.slowest"))}
 
 
