@@ -56,6 +56,37 @@ def test_models_are_found_behind_the_marker() -> None:
     assert found["St"] == ("MPPT", None)
 
 
+def test_the_marker_may_be_read_alone() -> None:
+    """A master may look for the marker first; what it reads then goes on from there."""
+    found = readings((BASE, b"SunS"), (BASE + 2, COMMON), (BASE + 70, inverter()))
+    assert (found["Mn"], found["A"]) == (("Maker", None), ("12.34", "A"))
+
+
+def test_one_block_has_the_rows_of_many() -> None:
+    """Also where reads of address 0 before it hold no marker, and are taken as any exchange is."""
+    polls = [(0, words(1, 2, 3))] * 3
+    reads = [*polls, (BASE, b"SunS"), *polls, (BASE + 2, COMMON), (0, words(4, 5, 6))]
+
+    def rows(size: int) -> list[tuple[Any, ...]]:
+        line = bytearray()
+        for first, data in reads * 2:
+            request = b"\x01\x03" + first.to_bytes(2, "big") + (len(data) // 2).to_bytes(2, "big")
+            for frame in (request, b"\x01\x03" + bytes([len(data)]) + data):
+                line += frame + _modlens.crc16(frame).to_bytes(2, "little")
+        core = _modlens.Session(_modlens.Functions())
+        bus = core.add_bus("pv", source="pv", mode="rtu")
+        for at in range(0, len(line), size):
+            core.feed(bus, bytes(line[at : at + size]))
+        core.flush()
+        batch = core.take()
+        named = [(row.name, row.value_text) for row in batch.readings if row.name]
+        return [*named, *((row.txn, row.status, row.address) for row in batch.transactions)]
+
+    whole = rows(1 << 20)
+    assert ("Mn", "Maker") in whole
+    assert whole == rows(1)
+
+
 def test_one_read_may_hold_it_all() -> None:
     """Marker, chain of models and values may be in one response."""
     found = readings(

@@ -146,7 +146,7 @@ mod tests {
         let reported = refused("[W] Modbus error function code: 0x84 exception: 2\n");
         assert!(reported.contains("a line reports exception 2 (illegal data address)"), "{reported}");
         let unproved = refused("what is it? 11 22 33 44 55 66 77 88\n");
-        assert!(unproved.contains("no checksum"), "{unproved}");
+        assert!(unproved.contains("in line 1 the bytes 11 22 33 44 55 66 77 88 are no frame"), "{unproved}");
         assert_eq!(
             refused("nothing to be seen\n"),
             "text in an unknown format; see `modlens formats`, or choose one with --from"

@@ -9,7 +9,7 @@ use std::ops::RangeInclusive;
 use crate::findings::frame::is_plain_request;
 use crate::records::Exchange;
 use crate::stats::RequestKey;
-use modlens_profiles::points::sunspec::may_begin_in;
+use modlens_profiles::points::sunspec::{marker, may_begin_in};
 use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, StandardLayout, EXCEPTION_BIT};
@@ -65,18 +65,22 @@ pub struct ExpectedExchange {
     /// it may be the previous response again. Example: reading coils from 0x0300 on begins like three bytes of coils. Of
     /// registers there is no such response, since they have two bytes each; on an ASCII line it is set for registers anyway.
     pub resembles_response: bool,
+    /// A self-describing register map (`points::sunspec`) may begin in the registers that are read: the response shows.
+    may_hold_map: bool,
     response: Response,
 }
 
 impl ExpectedExchange {
     /// Returns the exchange that the request at the head of these bytes announces, if the slow path would have nothing to report
-    /// on the request: no finding on its content, and no self-describing register map that can begin in what it reads. The bytes
-    /// begin with the unit and may go on after the request; checksums are left to the caller.
+    /// on the request. The bytes begin with the unit and may go on after the request; checksums are left to the caller.
     #[inline(always)]
     #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
     pub fn from_request(functions: &Functions, mode: Mode, bytes: &[u8]) -> Option<Self> {
-        let expected = Self::announced_by(functions, mode, bytes).filter(Self::may_hold_no_map)?;
-        is_plain_request(functions, mode, bytes.get(..expected.request_bytes)?).then_some(expected)
+        let expected = Self::announced_by(functions, mode, bytes)?;
+        let reads_registers = matches!(expected.kind, StandardLayout::ReadRegisters | StandardLayout::ReadWriteRegisters);
+        let may_hold_map = reads_registers && may_begin_in(expected.address, usize::from(expected.quantity));
+        let is_plain = is_plain_request(functions, mode, bytes.get(..expected.request_bytes)?);
+        is_plain.then_some(Self { may_hold_map, ..expected })
     }
 
     /// Returns the exchange that a request announces by its layout alone; of a write, the data need not have come.
@@ -102,6 +106,7 @@ impl ExpectedExchange {
             response_bytes: SHORT_REQUEST_BYTES,
             echoes_request: standard.has_equal_layouts,
             resembles_response: false,
+            may_hold_map: false,
             response: Response::Echo,
         };
         let (bit_bytes, register_bytes) = (usize::from(number.div_ceil(8)), 2 * usize::from(number));
@@ -156,14 +161,6 @@ impl ExpectedExchange {
         Some(Self { request_bytes, response_bytes, echoes_request: false, response, ..self })
     }
 
-    /// Returns whether no self-describing register map (`points::sunspec`) can begin in the registers that are read. If one can,
-    /// the exchange has to take the slow path, which looks for the map.
-    #[inline]
-    fn may_hold_no_map(&self) -> bool {
-        let reads_registers = matches!(self.kind, StandardLayout::ReadRegisters | StandardLayout::ReadWriteRegisters);
-        !reads_registers || !may_begin_in(self.address, usize::from(self.quantity))
-    }
-
     /// Returns the same as the unit refuses it: with an exception in place of the response.
     #[must_use]
     pub fn refused(self) -> Self {
@@ -178,14 +175,17 @@ impl ExpectedExchange {
         is_refusal.then_some(exception)
     }
 
-    /// Returns whether this response is the expected one. Both slices must have at least the expected lengths.
+    /// Returns whether this response is the expected one, and no self-describing register map begins in it, which the slow path
+    /// follows. Both slices must have at least the expected lengths.
     #[inline(always)]
     #[allow(clippy::inline_always)] // Asked of every exchange.
     pub fn is_answered_by(&self, request: &[u8], response: &[u8]) -> bool {
         match self.response {
             Response::Block { count, padding } => {
                 let has_header = response[..READ_HEADER_BYTES] == [self.unit, self.code, count];
-                has_header && response[self.response_bytes - 1] & padding == 0
+                has_header
+                    && response[self.response_bytes - 1] & padding == 0
+                    && !(self.may_hold_map && marker(self.address, &response[READ_HEADER_BYTES..self.response_bytes]).is_some())
             }
             Response::Echo => response[..SHORT_REQUEST_BYTES] == request[..SHORT_REQUEST_BYTES],
         }

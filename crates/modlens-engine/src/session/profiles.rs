@@ -46,16 +46,16 @@ pub(crate) enum LearnOutcome {
 }
 
 impl Profiles {
-    /// Whether no unit has a profile.
+    /// Whether no unit has a profile, or shows the beginning of one (`SunSpec`).
     #[inline]
     pub(crate) fn are_none(&self) -> bool {
-        self.plans.are_none()
+        self.plans.are_none() && self.sunspec_chains.is_empty()
     }
 
     /// The profiles as they are now; `None` if no unit has one.
     #[inline]
     pub(crate) fn now(&self) -> Option<Arc<UnitPlans>> {
-        (!self.are_none()).then(|| Arc::clone(&self.plans))
+        (!self.plans.are_none()).then(|| Arc::clone(&self.plans))
     }
 
     /// The number of times that something other than values has changed, for who remembers what is settled.
@@ -201,7 +201,7 @@ impl Profiles {
                 None => PlanInstance::new(plan),
             };
             self.set(unit, instance);
-        } else if self.sunspec_chains.len() > known && !self.are_none() {
+        } else if self.sunspec_chains.len() > known {
             self.generation += 1;
         }
     }
