@@ -2,7 +2,7 @@
 
 use crate::contrast::gaps::{without_lone, Episode};
 use crate::contrast::tally::{Place, Tally};
-use crate::contrast::{BusContrast, UnitCounts};
+use crate::contrast::{BusContrast, Symptom, UnitCounts};
 use crate::odd::Odd;
 use crate::statistics::{at_least, greatest_rate, least_rate, Share};
 use crate::MAX_CHANCE;
@@ -125,6 +125,8 @@ pub struct Claim {
     pub examples: Vec<u64>,
     /// At most so severe, whatever the table says.
     pub at_most: Severity,
+    /// The symptom of which a few examples are all that speaks for it.
+    pub sight: Option<Symptom>,
     /// What fills the places of the sentence, besides those that all have.
     pub facts: Vec<(&'static str, String)>,
 }
@@ -163,6 +165,7 @@ impl Claim {
             explains: None,
             examples: tally.examples.numbers(),
             at_most: severity_of(tally.share()),
+            sight: None,
             facts: Vec::new(),
         }
     }

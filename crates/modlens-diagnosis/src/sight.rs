@@ -105,7 +105,7 @@ fn best(seen: &[Seen]) -> Option<(Claim, &'static Diagnosis)> {
     let with_words = seen.iter().filter_map(|one| Some((one, cause.sight(one.0)?)));
     // That no answer came may have any reason; what else was seen says more.
     let says = |(symptom, all, _): &Seen| (*symptom != Symptom::NoAnswer, all.failed);
-    let ((_, all, unit), words) = with_words.max_by_key(|(one, _)| says(one))?;
+    let ((symptom, all, unit), words) = with_words.max_by_key(|(one, _)| says(one))?;
     let odds = (score - rival.0).exp();
     let is_likely = all.failed >= LIKELY_EXAMPLES && odds >= LIKELY_ODDS;
     let mut all = all.clone();
@@ -117,5 +117,6 @@ fn best(seen: &[Seen]) -> Option<(Claim, &'static Diagnosis)> {
     claim.at_most = modlens_protocol::finding::Severity::Warning;
     let examples = if all.failed == 1 { "1 example".to_owned() } else { format!("{} examples", all.failed) };
     let words = words.replace("{unit}", &unit.map_or("the unit".to_owned(), |unit| format!("unit {unit}")));
+    claim.sight = Some(*symptom);
     Some((claim.fact("sight", format!("{words} ({examples}).")), cause))
 }

@@ -57,6 +57,8 @@ pub struct Diagnosis {
     pub sight_advice: Option<String>,
     /// As above.
     pub sight_proof: Option<String>,
+    /// The advice and the proof of a symptom that needs others.
+    pub sight_instead: Vec<(Symptom, (String, String))>,
 }
 
 impl Diagnosis {
@@ -68,6 +70,14 @@ impl Diagnosis {
     /// What is said of a few examples of a symptom.
     pub fn sight(&self, symptom: Symptom) -> Option<&str> {
         self.sight.iter().find(|(one, _)| *one == symptom).map(|(_, words)| words.as_str())
+    }
+
+    /// What to check and the experiment where a few examples of a symptom are all.
+    pub fn at_sight(&self, symptom: Symptom) -> (&str, &str) {
+        let usual = (self.sight_advice.as_ref().unwrap_or(&self.advice), self.sight_proof.as_ref().unwrap_or(&self.proof));
+        let instead = self.sight_instead.iter().find(|(one, _)| *one == symptom).map(|(_, (advice, proof))| (advice, proof));
+        let (advice, proof) = instead.unwrap_or(usual);
+        (advice, proof)
     }
 }
 
@@ -121,7 +131,13 @@ fn row(row: &Json) -> Result<Diagnosis, String> {
         sight: by_symptom(&row["sight"], |words| words.as_str().map(str::to_owned)).ok_or(format!("{code}: sight"))?,
         sight_advice: row["sight"]["advice"].as_str().map(str::to_owned),
         sight_proof: row["sight"]["proof"].as_str().map(str::to_owned),
+        sight_instead: by_symptom(&row["sight"]["instead"], both).ok_or(format!("{code}: instead"))?,
     })
+}
+
+/// Advice and proof of one symptom.
+fn both(table: &Json) -> Option<(String, String)> {
+    Some((table["advice"].as_str()?.to_owned(), table["proof"].as_str()?.to_owned()))
 }
 
 /// A table of the row by symptom; empty where there is none, `None` where a symptom is not known.
@@ -129,7 +145,7 @@ fn by_symptom<T>(table: &Json, value: impl Fn(&Json) -> Option<T>) -> Option<Vec
     let symptom = |word: &str| Symptom::ALL.iter().copied().find(|one| one.word() == word);
     table.as_object().map_or(Some(Vec::new()), |all| {
         all.iter()
-            .filter(|(word, _)| !matches!(word.as_str(), "advice" | "proof"))
+            .filter(|(word, _)| !matches!(word.as_str(), "advice" | "proof" | "instead"))
             .map(|(word, one)| Some((symptom(word)?, value(one)?)))
             .collect()
     })

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Verdict;
+use modlens_protocol::functions::EXCEPTION_BIT;
 use modlens_protocol::oddity::{is_of_driver, is_swapped, is_text, Oddity};
 
 use super::before::Before;
@@ -45,6 +46,8 @@ symptoms! {
     StepBehind = "step_behind",
     /// The answer carries the identifier of no open request.
     OtherId = "other_id",
+    /// The answer carries the identifier of the request, but neither its unit nor its function.
+    OtherHead = "other_head",
     /// Another unit answered.
     OtherUnit = "other_unit",
     /// Another function was answered.
@@ -105,6 +108,8 @@ symptoms! {
     RefusedAddress = "refused_address",
     /// Refused: exception 3.
     RefusedValue = "refused_value",
+    /// The same of a request that writes one value: there is no quantity to refuse.
+    RefusedOneValue = "refused_one_value",
     /// Refused: exception 4.
     RefusedFailure = "refused_failure",
     /// Refused: exception 5 or 6.
@@ -214,7 +219,7 @@ fn of_transaction(seen: &Observation, before: Before) -> Option<Symptom> {
         Outcome::Garbled | Outcome::NotSeen if seen.damage.is_some() => return garbled(seen),
         Outcome::BadRequest if seen.damage == Some(DamagedPart::End) => Symptom::RequestEnd,
         Outcome::BadRequest => Symptom::RequestInside,
-        Outcome::Refused => refusal(seen.exception),
+        Outcome::Refused => refusal(seen),
         Outcome::Unasked if seen.late_response_to.is_some() => Symptom::LateAnswer,
         Outcome::Unasked => unasked(seen, before)?,
         _ if has(Finding::TwoMasters) => Symptom::RequestCrossed,
@@ -228,11 +233,15 @@ fn of_transaction(seen: &Observation, before: Before) -> Option<Symptom> {
     Some(symptom)
 }
 
-/// The symptom of a refusal with this exception.
-fn refusal(exception: Option<u8>) -> Symptom {
-    match exception {
+/// The functions that write one coil or one register (application protocol, 6.5 and 6.6).
+const WRITES_ONE: [u8; 2] = [5, 6];
+
+/// The symptom of a refusal.
+fn refusal(seen: &Observation) -> Symptom {
+    match seen.exception {
         Some(1) => Symptom::RefusedFunction,
         Some(2) => Symptom::RefusedAddress,
+        Some(3) if WRITES_ONE.contains(&(seen.function & !EXCEPTION_BIT)) => Symptom::RefusedOneValue,
         Some(3) => Symptom::RefusedValue,
         Some(4) => Symptom::RefusedFailure,
         Some(5 | 6) => Symptom::RefusedBusy,
@@ -281,7 +290,7 @@ fn garbled(seen: &Observation) -> Option<Symptom> {
 const STEPS: u16 = 3;
 
 fn unasked(seen: &Observation, before: Before) -> Option<Symptom> {
-    if let Some((id, last)) = seen.id.zip(before.id) {
+    if let Some((id, last)) = seen.id.zip(before.id).filter(|(id, last)| id != last) {
         return Some(if (1..=STEPS).contains(&last.wrapping_sub(id)) { Symptom::StepBehind } else { Symptom::OtherId });
     }
     match before.asked {
@@ -289,10 +298,11 @@ fn unasked(seen: &Observation, before: Before) -> Option<Symptom> {
         _ if seen.exception.is_some()
             && before.asked.is_none_or(|key| key.unit == seen.unit && key.function == seen.function) =>
         {
-            Some(refusal(seen.exception))
+            Some(refusal(seen))
         }
         // Without any request before it, the recording began after it was sent.
         None => None,
+        Some(key) if seen.id.is_some() && key.unit != seen.unit && key.function != seen.function => Some(Symptom::OtherHead),
         Some(key) if seen.answer_head.get(1..3) == Some(&[key.unit, key.function]) => Some(Symptom::AnswerShifted),
         Some(key) if key.unit != seen.unit => Some(Symptom::OtherUnit),
         Some(_) => Some(Symptom::SecondAnswer),

@@ -16,8 +16,8 @@ use crate::table::diagnosis;
 pub(super) fn row(bus: &str, contrast: &BusContrast, claim: &Claim, rest: Rest) -> DiagnosisRow {
     let known = diagnosis(claim.code).expect("each kind has a row in the table, which a test walks");
     let time = |place: Option<Place>| place.and_then(|place| place.time).filter(|_| contrast.facts.clock == Clock::Utc);
-    let is_sight = claim.facts.iter().any(|(fact, _)| *fact == "sight");
-    let at_sight = |own: &'static Option<String>, usual: &'static str| own.as_deref().filter(|_| is_sight).unwrap_or(usual);
+    let is_sight = claim.sight.is_some();
+    let (advice, proof) = claim.sight.map_or((&*known.advice, &*known.proof), |symptom| known.at_sight(symptom));
     DiagnosisRow {
         code: &known.code,
         severity: least(known.severity, claim.at_most),
@@ -36,8 +36,8 @@ pub(super) fn row(bus: &str, contrast: &BusContrast, claim: &Claim, rest: Rest) 
         share: claim.explains.map(|explains| (explains.total() as f64 / rest.odd.total().max(1) as f64).min(1.0)),
         episodes: super::episodes::intervals(contrast, claim),
         sentence: filled(if is_sight { "{sight}" } else { &known.sentence }, contrast, claim),
-        advice: filled(at_sight(&known.sight_advice, &known.advice), contrast, claim),
-        proof: filled(at_sight(&known.sight_proof, &known.proof), contrast, claim),
+        advice: filled(advice, contrast, claim),
+        proof: filled(proof, contrast, claim),
         examples: claim.examples.clone(),
     }
 }
