@@ -2,7 +2,7 @@
 class Grid {
   // host: the element; columns: [{ key, title, least, width, right }], `least` in characters; fetch(from, count) -> { total, rows }; open(row number).
   constructor(host, { label, columns, fetch, open }) {
-    Object.assign(this, { columns, fetch, open, total: 0, first: 0, at: 0, asked: 0 });
+    Object.assign(this, { columns, fetch, open, total: 0, first: 0, at: 0, asked: 0, isOpen: false });
     const el = Show.el;
     this.head = el("div", { class: "grid-row grid-head", role: "row" },
       ...columns.map((one) => el("span", { role: "columnheader", title: one.help || "", class: one.right ? "n" : "" }, one.title)));
@@ -80,17 +80,24 @@ class Grid {
 
   name() { return this.root.getAttribute("aria-label").toLowerCase(); }
 
-  async choose(row, opens) {
-    this.at = Math.max(0, Math.min(row, this.total - 1));
+  // Brings the chosen row into view.
+  async reveal() {
     if (this.at < this.first) await this.draw(this.at);
     else if (this.at >= this.first + this.fitting) await this.draw(this.at - this.fitting + 1);
+  }
+
+  // Chooses a row; once one was opened, what is open follows.
+  async choose(row, opens) {
+    this.isOpen ||= opens;
+    this.at = Math.max(0, Math.min(row, this.total - 1));
+    await this.reveal();
     for (const line of this.lines.children) {
       const chosen = Number(line.dataset.row) === this.at;
       line.toggleAttribute("aria-selected", chosen);
       if (chosen) line.setAttribute("aria-selected", "true");
     }
     this.root.setAttribute("aria-activedescendant", `${this.name()}-${this.at}`);
-    if (opens && this.total) this.open(this.at);
+    if (this.isOpen && this.total) this.open(this.at);
   }
 
   pressed(event) {

@@ -223,11 +223,17 @@ const Page = (() => {
     await grid.show(total, 0);
   }
 
+  // Makes room for what is shown of a row; the table may shrink, and its chosen row stays in view.
+  async function makeRoom() {
+    $("detail").parentElement.classList.add("chosen");
+    await grid.reveal();
+  }
+
   // A row: all its columns that have a value, its bytes, and what its findings mean.
   async function detail(at) {
     Charts.forget($("detail"));
     if (table === "registers") {
-      $("detail").parentElement.classList.add("chosen");
+      await makeRoom();
       await Registers.detail(at, $("detail"), ask);
       document.documentElement.dataset.detail = String(at);
       return;
@@ -245,7 +251,7 @@ const Page = (() => {
     });
     $("detail").replaceChildren(el("h2", {}, `${table.slice(0, -1)} ${row.txn || row.frame || row.connection || at + 1}`), ...meaning,
       ...frames.flatMap(Bytes.table), el("dl", {}, ...list));
-    $("detail").parentElement.classList.add("chosen");
+    await makeRoom();
     $("detail").scrollIntoView({ block: "nearest" });
     document.documentElement.dataset.detail = String(at);
   }
@@ -256,7 +262,9 @@ const Page = (() => {
     await choose("transactions");
     const { at } = await ask({ call: "find", table, where: null, column: "txn", value: number });
     $("rows").scrollIntoView();
-    if (at !== null) await grid.choose(at, true);
+    if (at === null) return;
+    grid.root.focus({ preventScroll: true });
+    await grid.choose(at, true);
   }
 
   // ---- a line that is listened to
