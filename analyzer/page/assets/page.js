@@ -152,6 +152,10 @@ const Page = (() => {
   // In characters; what is left of the width is shared out in these proportions.
   const WIDTHS = { bus: 14, client: 15, server: 21, unit: 4, address: 7, quantity: 4, function_name: 25, data: 24, write_data: 12, status: 12, findings: 20, hex: 50, detail: 60, code: 20, elapsed_us: 14, direction: 9 };
 
+  // A time as it is read: since the start in seconds, others in milliseconds.
+  const timeUnit = (key) => (key === "elapsed_us" ? "s" : "ms");
+  const timeText = (key, text) => text && (key === "elapsed_us" ? Show.fixed(Number(text) / 1e6, 6) : Show.fixed(Number(text) / 1000, 3));
+
   function columnsOf(name) {
     const buses = data.statistics.buses.length, ofNetwork = data.statistics.buses.some((bus) => bus.mode === "tcp" || /:\d+$/.test(bus.bus));
     const known = Object.fromEntries(words.columns[name].map((one) => [one.key, one]));
@@ -161,9 +165,9 @@ const Page = (() => {
       // Two more, for what is left free on both sides.
       const width = (WIDTHS[key] || 9) + 2;
       return {
-        key, title: isDuration ? `${title} ${key === "elapsed_us" ? "s" : "ms"}` : title, help,
+        key, title: isDuration ? `${title} ${timeUnit(key)}` : title, help,
         least: width, width: `minmax(${width}ch, ${width}fr)`, right: ["int", "us", "float"].includes(type),
-        show: key === "elapsed_us" ? (text) => text && Show.fixed(Number(text) / 1e6, 6) : isDuration ? (text) => text && Show.fixed(Number(text) / 1000, 3) : null,
+        show: isDuration ? (text) => timeText(key, text) : null,
         mark: key === "status" || key === "verdict" || key === "severity" ? (text) => [`is-${text}`] : null,
       };
     });
@@ -199,7 +203,10 @@ const Page = (() => {
     table = name;
     const isMap = name === "registers";
     $("filters").hidden = isMap;
-    for (const tab of $("tabs").children) tab.setAttribute("aria-selected", String(tab.dataset.table === name));
+    for (const tab of $("tabs").children) {
+      tab.setAttribute("aria-selected", String(tab.dataset.table === name));
+      tab.tabIndex = tab.dataset.table === name ? 0 : -1;
+    }
     if (isMap) await Registers.load(ask);
     else {
       await Filters.check(table, ask);
@@ -242,8 +249,8 @@ const Page = (() => {
     if (!row) return;
     const frames = await ask({ call: "bytes", table, ...Filters.of(table), at });
     const known = words.columns[table].filter((one) => row[one.key]);
-    const list = known.map((one) => el("div", {}, el("dt", { title: one.help }, one.title),
-      el("dd", { class: one.type === "hex" ? "hex" : "" }, Show.visible(one.type === "hex" ? Bytes.spaced(row[one.key]) : row[one.key]))));
+    const text = ({ key, type }) => (type === "hex" ? Bytes.spaced(row[key]) : type === "us" ? `${timeText(key, row[key])} ${timeUnit(key)}` : row[key]);
+    const list = known.map((one) => el("div", {}, el("dt", { title: one.help }, one.title), el("dd", { class: one.type === "hex" ? "hex" : "" }, Show.visible(text(one)))));
     const codes = (row.findings || row.code || "").split(/[\s,;|\[\]"]+/).filter((code) => words.findings[code]);
     const meaning = codes.flatMap((code) => {
       const { title, why, advice } = words.findings[code];
@@ -363,8 +370,20 @@ const Page = (() => {
     $("cancel").addEventListener("click", cancel);
   }
 
+  // Arrows go from tab to tab, round and round.
+  function turnTabs(event) {
+    const tabs = [...$("tabs").children].filter((one) => !one.hidden), at = tabs.indexOf(event.target);
+    const next = { ArrowLeft: at - 1, ArrowRight: at + 1, Home: 0, End: -1 }[event.key];
+    if (next === undefined || at < 0) return;
+    event.preventDefault();
+    const tab = tabs.at(next % tabs.length);
+    tab.focus();
+    choose(tab.dataset.table);
+  }
+
   function listen() {
     $("tabs").addEventListener("click", (event) => { if (event.target.dataset.table) choose(event.target.dataset.table); });
+    $("tabs").addEventListener("keydown", turnTabs);
     for (const id of ["unit", "failed", "finding"]) $(id).addEventListener("change", refresh);
     $("where").addEventListener("change", async () => { if (await Filters.check(table, ask)) await refresh(); });
     for (const format of ["csv", "jsonl", "pcapng", "html"]) $(`save-${format}`).addEventListener("click", () => save(format));

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 import pytest
 
+import modlens as api
 from tests.conftest import CAPTURES
 from tests.support.browser import Browser
 from tests.support.page import show
@@ -22,7 +24,7 @@ IN_VIEW = (
     " return row && row.top >= table.top + 23 && row.bottom <= table.bottom + 1"
     " && row.top >= 0 && row.bottom <= innerHeight; })()"
 )
-KEYS = {"Enter": 13, "ArrowDown": 40}
+KEYS = {"Enter": 13, "End": 35, "Home": 36, "ArrowLeft": 37, "ArrowRight": 39, "ArrowDown": 40}
 
 
 @pytest.fixture(params=[1280, 390])
@@ -61,3 +63,62 @@ def test_the_last_row_of_a_window_stays_in_view(sized: Browser) -> None:
         ".filter((it) => it.getBoundingClientRect().bottom <= bottom).at(-1).click()"
     )
     sized.wait(f"{DETAIL} === {CHOSEN}?.dataset.row && {IN_VIEW}")
+
+
+def test_arrows_go_from_tab_to_tab(opened: Browser) -> None:
+    """Round and round; Tab goes to the chosen one alone."""
+    show(opened, DISTURBED)
+    chosen = "document.querySelector('#tabs [aria-selected=true]')"
+    opened.run(f"{chosen}.focus()")
+    for key, table in (
+        ("ArrowRight", "frames"),
+        ("ArrowRight", "findings"),
+        ("ArrowLeft", "frames"),
+        ("Home", "transactions"),
+        ("ArrowLeft", "registers"),
+        ("ArrowRight", "transactions"),
+        ("End", "registers"),
+    ):
+        press(opened, key)
+        opened.wait(f"{chosen}.dataset.table === '{table}' && document.activeElement === {chosen}")
+    stops = "[...document.querySelectorAll('#tabs [role=tab]')].filter((it) => it.tabIndex === 0)"
+    assert opened.run(f"return {stops}.map((it) => it.dataset.table)") == ["registers"]
+
+
+def test_the_bytes_of_a_row_are_read_on_a_phone(opened: Browser) -> None:
+    """Titles and names of fields stay whole, and nothing is wider than the page."""
+    opened.shape(390, 800)
+    try:
+        show(opened, DISTURBED)
+        opened.run("document.querySelectorAll('.grid-lines .grid-row')[1].click()")
+        opened.wait(f"{DETAIL} === '1'")
+        heights = opened.run(
+            "return [...document.querySelectorAll('.bytes th')].map((it) => it.offsetHeight)"
+        )
+        assert max(heights) < 30
+        widths = opened.run(
+            "return [...document.querySelectorAll('.bytes tr:first-child td')]"
+            ".map((it) => it.offsetWidth)"
+        )
+        assert min(widths) >= 24
+        assert opened.run("return document.documentElement.scrollWidth") <= 390
+        assert opened.run("return detail.scrollWidth - detail.clientWidth") == 0
+    finally:
+        opened.shape(1280)
+
+
+def test_times_of_a_row_have_their_unit(opened: Browser) -> None:
+    """Of a row whose request was not answered; the table of the library has microseconds."""
+    rows = api.decode(LONGER).transactions
+    row = rows[319]
+    assert row.elapsed_us is not None
+    assert row.waited_us is not None
+    show(opened, LONGER)
+    opened.run("document.querySelector('#verdict a[href=\"#txn-320\"]').click()")
+    opened.wait(f"{DETAIL} === '319'")
+    text = opened.run("return document.getElementById('detail').innerText")
+    times = dict(re.findall(r"(elapsed|waited)\s+([\d.,]+ m?s)\b", text))
+    assert times == {
+        "elapsed": f"{row.elapsed_us / 1e6:,.6f} s",
+        "waited": f"{row.waited_us / 1e3:,.3f} ms",
+    }
