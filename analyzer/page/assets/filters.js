@@ -2,6 +2,11 @@
 const Filters = (() => {
   const $ = (id) => document.getElementById(id);
   const FAILED = "status in ('no_response', 'bad_request', 'bad_response')";
+  // A filter that each table knows, shown while none is typed.
+  const EXAMPLES = {
+    transactions: "status != 'ok' and response_time_us > 50e3", frames: "verdict == 'bad_checksum' and unit == 1",
+    findings: "severity == 'error' and unit == 1", connections: "reset or requests > answered",
+  };
   // The filter that was typed last and is right for this table.
   let typed = "";
 
@@ -13,6 +18,7 @@ const Filters = (() => {
       $(id).replaceChildren(Show.el("option", { value: "" }, all), ...texts.map((one) => Show.el("option", { value: String(one) }, String(one))));
       if (texts.map(String).includes(before)) $(id).value = before;
     };
+    $("where").placeholder = EXAMPLES[table];
     list("unit", units, "all units");
     list("finding", Object.keys(statistics.findings), "all findings");
     $("failed-label").hidden = table !== "transactions";
@@ -38,7 +44,10 @@ const Filters = (() => {
 
   const zoned = (text) => ({ where: text, ...(/local/.test(text) ? { local: localChanges() } : {}) });
 
-  // Whether what was typed is a filter of this table; if not, what is wrong is said.
+  // A message names other tables by an option of the command; the page has tabs.
+  const onPage = (message) => message.replace(/with --table (\w+)/g, (option, name) => (EXAMPLES[name] ? `on ${name[0].toUpperCase()}${name.slice(1)}` : `with the command and ${option.slice(5)}`));
+
+  // Takes what was typed, if it is a filter of this table; if not, what is wrong is said, and no filter in words holds.
   async function check(table, ask) {
     const text = $("where").value.trim();
     const say = (words, isWrong) => {
@@ -48,15 +57,13 @@ const Filters = (() => {
     };
     typed = "";
     say("", false);
-    if (!text) return true;
+    if (!text) return;
     try {
       const { notes } = await ask({ call: "check", table, ...zoned(text) });
       typed = text;
       say(notes.join("; "), false);
-      return true;
     } catch (error) {
-      say(error.message, true);
-      return false;
+      say(`${onPage(error.message)}; rows are shown without this filter`, true);
     }
   }
 

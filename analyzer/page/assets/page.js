@@ -385,7 +385,7 @@ const Page = (() => {
     $("tabs").addEventListener("click", (event) => { if (event.target.dataset.table) choose(event.target.dataset.table); });
     $("tabs").addEventListener("keydown", turnTabs);
     for (const id of ["unit", "failed", "finding"]) $(id).addEventListener("change", refresh);
-    $("where").addEventListener("change", async () => { if (await Filters.check(table, ask)) await refresh(); });
+    $("where").addEventListener("change", async () => { await Filters.check(table, ask); await refresh(); });
     for (const format of ["csv", "jsonl", "pcapng", "html"]) $(`save-${format}`).addEventListener("click", () => save(format));
     let waiting = 0;
     window.addEventListener("resize", () => { clearTimeout(waiting); waiting = setTimeout(() => data && Plots.resize(false), 100); });

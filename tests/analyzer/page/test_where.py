@@ -9,6 +9,7 @@ import pytest
 import modlens as api
 from analyzer import FilterError, filters
 from tests.analyzer.test_filters_people_type import RECORDING, SELECTED, TOLD
+from tests.conftest import CAPTURES
 from tests.support.browser import Browser
 from tests.support.page import show
 
@@ -73,3 +74,31 @@ def test_a_time_of_day_may_be_local(opened: Browser) -> None:
     text = f"time >= '{middle.astimezone():%H:%M:%S} local'"
     type_filter(opened, text)
     opened.wait(f"document.getElementById('shown').textContent === '{len(rows.where(text))} rows'")
+
+
+def test_a_wrong_filter_leaves_no_rows_of_the_one_before(opened: Browser) -> None:
+    """All rows are shown, and what is said names what the page has: tabs, not options."""
+    path = CAPTURES / "pymodbus_disturbed" / "recording.jsonl"
+    show(opened, path)
+    decoded = api.decode(path)
+    opened.run("document.getElementById('tab-frames').click()")
+    opened.wait("document.querySelector('.grid').getAttribute('aria-label') === 'frames'")
+    type_filter(opened, "direction == 'request'")
+    chosen = len(decoded.frames.where("direction == 'request'"))
+    opened.wait(f"document.getElementById('shown').textContent === '{chosen} rows'")
+    type_filter(opened, "status == 'ok'")
+    opened.wait(f"document.getElementById('shown').textContent === '{len(decoded.frames)} rows'")
+    said = opened.run(f"return {SAID}")
+    assert "on Transactions" in said
+    assert "--table" not in said
+    assert said.endswith("; rows are shown without this filter")
+
+
+@pytest.mark.parametrize("table", ON_THE_PAGE)
+def test_the_example_is_a_filter_of_its_table(table: str, opened: Browser) -> None:
+    show(opened, CAPTURES / "pymodbus_idle_close" / "recording.pcap")
+    opened.run(f"document.getElementById('tab-{table}').click()")
+    opened.wait(f"document.querySelector('.grid').getAttribute('aria-label') === '{table}'")
+    example = opened.run("return document.getElementById('where').placeholder")
+    assert example
+    assert opened.ask(MESSAGES, [[table, example]]) == ["accepted"]
