@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from tests.conftest import CAPTURES, Modlens
 from tests.support.firefox import Firefox, running
 from tests.support.page import RECORDINGS, SAVED, STATE, TABLES, TROUBLE, of_command
 
@@ -27,6 +29,18 @@ def test_the_rows_are_those_of_the_command(firefox: Firefox, tmp_path: Path) -> 
         assert firefox.run(f"return {STATE}") == "shown", firefox.run(TROUBLE)
         for table, text in of_command(path, TABLES, tmp_path).items():
             assert firefox.ask(SAVED, table) == text, (path, table)
+
+
+def test_the_map_is_that_of_the_command(firefox: Firefox, modlens: Modlens) -> None:
+    """Every register with its last value."""
+    path = CAPTURES / "pymodbus_types" / "recording.jsonl"
+    firefox.run(f"{STATE} = 'waiting'")
+    firefox.send_file("#file", path)
+    firefox.wait(f"{STATE} === 'shown'")
+    lines = modlens("map", path, "--json").out.splitlines()
+    assert firefox.ask("Page.ask({ call: 'map' })") == [
+        json.loads(line) | {"bus": path.name} for line in lines
+    ]
 
 
 def test_no_connection_is_possible(firefox: Firefox) -> None:
