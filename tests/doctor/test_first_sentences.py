@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.doctor.test_pasted_logs import doctor, mbap
+from tests.doctor.test_pasted_logs import ANSWER, REQUEST, doctor, mbap
 
 # Application protocol, 6.3, 6.5, 6.6 and 6.12: read, write one coil, one register, several.
 READ = bytes([3, 0, 0x6B, 0, 3])
@@ -56,3 +56,23 @@ def test_an_identifier_that_is_right_is_not_called_another_one(tmp_path: Path) -
 def test_another_identifier_is_named(tmp_path: Path) -> None:
     sentence = doctor(foreign(77, 1, REGISTER), tmp_path)["sentence"]
     assert "identifier that is not that of the request" in sentence
+
+
+def test_timeouts_beside_answers_send_nobody_to_the_wires(tmp_path: Path) -> None:
+    timeout = "ERROR Connection timed out: select"
+    lines = [f"Tx: {REQUEST.hex(' ')}", f"Rx: {ANSWER.hex(' ')}", timeout, timeout]
+    sentence = doctor(lines, tmp_path)["sentence"]
+    says = "2 lines report that no answer came in time; other requests were answered"
+    assert says in sentence
+    assert "wires" not in sentence
+
+
+def test_a_timeout_where_nothing_was_answered_does(tmp_path: Path) -> None:
+    lines = [f"Tx: {REQUEST.hex(' ')}", "ERROR Connection timed out: select"]
+    assert "power, wires, rate and address" in doctor(lines, tmp_path)["sentence"]
+
+
+def test_a_path_in_a_log_is_no_other_protocol(tmp_path: Path) -> None:
+    path = "Open port COM5 (C:\\Program Files\\Monitor Software\\Serial Port\\Serial.exe)"
+    lines = [path, f"Tx: {REQUEST.hex(' ')}", f"Rx: {ANSWER.hex(' ')}"]
+    assert "protocol" not in doctor(lines, tmp_path)["sentence"]

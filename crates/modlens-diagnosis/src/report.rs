@@ -92,6 +92,11 @@ impl Report {
         }
     }
 
+    /// Whether a request was answered.
+    pub fn has_answers(&self) -> bool {
+        self.requests.failed < self.requests.total
+    }
+
     /// The same with what the unread lines of a text show, where its frames say nothing.
     #[must_use]
     pub fn with_unread(mut self, said: Option<&str>) -> Self {

@@ -55,6 +55,8 @@ pub enum Oddity {
     },
     /// A frame that lacks its last byte.
     Cut,
+    /// The same of a request to read.
+    CutRequest,
     /// An exception response without a right checksum, or printed without its unit, which the checksum shows.
     Refusal {
         /// Who refuses.
@@ -116,6 +118,7 @@ impl Oddity {
         header_length(bytes)
             .or_else(|| stray_front(bytes))
             .or_else(|| lacks_last(bytes).then_some(Self::Cut))
+            .or_else(|| is_cut_request(bytes).then_some(Self::CutRequest))
             .or_else(|| is_of_levels(bytes).then_some(Self::Levels))
     }
 
@@ -188,6 +191,10 @@ impl Oddity {
             Self::Echo => String::from(
                 "the answer is the request itself: the adapter hears its own transmission, and nothing else answers; turn its echo \
                  off, or read and discard as many bytes as were sent",
+            ),
+            Self::CutRequest => String::from(
+                "the request lacks the last byte of its checksum, and is right otherwise: a unit does not answer it; correct the \
+                 program that sends it, or the time at which its driver is switched off",
             ),
             Self::Cut => String::from("the frame lacks its last byte, and is right otherwise: the reader expects one byte too few"),
         }
@@ -295,6 +302,13 @@ fn lacks_last(frame: &[u8]) -> bool {
         && crc16(&frame[..length]).to_le_bytes()[0] == frame[length]
 }
 
+/// Whether a request to read lacks its last byte, and the first one of its checksum is right.
+fn is_cut_request(frame: &[u8]) -> bool {
+    let [1..=247, 1..=4, _, _, high, low, first] = *frame else { return false };
+    let quantity = u16::from_be_bytes([high, low]);
+    (1..=MOST_BITS).contains(&quantity) && crc16(&frame[..READ_BYTES]).to_le_bytes()[0] == first
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -308,6 +322,9 @@ mod tests {
         assert_eq!(Oddity::of(&[1, 3, 2, 0, 7, 0x86, 0xF9]), Some(Oddity::SwappedChecksum));
         assert_eq!(Oddity::of(&[3, 2, 0, 7, 0xF9, 0x86, 1]), Some(Oddity::OutOfStep));
         assert_eq!(Oddity::of(&ANSWER[..6]), Some(Oddity::Cut));
+        // The checksum of the request of the specification for function 3 is 76 87.
+        assert_eq!(Oddity::of(&[0x11, 3, 0, 0x6B, 0, 3, 0x76]), Some(Oddity::CutRequest));
+        assert_eq!(Oddity::of(&[0x11, 3, 0, 0x6B, 0, 3, 0x75]), None);
         assert_eq!(Oddity::of(&[&[0], &ANSWER[..]].concat()), Some(Oddity::StrayFront { bytes: 1, is_cut: false }));
         assert_eq!(Oddity::of(&[&[0], &ANSWER[..6]].concat()), Some(Oddity::StrayFront { bytes: 1, is_cut: true }));
         assert_eq!(Oddity::of(b"010302000786F9"), Some(Oddity::Digits(String::from("010302000786F9"))));

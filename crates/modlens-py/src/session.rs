@@ -15,7 +15,7 @@ use modlens_protocol::source::{Clock, Place};
 use modlens_readers::chunk::{Chunk, Times};
 use modlens_readers::logic::Wiring;
 use modlens_readers::pcap::Ports;
-use modlens_readers::text::{day_of, ClockSettings, Reader as TextReader};
+use modlens_readers::text::{day_of, ClockSettings, Reader as TextReader, Said};
 use modlens_recorder::LiveStatus;
 use modlens_tables::columns::TableKind;
 use modlens_tables::overview::Overview;
@@ -65,7 +65,7 @@ pub struct Session {
     /// What the doctor has said of that at the end of the recordings.
     report: Option<Report>,
     /// What the unread lines of the first text show of which this is known.
-    unread: Option<String>,
+    unread: Option<Said>,
     /// What is collected for reports, if they are wanted.
     overview: Option<Overview>,
     /// The overview has the time series alone.
@@ -479,7 +479,9 @@ impl Session {
     /// What the doctor says, with what the unread lines of texts show.
     fn report_of(&self, contrast: &Contrast) -> Report {
         let said = self.unread.clone().or_else(|| (0..self.buses).find_map(|bus| self.core.reader(bus)?.unread_lines().says()));
-        Report::of(contrast).with_unread(said.as_deref())
+        let report = Report::of(contrast);
+        let words = said.map(|said| said.words(report.has_answers()));
+        report.with_unread(words.as_deref())
     }
 
     /// The engine, for the inbox, which feeds it without the interpreter.

@@ -9,7 +9,7 @@ use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::{Clock, Place};
 use modlens_readers::chunk::Chunk;
 use modlens_readers::pcap::Ports;
-use modlens_readers::text::{ClockSettings, Dialects, Reader};
+use modlens_readers::text::{ClockSettings, Dialects, Reader, Said};
 use serde_json::{json, Value as Json};
 
 use crate::format::{decide, Detection, Refusal, SAMPLE_BYTES};
@@ -88,7 +88,7 @@ impl Recording {
     }
 
     /// What the lines of a text show that nothing could read; `None` if that is nothing.
-    pub fn unread(&self, session: &Session) -> Option<String> {
+    pub fn unread(&self, session: &Session) -> Option<Said> {
         self.open.as_ref().and_then(|(target, _)| target.unread(session))
     }
 
@@ -168,7 +168,7 @@ impl Target {
     }
 
     /// What the lines of a text show that nothing could read.
-    fn unread(&self, session: &Session) -> Option<String> {
+    fn unread(&self, session: &Session) -> Option<Said> {
         match *self {
             Self::Text(bus) => session.reader(bus)?.unread_lines().says(),
             _ => None,

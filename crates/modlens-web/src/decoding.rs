@@ -133,7 +133,9 @@ impl Decoding {
 
     /// What the doctor says, with what the unread lines of a text show.
     fn report_of(&self, contrast: &Contrast) -> Report {
-        Report::of(contrast).with_unread(self.recording.unread(&self.session).as_deref())
+        let report = Report::of(contrast);
+        let words = self.recording.unread(&self.session).map(|said| said.words(report.has_answers()));
+        report.with_unread(words.as_deref())
     }
 
     /// The document of the recording so far.

@@ -39,6 +39,7 @@ use modlens_protocol::Ns;
 pub use clock::{day_of, ClockKind, ClockSettings};
 pub use dialect::{Dialect, Dialects, TABLE};
 pub use entries::SkippedBytes;
+pub use oddities::Said;
 pub use reader::{Reader, UnreadLines};
 
 /// What a text log says about one run of bytes. The bytes themselves are returned beside it.

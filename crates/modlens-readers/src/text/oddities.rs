@@ -34,7 +34,7 @@ const EXCEPTIONS: [(u8, &[&str], &str); 5] = [
         &["illegal data address"],
         "the unit does not have the address, or not the whole block; check whether the address counts from 0 or 1, and the function",
     ),
-    (3, &["illegal data value"], "the unit takes neither this quantity nor this value; ask for fewer registers"),
+    (3, &["illegal data value"], "the unit does not take this quantity or this value; read fewer registers, or write another value"),
     (4, &["server device failure", "slave device failure"], "the unit, or a gateway that cannot reach it, has failed"),
     (
         11,
@@ -57,22 +57,41 @@ const REPORTS: [(&[&str], &str); 4] = [
         &["checksum error", "crc error", "crc check error", "crccheckerror", "crc mismatch", "crcmismatch", "invalid crc", "wrong crc", "crc check failed", "bad crc"],
         "a wrong checksum: bits changed on the line, other line settings, or bytes lost by a program; a recording of the bytes shows which",
     ),
-    (
-        &["timed out", "timeout", "no response", "no answer"],
-        "that no answer came in time: power, wires, rate and address of the unit, and whether anything comes back at all",
-    ),
+    (&["timed out", "timeout", "no response", "no answer"], NO_ANSWER),
 ];
+
+const NO_ANSWER: &str =
+    "that no answer came in time: power, wires, rate and address of the unit, and whether anything comes back at all";
+
+/// The same where the text has answers as well: what they came by is right.
+const ANSWERED_ELSE: &str = "that no answer came in time; other requests were answered";
+
+/// What unread lines show.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Said(String);
+
+impl Said {
+    /// The words; `has_answers` where requests of the same text were answered.
+    pub fn words(&self, has_answers: bool) -> String {
+        if has_answers {
+            self.0.replace(NO_ANSWER, ANSWERED_ELSE)
+        } else {
+            self.0.clone()
+        }
+    }
+}
 
 /// What the bytes of a text show, or what it reports in words; `None` if neither says anything.
 pub(super) fn named(text: &[u8]) -> Option<String> {
     let lines = text.split(|&byte| byte == b'\n').take(MOST_LINES);
-    named_lines((1..).zip(lines))
+    named_lines((1..).zip(lines)).map(|said| said.words(false))
 }
 
 /// The same of some lines, each with its number.
-pub(super) fn named_lines<'a>(lines: impl Iterator<Item = (u64, &'a [u8])> + Clone) -> Option<String> {
+pub(super) fn named_lines<'a>(lines: impl Iterator<Item = (u64, &'a [u8])> + Clone) -> Option<Said> {
     let words = || reported(lines.clone().map(|(_, line)| line));
-    odd_bytes(lines.clone()).or_else(words).or_else(|| lines.clone().find_map(|(number, line)| no_frame(number, line)))
+    let bytes = || lines.clone().find_map(|(number, line)| no_frame(number, line));
+    odd_bytes(lines.clone()).or_else(words).or_else(bytes).map(Said)
 }
 
 /// What the bytes of the first line show whose bytes are odd by themselves, or as the answer to those of the line before.
@@ -159,6 +178,27 @@ mod tests {
         assert!(digits.is_some_and(|words| words.contains("sent as characters")));
         assert_eq!(named(b"nothing to be seen\n"), None);
         assert_eq!(named(b"exception: 25 of 30\n"), None);
+    }
+
+    #[test]
+    fn a_path_is_no_text_of_a_device() {
+        for path in [
+            r"Open port COM5 (C:\Program Files\Monitor Software\Serial.exe)",
+            r"\\server\share\Modbus Programs",
+            r"C:\new\readers\test",
+        ] {
+            assert_eq!(named(path.as_bytes()), None, "{path}");
+        }
+        for text in [&br"received b'Hello from device\r\n'"[..], br"RX:\x48\x65\x6C\x6C\x6F\x21"] {
+            assert!(named(text).is_some_and(|words| words.contains("the bytes are text")), "{}", text.escape_ascii());
+        }
+    }
+
+    #[test]
+    fn where_others_were_answered_nobody_is_sent_to_the_wires() {
+        let said = named_lines([(1, &b"ERROR Connection timed out: select"[..])].into_iter()).expect("a reason");
+        assert_eq!(said.words(true), "a line reports that no answer came in time; other requests were answered");
+        assert!(said.words(false).starts_with("a line reports that no answer came in time: power, wires"));
     }
 
     #[test]

@@ -32,8 +32,27 @@ pub(super) fn part_end(line: &[u8], start: usize) -> usize {
 /// The longest run of bytes in a line, in hex or in a string with escape sequences.
 pub(in crate::text) fn longest_hex(line: &[u8]) -> Option<Vec<u8>> {
     let part = &line[..part_end(line, 0)];
-    let runs = hex_runs(part).into_iter().chain(escaped_runs(part));
+    let escaped = escaped_runs(part).into_iter().filter(|run| !is_path(part, run));
+    let runs = hex_runs(part).into_iter().chain(escaped);
     runs.map(Run::without_number).map(|run| run.bytes).max_by_key(Vec::len)
+}
+
+/// Characters that make an escape sequence after a backslash.
+const ESCAPES: &[u8] = b"\\'\"0123456789abefnrtuvxX";
+
+/// Whether a run that looks like a string with escape sequences is a path of Windows: after the letter of a drive, or with a
+/// backslash before a letter that makes no sequence.
+fn is_path(line: &[u8], run: &Run) -> bool {
+    let text = &line[run.text.clone()];
+    let Some(first) = memchr::memchr(b'\\', text).map(|at| run.text.start + at) else { return false };
+    // A single letter: `RX:\x01` is none.
+    let has_drive = match line[..first] {
+        [b'A'..=b'Z', b':'] => true,
+        [.., before, b'A'..=b'Z', b':'] => !before.is_ascii_alphanumeric(),
+        _ => false,
+    };
+    let mut sequences = text.windows(2).filter(|pair| pair[0] == b'\\');
+    has_drive || sequences.any(|pair| !ESCAPES.contains(&pair[1]))
 }
 
 /// The longest run of hex in a line whose bytes stand apart, so that it is no word or number.

@@ -1,6 +1,6 @@
 //! The lines of a text that nothing could read: their number, and those of them that hold most hex.
 
-use crate::text::oddities;
+use crate::text::oddities::{self, Said};
 use crate::text::proved::hex_bytes;
 
 /// How many lines are kept so that users can see examples.
@@ -75,7 +75,7 @@ impl UnreadLines {
     }
 
     /// What the bytes of these lines show, or what the lines report in words; `None` if neither says anything.
-    pub fn says(&self) -> Option<String> {
+    pub fn says(&self) -> Option<Said> {
         oddities::named_lines(self.kept.iter().map(|(number, line)| (*number, &line[..])))
     }
 }
