@@ -12,7 +12,8 @@ use modlens_protocol::functions::Functions;
 use modlens_readers::chunk::Chunk;
 
 use crate::checksum::rtu;
-use crate::family::{kinds, written};
+use crate::family::kinds::{self, Form};
+use crate::family::written;
 use crate::sim::bulk::{Bulk, Mixed};
 use crate::sim::case::Traffic;
 use crate::sim::noise::Pattern;
@@ -109,10 +110,9 @@ impl Load {
 
     /// The mode of its line.
     pub fn mode(self) -> Mode {
-        if matches!(self, Self::Family("ascii")) {
-            Mode::Ascii
-        } else {
-            Mode::Rtu
+        match self {
+            Self::Family(name) if kinds::named(name).is_some_and(|kind| kind.form == Form::Ascii) => Mode::Ascii,
+            _ => Mode::Rtu,
         }
     }
 

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use crate::damage::region::UnframedRegion;
 use crate::rtu_model::announced_length::{ENVELOPE_BYTES, EXCEPTION_RESPONSE_BYTES};
-use crate::rtu_model::prefix_index::{may_have_byte, MAX_LOST_BYTES};
+use crate::rtu_model::prefix_index::{may_have_byte, possible_frames, FrameSet, MAX_LOST_BYTES};
 use crate::rtu_model::side::{REQUEST, RESPONSE};
 use crate::weights::{self, CRC_MATCH_BITS, DUE_FRAME_BITS, POLL_REQUEST_BITS, RETRY_BITS};
 use modlens_protocol::checksum::crc16;
@@ -43,14 +43,10 @@ impl ExpectedFrame<'_> {
         MAX_LOST_BYTES.min(if has_crc { known } else { known - 1 })
     }
 
-    /// Whether the frame may begin with these bytes, as `possible_frames` says it of many.
+    /// Whether the frame may begin with these bytes.
     pub fn may_begin_with(&self, bytes: &[u8]) -> bool {
-        let has_byte = |place: usize, byte: u8| may_have_byte(&self.bytes, place, byte);
-        let Some(&first) = bytes.first() else { return false };
-        // A single byte is left of a short frame.
-        let Some(&second) = bytes.get(1) else { return has_byte(0, first) || has_byte(1, first) };
-        let is_headless = |missing: usize| has_byte(missing, first) && has_byte(missing + 1, second);
-        has_byte(0, first) || has_byte(1, second) || (1..=self.most_missing(bytes.len())).any(is_headless)
+        let has_byte = |place: usize, byte: u8| FrameSet::from(may_have_byte(&self.bytes, place, byte));
+        possible_frames(bytes, self.most_missing(bytes.len()), has_byte) != 0
     }
 }
 

@@ -257,10 +257,11 @@ impl Pairing {
     /// As `close_oldest`, for the open request with this index; nothing if there is none. `waited`, where it is not known
     /// yet, is the time from the end of the request to the start of `next`; less than two steps of the clock is not kept.
     ///
-    /// Without a good response its status is `no_response`, or `not_observed` in two cases, unless `next` repeats it, and not
-    /// just as soon as after a response (`is_missed_in_cycle`): the unit does respond, and the next request came too soon for a timeout or nothing proves that there was one (`silence_of`), so
-    /// that the tap has probably missed the response; or the order of frames is inferred, where a lack of response may as well
-    /// be missing bytes. `close` has the other statuses.
+    /// Without a good response its status is `no_response`, or in two cases `not_observed`. One: the unit does respond, and the tap
+    /// has probably missed it, since the next request came too soon for a timeout, or nothing proves that there was one
+    /// (`silence_of`). The other: the order of frames is inferred, where a lack of response may as well be missing bytes. Neither
+    /// holds where `next` repeats the request, unless it comes just as soon as after a response (`is_missed_in_cycle`).
+    /// `close` has the other statuses.
     fn close_at(&mut self, at: usize, functions: &Functions, next: &ObservedFrame<'_>, done: &mut Vec<Box<PendingTransaction>>) {
         let Some(mut transaction) = self.open.remove(at) else { return };
         let waited = transaction.waited.or(interval(transaction.request.end, next.start));

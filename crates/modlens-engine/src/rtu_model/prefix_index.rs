@@ -21,16 +21,16 @@ pub fn members(mut set: FrameSet) -> impl Iterator<Item = usize> {
     })
 }
 
-/// The frames that may begin with these bytes: their unit or function code is here, or two of their next bytes do and
-/// the ones before are missing.
+/// The frames that may begin with these bytes: their unit or function code is here, or two of their next bytes are and
+/// the ones before, `most_missing` at most, are missing.
 ///
 /// `with_byte(place, byte)` is the set of frames that have this byte at this place.
-pub fn possible_frames(bytes: &[u8], with_byte: impl Fn(usize, u8) -> FrameSet) -> FrameSet {
+pub fn possible_frames(bytes: &[u8], most_missing: usize, with_byte: impl Fn(usize, u8) -> FrameSet) -> FrameSet {
     let Some(&first) = bytes.first() else { return 0 };
     // A single byte is left of a short frame.
     let Some(&second) = bytes.get(1) else { return with_byte(0, first) | with_byte(1, first) };
     let headless = |lost: usize| with_byte(lost, first) & with_byte(lost + 1, second);
-    (1..=MAX_LOST_BYTES).fold(with_byte(0, first) | with_byte(1, second), |set, lost| set | headless(lost))
+    (1..=most_missing).fold(with_byte(0, first) | with_byte(1, second), |set, lost| set | headless(lost))
 }
 
 /// Whether a frame of which only the first bytes are known may have this byte at this place.
@@ -121,7 +121,7 @@ impl PrefixIndex {
 
     /// The frames that may begin with these bytes.
     pub fn possible_frames(&self, bytes: &[u8]) -> FrameSet {
-        possible_frames(bytes, |place, byte| self.with_byte[place][usize::from(byte)])
+        possible_frames(bytes, MAX_LOST_BYTES, |place, byte| self.with_byte[place][usize::from(byte)])
     }
 }
 
@@ -138,7 +138,7 @@ mod tests {
         ) {
             let index = PrefixIndex::of(frames.iter().map(Vec::as_slice));
             let alone = |frame: &[u8]| {
-                possible_frames(&bytes, |place, byte| FrameSet::from(may_have_byte(frame, place, byte))) != 0
+                possible_frames(&bytes, MAX_LOST_BYTES, |place, byte| FrameSet::from(may_have_byte(frame, place, byte))) != 0
             };
             let mut filter = PrefixFilter::default();
             for frame in frames.iter().filter(|frame| frame.len() >= 2) {
