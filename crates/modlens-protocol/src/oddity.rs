@@ -2,8 +2,9 @@
 //! that announces another length, a frame in letters. Each is something that no disturbance of a line brings forth.
 
 use crate::annotate::exception_name;
-use crate::checksum::{crc16, crc_valid};
-use crate::functions::{Functions, EXCEPTION_BIT};
+use crate::checksum::{crc16, crc_valid, CRC_BYTES};
+use crate::direction::possible_directions;
+use crate::functions::{Functions, StandardLayout, EXCEPTION_BIT};
 use crate::mbap::{layout_fits, layout_lengths, PREFIX_BYTES};
 
 /// The shortest RTU frame: unit, function code, checksum.
@@ -12,12 +13,8 @@ const LEAST_FRAME: usize = 4;
 /// The shortest exception response, without its checksum.
 const LEAST_REFUSAL: usize = 3;
 
-/// A request to read, without and with its checksum.
+/// A request to read, without its checksum.
 const READ_BYTES: usize = 6;
-const READ_FRAME: usize = 8;
-
-/// No request reads more than so many bits (application protocol, 6.1).
-const MOST_BITS: u16 = 2000;
 
 /// Fewer letters say nothing.
 const LEAST_LETTERS: usize = 6;
@@ -132,16 +129,14 @@ impl Oddity {
     /// assert_eq!(Oddity::of_answer(&request, &[0x55, 3, 2, 0, 9]), None);
     /// ```
     pub fn of_answer(request: &[u8], answer: &[u8]) -> Option<Self> {
-        let [unit @ 1..=247, asked @ 1..=4, _, _, high, low, ..] = *request else { return None };
-        let quantity = u16::from_be_bytes([high, low]);
-        let is_read = matches!(request.len(), READ_BYTES | READ_FRAME) && (1..=MOST_BITS).contains(&quantity);
-        if !is_read || answer.len() < LEAST_REFUSAL || answer[0] != unit {
+        let (asked, checksum) = request.split_at_checked(READ_BYTES)?;
+        if !is_read(asked) || !matches!(checksum.len(), 0 | CRC_BYTES) || answer.len() < LEAST_REFUSAL || answer[0] != asked[0] {
             return None;
         }
         if answer.len() >= READ_BYTES && request.starts_with(answer) {
             return Some(Self::Echo);
         }
-        let answered = answer[1];
+        let [asked, answered] = [asked[1], answer[1]];
         (answered & !EXCEPTION_BIT != asked).then_some(Self::OtherFunction { asked, answered })
     }
 
@@ -304,9 +299,16 @@ fn lacks_last(frame: &[u8]) -> bool {
 
 /// Whether a request to read lacks its last byte, and the first one of its checksum is right.
 fn is_cut_request(frame: &[u8]) -> bool {
-    let [1..=247, 1..=4, _, _, high, low, first] = *frame else { return false };
-    let quantity = u16::from_be_bytes([high, low]);
-    (1..=MOST_BITS).contains(&quantity) && crc16(&frame[..READ_BYTES]).to_le_bytes()[0] == first
+    let Some((request, &[first])) = frame.split_at_checked(READ_BYTES) else { return false };
+    is_read(request) && crc16(request).to_le_bytes()[0] == first
+}
+
+/// Whether unit and PDU are a request to read coils or registers, as many as one may read at once.
+fn is_read(adu: &[u8]) -> bool {
+    let [1..=247, pdu @ ..] = adu else { return false };
+    let functions = Functions::embedded();
+    let kind = pdu.first().and_then(|&code| functions.standard_request(code)).map(|request| request.kind);
+    matches!(kind, Some(StandardLayout::ReadBits | StandardLayout::ReadRegisters)) && possible_directions(functions, pdu).0
 }
 
 #[cfg(test)]

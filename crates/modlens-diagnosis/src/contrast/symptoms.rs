@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Verdict;
-use modlens_protocol::functions::EXCEPTION_BIT;
+use modlens_protocol::functions::{Functions, StandardLayout, EXCEPTION_BIT};
 use modlens_protocol::oddity::{is_of_driver, is_swapped, is_text, Oddity};
 
 use super::before::Before;
@@ -233,15 +233,14 @@ fn of_transaction(seen: &Observation, before: Before) -> Option<Symptom> {
     Some(symptom)
 }
 
-/// The functions that write one coil or one register (application protocol, 6.5 and 6.6).
-const WRITES_ONE: [u8; 2] = [5, 6];
-
 /// The symptom of a refusal.
 fn refusal(seen: &Observation) -> Symptom {
+    let request = || Functions::embedded().standard_request(seen.function & !EXCEPTION_BIT);
+    let writes_one = || request().is_some_and(|request| request.kind == StandardLayout::WriteOne);
     match seen.exception {
         Some(1) => Symptom::RefusedFunction,
         Some(2) => Symptom::RefusedAddress,
-        Some(3) if WRITES_ONE.contains(&(seen.function & !EXCEPTION_BIT)) => Symptom::RefusedOneValue,
+        Some(3) if writes_one() => Symptom::RefusedOneValue,
         Some(3) => Symptom::RefusedValue,
         Some(4) => Symptom::RefusedFailure,
         Some(5 | 6) => Symptom::RefusedBusy,
