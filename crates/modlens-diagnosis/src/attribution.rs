@@ -5,7 +5,7 @@
 //! likely mixture divides them; the weights are found by expectation maximization and begin with what each claim has counted.
 //!
 //! **Odds.** The symptoms alone cannot tell a unit that is off from one that is asked too soon: both do not answer. What separates
-//! them apart is the contrast, so its chance counts too: a chance p speaks for a cause at most by 1 to -e p ln p (Sellke,
+//! them is the contrast, so its chance counts too: a chance p speaks for a cause at most by 1 to -e p ln p (Sellke,
 //! Bayarri and Berger, 2001). The odds of a claim are its symptoms and its contrast against those of the best other cause; a cause
 //! whose contrast shows nothing has its symptoms alone.
 

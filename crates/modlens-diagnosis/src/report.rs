@@ -22,7 +22,7 @@ use crate::contrast::{BusContrast, Contrast};
 use crate::kinds;
 use crate::odd::Odd;
 use crate::statistics::Share;
-use verdict::Verdict;
+use verdict::{Verdict, UNJUDGED};
 
 /// The judgement of the doctor on a recording.
 #[derive(Clone)]
@@ -92,17 +92,17 @@ impl Report {
         }
     }
 
-    /// Whether a request was answered.
-    pub fn has_answers(&self) -> bool {
-        self.requests.failed < self.requests.total
-    }
-
-    /// The same with what the unread lines of a text show, where its frames say nothing.
+    /// The same with what the unread lines of a text show, where its frames say nothing; `said` gets whether a request of it was
+    /// answered.
     #[must_use]
-    pub fn with_unread(mut self, said: Option<&str>) -> Self {
-        if let Some(said) = said.filter(|_| self.verdict == Verdict::Unknown.text() && self.rows.is_empty()) {
-            let rest = self.sentence.trim_start_matches(['C', 'c']);
-            self.sentence = format!("Suspected: {said}. The rest c{rest}");
+    pub fn with_unread(mut self, said: impl FnOnce(bool) -> Option<String>) -> Self {
+        if self.verdict != Verdict::Unknown.text() || !self.rows.is_empty() {
+            return self;
+        }
+        if let Some(said) = said(self.requests.failed < self.requests.total) {
+            let rest =
+                self.sentence.strip_prefix(UNJUDGED).map_or(String::new(), |why| format!(" The rest cannot be judged{why}"));
+            self.sentence = format!("Suspected: {said}.{rest}");
         }
         self
     }

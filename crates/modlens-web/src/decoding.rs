@@ -133,9 +133,8 @@ impl Decoding {
 
     /// What the doctor says, with what the unread lines of a text show.
     fn report_of(&self, contrast: &Contrast) -> Report {
-        let report = Report::of(contrast);
-        let words = self.recording.unread(&self.session).map(|said| said.words(report.has_answers()));
-        report.with_unread(words.as_deref())
+        let said = self.recording.unread(&self.session);
+        Report::of(contrast).with_unread(|answered| Some(said?.words(answered).to_owned()))
     }
 
     /// The document of the recording so far.

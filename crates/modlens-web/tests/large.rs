@@ -61,7 +61,7 @@ fn it_has_the_document_and_the_rows_of_others() {
     assert!(compared > 30, "{compared}");
 }
 
-/// Ten thousand exchanges (Application Protocol V1.1b3, 6.3), the first of which is refused.
+/// A hundred thousand exchanges (Application Protocol V1.1b3, 6.3), the first of which is refused.
 #[test]
 fn the_newest_transactions_and_all_findings_are_kept() {
     let (good, refused) = ("010300000001840a0103020007f986", "010300000001840a018302c0f1");

@@ -31,6 +31,9 @@ impl Verdict {
     }
 }
 
+/// How the sentence begins where there is no verdict.
+pub(super) const UNJUDGED: &str = "Cannot be judged";
+
 /// A line is not healthy where surely more than this share of its requests is refused.
 const MANY_REFUSED: f64 = 0.2;
 
@@ -126,15 +129,12 @@ pub(super) fn verdict(
     }
     if share.total == 0 && bytes(FrameVerdict::Noise) > bytes(FrameVerdict::Ok) {
         let count = thousands(bytes(FrameVerdict::Noise));
-        return (Verdict::Unknown, format!("Cannot be judged: {count} bytes, and no request among them."));
+        return (Verdict::Unknown, format!("{UNJUDGED}: {count} bytes, and no request among them."));
     }
     if share.total < FEW {
         let is_whole =
             buses.iter().all(|(_, bus)| (bytes_of_frames(bus), bus.symptoms.all().count()) == (bytes_of_good_frames(bus), 0));
-        return (
-            Verdict::Unknown,
-            format!("Cannot be judged: {}.", too_few(share, refused, is_whole, bytes(FrameVerdict::Noise))),
-        );
+        return (Verdict::Unknown, format!("{UNJUDGED}: {}.", too_few(share, refused, is_whole, bytes(FrameVerdict::Noise))));
     }
     if let Some(open) = open.filter(|open| open.severity != Severity::Info) {
         return (Verdict::Trouble, format!("{}. {}", judged.problems(&numbers), open.sentence));

@@ -43,55 +43,63 @@ const EXCEPTIONS: [(u8, &[&str], &str); 5] = [
     ),
 ];
 
-/// What else programs report, in lower case, with what it means and what to do.
-const REPORTS: [(&[&str], &str); 4] = [
+/// What else programs report, in lower case, with what it means and what to do; and where requests of the same text were answered,
+/// so that what they came by is right.
+const REPORTS: [(&[&str], &str, Option<&str>); 4] = [
     (
         &["cleanup recv buffer"],
         "bytes left over before a request: the rest of an answer that came after the client had given up; raise its timeout",
+        None,
     ),
     (
         &["connection refused", "connection reset", "broken pipe"],
         "a connection that the other side refused or closed: its port and service, and how many clients it takes",
+        None,
     ),
     (
         &["checksum error", "crc error", "crc check error", "crccheckerror", "crc mismatch", "crcmismatch", "invalid crc", "wrong crc", "crc check failed", "bad crc"],
         "a wrong checksum: bits changed on the line, other line settings, or bytes lost by a program; a recording of the bytes shows which",
+        None,
     ),
-    (&["timed out", "timeout", "no response", "no answer"], NO_ANSWER),
+    (
+        &["timed out", "timeout", "no response", "no answer"],
+        "that no answer came in time: power, wires, rate and address of the unit, and whether anything comes back at all",
+        Some("that no answer came in time; other requests were answered"),
+    ),
 ];
-
-const NO_ANSWER: &str =
-    "that no answer came in time: power, wires, rate and address of the unit, and whether anything comes back at all";
-
-/// The same where the text has answers as well: what they came by is right.
-const ANSWERED_ELSE: &str = "that no answer came in time; other requests were answered";
 
 /// What unread lines show.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Said(String);
+pub struct Said {
+    words: String,
+    /// What is said instead where requests of the same text were answered.
+    beside_answers: Option<String>,
+}
 
 impl Said {
     /// The words; `has_answers` where requests of the same text were answered.
-    pub fn words(&self, has_answers: bool) -> String {
-        if has_answers {
-            self.0.replace(NO_ANSWER, ANSWERED_ELSE)
-        } else {
-            self.0.clone()
-        }
+    pub fn words(&self, has_answers: bool) -> &str {
+        self.beside_answers.as_deref().filter(|_| has_answers).unwrap_or(&self.words)
+    }
+}
+
+impl From<String> for Said {
+    fn from(words: String) -> Self {
+        Self { words, beside_answers: None }
     }
 }
 
 /// What the bytes of a text show, or what it reports in words; `None` if neither says anything.
 pub(super) fn named(text: &[u8]) -> Option<String> {
     let lines = text.split(|&byte| byte == b'\n').take(MOST_LINES);
-    named_lines((1..).zip(lines)).map(|said| said.words(false))
+    named_lines((1..).zip(lines)).map(|said| said.words(false).to_owned())
 }
 
 /// The same of some lines, each with its number.
 pub(super) fn named_lines<'a>(lines: impl Iterator<Item = (u64, &'a [u8])> + Clone) -> Option<Said> {
     let words = || reported(lines.clone().map(|(_, line)| line));
     let bytes = || lines.clone().find_map(|(number, line)| no_frame(number, line));
-    odd_bytes(lines.clone()).or_else(words).or_else(bytes).map(Said)
+    odd_bytes(lines.clone()).map(Said::from).or_else(words).or_else(|| bytes().map(Said::from))
 }
 
 /// What the bytes of the first line show whose bytes are odd by themselves, or as the answer to those of the line before.
@@ -123,7 +131,7 @@ fn no_frame(number: u64, line: &[u8]) -> Option<String> {
 }
 
 /// What most lines report.
-fn reported<'a>(lines: impl Iterator<Item = &'a [u8]>) -> Option<String> {
+fn reported<'a>(lines: impl Iterator<Item = &'a [u8]>) -> Option<Said> {
     let mut counts = [0; EXCEPTIONS.len() + REPORTS.len()];
     for line in lines {
         if let Some(report) = report_in(&String::from_utf8_lossy(line).to_ascii_lowercase()) {
@@ -132,11 +140,15 @@ fn reported<'a>(lines: impl Iterator<Item = &'a [u8]>) -> Option<String> {
     }
     let (most, times) = counts.iter().enumerate().max_by_key(|(at, count)| (**count, usize::MAX - at))?;
     let lines = if *times == 1 { String::from("a line reports") } else { format!("{times} lines report") };
-    let meaning = match EXCEPTIONS.get(most) {
-        Some((code, names, advice)) => format!("exception {code} ({}): {advice}", names[0]),
-        None => String::from(REPORTS[most - EXCEPTIONS.len()].1),
-    };
-    (*times > 0).then(|| format!("{lines} {meaning}"))
+    if *times == 0 {
+        return None;
+    }
+    if let Some((code, [name, ..], advice)) = EXCEPTIONS.get(most) {
+        return Some(format!("{lines} exception {code} ({name}): {advice}").into());
+    }
+    let (_, meaning, beside_answers) = REPORTS[most - EXCEPTIONS.len()];
+    let said = |meaning: &str| format!("{lines} {meaning}");
+    Some(Said { words: said(meaning), beside_answers: beside_answers.map(said) })
 }
 
 /// What a line in lower case reports: the index in `EXCEPTIONS`, or after all of these in `REPORTS`.
@@ -144,7 +156,7 @@ fn report_in(line: &str) -> Option<usize> {
     let says = |words: &[&str]| words.iter().any(|word| line.contains(word));
     let codes: Vec<u8> = exception_codes(line).collect();
     let exception = EXCEPTIONS.iter().position(|(code, names, _)| codes.contains(code) || says(names));
-    let report = || Some(EXCEPTIONS.len() + REPORTS.iter().position(|(words, _)| says(words))?);
+    let report = || Some(EXCEPTIONS.len() + REPORTS.iter().position(|(words, ..)| says(words))?);
     exception.or_else(report)
 }
 
