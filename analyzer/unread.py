@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from analyzer.counts import count_of
-from analyzer.visible import visible
+from analyzer.views.screen import fit, visible
 
 if TYPE_CHECKING:
     from analyzer.session import RecordingStatus
@@ -14,8 +14,7 @@ if TYPE_CHECKING:
 __all__ = ["is_lost", "unread"]
 
 EXCERPT_COLUMNS = 60
-"""Columns that are shown of a line that could not be parsed."""
-
+"""Terminal columns that are shown of a line that could not be parsed."""
 
 _FEW = 10
 """Comments hold hex as well: fewer such lines than one in so many records are no traffic."""
@@ -37,11 +36,7 @@ def unread(status: RecordingStatus) -> Iterator[str]:
         held = f"; {hexed:,} of them hold{'s' * (hexed == 1)} {amount} of hex" if hexed else ""
         yield f"{status.name}: {unparsed:,} of {lines} could not be parsed{held}"
         for number, text, _ in details["unparsed_examples"]:
-            yield f"  line {number}: {_excerpt(visible(text))}"
-
-
-def _excerpt(text: str) -> str:
-    return text if len(text) < EXCERPT_COLUMNS else f"{text[: EXCERPT_COLUMNS - 1].rstrip()}…"
+            yield f"  line {number}: {fit(visible(text), EXCERPT_COLUMNS).rstrip()}"
 
 
 def is_lost(status: RecordingStatus) -> bool:
