@@ -9,65 +9,14 @@ role, scale, unit, quantity and the signal (`tests.support.plant_signals`).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from tests.support.kind_rows import Item, Kind
+from tests.support.kind_rows import bits as _b
+from tests.support.kind_rows import constant as _k
+from tests.support.kind_rows import counted as _c
+from tests.support.kind_rows import measured as _m
+from tests.support.kind_rows import state as _e
 
-__all__ = ["KINDS", "Item", "Kind"]
-
-
-class Item(NamedTuple):
-    """A value of a device."""
-
-    address: int
-    type: str
-    order: str
-    role: str
-    scale: float
-    unit: str | None
-    quantity: str | None
-    signal: str
-
-
-class Kind(NamedTuple):
-    """A kind of device: what is read (table, first address, count, seconds between reads)."""
-
-    blocks: tuple[tuple[str, int, int], ...]
-    seconds: int
-    items: tuple[Item, ...]
-
-
-_UNITS = {
-    "V": "voltage", "A": "current", "W": "active power", "Hz": "frequency", "Wh": "energy",
-    "degC": "temperature", "s": "duration", "VA": "apparent power", "kWh": "energy",
-    "kW": "active power",
-}  # fmt: skip
-
-
-def _m(address: int, kind: str, scale: float, unit: str | None, signal: str) -> Item:
-    """A measurement."""
-    return _item(address, kind, "measurement", scale, unit, signal)
-
-
-def _item(  # noqa: PLR0913, PLR0917 - a row of a table
-    address: int, kind: str, role: str, scale: float, unit: str | None, signal: str
-) -> Item:
-    name, _, order = kind.partition(" ")
-    return Item(address, name, order or "ABCD", role, scale, unit, _UNITS.get(unit or ""), signal)
-
-
-def _e(address: int, signal: str, kind: str = "u16") -> Item:
-    return _item(address, kind, "enum", 1, None, signal)
-
-
-def _b(address: int, signal: str) -> Item:
-    return _item(address, "u16", "bit field", 1, None, signal)
-
-
-def _c(address: int, kind: str, scale: float, unit: str | None, signal: str) -> Item:
-    return _item(address, kind, "counter", scale, unit, signal)
-
-
-def _k(address: int, kind: str, scale: float, unit: str | None, signal: str) -> Item:
-    return _item(address, kind, "constant", scale, unit, signal)
+__all__ = ["KINDS"]
 
 
 def _cells(first: int, count: int) -> tuple[Item, ...]:

@@ -13,7 +13,7 @@ from random import Random
 from statistics import correlation
 from typing import Any
 
-from tests.support.device_kinds import Item, Kind
+from tests.support.kind_rows import Item, Kind
 from tests.support.plant_signals import signals
 
 __all__ = ["find_score"]

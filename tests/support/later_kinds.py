@@ -3,38 +3,18 @@
 
 Looked up in public repositories that name the maps: EM530 (Carlo Gavazzi), Deye (string inverter),
 Xintai (water meter), Countis (Socomec), Tracer (EPEVER), GoodWe (EMS) and Quasar (Wallbox). Rows
-are those of `tests.support.device_kinds`; where the plant has no such signal, one alike stands for
+are those of `tests.support.kind_rows`; where the plant has no such signal, one alike stands for
 it.
 """
 
 from __future__ import annotations
 
-from tests.support.device_kinds import Item, Kind
+from tests.support.kind_rows import Kind
+from tests.support.kind_rows import counted as _c
+from tests.support.kind_rows import measured as _m
+from tests.support.kind_rows import state as _e
 
 __all__ = ["KINDS"]
-
-_QUANTITIES = {
-    "V": "voltage", "A": "current", "W": "active power", "Hz": "frequency", "kWh": "energy",
-    "degC": "temperature", "Wh": "energy",
-}  # fmt: skip
-
-
-def _m(  # noqa: PLR0913, PLR0917 - a row of a table
-    address: int, kind: str, scale: float, unit: str | None, signal: str, role: str = "measurement"
-) -> Item:
-    name, _, order = kind.partition(" ")
-    return Item(
-        address, name, order or "ABCD", role, scale, unit, _QUANTITIES.get(unit or ""), signal
-    )
-
-
-def _c(address: int, kind: str, scale: float, unit: str | None, signal: str) -> Item:
-    return _m(address, kind, scale, unit, signal, "counter")
-
-
-def _e(address: int, signal: str, kind: str = "u16") -> Item:
-    return _m(address, kind, 1, None, signal, "enum")
-
 
 KINDS = {
     "em530": Kind((("hr", 0, 64),), 5, (

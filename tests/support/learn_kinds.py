@@ -29,8 +29,9 @@ from pathlib import Path
 from typing import Any
 
 import _modlens
-from tests.support.device_kinds import KINDS, Item, Kind
+from tests.support.device_kinds import KINDS
 from tests.support.find_tasks import find_score
+from tests.support.kind_rows import Item, Kind
 from tests.support.later_kinds import KINDS as LATER
 from tests.support.plant_signals import signals
 from tests.support.unseen_kinds import KINDS as UNSEEN
