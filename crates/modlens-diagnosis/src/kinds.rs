@@ -11,6 +11,7 @@ mod masters;
 mod meetings;
 mod network;
 mod pace;
+mod together;
 mod values;
 mod wires;
 
@@ -144,7 +145,8 @@ pub fn claims(view: &View<'_>) -> (Vec<Claim>, Vec<Claim>) {
                     .any(|other| other.code == *by && (other.unit.is_none() || claim.unit.is_none() || other.unit == claim.unit))
         })
     };
-    (all.iter().filter(|claim| !is_explained(claim)).cloned().collect(), all)
+    let left = all.iter().filter(|claim| !is_explained(claim)).cloned().collect();
+    (together::together(view, left), all)
 }
 
 #[cfg(test)]

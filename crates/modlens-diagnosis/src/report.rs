@@ -54,7 +54,7 @@ impl Report {
                 claims.iter().map(|claim| (spoiled(claim), sentences::row(name, bus, claim, odd), Course::of(bus, claim, odd))),
             );
             rest.push((*name, odd));
-            without_cause.extend(unexplained::of_bus(name, &view, &claims));
+            without_cause.extend(unexplained::of_bus(name, &view, &claims, odd));
             reserves.extend(reserves::of_bus(name, bus, &claims));
             unjudged.extend(unjudged::of_bus(name, bus));
         }

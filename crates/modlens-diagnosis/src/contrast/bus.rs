@@ -126,6 +126,12 @@ pub struct BusContrast {
 const HALF_CHARACTERS_APART: i64 = 17;
 
 impl BusContrast {
+    /// Answers that were not late and for which no request was seen.
+    pub fn answers_alone(&self) -> u64 {
+        let of_other_units = |unit: &UnitCounts| -> u64 { unit.answers_for.values().map(|tally| tally.failed).sum() };
+        self.units.values().map(|unit| unit.second_answers.failed + of_other_units(unit)).sum()
+    }
+
     /// Takes the next frame.
     pub(crate) fn frame(&mut self, mut seen: FrameObservation) {
         self.frames_seen += 1;

@@ -74,7 +74,8 @@ impl Gaps {
     /// The episodes of failures that were counted like this.
     ///
     /// Two runs of failures are one episode where so many good ones between them are no surprise, if failures were as frequent
-    /// as in both runs and the gap together. The least surprising pair is joined first.
+    /// as in both runs and the gap together. The least surprising pair is joined first. Of many gaps the longest is long by
+    /// chance, so that its surprise counts as often as there are failures.
     pub(super) fn episodes(&self, all: Span) -> Vec<Episode> {
         let is_ordered = self.0.windows(2).all(|pair| {
             pair[0].to.number <= pair[1].from.number && pair[0].total < pair[1].total && pair[0].failed < pair[1].failed
@@ -99,7 +100,8 @@ impl Gaps {
             run = (gap.to, gap.failed, gap.total + gap.good);
         }
         runs.push(Episode { first: run.0, last: all.last, failed: all.failed - run.1, total: all.total - run.2, before: run.2 });
-        while let Some(at) = likeliest(&runs) {
+        let least_surprise = (MAX_CHANCE / all.failed.max(1) as f64).ln();
+        while let Some(at) = likeliest(&runs, least_surprise) {
             let next = runs.remove(at + 1);
             let run = &mut runs[at];
             (run.last, run.failed, run.total) = (next.last, run.failed + next.failed, next.before + next.total - run.before);
@@ -108,8 +110,9 @@ impl Gaps {
     }
 }
 
-/// The run that is joined with the next one: the least surprising gap, if it is none.
-fn likeliest(runs: &[Episode]) -> Option<usize> {
+/// The run that is joined with the next one: before the least surprising gap, if that is none (the logarithm of its chance is above
+/// `least_surprise`).
+fn likeliest(runs: &[Episode], least_surprise: f64) -> Option<usize> {
     let surprise = |one: &Episode, next: &Episode| {
         let total = next.before + next.total - one.before;
         let good = next.before - one.before - one.total;
@@ -117,7 +120,7 @@ fn likeliest(runs: &[Episode]) -> Option<usize> {
         (1.0 - rate).ln() * good as f64
     };
     let all = runs.windows(2).map(|pair| surprise(&pair[0], &pair[1])).enumerate();
-    all.filter(|(_, chance)| *chance > MAX_CHANCE.ln()).max_by(|one, other| one.1.total_cmp(&other.1)).map(|(at, _)| at)
+    all.filter(|(_, chance)| *chance > least_surprise).max_by(|one, other| one.1.total_cmp(&other.1)).map(|(at, _)| at)
 }
 
 /// Failures up to this number may be by chance beside an episode.

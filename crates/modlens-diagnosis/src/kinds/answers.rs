@@ -103,35 +103,68 @@ fn suggested(claim: Claim, timeout: Ns) -> Claim {
 
 /// A unit that never answers.
 pub(super) fn dead_unit_cost(view: &View<'_>) -> Vec<Claim> {
-    view.units().filter_map(|(unit, counts)| dead(view, unit, counts)).collect()
+    let dead: Vec<(u8, &UnitCounts)> = view.units().filter(|(unit, counts)| is_never_heard(*unit, counts)).collect();
+    // A search for devices asks each address once or twice, which is no contrast by itself, but is one of many.
+    let silent = dead.iter().fold(Share::default(), |sum, (_, counts)| sum.with(counts.silent.share()));
+    let of_many = view.significant(at_least(silent, MOST_SILENCE)).filter(|_| dead.len() > FEW_UNITS);
+    dead.iter().filter_map(|(unit, counts)| dead_unit(view, *unit, counts, of_many)).collect()
 }
 
-/// Claims that a unit never answers: each of its requests failed, at least nine in ten of them without any answer, and none was
-/// answered late. A refusal is an answer.
-fn dead(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
+/// Of so few units, each one has to be asked often enough to be called dead.
+const FEW_UNITS: usize = 7;
+
+/// The share of requests that stay without answer on the worst of lines where units answer at all, and on the best.
+const MOST_SILENCE: f64 = 0.5;
+const LEAST_SILENCE: f64 = 0.05;
+
+/// Whether each request of a unit failed, at least nine in ten of them without any answer, and none was answered late. A refusal is
+/// an answer.
+fn is_never_heard(unit: u8, counts: &UnitCounts) -> bool {
     // On a noisy line some of its requests are damaged, and noise may stand where its response would.
     let (silent, failures) = (counts.silent.failed, counts.failures.share());
-    let is_never_heard = failures.failed == failures.total && silent * 10 >= failures.total * 9;
-    if unit == 0 || !is_never_heard || counts.late.failed > 0 {
-        return None;
-    }
-    // The chance of so much silence, if this unit were silent as often as the others: at least once in twenty, at most every
-    // other time.
-    let usual_rate = view.others(unit, |other| other.silent.share()).rate().clamp(0.05, 0.5);
-    let chance = view.significant(at_least(counts.silent.share(), usual_rate))?;
+    unit != 0 && failures.failed == failures.total && silent * 10 >= failures.total * 9 && counts.late.failed == 0
+}
+
+/// Claims that a unit never answers; `of_many` is the chance of all that are silent, where they are many.
+fn dead_unit(view: &View<'_>, unit: u8, counts: &UnitCounts, of_many: Option<f64>) -> Option<Claim> {
+    // The chance of so much silence, if this unit were silent as often as the others.
+    let usual_rate = view.others(unit, |other| other.silent.share()).rate().clamp(LEAST_SILENCE, MOST_SILENCE);
+    let chance = view.significant(at_least(counts.silent.share(), usual_rate)).or(of_many)?;
     // The times are those of all failures: a damaged request is not counted as silence, but it does not end the silence.
     let all_failures = Claim::new("dead_unit_cost", &counts.failures, 0.0);
     let mut claim = Claim::new("dead_unit_cost", &counts.silent, chance).of_unit(unit).in_the_time_of(&all_failures);
-    if let (Some(waited), Some((first, last))) = (counts.waited.percentile(0.5), view.bus.frames.span) {
-        let lost = waited as f64 * counts.silent.failed as f64 / (last - first).max(1) as f64;
-        let words = format!("; the master waits {} for each, {} of its time", duration(waited), percent(lost.min(1.0)));
-        claim = claim.fact("cost", words);
+    claim = claim.fact("answers", "answers").fact("what_to_check", what_to_check(unit));
+    if let Some(cost) = cost_of_silence(view, &[unit]) {
+        claim = claim.fact("cost", cost);
     }
+    let mut answers_then = String::new();
     if let Some((poisoned, inside)) = poisoned(view, unit) {
         let words = format!(", and unit {poisoned} fails {} of {} times right after it", inside.failed, inside.total);
-        claim = claim.fact("poison", words).fact("poison_proof", format!(", and unit {poisoned} answers"));
+        claim = claim.fact("poison", words);
+        answers_then = format!(", and unit {poisoned} answers");
     }
-    Some(claim)
+    let experiment =
+        format!("Remove unit {unit} from the master's polling list: the cycle gets shorter by its waiting time{answers_then}.");
+    Some(claim.fact("experiment", experiment))
+}
+
+fn what_to_check(unit: u8) -> String {
+    format!(
+        "Power, address, rate and wiring of unit {unit}; if it is no longer there, remove it from the master's polling list, or let the \
+         master ask it less often."
+    )
+}
+
+/// What the silence of units costs, in words: how long the master waits, and for how much of its time.
+pub(super) fn cost_of_silence(view: &View<'_>, units: &[u8]) -> Option<String> {
+    let (first, last) = view.bus.frames.span?;
+    let each = units.iter().filter_map(|unit| view.bus.units.get(unit)).filter_map(|counts| {
+        let waited = counts.waited.percentile(0.5)?;
+        Some((waited, waited as f64 * counts.silent.failed as f64))
+    });
+    let (longest, sum) = each.fold((0, 0.0), |(longest, sum), (waited, all)| (waited.max(longest), sum + all));
+    let share = percent((sum / (last - first).max(1) as f64).min(1.0));
+    (longest > 0).then(|| format!("; the master waits {} for each, {share} of its time", duration(longest)))
 }
 
 /// The unit that fails right after the silence of this one, and how often it does.

@@ -1,6 +1,6 @@
 //! Damage, told apart by where in the frame it is and whose frames it hits.
 
-use crate::claim::{Claim, View};
+use crate::claim::{severity_of, Claim, View};
 use crate::contrast::tally::Tally;
 use crate::contrast::{Symptom, UnitCounts};
 use crate::observation::DamagedPart;
@@ -127,6 +127,10 @@ pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
         sum
     });
     let mut claim = Claim::new("line_noise", &tally, chance).with_share(share);
+    // A request fails if one of its two frames is damaged: how bad that is, is counted by requests.
+    if requests_seen > 0 {
+        claim = claim.at_most(severity_of(Share { failed: spoilt.min(requests_seen), total: requests_seen }));
+    }
     claim = claim.in_the_time_of(&Claim::new("line_noise", &view.bus.requests_seen, 0.0));
     let spread = match (units.len(), requests) {
         (_, 0) => String::from("all of them answers"),

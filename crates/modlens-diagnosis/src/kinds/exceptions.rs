@@ -152,7 +152,8 @@ pub(super) fn address_off_by_one(view: &View<'_>) -> Vec<Claim> {
 /// A block of which parts are answered, or blocks that a unit refuses from one moment on.
 pub(super) fn register_hole(view: &View<'_>) -> Vec<Claim> {
     let all = view.bus.requests.sorted();
-    let lost: Vec<(u8, Claim)> = view.units().filter_map(|(unit, _)| Some((unit, lost_addresses(view, &all, unit)?))).collect();
+    let of_unit = |unit| lost_addresses(view, &all, unit).or_else(|| no_address(view, &all, unit));
+    let lost: Vec<(u8, Claim)> = view.units().filter_map(|(unit, _)| Some((unit, of_unit(unit)?))).collect();
     let claims = refused(&all).into_iter().filter_map(|request| {
         if is_function_refused(&all, request.0) || lost.iter().any(|(unit, _)| *unit == request.0.unit) {
             return None;
@@ -191,6 +192,24 @@ fn lost_addresses(view: &View<'_>, all: &[Request<'_>], unit: u8) -> Option<Clai
     let check = "What was changed in the device at that time: its mode, configuration or firmware. Then its register map.";
     let experiment = "Ask for a register that the device's manual names: if it is refused as well, the device is not ready.";
     Some(claim.fact("what_to_check", check).fact("experiment", experiment))
+}
+
+/// A unit that refuses the addresses of all blocks that it was ever asked for: the map as a whole is another one.
+fn no_address(view: &View<'_>, all: &[Request<'_>], unit: u8) -> Option<Claim> {
+    let counts = view.bus.units.get(&unit)?;
+    let (refused, total) = (&counts.exceptions[2], counts.failures.total);
+    let blocks = all.iter().filter(|(key, counts)| key.unit == unit && counts.refused[1] > 0).count();
+    let is_answered = all.iter().any(|(key, counts)| key.unit == unit && counts.good > 0);
+    if blocks < 2 || is_answered || refused.failed + counts.failures.failed < total {
+        return None;
+    }
+    let share = Share { failed: refused.failed, total };
+    let chance = view.significant(at_least(share, 0.01))?;
+    let claim = Claim::new("register_hole", refused, chance).of_unit(unit).with_share(share);
+    let check = "Whether the addresses count from 0 (40001 in a manual is address 0 on the wire), the function (input registers are function 4, holding registers 3), and whether the device of this unit is the one whose map the master has.";
+    let experiment = "Ask for one register that the manual names: at its address, at the one before, and by the other function.";
+    let missing = format!("nothing that was asked for ({blocks} blocks) exists");
+    Some(claim.fact("missing", missing).fact("what_to_check", check).fact("experiment", experiment))
 }
 
 /// What does not exist, what to check and what would prove it; a single register has no halves.

@@ -77,15 +77,19 @@ fn filled(text: &str, contrast: &BusContrast, claim: &Claim) -> String {
     out
 }
 
+/// The text for a place: a fact of the claim, or what all claims have.
 fn place(name: &str, contrast: &BusContrast, claim: &Claim) -> String {
+    if let Some((_, value)) = claim.facts.iter().find(|(fact, _)| *fact == name) {
+        return value.clone();
+    }
     match name {
-        "subject" if claim.facts.iter().all(|(fact, _)| *fact != "subject") => subject(claim),
+        "subject" => subject(claim),
         "unit" => claim.unit.map_or(String::from("the unit"), |unit| format!("unit {unit}")),
         "failed" => thousands(claim.share.failed),
         "total" => thousands(claim.share.total),
         "when" => episodes::several(contrast, claim).unwrap_or_else(|| when(contrast, claim)),
-        "than" if claim.facts.iter().all(|(fact, _)| *fact != "than") => String::from("the recording"),
-        _ => claim.facts.iter().find(|(fact, _)| *fact == name).map_or(String::new(), |(_, value)| value.clone()),
+        "than" => String::from("the recording"),
+        _ => String::new(),
     }
 }
 

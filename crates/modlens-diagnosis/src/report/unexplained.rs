@@ -16,16 +16,22 @@ use crate::statistics::Share;
 pub const UNEXPLAINED: &str = "unexplained";
 
 /// The units of a bus that fail more often than by chance, of which no claim says why.
-pub(super) fn of_bus(name: &str, view: &View<'_>, claims: &[Claim]) -> Vec<(DiagnosisRow, Course)> {
+pub(super) fn of_bus(name: &str, view: &View<'_>, claims: &[Claim], rest: Rest) -> Vec<(DiagnosisRow, Course)> {
     if view.is_small() {
         return Vec::new();
     }
     let is_claimed = |unit: u8| {
-        let explains = |claim: &&Claim| claim.certainty == Certainty::Diagnosed && claim.unit.is_none_or(|own| own == unit);
-        claims.iter().any(|claim| explains(&claim) && claim.at_most != Severity::Info)
+        let is_of_unit = |claim: &&Claim| claim.certainty == Certainty::Diagnosed && claim.unit.is_none_or(|own| own == unit);
+        let explains = |claim: &Claim| claim.at_most != Severity::Info || is_nearly_all(claim, rest);
+        claims.iter().filter(is_of_unit).any(explains)
     };
     let open = view.units().filter(|(unit, _)| !is_claimed(*unit));
     open.filter_map(|(unit, counts)| row(name, view, unit, counts)).collect()
+}
+
+/// Whether a claim, however harmless, explains at least nine in ten of the failed requests of its bus.
+fn is_nearly_all(claim: &Claim, rest: Rest) -> bool {
+    claim.explains.is_some_and(|explains| explains.failed * 10 >= rest.odd.failed * 9 && rest.odd.failed > 0)
 }
 
 fn row(name: &str, view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<(DiagnosisRow, Course)> {

@@ -12,19 +12,20 @@ use modlens_protocol::timestamp::time_text;
 /// Requests below which shares say little.
 const FEW: u64 = 10;
 
+const BOTH_DIRECTIONS: &str = "a recording that hears both directions, such as a tap on the line itself";
+
 /// What could not be judged on a bus.
 pub(super) fn of_bus(name: &str, bus: &BusContrast) -> Vec<Json> {
     let mut found = Vec::new();
     let mut say = |what: &str, needs: &str| found.push(json!({"bus": name, "what": what, "needs": needs}));
     let requests = bus.requests_seen.total;
-    if requests < FEW {
+    if requests == 0 && bus.answers_alone() > 1 {
+        say("what was asked, and when: no request is in the recording", BOTH_DIRECTIONS);
+    } else if requests < FEW {
         say("too few requests for percentages", "a longer recording: ten requests to each unit at least, a hundred are better");
     }
     if requests > 0 && requests == bus.requests_seen.failed && bus.frames.frames[Verdict::Noise as usize] == 0 {
-        say(
-            "whether the units answer at all: no answer is in the recording",
-            "a recording that hears both directions, such as a tap on the line itself",
-        );
+        say("whether the units answer at all: no answer is in the recording", BOTH_DIRECTIONS);
     }
     let has_times = bus.units.values().any(|unit| unit.response_times.count + unit.waited.count > 0);
     if requests > 0 && !has_times {

@@ -131,6 +131,14 @@ pub(super) fn verdict(
         let count = thousands(bytes(FrameVerdict::Noise));
         return (Verdict::Unknown, format!("{UNJUDGED}: {count} bytes, and no request among them."));
     }
+    let alone: u64 = buses.iter().map(|(_, bus)| bus.answers_alone()).sum();
+    if share.total == 0 && alone > 1 {
+        let count = thousands(alone);
+        return (
+            Verdict::Unknown,
+            format!("{UNJUDGED}: {count} answers, and no request among them: the recording hears one direction."),
+        );
+    }
     if share.total < FEW {
         let is_whole =
             buses.iter().all(|(_, bus)| (bytes_of_frames(bus), bus.symptoms.all().count()) == (bytes_of_good_frames(bus), 0));
@@ -140,7 +148,9 @@ pub(super) fn verdict(
         return (Verdict::Trouble, format!("{}. {}", judged.problems(&numbers), open.sentence));
     }
     if share.failed > 0 && at_least(share, ACCIDENT) < MAX_CHANCE {
-        let text = format!("{}. No known cause explains it.", judged.problems(&numbers));
+        let most = rows.iter().find(|row| is_diagnosed(row) && row.failed * 2 > share.failed);
+        let why = most.map_or(String::from("No known cause explains it."), |row| row.sentence.clone());
+        let text = format!("{}. {why}", judged.problems(&numbers));
         return (Verdict::Trouble, text);
     }
     if least_rate(refused) > MANY_REFUSED {

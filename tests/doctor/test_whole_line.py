@@ -1,0 +1,102 @@
+"""What is the matter of a whole line is told as one cause, and not of each unit or block again.
+
+The recordings are raw bytes without times, so that nothing but the frames can tell.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from analyzer import decode
+from tests.doctor.frames import exception, read_answer, read_request, rtu
+
+ROUNDS = 40
+
+
+def judged(frames: Iterator[bytes], folder: Path) -> tuple[str, list[dict[str, Any]]]:
+    path = folder / "line.bin"
+    path.write_bytes(b"".join(frames))
+    document = decode(path).doctor()
+    return document["sentence"], document["diagnoses"]
+
+
+def exchange(unit: int, address: int, values: list[int]) -> bytes:
+    return rtu(unit, read_request(3, address, len(values))) + rtu(unit, read_answer(3, values))
+
+
+def test_many_units_that_never_answer_are_one_cause(tmp_path: Path) -> None:
+    def search() -> Iterator[bytes]:
+        for _ in range(2):
+            for unit in range(1, 60):
+                yield (
+                    exchange(unit, 0, [unit])
+                    if unit in (3, 9)
+                    else rtu(unit, read_request(3, 0, 1))
+                )
+
+    sentence, rows = judged(search(), tmp_path)
+    assert [row["code"] for row in rows] == ["dead_unit_cost"]
+    assert "Units 1, 2, 4 to 8 and 10 to 59, 57 of 59 that were asked, never answer" in sentence
+
+
+def test_a_line_where_nobody_answers_is_no_matter_of_each_unit(tmp_path: Path) -> None:
+    frames = (rtu(unit, read_request(4, 100, 2)) for _ in range(ROUNDS) for unit in (1, 2, 5))
+    sentence, rows = judged(frames, tmp_path)
+    assert [row["code"] for row in rows] == ["dead_unit_cost"]
+    assert "Units 1, 2 and 5, all 3 that were asked, never answer" in sentence
+    assert "all units have in common" in rows[0]["advice"]
+
+
+def test_two_dead_units_among_others_are_told_one_by_one(tmp_path: Path) -> None:
+    def line() -> Iterator[bytes]:
+        for _ in range(ROUNDS):
+            for unit in range(1, 6):
+                yield exchange(unit, 0, [unit]) if unit < 4 else rtu(unit, read_request(3, 0, 1))
+
+    _, rows = judged(line(), tmp_path)
+    assert {(row["code"], row["unit"]) for row in rows} == {
+        ("dead_unit_cost", 4),
+        ("dead_unit_cost", 5),
+    }
+
+
+def test_a_unit_that_refuses_all_addresses_is_one_cause(tmp_path: Path) -> None:
+    def line() -> Iterator[bytes]:
+        for _ in range(ROUNDS):
+            for address in range(40001, 40081, 10):
+                yield rtu(7, read_request(3, address, 10)) + rtu(7, exception(3, 2))
+            yield exchange(1, 0, [1, 2, 3])
+
+    _, rows = judged(line(), tmp_path)
+    assert [(row["code"], row["unit"]) for row in rows] == [("register_hole", 7)]
+    assert rows[0]["sentence"].startswith("Nothing that was asked for (8 blocks) exists in unit 7")
+    assert "40001" in rows[0]["advice"]
+
+
+def test_rare_noise_explains_what_fails(tmp_path: Path) -> None:
+    chance = random.Random(4)
+
+    def line() -> Iterator[bytes]:
+        for number in range(6000):
+            frames = exchange(number % 4 + 1, 16 * (number % 7), [number & 0xFF, 500, 7, 9, 11])
+            if chance.random() < 0.008:
+                damaged = bytearray(frames)
+                damaged[chance.randrange(11, len(frames) - 2)] ^= 1 << chance.randrange(8)
+                frames = bytes(damaged)
+            yield frames
+
+    sentence, rows = judged(line(), tmp_path)
+    assert [row["code"] for row in rows] == ["line_noise"]
+    assert "The line is noisy" in sentence
+    assert "no known cause" not in sentence
+    assert "episodes" not in rows[0]["sentence"]
+
+
+def test_answers_alone_are_said_to_be_alone(tmp_path: Path) -> None:
+    frames = (rtu(2, read_answer(3, [number, 17, 4])) for number in range(50))
+    sentence, rows = judged(frames, tmp_path)
+    assert not rows
+    assert "50 answers, and no request among them" in sentence
