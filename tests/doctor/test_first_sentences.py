@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.doctor.frames import rtu
 from tests.doctor.test_pasted_logs import ANSWER, REQUEST, doctor, mbap
 
 # Application protocol, 6.3, 6.5, 6.6 and 6.12: read, write one coil, one register, several.
@@ -76,3 +77,75 @@ def test_a_path_in_a_log_is_no_other_protocol(tmp_path: Path) -> None:
     path = "Open port COM5 (C:\\Program Files\\Monitor Software\\Serial Port\\Serial.exe)"
     lines = [path, f"Tx: {REQUEST.hex(' ')}", f"Rx: {ANSWER.hex(' ')}"]
     assert "protocol" not in doctor(lines, tmp_path)["sentence"]
+
+
+# Application protocol, 6.3 and 6.4: three registers, and ten.
+ASKED = rtu(3, bytes([4, 0, 8, 0, 3]))
+TEN = bytes([3, 0, 0, 0, 10])
+
+
+def said(lines: list[str], folder: Path) -> str:
+    sentence = doctor(lines, folder)["sentence"]
+    assert isinstance(sentence, str)
+    return sentence
+
+
+@pytest.mark.parametrize("mask", ["e0f0c007807c0840", "1008604010018403"])
+def test_a_request_that_comes_back_distorted_is_the_own_one(mask: str, tmp_path: Path) -> None:
+    """Bits that were sent as 0 come as 1, all over the frame: a level, not the answer of a unit."""
+    heard = bytes(one | other for one, other in zip(ASKED, bytes.fromhex(mask), strict=True))
+    sentence = said([f"TX: {ASKED.hex(' ')}", f"RX: {heard.hex(' ')}"] * 2, tmp_path)
+    assert "the request itself with some bits changed" in sentence
+
+
+def test_other_bytes_of_that_length_are_not(tmp_path: Path) -> None:
+    sentence = said([f"TX: {ASKED.hex(' ')}", "RX: 9a 3c e1 55 47 b2 0d 66"] * 2, tmp_path)
+    assert "neither the unit nor the function" in sentence
+
+
+def test_an_answer_over_tcp_that_stops_is_cut(tmp_path: Path) -> None:
+    """Its header announces 23 bytes, and 9 came (messaging on TCP/IP, 3.1.3)."""
+    answer = mbap(1, 1, bytes([3, 20, *range(20)]))[: 6 + 9]
+    lines = [f"SEND: {mbap(1, 1, TEN).hex(' ')}", f"RECV: {answer.hex(' ')}", "timed out"]
+    sentence = said(lines, tmp_path)
+    assert "The answer of unit 1 is right as far as it goes and stops before its end" in sentence
+
+
+def test_text_behind_a_header_is_no_answer_that_was_cut(tmp_path: Path) -> None:
+    answer = bytes.fromhex("000100000004 01") + b"OK"
+    sentence = said([f"Tx: {mbap(1, 1, TEN).hex(' ')}", f"Rx: {answer.hex(' ')}"], tmp_path)
+    assert "of another function than the request" in sentence
+
+
+@pytest.mark.parametrize(("count", "is_limit"), [(0, True), (126, True), (125, False)])
+def test_a_quantity_beyond_the_protocol_is_named(
+    count: int, is_limit: bool, tmp_path: Path
+) -> None:
+    """1 to 125 registers are read at once (application protocol, 6.3)."""
+    sentence = said(refused(bytes([3, 0, 0, 0, count])), tmp_path)
+    assert ("a quantity that the protocol does not allow" in sentence) is is_limit
+    assert ("the block may be too long" in sentence) is not is_limit
+
+
+def test_nobody_answers_what_is_for_all_units(tmp_path: Path) -> None:
+    """Serial line, 2.1: unit 0 is broadcast, and no answer is returned."""
+    lines = [f"TX: {rtu(0, REGISTER).hex(' ')}", "Error: timeout, no response"]
+    sentence = said(lines, tmp_path)
+    assert "to unit 0, that is to all units, and none answers that" in sentence
+    assert "wires" not in sentence
+    lines = [f"TX: {rtu(1, REGISTER).hex(' ')}", "Error: timeout, no response"]
+    assert "power, wires" in said(lines, tmp_path)
+
+
+def test_an_answer_of_another_function_is_no_second_device(tmp_path: Path) -> None:
+    """A refusal of function 16 whose function byte is 01 in place of 90."""
+    lines = [f"TX: {rtu(9, REGISTERS).hex(' ')}", f"RX: {rtu(9, bytes([1, 0])).hex(' ')}"]
+    assert "The answer is of another function than the request" in said(lines, tmp_path)
+
+
+def test_a_byte_in_front_explains_that_the_last_one_is_missing(tmp_path: Path) -> None:
+    answer = rtu(3, bytes([4, 6, 0, 1, 0, 2, 0, 3]))
+    asked = f"TX: {ASKED.hex(' ')}"
+    sentence = said([asked, f"RX: {(bytes([0x1D]) + answer[:-1]).hex(' ')}"], tmp_path)
+    assert "A stray byte came before the answer" in sentence
+    assert "lacks its last byte" in said([asked, f"RX: {answer[:-1].hex(' ')}"], tmp_path)

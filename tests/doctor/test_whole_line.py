@@ -1,4 +1,4 @@
-"""What is the matter of a whole line is told as one cause, and not of each unit or block again.
+"""What is the matter of a whole line is one cause, and not of each unit or block again.
 
 The recordings are raw bytes without times, so that nothing but the frames can tell.
 """

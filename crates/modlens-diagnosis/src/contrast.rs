@@ -8,6 +8,7 @@ mod context;
 mod epochs;
 pub mod gaps;
 mod known_requests;
+pub mod lists;
 mod network;
 mod noise;
 #[cfg(test)]

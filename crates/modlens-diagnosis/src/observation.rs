@@ -1,6 +1,7 @@
 //! What the contrast needs to know of a transaction and of a frame: a few numbers each, without the bytes.
 
 mod damage;
+mod echo;
 mod layout;
 
 use modlens_engine::records::{Batch, Exchange, Frame, InnerPauses, Transaction};
@@ -13,8 +14,9 @@ use modlens_protocol::Ns;
 
 pub(crate) use damage::response_part;
 pub use damage::{DamagedPart, DAMAGED_PARTS};
-pub(crate) use layout::lacks_count;
+pub(crate) use echo::is_altered;
 pub use layout::LayoutFault;
+pub(crate) use layout::{answer_length, lacks_count};
 
 use crate::contrast::tally::{fingerprint, mix, Place};
 
@@ -174,7 +176,7 @@ pub struct Observation {
     pub request_head: Vec<u8>,
     /// What came as the answer is the request itself, whole or cut.
     pub is_own_echo: bool,
-    /// The same with a few bytes changed.
+    /// The same with some of its bits changed.
     pub is_altered_echo: bool,
     /// The answer stops before its end, and is right as far as it goes.
     pub is_cut: bool,
@@ -260,8 +262,8 @@ impl Observation {
             is_retry: row.retry_of.is_some(),
             findings,
             request_head: request_head(batch, row),
-            is_own_echo: row.status == Status::BadResponse && is_echo(batch, row),
-            is_altered_echo: row.status == Status::BadResponse && is_altered_echo(batch, row),
+            is_own_echo: echo::is_echo(batch, row),
+            is_altered_echo: echo::is_altered_echo(batch, row),
             is_cut: row.status == Status::BadResponse && findings.has(Finding::Incomplete),
             layout: if findings.is_empty() { None } else { layout::layout_fault(batch, row, |finding| findings.has(finding)) },
             is_of_another: false,
@@ -310,24 +312,6 @@ fn answer_head(batch: &Batch, row: &Transaction) -> Vec<u8> {
     let is_odd = matches!(row.status, Status::BadResponse | Status::Unsolicited);
     let kept = if is_odd { wire.len().min(NOISE_BYTES) } else { 0 };
     wire[..kept].to_vec()
-}
-
-/// Whether a damaged answer is the request, cut at its end.
-fn is_echo(batch: &Batch, row: &Transaction) -> bool {
-    let answer = row.response.wire.of(&batch.arena);
-    answer.len() >= 3 && row.request.wire.of(&batch.arena).starts_with(answer)
-}
-
-/// So many bytes of an echo, and this share of them (in quarters), are those of the request.
-const LEAST_ECHOED: usize = 6;
-const LEAST_QUARTERS: usize = 3;
-
-/// Whether a damaged answer to a read is the request with a byte or two changed.
-fn is_altered_echo(batch: &Batch, row: &Transaction) -> bool {
-    let [request, answer] = [&row.request, &row.response].map(|part| part.wire.of(&batch.arena));
-    let same = request.iter().zip(answer).filter(|(one, other)| one == other).count();
-    let is_alike = same >= LEAST_ECHOED && same * 4 >= answer.len() * LEAST_QUARTERS && answer.len() <= request.len();
-    row.mode == Mode::Rtu && (1..=4).contains(&row.function) && is_alike && same < answer.len()
 }
 
 /// The unit in an answer of this framing.

@@ -33,6 +33,8 @@ pub struct Report {
     sentence: String,
     /// Those that tell how the line works, and which of them failed.
     requests: Share,
+    /// All requests are for all units, which do not answer: that no answer came says nothing.
+    has_broadcasts_only: bool,
     unexplained: Vec<Json>,
     /// Units that fail without a known cause.
     without_cause: Vec<(DiagnosisRow, Course)>,
@@ -70,6 +72,7 @@ impl Report {
         let (word, sentence) =
             verdict::verdict(&buses, contrast.is_selection(), &rows, without_cause.first().map(|(row, _)| row));
         let requests = buses.iter().fold(Share::default(), |sum, (_, bus)| sum.with(bus.requests_seen.share()));
+        let has_broadcasts_only = verdict::broadcasts_only(&buses).is_some();
         let unexplained = rest.iter().filter(|(_, rest)| rest.odd.total() > 0);
         let unexplained = unexplained.map(|(bus, rest)| {
             let words = course::in_words(rest.unexplained, rest.odd);
@@ -85,6 +88,7 @@ impl Report {
             verdict: word.text(),
             sentence,
             requests,
+            has_broadcasts_only,
             unexplained,
             without_cause,
             reserves,
@@ -96,7 +100,7 @@ impl Report {
     /// answered.
     #[must_use]
     pub fn with_unread(mut self, said: impl FnOnce(bool) -> Option<String>) -> Self {
-        if self.verdict != Verdict::Unknown.text() || !self.rows.is_empty() {
+        if self.verdict != Verdict::Unknown.text() || !self.rows.is_empty() || self.has_broadcasts_only {
             return self;
         }
         if let Some(said) = said(self.requests.failed < self.requests.total) {
@@ -146,6 +150,11 @@ impl Report {
 
 /// The claims of a bus, weighed, and how much of what is odd none explains.
 fn claims(view: &View<'_>) -> (Vec<Claim>, Rest) {
+    if let Some(lists) = &view.bus.lists {
+        let mut claims = crate::sight::suspected_in_lists(view, lists);
+        let rest = attribute(view, &mut claims, &[]);
+        return (claims, rest);
+    }
     let (mut claims, all) = kinds::claims(view);
     for claim in &mut claims {
         claim.certainty = certainty(view.bus, claim);

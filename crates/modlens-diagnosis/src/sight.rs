@@ -1,6 +1,7 @@
 //! What a few examples suggest, where there are too few requests for a contrast: the cause that explains the symptoms best.
 
 use crate::claim::{Certainty, Claim, View};
+use crate::contrast::lists::Lists;
 use crate::contrast::tally::Tally;
 use crate::contrast::Symptom;
 use crate::table::{diagnoses, Diagnosis, UNNAMED};
@@ -21,7 +22,20 @@ type Seen = (Symptom, Tally, Option<u8>);
 
 /// The causes that the symptoms suggest, the best explanation first.
 pub fn suspected(view: &View<'_>) -> Vec<Claim> {
-    let mut seen = by_symptom(view);
+    explained(view, by_symptom(view))
+}
+
+/// The same of two lists one after the other: by what each frame shows by itself, and by answers that no request asks for.
+pub fn suspected_in_lists(view: &View<'_>, lists: &Lists) -> Vec<Claim> {
+    let mut seen: Vec<Seen> = Vec::new();
+    all(view)
+        .filter(|(symptom, _, _)| symptom.is_of_frame())
+        .for_each(|(symptom, unit, tally)| add(&mut seen, symptom, unit, tally));
+    lists.other_length.iter().for_each(|(unit, tally)| add(&mut seen, Symptom::OtherLength, Some(*unit), tally));
+    explained(view, seen)
+}
+
+fn explained(view: &View<'_>, mut seen: Vec<Seen>) -> Vec<Claim> {
     let mut claims = Vec::new();
     while claims.len() < MOST_CAUSES {
         let Some((mut claim, cause)) = best(&seen) else { break };
@@ -46,15 +60,35 @@ fn by_symptom(view: &View<'_>) -> Vec<Seen> {
             }
             _ => symptom,
         };
-        match seen.iter_mut().find(|(other, _, _)| *other == symptom) {
-            Some((_, all, of)) => {
-                all.merge(tally);
-                *of = of.filter(|of| Some(*of) == unit);
-            }
-            None => seen.push((symptom, tally.clone(), unit)),
-        }
+        add(&mut seen, symptom, unit, tally);
     }
+    push_out(view, &mut seen);
     seen
+}
+
+/// Adds examples of a symptom, and forgets the unit where they are of several.
+fn add(seen: &mut Vec<Seen>, symptom: Symptom, unit: Option<u8>, tally: &Tally) {
+    match seen.iter_mut().find(|(other, _, _)| *other == symptom) {
+        Some((_, all, of)) => {
+            all.merge(tally);
+            *of = of.filter(|of| Some(*of) == unit);
+        }
+        None => seen.push((symptom, tally.clone(), unit)),
+    }
+}
+
+/// A byte or two in front of each answer that lacks its last byte: who counts bytes has read them in its place.
+fn push_out(view: &View<'_>, seen: &mut Vec<Seen>) {
+    let count = |symptom| seen.iter().find(|(one, _, _)| *one == symptom).map_or(0, |(_, all, _)| all.failed);
+    let strays: u64 = view.bus.units.values().map(|counts| counts.strays[0].failed).sum();
+    let others = seen.iter().any(|(symptom, _, _)| !matches!(symptom, Symptom::AnswerEnd | Symptom::Stray | Symptom::Noise));
+    if others || count(Symptom::AnswerEnd) == 0 || strays < count(Symptom::AnswerEnd) {
+        return;
+    }
+    seen.retain(|(symptom, _, _)| *symptom == Symptom::AnswerEnd);
+    for (symptom, _, _) in seen {
+        *symptom = Symptom::AnswerShifted;
+    }
 }
 
 /// The symptoms of a bus with their examples.

@@ -23,6 +23,8 @@ pub(super) struct Before {
     pub is_repeated: bool,
     /// The request before.
     pub asked: Option<RequestKey>,
+    /// The recording shows no answer to the request before.
+    pub is_open: bool,
     /// From the start of the request before, to which no answer was seen, to that of this one.
     pub hasty: Option<Ns>,
     /// Its transaction identifier.

@@ -14,6 +14,7 @@ use super::before::Before;
 use super::clean_units::CleanUnits;
 use super::context::{Around, Context, GoodFrame, LEAST_ANSWER_BYTES};
 use super::known_requests::RequestMemory;
+use super::lists::Lists;
 use super::network::Connections;
 use super::noise::NoiseRuns;
 use super::request::{RequestCounts, MAX_REQUESTS};
@@ -110,6 +111,10 @@ pub struct BusContrast {
     pub requests: Sample<RequestKey, RequestCounts, MAX_REQUESTS>,
     /// TCP connections.
     pub connections: Connections,
+    /// Writes to unit 0, which nobody answers.
+    pub broadcasts: u64,
+    /// A short recording is two lists one after the other.
+    pub lists: Option<Lists>,
     pub(super) context: Context,
     /// The first rows, which are counted when it is known what came before.
     first_frames: VecDeque<FrameObservation>,
@@ -285,6 +290,9 @@ impl BusContrast {
         // A bus that has already counted everything it takes.
         (all.frames_seen, all.transactions_seen) = (WINDOW as u64, WINDOW as u64);
         all.merge(self);
+        if self.frames_seen <= WINDOW as u64 && self.transactions_seen <= WINDOW as u64 && !self.facts.is_network {
+            all.lists = Lists::of(&self.first_frames, &self.first_transactions);
+        }
         all
     }
 
@@ -310,6 +318,7 @@ impl BusContrast {
         self.requests_seen.merge(&later.requests_seen);
         self.symptoms.merge(&later.symptoms);
         self.hasty.merge(&later.hasty);
+        self.broadcasts += later.broadcasts;
         self.steps_behind.merge(&later.steps_behind);
         self.step_runs.merge(&later.step_runs);
         for (unit, more) in &later.units {
@@ -393,6 +402,7 @@ impl BusContrast {
             }
             self.step_runs.count(seen.is_step_behind);
         }
+        self.broadcasts += u64::from(seen.outcome == Outcome::Unknown);
         if seen.outcome.counts() {
             self.requests_seen.count(seen.outcome.is_failure(), seen.place);
         }

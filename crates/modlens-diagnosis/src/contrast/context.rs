@@ -9,7 +9,9 @@ use modlens_protocol::Ns;
 use super::before::Before;
 use super::recent::{Answer, RecentAnswers};
 use super::tally::Place;
-use crate::observation::{apart, is_write, response_part, Data, FrameObservation, Observation, Outcome, RequestKey, Shift, FAR};
+use crate::observation::{
+    apart, is_altered, is_write, response_part, Data, FrameObservation, Observation, Outcome, RequestKey, Shift, FAR,
+};
 
 /// A write is remembered for so many transactions.
 const WRITE_MEMORY: u64 = 4;
@@ -139,6 +141,8 @@ pub(super) struct Context {
     previous_request: Option<PreviousRequest>,
     /// The last request that could be read, whether the recording shows what came of it or not.
     asked: Option<RequestKey>,
+    /// The recording shows no answer to the last transaction.
+    is_open: bool,
     /// The frame of the last answer, and the identifier of the last request.
     last_answer_frame: u64,
     last_id: Option<u16>,
@@ -202,6 +206,7 @@ impl Context {
         seen.damage = Some(response_part(&run.bytes, seen.unit, seen.function, &[]));
         let head = run.bytes.len().min(seen.request_head.len());
         seen.is_own_echo = run.bytes[..head] == seen.request_head[..head];
+        seen.is_altered_echo = run.length == seen.lengths[0] && is_altered(&seen.request_head, &run.bytes);
         seen.lengths[1] = run.length;
     }
 
@@ -224,6 +229,7 @@ impl Context {
             overtaken,
             asked,
             id: self.last_id,
+            is_open: self.is_open,
             hasty,
         }
     }
@@ -260,6 +266,7 @@ impl Context {
         self.compare(seen);
         self.note_order(seen);
         self.open_since = seen.starts[0].filter(|_| seen.outcome == Outcome::NotSeen);
+        self.is_open = matches!(seen.outcome, Outcome::Silent | Outcome::NotSeen);
         self.previous_answer = match (seen.outcome, seen.starts) {
             (Outcome::Good | Outcome::Refused, [Some(requested), Some(came)]) => {
                 Some(PreviousAnswer { unit: seen.unit, place: seen.place, requested, came })
@@ -318,7 +325,7 @@ impl Context {
     /// Notes exchanges that went well, the last of which asked this; their data are already among the `recent` ones.
     #[inline]
     pub fn follow_clean(&mut self, key: RequestKey) {
-        (self.previous, self.after_failure) = (Some((key.unit, false)), 0);
+        (self.previous, self.after_failure, self.is_open) = (Some((key.unit, false)), 0, false);
         self.previous_request = Some(PreviousRequest { key, failed: false, age: 0 });
         self.asked = Some(key);
     }
@@ -395,6 +402,7 @@ impl Context {
             self.previous_answer = later.previous_answer;
             self.last_answer_frame = later.last_answer_frame;
             self.open_since = later.open_since;
+            self.is_open = later.is_open;
             self.last_id = later.last_id.or(self.last_id);
             self.recent.clone_from(&later.recent);
         }

@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Verdict;
 use modlens_protocol::functions::{Functions, StandardLayout, EXCEPTION_BIT};
+use modlens_protocol::mbap::PREFIX_BYTES;
 use modlens_protocol::oddity::{is_of_driver, is_swapped, is_text, Oddity};
+use modlens_protocol::Ns;
 
 use super::before::Before;
 use super::tally::{Place, Tally};
@@ -70,7 +72,7 @@ symptoms! {
     RequestLayout = "request_layout",
     /// What came as the answer is a frame in hex digits.
     AnswerDigits = "answer_digits",
-    /// The answer is the request with a byte or two changed.
+    /// The answer is the request with some of its bits changed.
     AlteredEcho = "altered_echo",
     /// The answer stops before its end, and is right as far as it goes.
     AnswerCut = "answer_cut",
@@ -108,6 +110,8 @@ symptoms! {
     RefusedAddress = "refused_address",
     /// Refused: exception 3.
     RefusedValue = "refused_value",
+    /// The same of a quantity that the protocol does not allow.
+    RefusedQuantity = "refused_quantity",
     /// The same of a request that writes one value: there is no quantity to refuse.
     RefusedOneValue = "refused_one_value",
     /// Refused: exception 4.
@@ -130,6 +134,11 @@ impl Symptom {
     /// Whether a frame is built wrongly, by the program that made it.
     pub fn is_of_layout(self) -> bool {
         (Self::CountMissing..=Self::AnswerDigits).contains(&self)
+    }
+
+    /// Whether a frame shows it by itself, whatever came before it.
+    pub fn is_of_frame(self) -> bool {
+        self.is_of_layout() || self.is_refusal() || matches!(self, Self::Stray | Self::Text)
     }
 
     /// Whether the request was refused by an exception.
@@ -216,6 +225,7 @@ fn of_transaction(seen: &Observation, before: Before) -> Option<Symptom> {
         _ if seen.is_altered_echo => Symptom::AlteredEcho,
         _ if seen.is_own_echo || has(Finding::LocalEcho) => Symptom::Echo,
         Outcome::Garbled if has(Finding::ResponseLength) => Symptom::OtherLength,
+        Outcome::Garbled if seen.is_cut && seen.damage.is_none() => cut(seen),
         Outcome::Garbled | Outcome::NotSeen if seen.damage.is_some() => return garbled(seen),
         Outcome::BadRequest if seen.damage == Some(DamagedPart::End) => Symptom::RequestEnd,
         Outcome::BadRequest => Symptom::RequestInside,
@@ -227,10 +237,32 @@ fn of_transaction(seen: &Observation, before: Before) -> Option<Symptom> {
         _ if has(Finding::WrongFunction) => Symptom::OtherFunction,
         _ if has(Finding::TransactionId) => Symptom::OtherId,
         _ if has(Finding::ResponseLength) => Symptom::OtherLength,
+        _ if seen.is_step_behind && is_crossed(seen, before) => Symptom::RequestCrossed,
         _ if seen.is_step_behind => Symptom::StepBehind,
         _ => return None,
     };
     Some(symptom)
+}
+
+/// No master gives up sooner than this.
+const LEAST_TIMEOUT: Ns = 20_000_000;
+
+/// Whether another unit was asked so soon after the request before, which was answered later, that it was not the same master.
+fn is_crossed(seen: &Observation, before: Before) -> bool {
+    let is_other = |(unit, _, waited, _): (u8, Place, Ns, Ns)| unit != seen.unit && waited < LEAST_TIMEOUT;
+    seen.id.is_none() && before.overtaken.is_some_and(is_other)
+}
+
+/// The symptom of an answer over Modbus/TCP of which a part came: its function code may be that of no answer to the request.
+fn cut(seen: &Observation) -> Symptom {
+    of_other_function(seen).unwrap_or(Symptom::AnswerCut)
+}
+
+/// Of bytes that begin as an answer over Modbus/TCP to the request of this identifier: whether they are of another function.
+fn of_other_function(seen: &Observation) -> Option<Symptom> {
+    let (head, pdu) = seen.answer_head.split_at_checked(PREFIX_BYTES + 1)?;
+    let is_of_request = head[..4] == [seen.id?.to_be_bytes(), [0, 0]].concat()[..];
+    (is_of_request && pdu.first()? & !EXCEPTION_BIT != seen.function).then_some(Symptom::OtherFunction)
 }
 
 /// The symptom of a refusal.
@@ -240,6 +272,7 @@ fn refusal(seen: &Observation) -> Symptom {
     match seen.exception {
         Some(1) => Symptom::RefusedFunction,
         Some(2) => Symptom::RefusedAddress,
+        Some(3) if seen.findings.has(Finding::QuantityLimit) => Symptom::RefusedQuantity,
         Some(3) if writes_one() => Symptom::RefusedOneValue,
         Some(3) => Symptom::RefusedValue,
         Some(4) => Symptom::RefusedFailure,
@@ -279,6 +312,7 @@ fn garbled(seen: &Observation) -> Option<Symptom> {
         DamagedPart::Whole if (1..=2).any(|by| bytes.get(by..by + 2) == Some(&head)) => Symptom::AnswerShifted,
         DamagedPart::Whole if matches!(Oddity::of(bytes), Some(Oddity::Digits(_))) => Symptom::AnswerDigits,
         DamagedPart::Whole if is_text(bytes) => Symptom::AnswerText,
+        DamagedPart::Whole if seen.id.is_some() => return of_other_function(seen),
         DamagedPart::Whole if bytes.len() >= 3 && bytes.iter().all(|byte| is_of_driver(*byte)) => Symptom::AnswerInverted,
         DamagedPart::Whole => Symptom::AnswerWhole,
     };
@@ -304,6 +338,7 @@ fn unasked(seen: &Observation, before: Before) -> Option<Symptom> {
         Some(key) if seen.id.is_some() && key.unit != seen.unit && key.function != seen.function => Some(Symptom::OtherHead),
         Some(key) if seen.answer_head.get(1..3) == Some(&[key.unit, key.function]) => Some(Symptom::AnswerShifted),
         Some(key) if key.unit != seen.unit => Some(Symptom::OtherUnit),
+        Some(key) if before.is_open && key.function != seen.function => Some(Symptom::OtherFunction),
         Some(_) => Some(Symptom::SecondAnswer),
     }
 }

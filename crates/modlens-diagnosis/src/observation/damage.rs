@@ -2,8 +2,9 @@
 
 use modlens_engine::records::{Batch, Frame, Transaction};
 use modlens_protocol::checksum::{correctable_bit, crc16, crc_valid};
-use modlens_protocol::direction::Direction;
+use modlens_protocol::direction::{expected_data_bytes, Direction};
 use modlens_protocol::framing::{Mode, Verdict};
+use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
 
 /// The damaged part of a frame.
@@ -93,11 +94,16 @@ fn fits_with_start(wire: &[u8], head: [u8; 2]) -> bool {
     })
 }
 
-/// Length of an answer: as its byte count says, or eight bytes where a write is confirmed (section 6 of the application
-/// protocol).
+/// Length of an answer: as its byte count says, if that is what was asked for, or eight bytes where a write is confirmed
+/// (section 6 of the application protocol).
 fn response_length(wire: &[u8], request: &[u8]) -> Option<usize> {
     match request.first()? {
-        1..=4 | 23 => Some(5 + usize::from(*wire.get(2)?)),
+        1..=4 | 23 => {
+            let count = usize::from(*wire.get(2)?);
+            let row = Functions::embedded().row(request[0], &request[1..])?;
+            let is_asked = expected_data_bytes(row, request).is_none_or(|expected| expected == count);
+            is_asked.then_some(5 + count)
+        }
         5 | 6 | 15 | 16 => Some(8),
         _ => None,
     }
@@ -135,5 +141,9 @@ mod tests {
         assert_eq!(part(&[1, 3, 2, 0, 6, 0xF9, 0x86]), DamagedPart::Bit);
         assert_eq!(part(&[1, 3, 2, 0x55, 0x66, 0xF9, 0x86]), DamagedPart::Inside);
         assert_eq!(part(&[0, 2, 0, 9, 0, 0]), DamagedPart::Whole);
+        // With a byte count that nobody asked for, one byte that fits says nothing: the checksum of 01 03 04 00 07 00 09 begins with
+        // 8B.
+        assert_eq!(crc16(&[1, 3, 4, 0, 7, 0, 9]).to_le_bytes()[0], 0x8B);
+        assert_eq!(part(&[1, 3, 4, 0, 7, 0, 9, 0x8B]), DamagedPart::Inside);
     }
 }

@@ -92,11 +92,29 @@ fn has_wide_count(frame: &[u8]) -> bool {
     matches!(body(frame), Some([0, count, data @ ..]) if !data.is_empty() && usize::from(*count) == data.len() && read_of(frame[1]).is_some())
 }
 
+/// The bytes of an RTU answer to a request for so many: unit, function, byte count, data and checksum; eight where a write is
+/// confirmed (section 6 of the application protocol). `None` of other functions.
+pub(crate) fn answer_length(function: u8, quantity: u16) -> Option<u32> {
+    let data = data_length(function, quantity).map(|data| data + 5);
+    data.or_else(|| is_write(function).then_some(WRITE_ANSWER))
+}
+
+/// The length of the answer to a write of one or several.
+const WRITE_ANSWER: u32 = 8;
+
+fn is_write(function: u8) -> bool {
+    let kind = Functions::embedded().standard_request(function).map(|request| request.kind);
+    matches!(kind, Some(StandardLayout::WriteOne | StandardLayout::WriteBits | StandardLayout::WriteRegisters))
+}
+
+fn data_length(function: u8, quantity: u16) -> Option<u32> {
+    let read = read_of(function)?;
+    Some(if read == StandardLayout::ReadBits { u32::from(quantity).div_ceil(8) } else { 2 * u32::from(quantity) })
+}
+
 /// Whether an answer of this length lacks the byte count of what was asked for: unit, function, data and checksum are all.
 pub(crate) fn lacks_count(length: u32, function: u8, quantity: u16) -> bool {
-    let Some(read) = read_of(function) else { return false };
-    let data = if read == StandardLayout::ReadBits { u32::from(quantity).div_ceil(8) } else { 2 * u32::from(quantity) };
-    length == data + 4
+    data_length(function, quantity).is_some_and(|data| length == data + 4)
 }
 
 #[cfg(test)]

@@ -19,6 +19,9 @@ pub(super) fn of_bus(name: &str, bus: &BusContrast) -> Vec<Json> {
     let mut found = Vec::new();
     let mut say = |what: &str, needs: &str| found.push(json!({"bus": name, "what": what, "needs": needs}));
     let requests = bus.requests_seen.total;
+    if let Some(lists) = &bus.lists {
+        say(&format!("pairs and times: {}", lists.words()), BOTH_DIRECTIONS);
+    }
     if requests == 0 && bus.answers_alone() > 1 {
         say("what was asked, and when: no request is in the recording", BOTH_DIRECTIONS);
     } else if requests < FEW {

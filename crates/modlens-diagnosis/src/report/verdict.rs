@@ -110,6 +110,9 @@ pub(super) fn verdict(
         format!("{} of {} requests failed{}", thousands(share.failed), thousands(share.total), refusals(" and"))
     };
     let judged = Judged::of(buses, is_selection);
+    if let Some(lists) = buses.iter().find_map(|(_, bus)| bus.lists.as_ref()) {
+        return (Verdict::Unknown, suspected.unwrap_or_else(|| format!("{UNJUDGED}: {}.", lists.words())));
+    }
     if let Some(worst) = worst {
         let is_aside = share.failed == 0 && refused.failed > 0 && !EXPLAIN_REFUSALS.contains(&worst.code);
         let cause = format!("{}: {}", if is_aside { "What else was found" } else { rest(rows) }, worst.sentence);
@@ -139,6 +142,12 @@ pub(super) fn verdict(
             format!("{UNJUDGED}: {count} answers, and no request among them: the recording hears one direction."),
         );
     }
+    if let Some(count) = broadcasts_only(buses) {
+        let writes =
+            if count == 1 { String::from("the only request is") } else { format!("all {} requests are", thousands(count)) };
+        let what = format!("{writes} to unit 0, that is to all units, and none answers that: a master does not wait there");
+        return (Verdict::Unknown, format!("{UNJUDGED}: {what}."));
+    }
     if share.total < FEW {
         let is_whole =
             buses.iter().all(|(_, bus)| (bytes_of_frames(bus), bus.symptoms.all().count()) == (bytes_of_good_frames(bus), 0));
@@ -166,6 +175,13 @@ pub(super) fn verdict(
         refusals(", but")
     );
     (Verdict::Healthy, judged.state("is healthy", &numbers))
+}
+
+/// The requests of a recording that has no others than those to all units.
+pub(super) fn broadcasts_only(buses: &[(&str, BusContrast)]) -> Option<u64> {
+    let count = buses.iter().map(|(_, bus)| bus.broadcasts).sum();
+    let has_others = |bus: &BusContrast| bus.units.values().any(|unit| unit.failures.total + unit.not_seen.failed > 0);
+    (count > 0 && !buses.iter().any(|(_, bus)| has_others(bus))).then_some(count)
 }
 
 /// The verdict where examples suggest a cause.
