@@ -149,3 +149,42 @@ def test_a_byte_in_front_explains_that_the_last_one_is_missing(tmp_path: Path) -
     sentence = said([asked, f"RX: {(bytes([0x1D]) + answer[:-1]).hex(' ')}"], tmp_path)
     assert "A stray byte came before the answer" in sentence
     assert "lacks its last byte" in said([asked, f"RX: {answer[:-1].hex(' ')}"], tmp_path)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "The ideal answer would be: ",
+        "Expected: ",
+        "Die Antwort sollte lauten: ",
+        "La réponse attendue: ",
+        "La respuesta debería ser: ",
+        "Должно быть: ",
+        "正确的应该是: ",
+        "From the manual, as an example:\n",
+        "const uint8_t expected[] = ",
+    ],
+)
+def test_an_answer_that_only_should_have_come_is_none(words: str, tmp_path: Path) -> None:
+    """What came is cut; the whole answer below it was never on the line."""
+    lines = [f"TX: {REQUEST.hex(' ')}", f"RX: {ANSWER[:7].hex(' ')}", words + ANSWER.hex(" ")]
+    assert "stops before its end" in said(lines, tmp_path)
+
+
+def test_what_the_other_side_received_is_compared_with_the_request(tmp_path: Path) -> None:
+    """The highest bit of each byte is lost: seven data bits in place of eight."""
+    asked = rtu(0x81, bytes([3, 0, 0xC8, 0, 2]))
+    heard = bytes(byte & 0x7F for byte in asked)
+    lines = [f"Sent      : {asked.hex(' ')}", f"Slave got : {heard.hex(' ')}"]
+    sentence = said(lines, tmp_path)
+    assert "request" in sentence
+    assert "with some bits changed" in sentence
+
+
+def test_a_request_without_answer_beside_others_is_named(tmp_path: Path) -> None:
+    other = rtu(8, bytes([3, 0, 0, 0, 1]))
+    lines = [f"TX: {other.hex(' ')}", "RX:", f"TX: {REQUEST.hex(' ')}", f"RX: {ANSWER.hex(' ')}"]
+    assert "No answer of unit 8 is in the recording" in said(lines, tmp_path)
+    # The last one may have been answered after the end of the text.
+    sentence = said([*lines[2:], lines[0]], tmp_path)
+    assert "no answer to another one is in the recording" in sentence

@@ -14,7 +14,6 @@ use modlens_protocol::Ns;
 
 pub(crate) use damage::response_part;
 pub use damage::{DamagedPart, DAMAGED_PARTS};
-pub(crate) use echo::is_altered;
 pub use layout::LayoutFault;
 pub(crate) use layout::{answer_length, lacks_count};
 

@@ -278,6 +278,11 @@ impl BusContrast {
         }
     }
 
+    /// Whether the recording ends with a request whose answer may have come later.
+    pub fn ends_open(&self) -> bool {
+        self.context.is_open()
+    }
+
     /// Takes a connection that is over.
     pub(crate) fn connection(&mut self, row: &Connection) {
         (self.facts.is_network, self.facts.clock) = (true, row.clock);

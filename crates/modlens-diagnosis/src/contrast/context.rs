@@ -4,14 +4,13 @@ use std::collections::BTreeMap;
 
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::{Mode, Verdict};
+use modlens_protocol::oddity::is_altered;
 use modlens_protocol::Ns;
 
 use super::before::Before;
 use super::recent::{Answer, RecentAnswers};
 use super::tally::Place;
-use crate::observation::{
-    apart, is_altered, is_write, response_part, Data, FrameObservation, Observation, Outcome, RequestKey, Shift, FAR,
-};
+use crate::observation::{apart, is_write, response_part, Data, FrameObservation, Observation, Outcome, RequestKey, Shift, FAR};
 
 /// A write is remembered for so many transactions.
 const WRITE_MEMORY: u64 = 4;
@@ -247,6 +246,11 @@ impl Context {
     pub fn request_before(&self) -> Option<RequestKey> {
         self.previous.filter(|(_, was_silent)| !was_silent && self.after_failure == 0 && self.open_since.is_none())?;
         self.previous_request.filter(|before| before.age == 0).map(|before| before.key)
+    }
+
+    /// Whether the recording shows no answer to the last transaction.
+    pub fn is_open(&self) -> bool {
+        self.is_open
     }
 
     /// Whether the next transaction stands shortly after a write.

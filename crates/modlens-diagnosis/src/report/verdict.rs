@@ -151,7 +151,10 @@ pub(super) fn verdict(
     if share.total < FEW {
         let is_whole =
             buses.iter().all(|(_, bus)| (bytes_of_frames(bus), bus.symptoms.all().count()) == (bytes_of_good_frames(bus), 0));
-        return (Verdict::Unknown, format!("{UNJUDGED}: {}.", too_few(share, refused, is_whole, bytes(FrameVerdict::Noise))));
+        let open =
+            buses.iter().flat_map(|(_, bus)| bus.units.values()).map(|unit| unit.not_seen.failed - unit.silent.failed).sum();
+        let why = too_few(share, refused, is_whole, bytes(FrameVerdict::Noise));
+        return (Verdict::Unknown, format!("{UNJUDGED}: {why}{}.", beside(share, open)));
     }
     if let Some(open) = open.filter(|open| open.severity != Severity::Info) {
         return (Verdict::Trouble, format!("{}. {}", judged.problems(&numbers), open.sentence));
@@ -197,6 +200,15 @@ fn word(certainty: &str) -> &'static str {
         "Likely"
     } else {
         "Suspected"
+    }
+}
+
+/// The requests whose outcome the recording does not show, beside others.
+fn beside(share: Share, open: u64) -> String {
+    match open {
+        _ if share.total == 0 || open == 0 => String::new(),
+        1 => String::from("; no answer to another one is in the recording"),
+        count => format!("; no answer to {count} others is in the recording"),
     }
 }
 

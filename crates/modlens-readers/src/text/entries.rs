@@ -251,6 +251,12 @@ impl EntryAssembler {
         (!is_known || side == stream.side) && !may_be_echo && self.number <= stream.number + MAX_LINES_TO_COPY
     }
 
+    /// The frame that was delivered a few lines before the line of this number.
+    pub fn frame_before(&self, number: u64) -> Option<&[u8]> {
+        let is_near = |stream: &&DeviceStream| !stream.is_mid_frame && number <= stream.number + MAX_LINES_TO_COPY;
+        self.streams.first().filter(is_near).map(|stream| &stream.group[..])
+    }
+
     /// Whether these bytes are the RTU form of the MBAP frame that was delivered last: servers take the header off, put a CRC
     /// after the unit and the PDU, and print that as well. A gateway that passes a frame on has received one and sent the other.
     fn is_inner_copy(&self, entry_bytes: &EntryBytes<'_>, framing: Option<Mode>) -> bool {

@@ -62,11 +62,19 @@ const REPORTS: [(&[&str], &str, Option<&str>); 4] = [
         None,
     ),
     (
-        &["timed out", "timeout", "no response", "no answer"],
+        &["timed out", "timeout", "no response", "no answer", "no reply", "(0 received)", "received 0 bytes"],
         "that no answer came in time: power, wires, rate and address of the unit, and whether anything comes back at all",
         Some("that no answer came in time; other requests were answered"),
     ),
 ];
+
+/// A line that nothing could read, and the frame that was read shortly before it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct UnreadLine<'a> {
+    pub number: u64,
+    pub text: &'a [u8],
+    pub before: &'a [u8],
+}
 
 /// What unread lines show.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -92,26 +100,29 @@ impl From<String> for Said {
 /// What the bytes of a text show, or what it reports in words; `None` if neither says anything.
 pub(super) fn named(text: &[u8]) -> Option<String> {
     let lines = text.split(|&byte| byte == b'\n').take(MOST_LINES);
-    named_lines((1..).zip(lines)).map(|said| said.words(false).to_owned())
+    named_lines((1..).zip(lines).map(|(number, text)| UnreadLine { number, text, before: &[] }))
+        .map(|said| said.words(false).to_owned())
 }
 
-/// The same of some lines, each with its number.
-pub(super) fn named_lines<'a>(lines: impl Iterator<Item = (u64, &'a [u8])> + Clone) -> Option<Said> {
-    let words = || reported(lines.clone().map(|(_, line)| line));
-    let bytes = || lines.clone().find_map(|(number, line)| no_frame(number, line));
+/// The same of lines that nothing could read.
+pub(super) fn named_lines<'a>(lines: impl Iterator<Item = UnreadLine<'a>> + Clone) -> Option<Said> {
+    let words = || reported(lines.clone().map(|line| line.text));
+    let bytes = || lines.clone().find_map(|line| no_frame(line.number, line.text));
     odd_bytes(lines.clone()).map(Said::from).or_else(words).or_else(|| bytes().map(Said::from))
 }
 
-/// What the bytes of the first line show whose bytes are odd by themselves, or as the answer to those of the line before.
-fn odd_bytes<'a>(lines: impl Iterator<Item = (u64, &'a [u8])>) -> Option<String> {
+/// What the bytes of the first line show whose bytes are odd by themselves, or beside those of the line before.
+fn odd_bytes<'a>(lines: impl Iterator<Item = UnreadLine<'a>>) -> Option<String> {
     let mut before = Vec::new();
-    for (number, line) in lines {
-        let line = without_emphasis(line);
+    for UnreadLine { number, text, before: read } in lines {
+        let line = without_emphasis(text);
         let Some(bytes) = single_digits(&line).or_else(|| longest_hex(&line)) else { continue };
         if bytes.len() < LEAST_BYTES {
             continue;
         }
-        if let Some(oddity) = Oddity::of(&bytes).or_else(|| Oddity::of_answer(&before, &bytes)) {
+        let beside = |before: &[u8]| Oddity::of_answer(before, &bytes).or_else(|| Oddity::of_copy(before, &bytes));
+        let own = || Oddity::of(&bytes);
+        if let Some(oddity) = Oddity::of_copy(read, &bytes).or_else(own).or_else(|| beside(&before)) {
             return Some(format!("in line {number} {}", oddity.words()));
         }
         before = bytes;
@@ -206,9 +217,29 @@ mod tests {
         }
     }
 
+    fn line(text: &[u8]) -> UnreadLine<'_> {
+        UnreadLine { number: 1, text, before: &[] }
+    }
+
+    #[test]
+    fn what_the_other_side_received_is_compared_with_what_was_sent() {
+        // 01 01 00 00 00 66 has the checksum BC 20: neither line is a frame, and one is the other with a byte in front.
+        let text = b"sent:\n[01][01][00][00][00][67][7C][26]\nsimulator:\n[FF][01][01][00][00][00][67][7C][26]\n";
+        assert!(named(text)
+            .is_some_and(|words| words.contains("in line 4 the bytes are those of the line before with one more in front")));
+        // 01 03 00 00 00 02 C4 0B, and the same with the highest bit of each byte set.
+        let read = [1, 3, 0, 0, 0, 2, 0xC4, 0x0B];
+        let heard = UnreadLine { number: 7, text: b"scope: 81 83 80 80 80 82 C4 8B", before: &read };
+        let said = named_lines([heard].into_iter()).expect("a reason");
+        assert!(said.words(false).starts_with("in line 7 the bytes are the request before with some bits changed"), "{said:?}");
+        let other = UnreadLine { text: b"answer: 9A 3C E1 55 47 B2 0D 66", ..heard };
+        let said = named_lines([other].into_iter()).expect("a reason");
+        assert!(said.words(false).contains("are no frame"), "{said:?}");
+    }
+
     #[test]
     fn where_others_were_answered_nobody_is_sent_to_the_wires() {
-        let said = named_lines([(1, &b"ERROR Connection timed out: select"[..])].into_iter()).expect("a reason");
+        let said = named_lines([line(b"ERROR Connection timed out: select")].into_iter()).expect("a reason");
         assert_eq!(said.words(true), "a line reports that no answer came in time; other requests were answered");
         assert!(said.words(false).starts_with("a line reports that no answer came in time: power, wires"));
     }

@@ -16,31 +16,108 @@ const LAST_LINE: u64 = 500;
 /// Prose in one line is not longer.
 const MAX_CHARS: usize = 400;
 
-/// What announces bytes that should have come.
-const SHOULD: [&str; 15] = [
+/// What announces bytes that should have come, or that a manual has as an example; in some languages of those who ask.
+const SHOULD: &[&str] = &[
     "should be",
     "should have been",
     "should look",
     "should return",
     "should answer",
+    "should respond",
+    "should send",
+    "should receive",
+    "should get",
     "supposed to be",
     "supposed to look",
     "i expect",
     "would expect",
     "was expecting",
+    "were expecting",
+    "answer would be",
+    "reply would be",
+    "response would be",
+    "frame would be",
+    "one would be",
     "correct response",
     "correct answer",
     "correct frame",
     "correct one",
     "correct reply",
+    "expected answer",
+    "expected reply",
+    "expected response",
+    "ideal answer",
+    "ideal reply",
+    "ideal response",
+    "example answer",
+    "example response",
+    "example reply",
+    "from the datasheet",
+    "from the data sheet",
+    "from the manual",
+    "from the documentation",
+    "in the manual",
+    "sollte ",
+    "sollten ",
+    "m\u{fc}sste",
+    "muesste",
+    "erwartet",
+    "richtig w\u{e4}re",
+    "devrait",
+    "devraient",
+    "attendu",
+    "deber\u{ed}a",
+    "esperad",
+    "esperaba",
+    "deveria",
+    "dovrebbe",
+    "zou moeten",
+    "verwacht",
+    "powinn",
+    "\u{434}\u{43e}\u{43b}\u{436}\u{43d}",
+    "\u{43e}\u{436}\u{438}\u{434}\u{430}",
+    "\u{5e94}\u{8be5}",
+    "\u{5e94}\u{4e3a}",
+    "\u{6b63}\u{786e}\u{7684}",
 ];
 
 /// What announces bytes that did come.
-const DID: [&str; 11] =
-    ["but", "i get", "i got", "receiv", "actual", "wrong", "sends", "however", "instead i", "returns", "i see"];
+const DID: &[&str] = &[
+    "but",
+    "i get",
+    "i got",
+    "we get",
+    "receiv",
+    "actual",
+    "wrong",
+    "sends",
+    "however",
+    "instead i",
+    "returns",
+    "i see",
+    "here is",
+    "here's",
+    "here are",
+    " log",
+    "bekomme",
+    "kommt",
+    "empfang",
+    "erhalte",
+    "re\u{e7}oi",
+    "re\u{e7}u",
+    "recib",
+    "riceve",
+    "ontvang",
+    "\u{43f}\u{43e}\u{43b}\u{443}\u{447}",
+    "\u{6536}\u{5230}",
+    "\u{5b9e}\u{9645}",
+];
 
 /// Lines that are nothing but such a word.
-const SHOULD_ALONE: [&str; 7] = ["true", "right", "correct", "expected", "good", "should be", "expectation"];
+const SHOULD_ALONE: &[&str] = &["true", "right", "correct", "expected", "good", "should be", "expectation", "ideal", "soll"];
+
+/// Such a word right in front of bytes, perhaps as the name of an array.
+const SHOULD_LAST: &[&str] = &["expected", "expect", "expectation", "ideal", "soll"];
 
 /// Whether the words of a text announce bytes that should have come (`Some(true)`), or that did; `None` without any.
 fn announces(text: &[u8]) -> Option<bool> {
@@ -53,7 +130,7 @@ fn announces(text: &[u8]) -> Option<bool> {
         return Some(true);
     }
     let last = |words: &[&str]| words.iter().filter_map(|word| text.rfind(word)).max();
-    match (last(&SHOULD), last(&DID)) {
+    match (last(SHOULD), last(DID)) {
         (None, None) => None,
         (should, did) => Some(should > did),
     }
@@ -61,8 +138,11 @@ fn announces(text: &[u8]) -> Option<bool> {
 
 /// Whether this text right in front of bytes, or right after the last ones, says that they should have come.
 fn are_expected(front: &[u8], behind: Option<&[u8]>) -> bool {
-    let says_instead = || String::from_utf8_lossy(front).to_lowercase().trim_end().ends_with("instead of");
-    announces(front) == Some(true) || says_instead() || behind.is_some_and(|text| announces(text) == Some(true))
+    let front_text = String::from_utf8_lossy(front).to_lowercase();
+    let says_instead = || front_text.trim_end().ends_with("instead of");
+    let mut words = front_text.split(|c: char| !c.is_alphanumeric()).filter(|word| word.chars().any(char::is_alphabetic));
+    let names_them = words.next_back().is_some_and(|word| SHOULD_LAST.contains(&word));
+    announces(front) == Some(true) || says_instead() || names_them || behind.is_some_and(|text| announces(text) == Some(true))
 }
 
 impl Reader {
@@ -148,6 +228,20 @@ mod tests {
         assert_eq!(announces(b"**True**:"), Some(true));
         assert_eq!(announces(b"Incomplete message received, Expected 6 bytes"), Some(false));
         assert_eq!(announces(b"Tx: "), None);
+        for text in [
+            "Die Antwort sollte so aussehen:",
+            "La r\u{e9}ponse attendue est:",
+            "La respuesta esperada:",
+            "\u{6b63}\u{786e}\u{7684}\u{5e94}\u{8be5}\u{662f}: ",
+            "\u{414}\u{43e}\u{43b}\u{436}\u{43d}\u{43e} \u{431}\u{44b}\u{442}\u{44c}: ",
+            "From the datasheet, an example:",
+            "The ideal answer would be ",
+        ] {
+            assert_eq!(announces(text.as_bytes()), Some(true), "{text}");
+        }
+        assert_eq!(announces(b"The settings should be right. Here is the log:"), Some(false));
+        assert!(are_expected(b"uint8_t expected[] = {", None) && are_expected(b"Expected: ", None));
+        assert!(!are_expected(b"Will write (expecting 7 bytes back): ", None));
         assert!(are_expected(b"and not 01 instead of ", None) && !are_expected(b"Rx ", Some(b"instead of that")));
     }
 }

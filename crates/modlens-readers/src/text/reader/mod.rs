@@ -444,7 +444,7 @@ impl Reader {
 
     /// Counts the line of this number as unparsed.
     fn note_unparsed_at(&mut self, number: u64, line: &[u8]) {
-        self.unread_lines.add(number, line);
+        self.unread_lines.add(number, line, self.assembler.frame_before(number).unwrap_or_default());
     }
 
     /// Whether only the number of unread lines is asked for, to see how well the rows fit a text.

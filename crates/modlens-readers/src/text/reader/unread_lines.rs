@@ -1,6 +1,6 @@
 //! The lines of a text that nothing could read: their number, and those of them that hold most hex.
 
-use crate::text::oddities::{self, Said};
+use crate::text::oddities::{self, Said, UnreadLine};
 use crate::text::proved::hex_bytes;
 
 /// How many lines are kept so that users can see examples.
@@ -26,8 +26,8 @@ pub struct UnreadLines {
     pub hex_bytes: u64,
     /// The lines with most hex; of lines with equally many bytes the first. Number, text, bytes of hex.
     pub examples: Vec<(u64, String, usize)>,
-    /// The first of these lines.
-    kept: Vec<(u64, Vec<u8>)>,
+    /// The first of these lines, each with the frame that was read shortly before it.
+    kept: Vec<(u64, Vec<u8>, Vec<u8>)>,
 }
 
 impl UnreadLines {
@@ -41,14 +41,14 @@ impl UnreadLines {
         self.is_only_counted
     }
 
-    /// Counts a line.
-    pub(super) fn add(&mut self, number: u64, line: &[u8]) {
+    /// Counts a line; `before` is the frame that was read shortly before it.
+    pub(super) fn add(&mut self, number: u64, line: &[u8], before: &[u8]) {
         self.count += 1;
         if self.is_only_counted {
             return;
         }
         if self.kept.len() < MAX_KEPT {
-            self.kept.push((number, line[..line.len().min(MAX_KEPT_BYTES)].to_vec()));
+            self.kept.push((number, line[..line.len().min(MAX_KEPT_BYTES)].to_vec(), before.to_vec()));
         }
         let bytes = hex_bytes(line);
         self.with_hex += u64::from(bytes > 0);
@@ -71,11 +71,12 @@ impl UnreadLines {
         self.with_hex = self.with_hex.saturating_sub(u64::from(bytes > 0));
         self.hex_bytes = self.hex_bytes.saturating_sub(bytes as u64);
         self.examples.retain(|(other, _, _)| *other != number);
-        self.kept.retain(|(other, _)| *other != number);
+        self.kept.retain(|(other, _, _)| *other != number);
     }
 
     /// What the bytes of these lines show, or what the lines report in words; `None` if neither says anything.
     pub fn says(&self) -> Option<Said> {
-        oddities::named_lines(self.kept.iter().map(|(number, line)| (*number, &line[..])))
+        let lines = self.kept.iter();
+        oddities::named_lines(lines.map(|(number, text, before)| UnreadLine { number: *number, text, before }))
     }
 }
