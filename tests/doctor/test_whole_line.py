@@ -1,4 +1,4 @@
-"""What is the matter of a whole line is one cause, and not of each unit or block again.
+"""What concerns a whole line is one cause, and not one of each unit or block.
 
 The recordings are raw bytes without times, so that nothing but the frames can tell.
 """
@@ -100,3 +100,52 @@ def test_answers_alone_are_said_to_be_alone(tmp_path: Path) -> None:
     sentence, rows = judged(frames, tmp_path)
     assert not rows
     assert "50 answers, and no request among them" in sentence
+
+
+def test_a_function_that_is_not_known_needs_no_other_one(tmp_path: Path) -> None:
+    frames = (
+        rtu(9, read_request(3, 10 * (number % 6), 10)) + rtu(9, exception(3, 1))
+        for number in range(60)
+    )
+    _, rows = judged(frames, tmp_path)
+    assert [(row["code"], row["unit"]) for row in rows] == [("wrong_function", 9)]
+
+
+def cut_answers(lost: slice) -> Iterator[bytes]:
+    chance = random.Random(6)
+    for _ in range(60):
+        answer = rtu(3, read_answer(3, [chance.randrange(65536) for _ in range(4)]))
+        yield rtu(3, read_request(3, 0, 4)) + answer[lost]
+
+
+def test_answers_without_their_first_byte_are_of_no_other_rate(tmp_path: Path) -> None:
+    _, rows = judged(cut_answers(slice(1, None)), tmp_path)
+    assert [(row["code"], row["unit"]) for row in rows] == [("driver_enable", 3)]
+    assert "first one or two bytes" in rows[0]["sentence"]
+
+
+def test_answers_without_their_last_byte_are_of_no_other_rate(tmp_path: Path) -> None:
+    _, rows = judged(cut_answers(slice(0, -1)), tmp_path)
+    assert [(row["code"], row["unit"]) for row in rows] == [("driver_enable", 3)]
+    assert "end of its answers" in rows[0]["sentence"]
+
+
+def test_a_unit_that_answers_for_another_one_explains_all_of_it(tmp_path: Path) -> None:
+    frames = (
+        rtu(3, read_request(3, 0, 4)) + rtu(4, read_answer(3, [number, 1, 2, 3]))
+        for number in range(60)
+    )
+    sentence, rows = judged(frames, tmp_path)
+    assert [(row["code"], row["unit"]) for row in rows] == [("bystander", 4)]
+    assert "Unit 4 answers requests to unit 3" in sentence
+    assert rows[0]["explains"] == 60
+
+
+def test_a_line_full_of_other_bytes_is_not_healthy(tmp_path: Path) -> None:
+    chance = random.Random(3)
+    frames = (
+        exchange(1, 0, [number, 2]) + chance.randbytes(20).replace(b"\x01", b"\x02")
+        for number in range(80)
+    )
+    sentence, _ = judged(frames, tmp_path)
+    assert "is healthy" not in sentence

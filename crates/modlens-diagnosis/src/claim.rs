@@ -93,6 +93,8 @@ pub struct Claim {
     pub code: &'static str,
     /// The unit.
     pub unit: Option<u8>,
+    /// The unit whose transactions show it, where that is another one.
+    pub shown_by: Option<u8>,
     /// The function.
     pub function: Option<u8>,
     /// The address.
@@ -149,6 +151,7 @@ impl Claim {
         Self {
             code,
             unit: None,
+            shown_by: None,
             function: None,
             address: None,
             client: None,
@@ -174,6 +177,13 @@ impl Claim {
     #[must_use]
     pub fn of_unit(mut self, unit: u8) -> Self {
         self.unit = Some(unit);
+        self
+    }
+
+    /// Names the unit whose transactions show it.
+    #[must_use]
+    pub fn shown_by(mut self, unit: u8) -> Self {
+        self.shown_by = Some(unit);
         self
     }
 

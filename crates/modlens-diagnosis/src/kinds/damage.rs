@@ -220,7 +220,7 @@ fn burst(view: &View<'_>) -> Option<String> {
     })
 }
 
-/// Damage at the first bytes of a unit's answers, or at the last bytes of requests.
+/// Damage at the first or the last bytes of a unit's answers, or at the last bytes of requests.
 pub(super) fn driver_enable(view: &View<'_>) -> Vec<Claim> {
     let answers = view.units().filter_map(|(unit, counts)| {
         let edge = &counts.damaged_parts[DamagedPart::Start as usize];
@@ -261,7 +261,24 @@ pub(super) fn driver_enable(view: &View<'_>) -> Vec<Claim> {
             .fact("experiment", "Use an adapter that switches by itself: the requests are whole.")
             .at_most(crate::claim::severity_of(requests.1))
     });
-    answers.chain(from_master).collect()
+    answers.chain(ends_of_answers(view)).chain(from_master).collect()
+}
+
+/// Units whose answers lack their last byte, and are whole otherwise.
+fn ends_of_answers<'a>(view: &'a View<'_>) -> impl Iterator<Item = Claim> + 'a {
+    view.units().filter_map(|(unit, counts)| {
+        let end = &counts.damaged_parts[DamagedPart::End as usize];
+        let chance = at_the_edge(view, end, counts.garbled.share())?;
+        // Where a client reads as many bytes as it expects, a stray byte in front pushes the last one out (no_bias).
+        if counts.strays[0].failed * 2 > end.failed {
+            return None;
+        }
+        let check = format!("Unit {unit}: it switches its driver off before the last byte has left (wait for the transmitter to be empty, not for its buffer). Where a program wrote the recording, whether it reads a byte too few.");
+        let experiment = format!("Listen with a second adapter: if the last byte is missing there as well, it is unit {unit}; otherwise it is the program.");
+        let claim = Claim::new("driver_enable", end, chance).of_unit(unit).fact("where", "at the end of its answers, and nowhere else");
+        let severity = crate::claim::severity_of(Share { failed: end.failed, total: counts.failures.total });
+        Some(claim.fact("what_to_check", check).fact("experiment", experiment).at_most(severity))
+    })
 }
 
 /// Returns how many answers that are damaged from the first byte on begin alike, if nearly all do, with one wrong beginning or two (one for each function),

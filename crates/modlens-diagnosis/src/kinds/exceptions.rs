@@ -160,8 +160,8 @@ pub(super) fn register_hole(view: &View<'_>) -> Vec<Claim> {
         }
         let parts = match reason(&all, request) {
             Reason::Hole => ", and parts of it were answered",
-            // A few refusals of a value tell nothing about addresses.
-            Reason::Unknown if !(view.is_small() && request.1.refused[1] == 0) => "",
+            // Refusals of a value tell nothing about addresses.
+            Reason::Unknown if request.1.refused[1] > 0 => "",
             _ => return None,
         };
         let (missing, what_to_check, experiment) = hole_in_words(request.0);
@@ -280,7 +280,8 @@ fn is_sharp(longest: u16, shortest: u16) -> bool {
     u32::from(shortest - longest) * 16 <= u32::from(longest)
 }
 
-/// Whether no request of this function to this unit was answered, and one of another function was.
+/// Whether no request of this function to this unit was answered, and the refusals say that it is the function, or a request of
+/// another function was answered.
 fn is_function_refused(all: &[Request<'_>], key: &RequestKey) -> bool {
     let of_unit = |other: &&Request<'_>| other.0.unit == key.unit;
     let same = all
@@ -290,7 +291,10 @@ fn is_function_refused(all: &[Request<'_>], key: &RequestKey) -> bool {
         .all(|(_, counts)| is_always_refused(counts));
     // A unit that refuses the addresses of all functions from one moment on knows the functions.
     let says_function = all.iter().any(|(other, counts)| *other == key && counts.refused[0] > 0);
-    let is_answered = |counts: &RequestCounts| counts.good > 0 && (says_function || !is_always_refused(counts));
+    if same && says_function {
+        return true;
+    }
+    let is_answered = |counts: &RequestCounts| counts.good > 0 && !is_always_refused(counts);
     let other = all.iter().filter(of_unit).any(|(other, counts)| other.function != key.function && is_answered(counts));
     (same && other) || is_answered_elsewhere(all, key)
 }

@@ -28,10 +28,10 @@ pub(super) fn bystander(view: &View<'_>) -> Vec<Claim> {
     // On a network it is a gateway that answers with another number (gateway_mixup, device_busy).
     let is_line = !view.bus.facts.is_network && view.bus.facts.mode != Some(Mode::Tcp);
     for (asked, counts) in view.bus.units.iter().filter(|_| is_line) {
-        for (unit, tally) in &counts.answered_by {
+        for (unit, tally) in counts.answered_by.iter().filter(|(unit, _)| *unit != asked) {
             let share = Share { failed: tally.failed, total: counts.failures.total.max(tally.failed) };
             let Some(chance) = view.beyond_accident(share) else { continue };
-            let claim = Claim::new("bystander", tally, chance).of_unit(*unit).with_share(share);
+            let claim = Claim::new("bystander", tally, chance).of_unit(*unit).shown_by(*asked).with_share(share);
             found.push(claim.fact("what", format!("answers requests to unit {asked}")));
         }
     }

@@ -37,6 +37,9 @@ pub(super) const UNJUDGED: &str = "Cannot be judged";
 /// A line is not healthy where surely more than this share of its requests is refused.
 const MANY_REFUSED: f64 = 0.2;
 
+/// A line is not healthy where surely more than this share of its bytes belongs to no frame.
+const MUCH_OF_NO_FRAME: f64 = 0.1;
+
 /// What exception responses come of. Of others it is not said that they are the cause where nothing but exceptions came.
 const EXPLAIN_REFUSALS: &[&str] = &[
     "address_off_by_one",
@@ -169,15 +172,24 @@ pub(super) fn verdict(
         let text = format!("{}. There is no single reason; each transaction names its own.", judged.problems(&numbers));
         return (Verdict::Trouble, text);
     }
-    let answered = share.total - share.failed;
-    let numbers = format!(
-        "{} of {} requests were answered ({}){}.",
-        thousands(answered),
+    let answered = format!(
+        "{} of {} requests were answered ({}){}",
+        thousands(share.total - share.failed),
         thousands(share.total),
         percent(1.0 - share.rate()),
         refusals(", but")
     );
-    (Verdict::Healthy, judged.state("is healthy", &numbers))
+    let of_no_frame =
+        Share { failed: bytes(FrameVerdict::Noise), total: buses.iter().map(|(_, bus)| bytes_of_frames(bus)).sum() };
+    if least_rate(of_no_frame) > MUCH_OF_NO_FRAME {
+        let (some, all) = (thousands(of_no_frame.failed), thousands(of_no_frame.total));
+        let text = judged.problems(&answered);
+        return (
+            Verdict::Trouble,
+            format!("{text}, and {some} of {all} bytes belong to no frame. No known cause explains them."),
+        );
+    }
+    (Verdict::Healthy, judged.state("is healthy", &(answered + ".")))
 }
 
 /// The requests of a recording that has no others than those to all units.

@@ -8,6 +8,8 @@
 //! - Where no checksum is printed at all, requests and responses prove each other: unit, function, quantity and length.
 //! - A statement whose proven frames are requests only labels requests, in any language, if another one labels responses.
 
+use std::collections::BTreeSet;
+
 use crate::chunk::Side;
 use crate::text::frame_evidence::proven_framing;
 use crate::text::proved::kinds::{Kinds, Mention};
@@ -361,16 +363,28 @@ fn exchange_worth(request: &[u8], response: &[u8]) -> u32 {
     match functions.row(request[1], &request[2..]).and_then(|row| expected_data_bytes(row, &request[1..])) {
         _ if pdu[0] & 0x80 != 0 => 2,
         Some(1..) => 3,
-        _ => 1,
+        _ => ECHO_WORTH,
     }
 }
 
-/// The sum of what the exchanges prove; 0 if most of the runs belong to none.
+/// What an echo is worth.
+const ECHO_WORTH: u32 = 1;
+
+/// The sum of what the exchanges prove, an echo that comes again not counted; 0 if most of the runs belong to none.
 fn exchange_evidence(mentions: &[&Mention]) -> u32 {
     let worths: Vec<u32> = mentions.windows(2).map(|two| exchange_worth(&two[0].bytes, &two[1].bytes)).collect();
     let fitting = worths.iter().filter(|worth| **worth > 0).count();
     if 3 * 2 * fitting < mentions.len() {
         return 0;
     }
-    worths.iter().sum()
+    let mut echoes = BTreeSet::new();
+    let counts = |(worth, mention): (u32, &&Mention)| {
+        let is_known_echo = worth == ECHO_WORTH && !echoes.insert(mention.bytes.clone());
+        if is_known_echo {
+            0
+        } else {
+            worth
+        }
+    };
+    worths.into_iter().zip(mentions).map(counts).sum()
 }
