@@ -12,7 +12,8 @@ The judgement is the core's (crates/modlens-diagnosis); this file only draws it.
                 "examples": [int]}],          by harm
  "unexplained": [{"bus": text, "odd": int, "unexplained": int, "sentence": text}],
  "reserves": [{"bus": text, "unit": int, "requests": int, "answered": int, "damaged": int,
-               "late": int, "timed": int,     answers with a usable response time
+               "late": int, "line_errors": int,     frames with parity or framing errors
+               "timed": int,                  answers with a usable response time
                "response_time_p99_us": float | null,
                "timeout_us": float | null,    the master's timeout, where it was seen
                "clock": "utc" | "relative" | "none"}],
@@ -163,6 +164,13 @@ def _reserves(rows: Sequence[Mapping[str, Any]], width: int) -> Iterator[list[Pa
     ]
     if any(0 < row["timed"] < row["answered"] for row in rows):
         fields.insert(3, GridColumn(ColumnLayout("measured", 5, align_right=True, spare=2), _timed))
+    if any(row["line_errors"] for row in rows):
+        fields.append(
+            GridColumn(
+                ColumnLayout("line errors", 11, align_right=True, spare=4),
+                lambda row: _some(row["line_errors"]),
+            )
+        )
     buses = tuple(dict.fromkeys(row["bus"] for row in rows))
     if len(buses) > 1:
         fields.insert(0, cells.bus_field(buses, lambda row: str(row["bus"])))

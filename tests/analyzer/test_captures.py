@@ -346,6 +346,8 @@ def test_rtac_serial(tmp_path: Path) -> None:
     packets = [read(1, RTU_ASK), read(2, RTU_ANSWER[:5]), read(8, RTU_ANSWER[5:]), read(0, b"")]
     (row,) = rows(tmp_path, captures.pcap(250, packets))
     assert (row.status, row.data, row.findings) == ("ok", DATA, ["line_error"])
+    (unit,) = decode(tmp_path / "capture").doctor()["reserves"]
+    assert unit["line_errors"] == 1
 
 
 def program(name: str) -> str:
