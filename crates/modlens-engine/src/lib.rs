@@ -40,6 +40,7 @@ pub mod damage;
 pub mod durations;
 mod fast_path;
 pub mod findings;
+pub mod folding;
 pub mod frame_result;
 pub mod framer;
 pub mod input;

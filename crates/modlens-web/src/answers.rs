@@ -30,6 +30,7 @@ const MAX_ROWS: u64 = 1000;
 /// | `series` | `where` of the table `readings`, `most` | `total` values, and `steps`: time in µs, lowest, highest |
 /// | `find` | `table`, `where`, `column`, `value` | `at`, the first row with this text in the column, or null |
 /// | `keep_newest` | | null; from now on, as many transactions are kept as fit into the memory that they take now |
+/// | `forgotten` | | how many `transactions` and `findings` are not kept any more |
 /// | `export` | `table`, `where`, `format` | null; `export_more` then gives the bytes |
 /// | `report` | | `document` of the recording, `title` and `body` of its page as HTML |
 ///
@@ -49,6 +50,10 @@ pub fn answer(decoding: &mut Decoding, question: &Json) -> Result<Json, String> 
         "keep_newest" => {
             decoding.keep_newest();
             Ok(Json::Null)
+        }
+        "forgotten" => {
+            let forgotten = decoding.views.forgotten();
+            Ok(json!({"transactions": forgotten.transactions, "findings": forgotten.findings}))
         }
         "export" => {
             let view = decoding.views.of(question)?;

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use modlens_diagnosis::contrast::Contrast;
 use modlens_diagnosis::report::Report;
+use modlens_engine::folding::Folder;
 use modlens_engine::records::Batch;
 use modlens_engine::session::{Session, WantedTables};
 use modlens_protocol::framing::Mode;
@@ -50,6 +51,7 @@ pub struct Decoding {
     rows: usize,
     /// Transactions that are kept, and whole batches beside them; `None` for all.
     most_rows: Option<usize>,
+    folder: Folder,
     capture: Option<Capture>,
     pub(crate) captured: Vec<u8>,
     pub(crate) mode: Option<Mode>,
@@ -95,6 +97,7 @@ impl Decoding {
             views: Views::default(),
             rows: 0,
             most_rows: (purpose == Purpose::Live).then_some(LIVE_ROWS),
+            folder: Folder::default(),
             capture: (purpose == Purpose::Capture).then(capture_writer),
             captured: Vec::new(),
             export: None,
@@ -178,6 +181,7 @@ impl Decoding {
         }
         if self.purpose == Purpose::Large {
             batch.forget_frames();
+            self.folder.fold(&mut batch);
         }
         let is_kept = self.purpose != Purpose::Capture && !is_empty(&batch);
         if is_kept {

@@ -14,8 +14,19 @@ pub(crate) struct Views {
     batches: Vec<Arc<Batch>>,
     /// The first so many have findings only, of batches whose other rows were forgotten.
     stripped: usize,
+    forgotten: Forgotten,
     shown: Vec<View>,
 }
+
+/// How many rows of a recording are not kept any more.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Forgotten {
+    pub transactions: usize,
+    pub findings: usize,
+}
+
+/// Findings that are kept where their transactions are not: as many as take some 40 MB.
+const MOST_FINDINGS: usize = 200_000;
 
 /// The rows of one table that satisfy a filter.
 pub(crate) struct View {
@@ -44,8 +55,13 @@ impl Views {
         &self.batches
     }
 
+    /// How many rows are not kept any more.
+    pub fn forgotten(&self) -> Forgotten {
+        self.forgotten
+    }
+
     /// Forgets the oldest batches while the others have this many transactions or more, but, with `keep_findings`, their
-    /// findings.
+    /// findings, up to `MOST_FINDINGS` of the newest.
     pub fn forget_all_but(&mut self, transactions: usize, keep_findings: bool) {
         let mut kept: usize = self.batches.iter().map(|batch| batch.transaction_count()).sum();
         let is_old = |batch: &&Arc<Batch>| {
@@ -53,16 +69,32 @@ impl Views {
             kept >= transactions
         };
         let count = self.batches[self.stripped..].iter().take_while(is_old).count();
+        let old = self.stripped..self.stripped + count;
+        self.forgotten.transactions += self.batches[old.clone()].iter().map(|batch| batch.transaction_count()).sum::<usize>();
         if !keep_findings {
-            self.batches.drain(..count);
+            self.forgotten.findings += findings(&self.batches[old.clone()]);
+            self.batches.drain(old);
             self.shown.iter_mut().for_each(|view| view.forget(count));
         } else if count > 0 {
-            let old = self.stripped..self.stripped + count;
             let kept: Vec<Arc<Batch>> = self.batches[old.clone()].iter().filter_map(|batch| findings_of(batch)).collect();
             self.stripped += kept.len();
             self.batches.splice(old, kept);
+            self.forget_findings();
             self.shown.clear();
         }
+    }
+
+    /// Forgets the oldest of the batches that have findings only, while the others have `MOST_FINDINGS` or more.
+    fn forget_findings(&mut self) {
+        let mut kept = findings(&self.batches);
+        let is_old = |batch: &&Arc<Batch>| {
+            kept -= batch.findings.len();
+            kept >= MOST_FINDINGS
+        };
+        let count = self.batches[..self.stripped].iter().take_while(is_old).count();
+        self.forgotten.findings += findings(&self.batches[..count]);
+        self.batches.drain(..count);
+        self.stripped -= count;
     }
 
     /// The rows of a `table` that satisfy `where`, a filter (empty or null for all rows). The message says what is wrong
@@ -80,6 +112,10 @@ impl Views {
         self.shown.insert(0, view);
         Ok(&self.shown[0])
     }
+}
+
+fn findings(batches: &[Arc<Batch>]) -> usize {
+    batches.iter().map(|batch| batch.findings.len()).sum()
 }
 
 /// The findings of a batch, if it has any.

@@ -1,4 +1,5 @@
-//! A large recording is decoded once, in little memory: it has the document and the rows of one of which all is kept.
+//! A large recording is decoded once, in little memory: it has the document and the rows of one of which all is kept, with and
+//! without a profile.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,9 +17,15 @@ fn recordings() -> Vec<PathBuf> {
     files.filter(|path| path.file_stem().is_some_and(|stem| stem == "recording")).collect()
 }
 
+/// A profile of all units, with a scale factor.
+const PROFILE: &str =
+    "profile: 1\nregisters:\n  - {at: hr:0, name: a, sf: c}\n  - {at: hr:1, name: b, type: s16, scale: 0.1}\n  \
+                       - {at: hr:2, name: c, type: s16}\n  - {at: ir:0, name: d}\n";
+
 /// A recording that has been read; `None` where it cannot be.
-fn decoded(path: &Path, purpose: &str) -> Option<Decoding> {
-    let mut decoding = Decoding::open(&json!({"name": "recording", "purpose": purpose})).expect("settings");
+fn decoded(path: &Path, purpose: &str, profiles: &Json) -> Option<Decoding> {
+    let settings = json!({"name": "recording", "purpose": purpose, "profiles": profiles});
+    let mut decoding = Decoding::open(&settings).expect("settings");
     for block in fs::read(path).expect("a file").chunks(BLOCK) {
         decoding.feed(block).ok()?;
     }
@@ -47,9 +54,10 @@ fn count(decoding: &mut Decoding, table: &str) -> u64 {
 #[test]
 fn it_has_the_document_and_the_rows_of_others() {
     let mut compared = 0;
-    for path in recordings() {
-        let Some(mut all) = decoded(&path, "all") else { continue };
-        let mut large = decoded(&path, "large").expect("the same");
+    let profiles = [json!([]), json!([{"text": PROFILE, "form": "yaml"}])];
+    for (path, profiles) in recordings().iter().flat_map(|path| profiles.iter().map(move |profiles| (path, profiles))) {
+        let Some(mut all) = decoded(path, "all", profiles) else { continue };
+        let mut large = decoded(path, "large", profiles).expect("the same");
         let document = |decoding: &mut Decoding| -> Json { answer(decoding, &json!({"call": "report"})).expect("a report") };
         assert!(document(&mut large) == document(&mut all), "{}", path.display());
         for table in ["transactions", "findings", "connections", "diagnoses", "readings"] {
@@ -58,7 +66,27 @@ fn it_has_the_document_and_the_rows_of_others() {
         assert_eq!(count(&mut large, "frames"), 0);
         compared += 1;
     }
-    assert!(compared > 30, "{compared}");
+    assert!(compared > 60, "{compared}");
+}
+
+/// A quarter of a million requests that are refused (Application Protocol V1.1b3, 7).
+#[test]
+fn findings_have_a_bound() {
+    let refused: Vec<u8> = vec![0x01, 0x03, 0x00, 0x00, 0x00, 0x01, 0x84, 0x0a, 0x01, 0x83, 0x02, 0xc0, 0xf1];
+    let mut decoding = Decoding::open(&json!({"name": "line", "purpose": "large"})).expect("settings");
+    for part in 0..250 {
+        decoding.feed(&refused.repeat(1000)).expect("bytes");
+        if part == 9 {
+            answer(&mut decoding, &json!({"call": "keep_newest"})).expect("an answer");
+        }
+    }
+    assert_eq!(decoding.finish(), Ok(250_000));
+    let [transactions, findings] = ["transactions", "findings"].map(|table| count(&mut decoding, table));
+    assert!((200_000..203_000).contains(&findings), "{findings}");
+    let forgotten = answer(&mut decoding, &json!({"call": "forgotten"})).expect("an answer");
+    assert_eq!(forgotten, json!({"transactions": 250_000 - transactions, "findings": 250_000 - findings}));
+    let document = answer(&mut decoding, &json!({"call": "report"})).expect("a report");
+    assert_eq!(document["document"]["statistics"]["findings"]["exception"], 250_000);
 }
 
 /// A hundred thousand exchanges (Application Protocol V1.1b3, 6.3), the first of which is refused.

@@ -36,6 +36,12 @@ impl UnitPlans {
         self.by_unit[usize::from(unit)] = Some(Arc::new(instance));
     }
 
+    /// Gives a unit a plan that others have as well, or takes its own away.
+    pub fn share(&mut self, unit: u8, instance: Option<Arc<PlanInstance>>) {
+        self.by_unit.resize(UNITS, None);
+        self.by_unit[usize::from(unit)] = instance;
+    }
+
     /// What the blocks of these units contain, as far as somebody has asked.
     pub fn known_blocks(&self) -> MutexGuard<'_, BlockPlans> {
         // Whoever has panicked with it has left blocks that are complete.
