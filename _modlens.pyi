@@ -438,7 +438,7 @@ class Profile:
     """A device profile without mistakes, compiled."""
 
     def __new__(cls, text: str, form: str) -> Profile:
-        """`form` is toml, csv, json, or tree (JSON with lines: every value is `[line, value]`).
+        """`form` is toml, yaml, csv or json.
 
         `ValueError` with all mistakes as a JSON list of {line, key, message, hint}.
         """

@@ -83,15 +83,9 @@ def form_of(path: str) -> str:
 def parse(text: str, path: str, form: str | None = None) -> Profile:
     """Parse a profile; `path` names it in errors, and gives its format where `form` is None.
 
-    `ProfileError` lists all mistakes at once. `UsageError` where YAML is wanted and ruamel.yaml is
-    not installed.
+    `ProfileError` lists all mistakes at once.
     """
-    form = form or form_of(path)
-    if form == "yaml":
-        from dissectors.yaml import tree  # noqa: PLC0415 - ruamel.yaml takes a while to import
-
-        text, form = json.dumps(tree(text, path)), "tree"
-    return _checked(text, form, path)
+    return _checked(text, form or form_of(path), path)
 
 
 def from_model(model: Mapping[str, Any], name: str) -> Profile:

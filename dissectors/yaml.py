@@ -1,4 +1,4 @@
-"""YAML 1.2 with line numbers, as the tree that the core's profiles take.
+"""YAML 1.2 with line numbers, for the register maps of other programs; the core reads profiles.
 
 It is imported when YAML is read. PyYAML is not used: it reads YAML 1.1,
 where `0107` is 71, `12:30` is 750 and `NO` is false.
@@ -10,7 +10,7 @@ from typing import Any
 
 from dissectors.errors import ProfileError, UsageError
 
-__all__ = ["load", "plain_data", "scalar", "tag_notes", "tree"]
+__all__ = ["load", "plain_data", "scalar", "tag_notes"]
 
 _MAX_DIGITS = 100
 """Longest number in digits: longer ones stay text, because Python refuses thousands of digits."""
@@ -92,32 +92,6 @@ def _children(node: Any) -> list[Any]:
     if node.id == "mapping":
         return [one for pair in node.value for one in pair]
     return list(node.value) if node.id == "sequence" else []
-
-
-def tree(text: str, path: str) -> list[Any]:
-    """Parse YAML into the tree that the core takes for profiles.
-
-    Every value is `[line, value]`; in tables every key maps to `[line of the key, [line, value]]`.
-    """
-    root = load(text, path)
-    return [1, {}] if root is None else _node(root, path)
-
-
-def _node(node: Any, path: str) -> list[Any]:
-    """The tree of a node; `ProfileError` for a key that occurs twice."""
-    line = node.start_mark.line + 1
-    if node.id == "mapping":
-        table = {}
-        for key, value in node.value:
-            if str(key.value) in table:
-                raise ProfileError(
-                    "appears twice", path=path, line=key.start_mark.line + 1, key=str(key.value)
-                )
-            table[str(key.value)] = [key.start_mark.line + 1, _node(value, path)]
-        return [line, table]
-    if node.id == "sequence":
-        return [line, [_node(item, path) for item in node.value]]
-    return [line, scalar(node)]
 
 
 def scalar(node: Any) -> Any:

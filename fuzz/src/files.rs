@@ -8,7 +8,7 @@ use modlens_recording::{Options, Recording};
 
 use super::{parse_script, session, START_NS};
 
-const FORMATS: [ProfileFormat; 4] = [ProfileFormat::Toml, ProfileFormat::Csv, ProfileFormat::Tree, ProfileFormat::Json];
+const FORMATS: [ProfileFormat; 4] = [ProfileFormat::Toml, ProfileFormat::Csv, ProfileFormat::Yaml, ProfileFormat::Json];
 
 /// The frames of a file that is fed so many bytes at once; `None` where it is refused.
 fn frames_of_file(data: &[u8], block: usize) -> Option<Vec<(u64, u64, Vec<u8>)>> {

@@ -25,7 +25,7 @@ impl Profile {
     #[new]
     fn new(text: &str, form: &str) -> PyResult<Self> {
         let form = ProfileFormat::from_word(form)
-            .ok_or_else(|| value_error(format!("form {form:?} is not one of toml, csv, tree, json")))?;
+            .ok_or_else(|| value_error(format!("form {form:?} is not one of toml, yaml, csv, json")))?;
         let core = Core::parse(text, form).map_err(|mistakes| value_error(errors_json(&mistakes)))?;
         Ok(Self { plan: Arc::new(Plan::new(core)) })
     }

@@ -166,7 +166,7 @@ def test_standard_input_and_other_formats(tmp_path: Path, modlens: Modlens) -> N
 
 
 def test_without_the_extra(tmp_path: Path, modlens: Modlens) -> None:
-    """YAML needs ruamel.yaml: said with the command that installs it; nothing else needs it."""
+    """Maps in YAML need ruamel.yaml: said with the command that installs it; nothing else does."""
     folder = tmp_path / "ruamel"
     folder.mkdir()
     (folder / "__init__.py").write_text("raise ImportError('not installed')\n")
@@ -175,12 +175,13 @@ def test_without_the_extra(tmp_path: Path, modlens: Modlens) -> None:
     yaml = of(tmp_path / "m.yaml", "profile: 1\n")
     wanted = "YAML needs ruamel.yaml; pip install ruamel.yaml"
     for words in (
-        ("import", "homeassistant", yaml), ("import", "esphome", yaml), ("profiles", "check", yaml),
+        ("import", "homeassistant", yaml), ("import", "esphome", yaml),
     ):  # fmt: skip
         done = modlens(*words, **paths)
         assert (done.status, done.out) == (2, "")
         assert done.err == f"modlens: {yaml}: {wanted}\n"
     assert modlens("import", "csv", "-", stdin=TABLE.encode(), **paths).status == 0
+    assert "ruamel" not in modlens("profiles", "check", yaml, **paths).err
     done = modlens("import", "telegraf", of(tmp_path / "x", "x"), **paths)
     assert "not TOML" in done.err
 

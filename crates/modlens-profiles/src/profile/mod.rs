@@ -1,5 +1,5 @@
 //! Device profiles (register maps): which registers have which meaning. One data model with three notations: TOML, YAML
-//! (parsed by Python and passed as a tree) and CSV.
+//! and CSV.
 //!
 //! A file is read to its end whatever is wrong with it, and all mistakes are reported together, with line and key.
 //! `keys` lists the keys of the format; `points` compiles a profile to a plan that converts registers to values.
@@ -15,6 +15,7 @@ mod schema;
 mod source_tree;
 mod toml;
 mod types;
+mod yaml;
 
 pub use json::to_json;
 pub use model::{AddressBase, Device, KeyLines, Mistake, Point, Profile, Sentinel};
@@ -77,8 +78,8 @@ pub enum ProfileFormat {
     Toml,
     /// CSV.
     Csv,
-    /// A JSON tree in which every value has its line (see `source_tree::from_tree`), which Python makes of YAML.
-    Tree,
+    /// YAML.
+    Yaml,
     /// Plain JSON.
     Json,
 }
@@ -86,7 +87,7 @@ pub enum ProfileFormat {
 impl ProfileFormat {
     /// The notation with this name.
     pub fn from_word(word: &str) -> Option<Self> {
-        let all = [("toml", Self::Toml), ("csv", Self::Csv), ("tree", Self::Tree), ("json", Self::Json)];
+        let all = [("toml", Self::Toml), ("csv", Self::Csv), ("yaml", Self::Yaml), ("json", Self::Json)];
         all.into_iter().find(|(name, _)| *name == word).map(|(_, form)| form)
     }
 }
@@ -104,12 +105,11 @@ impl Profile {
         let tree = match form {
             ProfileFormat::Toml => toml::parse(text, &mut mistakes),
             ProfileFormat::Csv => csv::parse(text, &mut mistakes),
-            ProfileFormat::Tree | ProfileFormat::Json => {
+            ProfileFormat::Yaml => yaml::parse(text).map_err(|mistake| vec![mistake])?,
+            ProfileFormat::Json => {
                 let json: Json =
                     serde_json::from_str(text).map_err(|error| vec![Mistake::new(0, "", format!("not JSON: {error}"))])?;
-                let tree =
-                    if form == ProfileFormat::Json { Some(source_tree::from_json(&json)) } else { source_tree::from_tree(&json) };
-                tree.ok_or_else(|| vec![Mistake::new(0, "", "not a tree of [line, value]".into())])?
+                source_tree::from_json(&json)
             }
         };
         let profile = check::profile(&tree, &mut mistakes);

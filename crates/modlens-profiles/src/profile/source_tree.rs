@@ -80,24 +80,6 @@ impl SourceNode {
     }
 }
 
-/// Converts the tree that Python makes of YAML: every value is `[line, value]`, and every entry of a table is `[line of
-/// the key, [line, value]]`.
-pub fn from_tree(tree: &Json) -> Option<SourceNode> {
-    let pair = tree.as_array().filter(|pair| pair.len() == 2)?;
-    let line = pair[0].as_u64()? as u32;
-    let value = match &pair[1] {
-        Json::Array(items) => SourceValue::List(items.iter().map(from_tree).collect::<Option<_>>()?),
-        Json::Object(map) => SourceValue::Map(map.iter().map(|(key, pair)| entry(key, pair)).collect::<Option<_>>()?),
-        scalar => leaf(scalar),
-    };
-    Some(SourceNode { line, value })
-}
-
-fn entry(key: &str, pair: &Json) -> Option<SourceEntry> {
-    let pair = pair.as_array().filter(|pair| pair.len() == 2)?;
-    Some(SourceEntry { key: key.to_owned(), line: pair[0].as_u64()? as u32, node: from_tree(&pair[1])? })
-}
-
 /// Converts plain JSON, which has no lines. Programs pass it.
 pub fn from_json(json: &Json) -> SourceNode {
     let value = match json {
