@@ -23,11 +23,14 @@ CORE = Path(__file__).with_name("modlens.wasm.gz")
 
 _CONNECT = " connect-src 'self';"
 _SCRIPTS = (
+    "here.js",
+    "core.js",
     "unpack.js",
     "grid.js",
     "filters.js",
     "bytes.js",
     "registers.js",
+    "tables.js",
     "report_shown.js",
     "page.js",
     "live.js",

@@ -19,6 +19,59 @@ SAVED = (
     ".then((it) => it.text())"
 )
 
+TYPED = CAPTURES / "pymodbus_types" / "recording.jsonl"
+SPELLINGS = {
+    "toml": """\
+profile = 1
+[device]
+id = "typed"
+[[registers]]
+at = "hr:0"
+name = "level"
+type = "f32"
+unit = "°C"
+[[registers]]
+at = "hr:4"
+name = "flow"
+type = "s16"
+scale = 0.1
+offset = -4
+nan = [0x7FFF, 0x8000]
+[[registers]]
+at = "hr:47"
+name = "mode"
+enum = {0 = "off", 18 = "on"}
+[[registers]]
+at = "hr:48.0-3"
+name = "NO"
+""",
+    "yaml": """\
+# the same, in what YAML has: quotation marks or none, lists on a line or on many
+---
+profile: 1
+device: {id: typed}
+registers:
+  - {at: hr:0, name: "level", type: f32, unit: °C}
+  - at: 'hr:4'
+    name: flow
+    type: s16
+    scale: 0.1
+    offset: -4
+    nan:
+      - 0x7FFF
+      - 0x8000
+  - at: hr:47
+    name: mode
+    enum:
+      0: off
+      18: on
+  -
+    at: hr:48.0-3
+    name: NO
+""",
+}
+"""A profile for `TYPED`, whose unit 5 has 66 registers, in two notations."""
+
 
 def show(browser: Browser, path: Path, state: str = "shown") -> None:
     """Choose a file on the page, and wait until it is shown, or refused."""

@@ -44,9 +44,6 @@ const Filters = (() => {
 
   const zoned = (text) => ({ where: text, ...(/local/.test(text) ? { local: localChanges() } : {}) });
 
-  // A message names other tables by an option of the command; the page has tabs.
-  const onPage = (message) => message.replace(/with --table (\w+)/g, (option, name) => (EXAMPLES[name] ? `on ${name[0].toUpperCase()}${name.slice(1)}` : `with the command and ${option.slice(5)}`));
-
   // Takes what was typed, if it is a filter of this table; if not, what is wrong is said, and no filter in words holds.
   async function check(table, ask) {
     const text = $("where").value.trim();
@@ -61,9 +58,9 @@ const Filters = (() => {
     try {
       const { notes } = await ask({ call: "check", table, ...zoned(text) });
       typed = text;
-      say(notes.join("; "), false);
+      say(Here.text(notes.join("; ")), false);
     } catch (error) {
-      say(`${onPage(error.message)}; rows are shown without this filter`, true);
+      say(`${Here.text(error.message)}; rows are shown without this filter`, true);
     }
   }
 

@@ -1,14 +1,14 @@
 // The registers of a recording: profiles that name them, the last value of each, and how one of them went.
 const Registers = (() => {
-  const el = Show.el, STEPS = 800;
+  const { el } = Show, { ask } = Core, STEPS = 800;
   const FORMS = { toml: "toml", yaml: "yaml", yml: "yaml", csv: "csv" };
-  const SHORT = { coil: "co", discrete_input: "di", input_register: "ir", holding_register: "hr" };
   let profiles = [], rows = [];
 
+  const short = (row) => Core.words.register_types[row.register_type];
   const figure = (value) => (value === null ? "" : value.toLocaleString("en-US", { maximumFractionDigits: 4, useGrouping: false }));
   const COLUMNS = [
     ["unit", 4, (row) => String(row.unit), true],
-    ["type", 4, (row) => SHORT[row.register_type]],
+    ["type", 4, (row) => short(row)],
     ["address", 8, (row) => String(row.address), true],
     ["name", 26, (row) => row.name || ""],
     ["value", 18, (row) => `${row.value_text ?? figure(row.value)} ${row.unit_of_measure || ""}`.trim(), true],
@@ -20,11 +20,10 @@ const Registers = (() => {
   const columns = COLUMNS.map(([title, width, , right]) => ({ key: title, title, least: width + 2, width: `minmax(${width + 2}ch, ${width + 2}fr)`, right: Boolean(right) }));
 
   // Takes a file, if it is a profile: one of a sheet is told from a log by what the core says of it.
-  async function take(file, ask) {
+  async function take(file) {
     const form = FORMS[file.name.toLowerCase().split(".").pop()];
     if (!form || file.size > 1 << 20) return false;
     const text = await file.text();
-    if (form === "yaml") throw new Error(`${file.name}: this page reads profiles in TOML and CSV, not in YAML; rewrite it in TOML, or use the command: modlens map RECORDING --profile ${file.name}`);
     try {
       await ask({ call: "profile", text, form });
     } catch (error) {
@@ -35,7 +34,7 @@ const Registers = (() => {
     return true;
   }
 
-  async function load(ask) {
+  async function load() {
     rows = await ask({ call: "map" });
     return rows.length;
   }
@@ -43,10 +42,10 @@ const Registers = (() => {
   const part = (from, count) => ({ total: rows.length, rows: rows.slice(from, from + count).map((row) => COLUMNS.map(([, , text]) => text(row))) });
 
   // The register of a row of the map: its values over time.
-  async function detail(at, host, ask) {
+  async function detail(at, host) {
     const row = rows[at];
     if (!row) return;
-    const title = `${row.name || `${SHORT[row.register_type]} ${row.address}`} of unit ${row.unit}`;
+    const title = `${row.name || `${short(row)} ${row.address}`} of unit ${row.unit}`;
     const where = `unit == ${row.unit} and register_type == '${row.register_type}' and address == ${row.address}`;
     const { total, steps } = await ask({ call: "series", table: "readings", where, most: STEPS });
     host.replaceChildren(el("h2", {}, Show.visible(title)), el("p", {}, `${Show.fixed(total, 0)} values, ${Show.fixed(row.changes, 0)} changes.`));

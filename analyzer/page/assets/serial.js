@@ -29,7 +29,7 @@ const Serial = (() => {
     // Takes an answer of the core: what it says, and the settings that it asks for.
     take({ answer, pieces }) {
       pieces.forEach(Live.keep);
-      if (answer.said.length) $("serial-said").textContent = answer.said[answer.said.length - 1];
+      if (answer.said.length) $("serial-said").textContent = Here.text(answer.said.at(-1));
       this.isSearching = answer.searching;
       if (answer.line === this.line) return;
       this.line = answer.line;

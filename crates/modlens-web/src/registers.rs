@@ -10,7 +10,7 @@ use serde_json::{json, Value as Json};
 
 use crate::view::Views;
 
-/// The plan of a profile: `text` in the format `form` (toml or csv). The message lists what is wrong with it.
+/// The plan of a profile: `text` in the format `form` (toml, yaml or csv). The message lists what is wrong with it.
 pub(crate) fn plan(profile: &Json) -> Result<Arc<Plan>, String> {
     let form = profile["form"].as_str().unwrap_or("toml");
     let format = ProfileFormat::from_word(form).ok_or_else(|| format!("profiles in {form:?} are not read here"))?;
@@ -25,9 +25,11 @@ pub fn check_profile(profile: &Json) -> Result<Json, String> {
 }
 
 fn text(mistake: &Mistake) -> String {
-    let place = if mistake.line > 0 { format!("line {}, ", mistake.line) } else { String::new() };
+    let line = (mistake.line > 0).then(|| format!("line {}", mistake.line));
+    let key = Some(mistake.key.clone()).filter(|key| !key.is_empty());
+    let place = [line, key].into_iter().flatten().collect::<Vec<_>>().join(", ");
     let hint = mistake.hint.as_ref().map_or_else(String::new, |hint| format!(" (did you mean {hint}?)"));
-    format!("{place}{}: {}{hint}", mistake.key, mistake.message)
+    format!("{place}: {}{hint}", mistake.message)
 }
 
 /// The last value of every register, as `modlens map --json` has them.

@@ -10,7 +10,16 @@ import pytest
 
 from tests.conftest import CAPTURES, Modlens
 from tests.support.firefox import Firefox, running
-from tests.support.page import RECORDINGS, SAVED, STATE, TABLES, TROUBLE, of_command
+from tests.support.page import (
+    RECORDINGS,
+    SAVED,
+    SPELLINGS,
+    STATE,
+    TABLES,
+    TROUBLE,
+    TYPED,
+    of_command,
+)
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +50,22 @@ def test_the_map_is_that_of_the_command(firefox: Firefox, modlens: Modlens) -> N
     assert firefox.ask("Page.ask({ call: 'map' })") == [
         json.loads(line) | {"bus": path.name} for line in lines
     ]
+
+
+def test_yaml_gives_the_rows_of_toml(firefox: Firefox, written: Path, tmp_path: Path) -> None:
+    """Of a recording with a profile."""
+    found = {}
+    for form, text in SPELLINGS.items():
+        profile = tmp_path / f"typed.{form}"
+        profile.write_text(text, "utf-8")
+        firefox.open(written, "ready")
+        for path in (TYPED, profile):
+            firefox.run(f"{STATE} = 'waiting'")
+            firefox.send_file("#file", path)
+            firefox.wait(f"{STATE} === 'shown'")
+        found[form] = [firefox.ask(SAVED, table) for table in ("readings", "transactions")]
+    assert found["yaml"] == found["toml"]
+    assert ",level," in found["yaml"][0]
 
 
 def test_no_connection_is_possible(firefox: Firefox) -> None:

@@ -12,9 +12,8 @@ import modlens as api
 from dissectors.describe import describe, has_checksum, pdu_of
 from tests.conftest import CAPTURES, Modlens
 from tests.support.browser import Browser
-from tests.support.page import STATE, TROUBLE, show
+from tests.support.page import SPELLINGS, STATE, TROUBLE, TYPED, saved, show
 
-PLAIN = CAPTURES / "pymodbus_types" / "recording.jsonl"
 BYTES = "Page.ask({ call: 'bytes', table: arguments[0], where: null, at: arguments[1] })"
 MAP = "Page.ask({ call: 'map' })"
 
@@ -28,6 +27,8 @@ Rx: 11 03 04 00 DC 00 64 2B E3
 
 PROFILE = {
     "toml": 'profile = 1\n[[registers]]\nat = "hr:107"\nname = "room"\ntype = "s16"\nscale = 0.1\n',
+    "yaml": "# of the room\nprofile: 1\nregisters:\n  - at: hr:107\n    name: room\n"
+    "    type: s16\n    scale: 0.1\n",
     "csv": "at,name,type,scale,unit\nhr:107,room,s16,0.1,degC\n",
 }  # fmt: skip
 
@@ -101,9 +102,9 @@ def test_bytes_are_those_of_the_command(opened: Browser) -> None:
 
 def test_the_map_is_that_of_the_command(opened: Browser, modlens: Modlens) -> None:
     """Every register with its last value; the tab shows a line for each."""
-    show(opened, PLAIN)
-    lines = modlens("map", PLAIN, "--json").out.splitlines()
-    expected = [json.loads(line) | {"bus": PLAIN.name} for line in lines]
+    show(opened, TYPED)
+    lines = modlens("map", TYPED, "--json").out.splitlines()
+    expected = [json.loads(line) | {"bus": TYPED.name} for line in lines]
     assert expected
     assert opened.ask(MAP) == expected
     opened.run("document.getElementById('tab-registers').click()")
@@ -114,7 +115,7 @@ def test_the_map_is_that_of_the_command(opened: Browser, modlens: Modlens) -> No
     )
 
 
-@pytest.mark.parametrize("form", ["toml", "csv"])
+@pytest.mark.parametrize("form", list(PROFILE))
 def test_a_profile_names_the_registers(
     form: str, opened: Browser, exchange: Path, tmp_path: Path
 ) -> None:
@@ -135,17 +136,58 @@ def test_a_profile_names_the_registers(
     )
 
 
-def test_mistakes_of_a_profile_are_said(opened: Browser, tmp_path: Path) -> None:
-    """With the line, as the command says them; YAML, which the page does not read, as well."""
-    wrong = tmp_path / "wrong.toml"
-    wrong.write_text('profile = 1\n[[registers]]\nat = "hr:1"\nname = "a"\ntype = "u23"\n')
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        (
+            "wrong.toml",
+            'profile = 1\n[[registers]]\nat = "hr:1"\nname = "a"\ntype = "u23"\n',
+            "wrong.toml: line 5, ",
+        ),
+        (
+            "wrong.yaml",
+            "profile: 1\nregisters:\n  - at: hr:1\n    name: a\n    type: u23\n",
+            "wrong.yaml: line 5, ",
+        ),
+        ("broken.yml", "profile: 1\nregisters: [\n", "broken.yml: line 3: not YAML: "),
+    ],
+)
+def test_mistakes_of_a_profile_are_said(
+    name: str, text: str, said: str, opened: Browser, tmp_path: Path
+) -> None:
+    """With the line, as the command says them."""
+    wrong = tmp_path / name
+    wrong.write_text(text)
     opened.run(f"{STATE} = 'waiting'")
     opened.send_file("#file", wrong)
     opened.wait(f"{STATE} === 'refused'")
-    assert opened.run(TROUBLE).startswith("wrong.toml: line 5, ")
-    yaml = tmp_path / "room.yaml"
-    yaml.write_text("profile: 1\n")
-    opened.run(f"{STATE} = 'waiting'")
-    opened.send_file("#file", yaml)
-    opened.wait(f"{STATE} === 'refused'")
-    assert "TOML and CSV" in opened.run(TROUBLE)
+    assert opened.run(TROUBLE).startswith(said)
+
+
+def test_yaml_gives_the_rows_of_toml(opened: Browser, modlens: Modlens, tmp_path: Path) -> None:
+    """Values, map and transactions, and those of the command."""
+    found = {}
+    for form, text in SPELLINGS.items():
+        profile = tmp_path / f"typed.{form}"
+        profile.write_text(text, "utf-8")
+        opened.open(Path(opened.run("return decodeURI(location.pathname)")), "ready")
+        show(opened, TYPED)
+        show(opened, profile)
+        found[form] = opened.ask(MAP), saved(opened, "readings"), saved(opened, "transactions")
+        lines = modlens("map", TYPED, "--json", "--profile", profile).out.splitlines()
+        assert found[form][0] == [json.loads(line) | {"bus": TYPED.name} for line in lines]
+    assert found["yaml"] == found["toml"]
+    assert {"level", "flow", "mode", "NO"} <= {row.get("name") for row in found["yaml"][0]}
+
+
+def test_register_types_are_called_as_in_profiles(opened: Browser) -> None:
+    """The words of the format (docs/profiles.md), in the table of the registers."""
+    show(opened, TYPED)
+    opened.run("document.getElementById('tab-registers').click()")
+    opened.wait("document.querySelectorAll('.grid-lines .grid-row').length > 0")
+    types = opened.run(
+        "return [...document.querySelectorAll('.grid-lines .grid-row')]"
+        ".map((row) => row.children[1].textContent)"
+    )
+    assert set(types) <= {"co", "di", "ir", "hr"}
+    assert "hr" in types
