@@ -12,6 +12,17 @@ pub enum Side {
     Received,
 }
 
+impl Side {
+    /// The other of the two.
+    #[must_use]
+    pub fn other(self) -> Self {
+        match self {
+            Self::Sent => Self::Received,
+            Self::Received => Self::Sent,
+        }
+    }
+}
+
 /// What is known of the times of the bytes.
 #[derive(Clone, Copy, Debug, Default)]
 pub enum Times<'a> {

@@ -395,6 +395,19 @@ pub(crate) fn declared_direction(side_votes: [i32; 2], side: Side) -> Direction 
     }
 }
 
+/// So many more requests than responses of one side show what its word stands for, without any frame of the other side.
+const MIN_VOTES_OF_ONE_SIDE: i32 = 3;
+
+/// The same, unless the frames of the recording contradict it: they show it on both sides, or several on this one, or nothing yet.
+pub(crate) fn shown_direction(side_votes: [i32; 2], side: Side) -> Option<Direction> {
+    let [sent, received] = side_votes.map(i32::signum);
+    let own = side_votes[usize::from(side == Side::Received)];
+    let direction = declared_direction(side_votes, side);
+    let agrees = (own > 0) == (direction == Direction::Request);
+    let is_shown = sent * received < 0 || (own.abs() >= MIN_VOTES_OF_ONE_SIDE && agrees);
+    (is_shown || side_votes == [0, 0]).then_some(direction)
+}
+
 #[cfg(test)]
 mod tests {
     use crate::session::{BusOptions, Session};

@@ -7,7 +7,7 @@ use crate::input::Input;
 use crate::pairing::{ObservedFrame, Pairing};
 use crate::records::{Batch, Frame, Span};
 use crate::rtu_model::damage_kind::DamageKind;
-use crate::session::bus::{learn, BusState};
+use crate::session::bus::{learn, shown_direction, BusState};
 use crate::session::decoder::Decoder;
 use crate::session::frame_timing::{FrameTiming, TimingConfig};
 use crate::session::lateness::Lateness;
@@ -47,6 +47,8 @@ impl Decoder {
         let recognised = recognise((&mut state.habits, responses_of), &state.pairing, framed, wire, config.mode);
         let rest = state.begins_inside.then(|| tap_start::rest_of_frame(input, framed)).flatten();
         let framed = rest.as_ref().or(recognised.as_ref()).unwrap_or(framed);
+        let said = as_said(input, framed, state.side_votes);
+        let framed = said.as_ref().unwrap_or(framed);
         let mut frame = observed(number, wire, adu, framed, &timing, config.mode);
         frame.is_cut = is_cut_by_recording(input, framed, (state.now, state.begins_inside));
         frame.lacks_request = state.begins_inside && tap_start::lacks_request(input, &state.pairing);
@@ -135,6 +137,19 @@ fn recognise(
         return None;
     }
     habits.recognise(framed, wire, pairing.unit_of_last_response(), responses_of)
+}
+
+/// A damaged frame with the direction that the recording's words in front of all its bytes stand for, as its sound frames show,
+/// if the frame does not have it already.
+#[inline]
+fn as_said(input: &Input, framed: &FrameResult, side_votes: [i32; 2]) -> Option<FrameResult> {
+    if framed.verdict.is_good() || framed.verdict == Verdict::Noise {
+        return None;
+    }
+    let side = input.first_read()?.side?;
+    let is_of_one = input.read(framed.length - 1).is_some_and(|last| last.side == Some(side));
+    let direction = shown_direction(side_votes, side).filter(|direction| is_of_one && *direction != framed.direction)?;
+    Some(FrameResult { direction, ..*framed })
 }
 
 /// Copies the codes of these findings into the batch: first those on the frame itself, after them that of pairing, if any.

@@ -8,6 +8,7 @@ use serde_json::Value as Json;
 
 use crate::chunk::Side;
 use crate::text::anchors::AnchorIndex;
+use crate::text::notation::Notation;
 use crate::text::role::LineRole;
 use crate::text::template::Template;
 use modlens_protocol::functions::parse_toml;
@@ -112,6 +113,11 @@ impl Dialect {
     /// Whether a frame may be printed over several lines.
     pub(super) fn is_multi_line(&self) -> bool {
         self.has_headers || self.is_dump
+    }
+
+    /// Whether it reads a table of a manual, whose words name bytes.
+    pub(super) fn is_table(&self) -> bool {
+        self.rules.iter().any(|(_, template)| template.reads(Notation::PrefixedValue))
     }
 
     /// The most characters of fixed text in one of its templates, a measure of how specific the row is.

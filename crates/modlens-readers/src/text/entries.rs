@@ -12,7 +12,6 @@ use crate::text::role::LineRole;
 use crate::text::template::LineMatch;
 use crate::text::timestamps::TimestampParser;
 use crate::text::{encapsulation, LogEntry};
-use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::mbap::PREFIX_BYTES;
 use modlens_protocol::Ns;
@@ -141,6 +140,10 @@ pub(super) struct EntryAssembler {
     /// Lines that announced bytes: header lines, and dump lines with an offset.
     pub announced: u64,
     pub number: u64,
+    /// What the lines say about who sent their bytes is the same for all, and means nothing.
+    pub ignores_sides: bool,
+    /// Who sent the bytes of lines that do not say so, where the rest of the text shows it.
+    pub side_of_others: Option<Side>,
 }
 
 /// Whether the frame may be a request or the response that repeats it.
@@ -380,9 +383,10 @@ impl EntryAssembler {
             self.skip(entry_bytes.number, entry_bytes.bytes, DUPLICATE);
             return None;
         }
+        let side = entry_bytes.side.or(self.side_of_others).filter(|_| !self.ignores_sides);
         let stream = &mut self.streams[entry_bytes.key];
         let no_checksum = entry_bytes.no_checksum && !is_whole_frame;
-        let starts_record = is_whole_frame || no_checksum || !stream.is_mid_frame || stream.side != entry_bytes.side;
+        let starts_record = is_whole_frame || no_checksum || !stream.is_mid_frame || stream.side != side;
         let is_same = starts_record && stream.group == entry_bytes.bytes;
         stream.same_frames = if is_same { stream.same_frames + 1 } else { 1 };
         stream.number = entry_bytes.number;
@@ -391,11 +395,11 @@ impl EntryAssembler {
             stream.group.clear();
         }
         stream.group.extend_from_slice(entry_bytes.bytes);
-        stream.is_mid_frame = !(is_whole_frame || no_checksum || (!starts_record && crc_valid(&stream.group)));
-        stream.side = entry_bytes.side;
+        stream.is_mid_frame = !(is_whole_frame || no_checksum || (!starts_record && check_frame(&stream.group).0));
+        stream.side = side;
         Some(LogEntry {
             time: entry_bytes.time,
-            side: entry_bytes.side,
+            side,
             line: entry_bytes.line,
             starts_record,
             lacks_checksum: no_checksum,

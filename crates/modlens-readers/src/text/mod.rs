@@ -16,6 +16,7 @@ mod clock;
 mod date;
 pub mod detect;
 mod dialect;
+mod direction_words;
 mod encapsulation;
 mod entries;
 pub mod foreign_protocols;

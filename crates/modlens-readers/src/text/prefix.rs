@@ -1,34 +1,9 @@
 //! Parses what may be in front of plain bytes: a timestamp and a word that says who sent them, in either order.
 
 use crate::chunk::Side;
+use crate::text::direction_words::leading;
 use crate::text::timestamps::TimestampParser;
 use modlens_protocol::Ns;
-
-/// Words that say who sent the bytes, seen from the logging program. A word is before those that it begins with.
-const DIRECTION_WORDS: &[(&str, Side)] = &[
-    ("transmitted", Side::Sent),
-    ("received", Side::Received),
-    ("response", Side::Received),
-    ("request", Side::Sent),
-    ("sending", Side::Sent),
-    ("sent", Side::Sent),
-    ("send", Side::Sent),
-    ("recv", Side::Received),
-    ("write", Side::Sent),
-    ("read", Side::Received),
-    ("tx", Side::Sent),
-    ("rx", Side::Received),
-    (">>>", Side::Sent),
-    ("<<<", Side::Received),
-    (">>", Side::Sent),
-    ("<<", Side::Received),
-    ("-->", Side::Sent),
-    ("<--", Side::Received),
-    ("->", Side::Sent),
-    ("<-", Side::Received),
-    (">", Side::Sent),
-    ("<", Side::Received),
-];
 
 /// Parses the prefix of a line: the timestamp, the sender, and the rest of the line. Either may be missing.
 pub(super) fn parse_prefix<'a>(line: &'a [u8], timestamps: &mut TimestampParser) -> (Option<Ns>, Option<Side>, &'a [u8]) {
@@ -48,9 +23,13 @@ pub(super) fn parse_prefix<'a>(line: &'a [u8], timestamps: &mut TimestampParser)
     } else {
         (time, rest)
     };
-    // A word and an arrow may both say who sent the bytes: `TX: .. << 01 03` and `Req >> : 01 03`.
-    let rest = if side.is_some() { skip_separators(rest) } else { rest };
-    (time, side, direction_word(rest).1)
+    // A word and an arrow may both say who sent the bytes: `TX: .. << 01 03` and `Req >> : 01 03`. Some programs print an arrow
+    // in front of each line: `12:30:05.250 -> RX: 01 03`.
+    let behind = if side.is_some() { skip_separators(rest) } else { rest };
+    let (second, bytes) = direction_word(behind);
+    let is_word = second.is_some() && behind.iter().find(|b| **b != b'[').is_some_and(u8::is_ascii_alphabetic);
+    let is_after_arrow = is_word && !line[..line.len() - rest.len()].last().is_some_and(u8::is_ascii_alphabetic);
+    (time, if is_after_arrow { second } else { side }, bytes)
 }
 
 /// The line without leading separators. A colon that begins a frame of Modbus ASCII and the dashes of an arrow are kept.
@@ -74,16 +53,13 @@ fn direction_word(line: &[u8]) -> (Option<Side>, &[u8]) {
         return (None, line);
     }
     let line = line.strip_prefix(b"[").unwrap_or(line);
-    let Some(first_letter) = line.first().map(u8::to_ascii_lowercase) else { return (None, line) };
-    for (word, side) in DIRECTION_WORDS.iter().filter(|(word, _)| word.as_bytes()[0] == first_letter) {
-        let Some(start) = line.get(..word.len()) else { continue };
-        let rest = &line[word.len()..];
-        let is_whole_word = !rest.first().is_some_and(u8::is_ascii_alphanumeric) || !word.as_bytes()[0].is_ascii_alphabetic();
-        if start.eq_ignore_ascii_case(word.as_bytes()) && is_whole_word {
-            // The first character of `<01><03>` is no arrow: these are bytes.
-            let are_bytes = *word == "<" && rest.get(2) == Some(&b'>');
-            return if are_bytes { (None, line) } else { (Some(*side), rest) };
-        }
+    let Some((side, length)) = leading(line) else { return (None, line) };
+    let rest = &line[length..];
+    // The first character of `<01><03>` is no arrow: these are bytes.
+    let are_bytes = line[..length] == *b"<" && rest.get(2) == Some(&b'>');
+    if are_bytes {
+        (None, line)
+    } else {
+        (Some(side), rest)
     }
-    (None, line)
 }

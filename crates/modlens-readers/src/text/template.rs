@@ -59,7 +59,8 @@ pub(super) struct LineMatch {
     /// Position of the match in the line.
     pub start: usize,
     pub end: usize,
-    /// Where its bytes end; 0 without bytes.
+    /// Where its first bytes begin, and where its last ones end; 0 without bytes.
+    pub bytes_start: usize,
     pub bytes_end: usize,
     pub time: Option<Ns>,
     pub side: Option<Side>,
@@ -168,6 +169,11 @@ impl Template {
     /// Whether it stands for bytes that a checksum proves, wherever they are.
     pub fn is_proved(&self) -> bool {
         matches!(self.elements[..], [Element::Proved])
+    }
+
+    /// Whether its bytes may be in this notation.
+    pub fn reads(&self, notation: Notation) -> bool {
+        self.elements.iter().any(|element| matches!(element, Element::Bytes(notations, _) if notations.contains(&notation)))
     }
 
     /// Whether it is an optional time and sender, and hex after them.
@@ -341,6 +347,9 @@ fn match_elements(
             }
             Element::Bytes(notations, stop) => {
                 let length = match_bytes(notations, *stop, rest, found, scratch)?;
+                if found.bytes_end == 0 {
+                    found.bytes_start = at;
+                }
                 found.bytes_end = at + length;
                 length
             }

@@ -45,7 +45,12 @@ pub(super) fn decimal(text: &[u8], out: &mut Vec<u8>) -> usize {
         }
         let token = word(text, at);
         let Some(value) = decimal_byte(token) else { return end };
-        out.push(value);
+        // Java prints bytes from -128 on; a dash after a number or an arrow separates.
+        let is_negative = matches!(text[..at], [.., b' ' | b',' | b'[' | b'(' | b';', b'-']);
+        if is_negative && value > 128 {
+            return end;
+        }
+        out.push(if is_negative { value.wrapping_neg() } else { value });
         at += token.len();
         end = at;
         if text.get(at).is_some_and(|b| matches!(b, b']' | b')')) {

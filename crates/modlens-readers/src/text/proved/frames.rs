@@ -19,6 +19,9 @@ const MIN_INNER_BYTES: usize = 5;
 /// The shortest whole run whose checksum is enough, whatever its layout.
 const MIN_RUN_BYTES: usize = 6;
 
+/// The longest RTU frame (serial line specification, 2.5.1).
+const MAX_RTU_BYTES: usize = 256;
+
 /// The longest frame of Modbus ASCII in characters (serial line specification, 2.5.2).
 const MAX_ASCII_CHARS: usize = 513;
 
@@ -82,6 +85,14 @@ pub(super) fn is_frame(bytes: &[u8]) -> bool {
     let has_code = pdu[0] & !EXCEPTION_BIT != 0;
     let is_rtu = has_code && crc_valid(bytes) && (bytes.len() >= MIN_RUN_BYTES || fits_known_function(pdu));
     is_rtu || (announced_length(bytes) == Some(bytes.len()) && is_tcp_frame(bytes)) || is_ascii_frame(bytes)
+}
+
+/// Whether these bytes are an RTU frame with a valid CRC and the layout of a function that the specification has.
+pub(super) fn is_checked_frame(bytes: &[u8]) -> bool {
+    (MIN_INNER_BYTES..=MAX_RTU_BYTES).contains(&bytes.len())
+        && crc_valid(bytes)
+        && bytes[1] & !EXCEPTION_BIT != 0
+        && fits_known_function(&bytes[1..bytes.len() - 2])
 }
 
 /// Whether the PDU after an MBAP header of the right length has the layout of its function.

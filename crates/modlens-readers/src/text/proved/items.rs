@@ -1,17 +1,15 @@
-//! Joins frames that are listed a byte a line, each after its place: `00: 02`, `data[3] = 17`, `[0] 01`.
+//! Joins frames that are listed a byte a line, alone or each after its place: `0x02,`, `00: 02`, `data[3] = 17`, `[0] 01`.
 //!
 //! A line of a list ends with a place that is one more than that of the line before, and a byte in hex, decimal or binary; a
 //! few other lines may be between. A list is a frame if its bytes end with their CRC in one of these notations and have the layout of a function.
 
 use crate::chunk::Side;
-use crate::text::proved::frames::fits_known_function;
+use crate::text::proved::frames::is_checked_frame;
 use crate::text::proved::pieces::Piece;
-use crate::text::proved::sender::sender;
-use modlens_protocol::checksum::crc_valid;
-use modlens_protocol::functions::EXCEPTION_BIT;
+use crate::text::proved::sender::{sender, sender_below};
 
-/// The fewest and the most bytes of an RTU frame with a function (serial line specification, 2.5.1).
-const FRAME_BYTES: std::ops::RangeInclusive<usize> = 5..=256;
+/// The most bytes of an RTU frame (serial line specification, 2.5.1).
+const MAX_FRAME_BYTES: usize = 256;
 
 /// How many other lines may be between two of a list.
 const MAX_LINES_BETWEEN: u64 = 8;
@@ -19,6 +17,12 @@ const MAX_LINES_BETWEEN: u64 = 8;
 /// The most characters of a line of a list, and between place and byte.
 const MAX_LINE_CHARS: usize = 120;
 const MAX_SEPARATOR_CHARS: usize = 6;
+
+/// The most characters of a line that holds a byte and nothing else.
+const MAX_ALONE_CHARS: usize = 24;
+
+/// Types of variables that hold a byte, which stand between the place and the byte.
+const TYPES: [&str; 4] = ["byte", "usint", "uint8", "char"];
 
 /// A byte as hex, decimal and binary digits; `None` where they are none.
 type Readings = [Option<u8>; 3];
@@ -41,12 +45,16 @@ impl Items {
     pub fn add(&mut self, line: &[u8], number: u64) -> Option<(Vec<Piece>, Option<Side>)> {
         let Some((place, start, readings)) = item(line) else {
             if !line.trim_ascii().is_empty() {
-                self.title = sender(line);
+                self.title = sender_below(line);
+                // Without places, nothing else shows what belongs together.
+                if self.place == [None; 2] {
+                    self.lines.clear();
+                }
             }
             return None;
         };
         let is_far = self.lines.last().is_some_and(|(last, _)| last.number + MAX_LINES_BETWEEN < number);
-        if is_far || !follows(self.place, place) || self.lines.len() == *FRAME_BYTES.end() {
+        if is_far || !follows(self.place, place) || self.lines.len() == MAX_FRAME_BYTES {
             self.lines.clear();
             self.side = self.title.take().or_else(|| sender(&line[..start]));
         }
@@ -60,41 +68,55 @@ impl Items {
     /// The bytes of the list in this notation, if they are a frame.
     fn frame(&self, notation: usize) -> Option<Vec<u8>> {
         let bytes: Vec<u8> = self.lines.iter().map_while(|(_, readings)| readings[notation]).collect();
-        let is_frame = bytes.len() == self.lines.len()
-            && FRAME_BYTES.contains(&bytes.len())
-            && crc_valid(&bytes)
-            && bytes[1] & !EXCEPTION_BIT != 0
-            && fits_known_function(&bytes[1..bytes.len() - 2]);
-        is_frame.then_some(bytes)
+        (bytes.len() == self.lines.len() && is_checked_frame(&bytes)).then_some(bytes)
     }
 }
 
 /// Whether a place comes next after another in one of its readings.
 fn follows(before: Place, place: Place) -> bool {
     let next = |(before, place): (Option<u32>, Option<u32>)| before.zip(place).is_some_and(|(one, other)| one + 1 == other);
-    before.into_iter().zip(place).any(next)
+    (before == place && place == [None; 2]) || before.into_iter().zip(place).any(next)
 }
 
-/// The place and the byte of a line, and where the byte begins; `None` for a line of another kind.
+/// The place and the byte of a line, and where the byte begins; the place is missing where the byte is all that is in the line,
+/// as `0x01,`. `None` for a line of another kind.
 fn item(line: &[u8]) -> Option<(Place, usize, Readings)> {
     if line.len() > MAX_LINE_CHARS {
         return None;
     }
-    let mut words = line.chunk_by(|one, other| one.is_ascii_alphanumeric() == other.is_ascii_alphanumeric());
+    let words = line.chunk_by(|one, other| one.is_ascii_alphanumeric() == other.is_ascii_alphanumeric());
     let mut parts: Vec<(usize, &[u8])> = Vec::new();
     let mut at = 0;
-    for word in words.by_ref() {
-        if word[0].is_ascii_alphanumeric() {
+    for word in words {
+        // The mark of hex in IEC 61131, and the type of a variable.
+        let is_mark = word == b"16" && line.get(at + 2) == Some(&b'#');
+        if word[0].is_ascii_alphanumeric() && !is_mark && !TYPES.iter().any(|name| word.eq_ignore_ascii_case(name.as_bytes())) {
             parts.push((at, word));
         }
         at += word.len();
     }
-    let [.., (place_at, place), (start, byte)] = &parts[..] else { return None };
-    let separator = &line[place_at + place.len()..*start];
+    if let [(start, byte)] = parts[..] {
+        let is_alone = line.len() <= MAX_ALONE_CHARS && parts.len() == 1;
+        let readings = readings(byte);
+        return (is_alone && readings != [None; 3]).then_some(([None; 2], start, readings));
+    }
+    let [.., (place_at, place), (start, byte)] = parts[..] else { return None };
+    let separator = &line[place_at + place.len()..start];
+    let marks = separator.iter().filter(|b| !b.is_ascii_alphanumeric()).count();
     let place = number(place);
-    (separator.len() <= MAX_SEPARATOR_CHARS && place != [None; 2])
-        .then(|| (place, *start, readings(byte)))
+    (marks <= MAX_SEPARATOR_CHARS && place != [None; 2])
+        .then(|| (place, start, readings(byte)))
         .filter(|(.., readings)| *readings != [None; 3])
+}
+
+/// Whether a line holds nothing but a byte, perhaps after its place or a name: `0x01,`, `[3] 17`, `buf = 0x6`.
+pub(in crate::text) fn is_byte_line(line: &[u8]) -> bool {
+    let is_named = || {
+        let start = memchr::memmem::rfind(line, b"0x").filter(|&at| at > 0 && line[..at].trim_ascii_end().ends_with(b"="));
+        let digits = start.map(|at| line[at + 2..].trim_ascii().len());
+        start.is_some_and(|at| line[at + 2..].trim_ascii().iter().all(u8::is_ascii_hexdigit)) && matches!(digits, Some(1 | 2))
+    };
+    line.len() <= MAX_LINE_CHARS && (item(line).is_some() || is_named())
 }
 
 /// A word of digits as a decimal and as a hex number.

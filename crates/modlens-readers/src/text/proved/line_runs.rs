@@ -5,6 +5,7 @@ use std::ops::Range;
 use crate::text::notation::{Notation, NotationFlags};
 use crate::text::proved::frames;
 use crate::text::proved::runs::{hex_runs, number_runs, Run, Style};
+use crate::text::proved::sender::sender;
 use modlens_protocol::checksum::lrc;
 use modlens_protocol::hex::decode_pairs;
 
@@ -16,6 +17,12 @@ const MAX_STRINGS: usize = 16;
 
 /// The characters of a byte that stands apart: two digits and what separates it from the next one.
 const CHARS_OF_BYTE: usize = 3;
+
+/// A string with escape sequences holds bytes from so many on.
+const MIN_ESCAPED_BYTES: usize = 4;
+
+/// A word of so many hex digits is more than a number.
+const MIN_ODD_DIGITS: usize = 7;
 
 /// So many words of two hex digits in a line are bytes, whatever stands between them.
 const MIN_SCATTERED_BYTES: usize = 8;
@@ -165,14 +172,55 @@ pub(in crate::text) fn hex_bytes(line: &[u8]) -> usize {
     let words = part.split(u8::is_ascii_whitespace).map(without_marks);
     let words = words.filter(|word| word.len() == 2 && word.iter().all(u8::is_ascii_hexdigit));
     let numbers = number_runs(part, Style::Decimal).into_iter().map(|run| run.bytes.len()).max();
-    Some(words.count().max(numbers.unwrap_or(0))).filter(|bytes| *bytes >= MIN_SCATTERED_BYTES).unwrap_or(0)
+    let escaped = || escaped_runs(part).into_iter().filter(|run| !is_path(part, run)).map(|run| run.bytes.len()).max();
+    let scattered = words.count().max(numbers.unwrap_or(0));
+    if scattered >= MIN_SCATTERED_BYTES {
+        return scattered;
+    }
+    digits_without_zeros(part).max(escaped().filter(|bytes| *bytes >= MIN_ESCAPED_BYTES).unwrap_or(0)).max(labelled_bytes(part))
+}
+
+/// About how many bytes are in a line that is a single word of hex without leading zeros, as `114BA4134`: an odd number of digits.
+fn digits_without_zeros(line: &[u8]) -> usize {
+    let word = without_marks(line.trim_ascii());
+    let has = |is: fn(&u8) -> bool| word.iter().any(is);
+    let is_hex = word.len() >= MIN_ODD_DIGITS && word.iter().all(u8::is_ascii_hexdigit);
+    if is_hex && has(u8::is_ascii_alphabetic) && has(u8::is_ascii_digit) {
+        word.len().div_ceil(2)
+    } else {
+        0
+    }
+}
+
+/// How many bytes are at the end of a line after a colon, an arrow or `Buffer` and a word that says who sent them, be they ever
+/// so few: `<--129-4`, `rx buffer <Buffer 01>`.
+fn labelled_bytes(line: &[u8]) -> usize {
+    let is_last = |run: &Run| !line[run.text.end..].iter().any(u8::is_ascii_alphanumeric);
+    let is_labelled = |run: &Run| {
+        let front = line[..run.text.start].trim_ascii_end();
+        let ends_label = front.ends_with(b"<Buffer") || matches!(front.last(), Some(b':' | b'>' | b'<' | b'-' | b'='));
+        ends_label && (front.ends_with(b"<Buffer") || sender(front).is_some())
+    };
+    // `9600` is a number.
+    let are_pairs = |run: &Run| run.text.len() + 1 >= CHARS_OF_BYTE * run.bytes.len() && run.style != Style::Suffixed;
+    let hex = hex_runs(line).into_iter().filter(are_pairs);
+    let decimal = number_runs(line, Style::Decimal).into_iter().filter(|run| run.bytes.len() > 1);
+    let all = hex.chain(decimal).filter(|run| !is_other_text(line, &run.text));
+    all.filter(|run| is_last(run) && is_labelled(run)).map(|run| run.bytes.len()).max().unwrap_or(0)
 }
 
 /// A word without the punctuation around it.
-fn without_marks(word: &[u8]) -> &[u8] {
+pub(super) fn without_marks(word: &[u8]) -> &[u8] {
     let Some(start) = word.iter().position(u8::is_ascii_alphanumeric) else { return &[] };
     let end = word.iter().rposition(u8::is_ascii_alphanumeric).map_or(start, |last| last + 1);
     &word[start..end]
+}
+
+/// Whether a text begins with a date such as `21.11.2026` or `11/21/2026`.
+fn starts_with_day(text: &[u8]) -> bool {
+    let mut parts = text.chunk_by(|one, other| one.is_ascii_digit() == other.is_ascii_digit()).map(<[u8]>::len);
+    let lengths: [usize; 5] = std::array::from_fn(|_| parts.next().unwrap_or(0));
+    matches!(lengths, [1 | 2, 1, 1 | 2, 1, 4]) && text[0].is_ascii_digit()
 }
 
 /// Whether a run of digits is a date, a time of day, a UUID, or the name of a program in front of its number, as syslog prints
@@ -182,10 +230,11 @@ pub(super) fn is_other_text(line: &[u8], place: &Range<usize>) -> bool {
     let has_letters = text.iter().any(u8::is_ascii_alphabetic);
     let has_time = memchr::memchr_iter(b':', text).count() == 2;
     let has_year = matches!(text, [b'1' | b'2', b'9' | b'0', _, _, b'-' | b'/' | b'.', ..]);
+    let has_day = starts_with_day(text);
     let is_uuid = text.len() == 36 && [8, 13, 18, 23].iter().all(|&at| text[at] == b'-');
     let behind = &line[place.end..];
     let number = behind.iter().skip(1).take_while(|b| b.is_ascii_digit()).count();
     let is_program = behind.first() == Some(&b'[') && number > 0 && behind[number + 1..].starts_with(b"]:");
     let is_word = text.iter().all(u8::is_ascii_alphanumeric);
-    is_uuid || (is_word && is_program) || (!has_letters && text.len() < 30 && (has_time || has_year))
+    is_uuid || (is_word && is_program) || (!has_letters && text.len() < 30 && (has_time || has_year || has_day))
 }

@@ -1,14 +1,15 @@
-//! Joins frames of Modbus/TCP that are listed a field a line: `Transaction ID: 0x0001`, `Length: 0006`, `Unit: 01`.
+//! Joins frames that are listed a field a line: `Transaction ID: 0x0001`, `Length: 0006`, `Unit: 01`.
 //!
 //! A field is a label with letters, a colon or an equals sign, and bytes up to the end of the line or to a remark. Fields that
 //! follow one another are a frame if their bytes are an MBAP header, a field ends with its unit, the header announces as many
-//! bytes as there are, and the function has such a layout.
+//! bytes as there are, and the function has such a layout; or if they are an RTU frame with a valid CRC.
 
 use crate::chunk::Side;
-use crate::text::proved::frames::is_frame;
+use crate::text::proved::frames::{is_checked_frame, is_frame};
+use crate::text::proved::line_runs::without_marks;
 use crate::text::proved::pieces::Piece;
 use crate::text::proved::runs::{hex_runs, Style};
-use crate::text::proved::sender::sender;
+use crate::text::proved::sender::sender_below;
 use modlens_protocol::hex::decode_pairs;
 use modlens_protocol::mbap::{announced_length, PREFIX_BYTES};
 
@@ -34,7 +35,7 @@ impl Listing {
     pub fn add(&mut self, line: &[u8], number: u64) -> Option<(Vec<Piece>, Option<Side>)> {
         let Some((start, bytes)) = field(line) else {
             if !line.trim_ascii().is_empty() {
-                *self = Self { fields: Vec::new(), side: sender(line) };
+                *self = Self { fields: Vec::new(), side: sender_below(line) };
             }
             return None;
         };
@@ -42,7 +43,7 @@ impl Listing {
             *self = Self::default();
         }
         self.fields.push(Piece { number, line: line.to_vec(), start, bytes });
-        let fields = self.fields.split_off(self.frame_start()?);
+        let fields = self.fields.split_off(self.frame_start().or_else(|| self.checked_start())?);
         self.fields.clear();
         Some((fields, self.side))
     }
@@ -60,6 +61,15 @@ impl Listing {
         }
         start
     }
+
+    /// The first field from which on the bytes are an RTU frame, with its unit and its function each in a field of its own.
+    fn checked_start(&self) -> Option<usize> {
+        (0..self.fields.len().saturating_sub(2)).find(|&first| {
+            let fields = &self.fields[first..];
+            let bytes: Vec<u8> = fields.iter().flat_map(|field| field.bytes.iter().copied()).collect();
+            fields[0].bytes.len() == 1 && fields[1].bytes.len() == 1 && is_checked_frame(&bytes)
+        })
+    }
 }
 
 /// Whether these fields, of which there are as many bytes as the MBAP header announces, are a frame.
@@ -74,12 +84,13 @@ fn is_listed_frame(fields: &[Piece]) -> bool {
     (has_header || ends.any(|end| end == PREFIX_BYTES + 1)) && is_frame(&bytes)
 }
 
-/// The bytes of a field that begins with them, such as `00 03 Length`.
+/// The bytes of a field that begins with them, such as `00 03 Length` or `0x01, // unit`.
 fn leading_field(line: &[u8]) -> Option<(usize, Vec<u8>)> {
     let start = line.iter().position(|b| !b.is_ascii_whitespace())?;
     let mut bytes = Vec::new();
-    for word in line[start..].split(|&b| b == b' ').filter(|word| !word.is_empty()) {
-        if word.len() != 2 || !decode_pairs(word, &mut bytes) {
+    for word in line[start..].split(|&b| b == b' ').map(without_marks) {
+        let digits = word.strip_prefix(b"0x").unwrap_or(word);
+        if !word.is_empty() && (digits.len() != 2 || !decode_pairs(digits, &mut bytes)) {
             let is_name = word.len() > 2 && word.iter().all(u8::is_ascii_alphabetic);
             return (is_name && !bytes.is_empty()).then_some((start, bytes));
         }

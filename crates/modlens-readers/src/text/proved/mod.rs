@@ -4,13 +4,15 @@
 //! `runs` finds bytes in all notations, `frames` says which of them are frames, `sender` takes the direction from the words in
 //! front of them. A line whose text in front of the bytes (`shapes`) was seen in front of frames is read even if its bytes
 //! prove nothing, because damaged frames are what people look for. `pieces` joins frames that are printed over several lines,
-//! `listing` those that are printed a field a line, `items` those with the place of each byte in front of it.
+//! `listing` those that are printed a field a line, `items` those with the place of each byte in front of it. `labels`
+//! learns what stands below lines without bytes.
 
 mod candidates;
 mod found;
 mod frames;
 mod items;
 mod kinds;
+mod labels;
 mod line_runs;
 mod listing;
 mod pieces;
@@ -26,6 +28,7 @@ use crate::text::frame_evidence::has_frame_layout;
 use candidates::{candidates, fronts, mentions};
 use found::{found, with_fronts, MIN_LISTED_BYTES, MIN_NEIGHBOUR_BYTES};
 use items::Items;
+use labels::Labels;
 use line_runs::{part_end, proved_runs, shifted, style_of_frames};
 use listing::Listing;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
@@ -36,8 +39,9 @@ use statements::Statements;
 
 pub(super) use candidates::other_hex;
 pub(super) use found::{Found, Worth};
+pub(super) use items::is_byte_line;
 pub(super) use line_runs::{hex_bytes, longest_hex, single_bytes, single_digits};
-pub(super) use sender::sender;
+pub(super) use sender::{denies, sender, sender_below};
 
 /// What the lines so far have shown.
 #[derive(Clone, Debug, Default)]
@@ -47,6 +51,7 @@ pub(super) struct ProvedHex {
     pieces: Pieces,
     listing: Listing,
     items: Items,
+    labels: Labels,
 }
 
 impl ProvedHex {
@@ -83,8 +88,18 @@ impl ProvedHex {
     /// Learns from the lines at the beginning of a text which statements print frames, and who sent them.
     pub fn learn_statements(&mut self, lines: impl Iterator<Item = Vec<u8>>) {
         let may_hold_bytes = |line: &Vec<u8>| line.iter().filter(|b| b.is_ascii_hexdigit()).count() >= MIN_LISTED_BYTES;
-        let mentions = lines.filter(may_hold_bytes).flat_map(|line| mentions(&line));
-        self.statements = Statements::learn(&mentions.collect::<Vec<_>>());
+        let mut all = Vec::new();
+        for line in lines {
+            let found = if may_hold_bytes(&line) { mentions(&line) } else { Vec::new() };
+            self.labels.add(&line, &found);
+            all.extend(found);
+        }
+        self.statements = Statements::learn(&all);
+    }
+
+    /// Who sent the bytes below this label, as the frames below its like show.
+    pub fn learned_label(&self, text: &[u8]) -> Option<Side> {
+        self.labels.side(text)
     }
 
     /// How many requests without checksum are followed by a response that fits, of how many.
@@ -197,6 +212,17 @@ fn listed(fields: Vec<Piece>, side: Option<Side>, number: u64) -> Found {
 pub(super) fn read_frames(line: &[u8], start: usize) -> Vec<Found> {
     let end = part_end(line, start);
     with_fronts(line, start, &proved_runs(&line[..end], start))
+}
+
+/// Whether a line has words that are no hex, several of them.
+pub(super) fn is_words(line: &[u8]) -> bool {
+    let words = line.split(|b| !b.is_ascii_alphanumeric());
+    words
+        .filter(|word| word.len() > 2 && word.iter().all(u8::is_ascii_alphabetic))
+        .filter(|word| !word.iter().all(u8::is_ascii_hexdigit))
+        .take(2)
+        .count()
+        == 2
 }
 
 /// Whether nothing that continues a word or a number follows the run.

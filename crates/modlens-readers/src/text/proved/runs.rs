@@ -184,6 +184,11 @@ fn same_separator(one: &[u8], other: &[u8]) -> bool {
 /// The next word from `at` on: letters and digits.
 fn next_word(line: &[u8], at: usize) -> Option<Range<usize>> {
     let start = at + line.get(at..)?.iter().position(u8::is_ascii_alphanumeric)?;
+    // The mark of hex in IEC 61131 and in Basic: `16#01`, `&H01`.
+    let behind = line[start..].strip_prefix(b"16#").filter(|rest| rest.first().is_some_and(u8::is_ascii_hexdigit));
+    let is_basic =
+        start > at && line[start - 1] == b'&' && matches!(line[start..], [b'H' | b'h', digit, ..] if digit.is_ascii_hexdigit());
+    let start = behind.map_or(start + usize::from(is_basic), |rest| line.len() - rest.len());
     let length = line[start..].iter().take_while(|b| b.is_ascii_alphanumeric()).count();
     Some(start..start + length)
 }
@@ -251,7 +256,8 @@ fn read_decimal(line: &[u8], word: &Range<usize>, out: &mut Vec<u8>) -> bool {
     }
     let value = text.iter().fold(0i32, |value, b| value * 10 + i32::from(b - b'0'));
     let front = &line[..word.start];
-    let is_negative = front.ends_with(b"-") && !front[..front.len() - 1].last().is_some_and(u8::is_ascii_alphanumeric);
+    let may_be_before = |b: &u8| matches!(b, b' ' | b'\t' | b',' | b';' | b':' | b'=' | b'[' | b'(' | b'{');
+    let is_negative = front.ends_with(b"-") && front[..front.len() - 1].last().is_none_or(may_be_before);
     let value = if is_negative { -value } else { value };
     let is_byte = (-128..256).contains(&value);
     if is_byte {

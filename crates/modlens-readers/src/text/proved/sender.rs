@@ -1,123 +1,110 @@
 //! Finds out from the words around bytes who sent them.
 
 use crate::chunk::Side;
+use crate::text::direction_words::{meaning, words, Meaning, Rank, ARROWS, CONTAINERS};
 
 /// How many characters in front of the bytes are searched.
 const MAX_CHARS: usize = 120;
 
-/// Verbs and their abbreviations; the one nearest to the bytes counts.
-const VERBS: &[(&str, Side)] = &[
-    ("tx", Side::Sent),
-    ("txd", Side::Sent),
-    ("send", Side::Sent),
-    ("sends", Side::Sent),
-    ("sent", Side::Sent),
-    ("sending", Side::Sent),
-    ("transmit", Side::Sent),
-    ("transmitted", Side::Sent),
-    ("transmitting", Side::Sent),
-    ("writing", Side::Sent),
-    ("wrote", Side::Sent),
-    ("written", Side::Sent),
-    ("outgoing", Side::Sent),
-    ("rx", Side::Received),
-    ("rxd", Side::Received),
-    ("recv", Side::Received),
-    ("rcvd", Side::Received),
-    ("recd", Side::Received),
-    ("receive", Side::Received),
-    ("receives", Side::Received),
-    ("received", Side::Received),
-    ("receiving", Side::Received),
-    ("incoming", Side::Received),
-    ("answered", Side::Received),
-    ("answers", Side::Received),
-    ("replied", Side::Received),
-    ("replies", Side::Received),
-    ("returned", Side::Received),
-    ("returns", Side::Received),
-    ("got", Side::Received),
-    ("gets", Side::Received),
-];
+/// Words after which somebody refers to another message than the one that follows.
+const REFERRING: [&str; 9] = ["to", "for", "of", "on", "auf", "zu", "de", "a", "на"];
+const ARTICLES: [&str; 10] = ["the", "this", "that", "a", "die", "der", "das", "la", "le", "el"];
 
-/// Nouns, for lines without a verb: a request is what the program sends.
-const NOUNS: &[(&str, Side)] = &[
-    ("request", Side::Sent),
-    ("requests", Side::Sent),
-    ("req", Side::Sent),
-    ("query", Side::Sent),
-    ("command", Side::Sent),
-    ("cmd", Side::Sent),
-    ("response", Side::Received),
-    ("responses", Side::Received),
-    ("resp", Side::Received),
-    ("rsp", Side::Received),
-    ("reply", Side::Received),
-    ("answer", Side::Received),
-];
+/// What is between a sender and the receiver whose name follows.
+const TOWARDS: [&str; 8] = ["->", "=>", "\u{2192}", " to", " an", " zu", " vers", " a"];
 
-/// Words that tell who sent the bytes only if they are next to them.
-const NEXT_TO_BYTES: &[(&str, Side)] = &[
-    ("write", Side::Sent),
-    ("read", Side::Received),
-    ("out", Side::Sent),
-    ("in", Side::Received),
-    ("master", Side::Sent),
-    ("client", Side::Sent),
-    ("slave", Side::Received),
-    ("device", Side::Received),
-];
+/// A label without a colon or an arrow at its end has at most so many words.
+const MAX_LABEL_WORDS: usize = 5;
 
-/// Words for the bytes themselves, which may be between them and the word that shows who sent them.
-const CONTAINERS: &[&str] = &["buffer", "bytes", "data", "hex", "array", "raw", "frame", "packet", "payload", "message", "adu"];
-
-/// Arrows, which are next to the bytes, longer ones first.
-const ARROWS: &[(&str, Side)] = &[
-    ("\u{2192}", Side::Sent),
-    ("\u{2190}", Side::Received),
-    ("<--", Side::Received),
-    ("<==", Side::Received),
-    ("->", Side::Sent),
-    ("=>", Side::Sent),
-    ("<-", Side::Received),
-    ("<=", Side::Received),
-    (">", Side::Sent),
-    ("<", Side::Received),
+/// Words by which a line says that nothing was sent or received, or not yet.
+const NOT: [&str; 20] = [
+    "no",
+    "not",
+    "without",
+    "wait",
+    "waiting",
+    "timeout",
+    "timed",
+    "error",
+    "failed",
+    "fail",
+    "invalid",
+    "missing",
+    "expected",
+    "expecting",
+    "retry",
+    "retries",
+    "keine",
+    "kein",
+    "empty",
+    "after",
 ];
 
 /// Who sent the bytes that follow this text; `None` if it does not say.
 pub(in crate::text) fn sender(front: &[u8]) -> Option<Side> {
     let front = &front[front.len().saturating_sub(MAX_CHARS)..];
-    let words = words(front);
-    let nearest = |list: &[(&str, Side)]| words.iter().rev().find_map(|word| look_up(list, word));
-    nearest(VERBS).or_else(|| arrow(front)).or_else(|| nearest(NOUNS)).or_else(|| {
+    let text = String::from_utf8_lossy(front);
+    let words = words(&text);
+    let known: Vec<Option<Meaning>> = words.iter().map(|(_, word)| meaning(word)).collect();
+    let nearest = |rank: Rank| known.iter().rev().flatten().find(|(_, own)| *own == rank).map(|(side, _)| *side);
+    // `the answer to the request` is an answer.
+    let is_of_other = |at: usize| {
+        let mut before = words[..at].iter().rev().map(|(_, word)| word.as_str()).skip_while(|word| ARTICLES.contains(word));
+        before.next().is_some_and(|word| REFERRING.contains(&word))
+    };
+    let noun = (0..words.len()).rev().filter_map(|at| Some((at, known[at]?))).filter(|(_, (_, rank))| *rank == Rank::Noun);
+    let noun = noun.filter(|(at, _)| !is_of_other(*at)).map(|(_, (side, _))| side).next().or_else(|| nearest(Rank::Noun));
+    let said = nearest(Rank::Verb).or_else(|| arrow(front)).or(noun);
+    let said = said.or_else(|| {
         // A number after the word counts bytes or names a port.
-        let names_bytes = |word: &&Vec<u8>| CONTAINERS.iter().any(|known| known.as_bytes() == word.as_slice());
-        words.iter().rev().find(|word| !names_bytes(word)).and_then(|word| look_up(NEXT_TO_BYTES, word))
+        let last = words.iter().rposition(|(_, word)| !CONTAINERS.contains(&word.as_str()))?;
+        let (side, rank) = known[last]?;
+        let before = text[..words[last].0].trim_end().to_lowercase();
+        let is_receiver = rank == Rank::Party && TOWARDS.iter().any(|sign| before.ends_with(sign) || before == sign.trim_start());
+        Some(if is_receiver { side.other() } else { side })
+    });
+    said.or_else(|| leading_arrow(&text))
+}
+
+/// The arrow with which the text begins, perhaps after a time.
+fn leading_arrow(text: &str) -> Option<Side> {
+    let start = text.find(|c: char| matches!(c, '<' | '>' | '-' | '=' | '\u{2190}' | '\u{2192}') || c.is_alphabetic())?;
+    let rest = text[start..].trim_start_matches(['-', '=', ' ']);
+    let signs = [&text[start..], rest];
+    let is_long = |sign: &str| sign.chars().nth(1).is_some() || !sign.is_ascii();
+    signs.iter().find_map(|rest| {
+        let (_, side) = ARROWS.iter().filter(|(sign, _)| is_long(sign)).find(|(sign, _)| rest.starts_with(sign))?;
+        Some(*side)
     })
 }
 
-/// The words of a text in lower case. A word ends at a change from lower to upper case, as in `onRxData`.
-fn words(text: &[u8]) -> Vec<Vec<u8>> {
-    let mut words: Vec<Vec<u8>> = vec![Vec::new()];
-    let mut before = b' ';
-    for &b in text {
-        if b.is_ascii_uppercase() && before.is_ascii_lowercase() {
-            words.push(Vec::new());
-        }
-        match words.last_mut() {
-            Some(word) if b.is_ascii_alphabetic() => word.push(b.to_ascii_lowercase()),
-            Some(word) if !word.is_empty() => words.push(Vec::new()),
-            _ => {}
-        }
-        before = b;
+/// Who sent the bytes below this label, by its words.
+pub(in crate::text) fn sender_below(text: &[u8]) -> Option<Side> {
+    let lossy = String::from_utf8_lossy(text);
+    let words = words(&lossy);
+    let is_mark = |b: u8| matches!(b, b'*' | b'_' | b'`' | b'"' | b'\'' | b' ' | b'\t');
+    let end = text.iter().rposition(|b| !is_mark(*b)).map_or(0, |last| last + 1);
+    let text = &text[..end];
+    let ends_as_label =
+        matches!(text.last(), Some(b':' | b'=' | b'>' | b'<' | b'-' | b'{')) || text.ends_with("\u{FF1A}".as_bytes());
+    if denies(text) || !(ends_as_label || words.len() <= MAX_LABEL_WORDS) {
+        return None;
     }
-    words.retain(|word| !word.is_empty());
-    words
+    // `Write/Read:` and `Response to the request:` name both.
+    let names = |side: Side| {
+        let said = words.iter().filter_map(|(_, word)| meaning(word));
+        said.filter(|(_, rank)| *rank != Rank::Party).any(|(own, _)| own == side)
+    };
+    if names(Side::Sent) && names(Side::Received) {
+        arrow(text)
+    } else {
+        sender(text)
+    }
 }
 
-fn look_up(list: &[(&str, Side)], word: &[u8]) -> Option<Side> {
-    list.iter().find(|(known, _)| known.as_bytes() == word).map(|(_, side)| *side)
+/// Whether the words of a line say that nothing was sent or received, or not yet.
+pub(in crate::text) fn denies(text: &[u8]) -> bool {
+    words(&String::from_utf8_lossy(text)).iter().any(|(_, word)| NOT.contains(&word.as_str()))
 }
 
 /// The arrow at the end of the text, with blanks and quotes after it.
@@ -135,7 +122,6 @@ fn arrow(front: &[u8]) -> Option<Side> {
         text.ends_with(b">") && text.iter().rposition(|&b| b == b'<').is_some_and(|at| text[at + 1].is_ascii_alphabetic());
     ARROWS.iter().find(|(sign, _)| !closes && text.ends_with(sign.as_bytes())).map(|(_, side)| *side)
 }
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -161,9 +147,34 @@ mod tests {
             ("Read holding registers: ", None),
             ("Parsing RTU frame: ", None),
             ("<Buffer ", None),
+            ("this is the answer to the request: ", Some(Side::Received)),
+            ("master -> slave: ", Some(Side::Sent)),
+            ("from slave: ", Some(Side::Received)),
+            (">>> bytearray(b'", Some(Side::Sent)),
+            ("\u{6536}\u{5230}\u{6570}\u{636e}\u{FF1A}", Some(Side::Received)),
             ("", None),
         ] {
             assert_eq!(sender(front.as_bytes()), side, "{front}");
+        }
+    }
+
+    #[test]
+    fn a_label_says_who_sent_what_is_below() {
+        for (text, side) in [
+            ("TX:", Some(Side::Sent)),
+            ("**Response**:", Some(Side::Received)),
+            ("18:39:11.5 - Station5_RTU ->", Some(Side::Sent)),
+            ("18:39:11.7 - Station5_RTU <-", Some(Side::Received)),
+            ("Sent 8 bytes", Some(Side::Sent)),
+            ("Slave -> Master", Some(Side::Received)),
+            ("Antwort vom Gerät:", Some(Side::Received)),
+            ("No response", None),
+            ("Waiting for response:", None),
+            ("the values of the meter", None),
+            ("TEST WRITE/READ:", None),
+            ("Response to the request:", None),
+        ] {
+            assert_eq!(sender_below(text.as_bytes()), side, "{text}");
         }
     }
 }

@@ -1,7 +1,10 @@
 //! Reads a text line by line with the dialects that it needs.
 
+mod counts;
 mod expectation;
 mod fallback;
+mod label;
+mod labelled;
 mod look_ahead;
 mod prose;
 mod proved_lines;
@@ -24,6 +27,7 @@ use crate::text::role::LineRole;
 use crate::text::template::{LineMatch, MatchContext, Template};
 use crate::text::timestamps::{delta, TimestampParser};
 use crate::text::LogEntry;
+use label::Label;
 pub(super) use look_ahead::Marks;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
@@ -99,6 +103,8 @@ pub struct Reader {
     plain_front: usize,
     unread_lines: UnreadLines,
     prose: Prose,
+    /// The last line that may be a label for the bytes below it.
+    label: Option<Label>,
     /// The last line of prose says that the bytes below should have come, not that they did.
     expects_what_follows: bool,
     /// The next line may be a regular one.
@@ -145,6 +151,7 @@ impl Reader {
             plain_front: 0,
             unread_lines: UnreadLines::default(),
             prose: Prose::default(),
+            label: None,
             expects_what_follows: false,
             expects_regular_lines: false,
             is_general: false,
@@ -259,6 +266,10 @@ impl Reader {
                 self.read_proved_tail(line, self.tail);
             }
             self.unread.clear();
+            if self.matches.iter().all(|(role, ..)| *role == LineRole::Ignored) {
+                self.note_label(text);
+            }
+            self.end_label();
             self.expects_regular_lines =
                 !self.is_general && !self.leaves_out_what_follows() && self.may_expect_regular_lines(&row);
         } else if !self.read_with_another_dialect(line)
@@ -275,6 +286,7 @@ impl Reader {
 
     /// Counts a line that nothing reads. A comment counts only if it holds hex, and ends nothing that was announced.
     fn leave_unread(&mut self, text: &[u8], has_deltas: bool) {
+        self.note_label(text);
         if is_comment(text) && hex_bytes(text) == 0 {
             return;
         }
@@ -293,7 +305,8 @@ impl Reader {
 
     /// Passes the matches of the current line to `deliver`, which makes entries of them.
     fn deliver_matches(&mut self, dialect: &Arc<Dialect>) {
-        let matches = std::mem::take(&mut self.matches);
+        let mut matches = std::mem::take(&mut self.matches);
+        self.let_label_decide(&mut matches);
         let voice = Some(Arc::as_ptr(dialect).addr() as u64);
         let mut from = 0;
         for (role, found, end) in &matches {
@@ -319,6 +332,7 @@ impl Reader {
     /// programs do not. Where a row of any program knows no word, what was learned of the text counts.
     fn let_words_decide(&mut self, line: &[u8], row: &Dialect) {
         let learned = |front: &[u8]| self.proved.as_ref().and_then(|proved| proved.learned_sender(front));
+        let has_label = self.side_of_label().is_some();
         for (role, found, _) in &mut self.matches {
             let brackets = line.get(found.start..found.start + 4);
             let is_in_brackets = matches!(brackets, Some([b'[', _, _, b']'] | [b'<', _, _, b'>']));
@@ -329,8 +343,11 @@ impl Reader {
                     let said = sender(front).or_else(|| learned(&line[..=found.start]));
                     *role = LineRole::Bytes(said.or(Some(*side).filter(|_| may_mean_brackets)));
                 }
+                LineRole::Bytes(side @ Some(_)) if is_in_brackets && !self.has_angles && has_label => *side = None,
                 LineRole::Bytes(side @ None) if row.generic && found.side.is_none() && found.start > 0 => {
-                    *side = learned(&line[..found.start]);
+                    // In a table the words in front name a byte.
+                    let front = &line[..found.start];
+                    *side = learned(front).or_else(|| sender(front).filter(|_| !row.is_table()));
                 }
                 _ => {}
             }
@@ -356,7 +373,12 @@ impl Reader {
                 self.timestamps.state = saved_state;
                 return false;
             }
-            self.found.extend_from_slice(&self.bytes);
+            if dialect.is_plain_hex && found.side.is_none() && counts::are_numbers(line, &self.bytes) {
+                (from, must_reach_line_end) = (found.end.max(from + 1), to_line_end);
+                continue;
+            }
+            let skipped = usize::from(dialect.generic && counts::begins_with_count(line, &found, &self.bytes));
+            self.found.extend_from_slice(&self.bytes[skipped..]);
             if let Some((start, end)) = found.key {
                 found.key = Some((self.assembler.key(line[start..end].trim_ascii()), 0));
             }

@@ -57,7 +57,7 @@ impl Prose {
 }
 
 /// Whether the line is a sentence rather than what a program prints.
-fn is_sentence(line: &[u8]) -> bool {
+pub(super) fn is_sentence(line: &[u8]) -> bool {
     let words = line.split(|b| !b.is_ascii_alphabetic());
     let words = words.filter(|word| word.len() > 1 && word[1..].iter().all(u8::is_ascii_lowercase));
     words.take(MIN_SENTENCE_WORDS).count() == MIN_SENTENCE_WORDS

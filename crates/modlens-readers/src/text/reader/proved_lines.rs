@@ -150,8 +150,12 @@ impl Reader {
             side = one.side.or(side.filter(|_| !has_words));
             if self.is_quote(text, &one) {
                 self.assembler.skip_copy(&one.bytes);
-            } else {
-                self.deliver_one(&one, side, time);
+                continue;
+            }
+            let said = side.or_else(|| self.side_of_label());
+            self.deliver_one(&one, said, time);
+            if side.is_none() && said.is_some() && one.worth != Worth::Beside {
+                self.use_label(&one.bytes);
             }
         }
         self.assembler.number = self.number;

@@ -27,6 +27,7 @@ impl Reader {
             && self.dialects.iter().all(|row| !row.has_deltas)
             && self.last_voice == Some(Arc::as_ptr(row).addr() as u64)
             && self.unread.is_empty()
+            && self.label.is_none()
             && !self.is_quoted_mail
             && !self.is_continued
             && self.assembler.expects_nothing()

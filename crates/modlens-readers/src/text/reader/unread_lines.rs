@@ -1,7 +1,10 @@
 //! The lines of a text that nothing could read: their number, and those of them that hold most hex.
 
 use crate::text::oddities::{self, Said, UnreadLine};
-use crate::text::proved::hex_bytes;
+use crate::text::proved::{hex_bytes, is_byte_line};
+
+/// So many lines in a row that hold a byte each are bytes.
+const MIN_LISTED: u64 = 5;
 
 /// How many lines are kept so that users can see examples.
 const MAX_EXAMPLES: usize = 3;
@@ -26,6 +29,9 @@ pub struct UnreadLines {
     pub hex_bytes: u64,
     /// The lines with most hex; of lines with equally many bytes the first. Number, text, bytes of hex.
     pub examples: Vec<(u64, String, usize)>,
+    /// How many lines with a byte each are the last ones, and the number of the last of them.
+    listed: u64,
+    last_listed: u64,
     /// The first of these lines, each with the frame that was read shortly before it.
     kept: Vec<(u64, Vec<u8>, Vec<u8>)>,
 }
@@ -53,6 +59,12 @@ impl UnreadLines {
         let bytes = hex_bytes(line);
         self.with_hex += u64::from(bytes > 0);
         self.hex_bytes += bytes as u64;
+        if bytes == 0 && is_byte_line(line) {
+            self.listed = if self.last_listed + 1 == number { self.listed + 1 } else { 1 };
+            self.last_listed = number;
+            let new = if self.listed == MIN_LISTED { MIN_LISTED } else { u64::from(self.listed > MIN_LISTED) };
+            (self.with_hex, self.hex_bytes) = (self.with_hex + new, self.hex_bytes + new);
+        }
         let place = self.examples.iter().position(|(_, _, other)| bytes > *other).unwrap_or(self.examples.len());
         if place < MAX_EXAMPLES {
             let text: String = String::from_utf8_lossy(line).chars().take(MAX_EXAMPLE_CHARS).collect();
@@ -68,6 +80,8 @@ impl UnreadLines {
             return;
         }
         let bytes = hex_bytes(line);
+        let is_listed = bytes == 0 && self.listed >= MIN_LISTED && self.last_listed < number + self.listed && is_byte_line(line);
+        let bytes = bytes + usize::from(is_listed);
         self.with_hex = self.with_hex.saturating_sub(u64::from(bytes > 0));
         self.hex_bytes = self.hex_bytes.saturating_sub(bytes as u64);
         self.examples.retain(|(other, _, _)| *other != number);

@@ -1,0 +1,32 @@
+//! Numbers around the bytes of a line that a dialect of any program takes for bytes as well.
+
+use crate::text::frame_evidence;
+use crate::text::proved::is_words;
+use crate::text::template::LineMatch;
+
+/// The fewest bytes that a number in front of them may count.
+const MIN_COUNTED: usize = 3;
+
+/// Fewer bytes than these in a line of words are numbers.
+const MIN_BYTES_IN_WORDS: usize = 4;
+
+/// Whether the first of the bytes that were found in the line is a number which counts the others, as in `TX [8] 01 03 ..`: what
+/// separates it from them is not what separates those, and with it the bytes are no frame.
+pub(super) fn begins_with_count(line: &[u8], found: &LineMatch, bytes: &[u8]) -> bool {
+    if bytes.len() <= MIN_COUNTED || frame_evidence::is_whole_frame(bytes) || found.bytes_end > line.len() {
+        return false;
+    }
+    let text = &line[found.bytes_start..found.bytes_end];
+    let Some(start) = text.iter().position(u8::is_ascii_alphanumeric) else { return false };
+    let mut parts = text[start..].chunk_by(|one, other| one.is_ascii_alphanumeric() == other.is_ascii_alphanumeric());
+    let (Some(count), Some(behind), _, Some(usual)) = (parts.next(), parts.next(), parts.next(), parts.next()) else {
+        return false;
+    };
+    let is_count = std::str::from_utf8(count).ok().and_then(|text| text.parse().ok()) == Some(bytes.len() - 1);
+    is_count && behind != usual
+}
+
+/// Whether so few bytes in a line of words are only numbers in it.
+pub(super) fn are_numbers(line: &[u8], bytes: &[u8]) -> bool {
+    bytes.len() < MIN_BYTES_IN_WORDS && is_words(line)
+}
