@@ -4,7 +4,7 @@
 
 use crate::chunk::Side;
 use crate::text::frame_evidence;
-use crate::text::proved::{denies, sender_below};
+use crate::text::proved::{denies, sender_below, ProvedHex};
 use crate::text::reader::label::{label_text, Label};
 use crate::text::reader::Reader;
 use crate::text::role::LineRole;
@@ -19,7 +19,7 @@ impl Reader {
         let is_between =
             |label: &Label| label.bytes.is_empty() && label.number == label.own_number && label.number + 1 == self.number;
         let may_be_between = self.label.as_ref().is_some_and(is_between) && !denies(text) && self.side_of_label().is_some();
-        if may_be_between && label_text(text).is_some_and(|text| self.below(text).is_none()) {
+        if may_be_between && label_text(text).is_some_and(|text| below(self.proved.as_deref(), text).is_none()) {
             if let Some(label) = &mut self.label {
                 label.number = self.number;
             }
@@ -38,13 +38,7 @@ impl Reader {
         if label.number + reach < self.number {
             return None;
         }
-        self.below(&label.text)
-    }
-
-    /// Who sent the bytes below a label.
-    fn below(&self, text: &[u8]) -> Option<Side> {
-        let learned = self.proved.as_ref().and_then(|proved| proved.learned_label(text));
-        learned.or_else(|| sender_below(text))
+        below(self.proved.as_deref(), &label.text)
     }
 
     /// Lets a label say who sent the bytes that were found in a line which does not say so itself.
@@ -61,11 +55,6 @@ impl Reader {
         }
     }
 
-    /// Forgets a label that has not named the bytes of the current line: the line says itself who sent them, or has none.
-    pub(super) fn end_label(&mut self) {
-        self.label = self.label.take().filter(|label| label.number == self.number);
-    }
-
     /// Remembers bytes that a label has named, and that it was understood. It names no more once they are a whole frame.
     pub(super) fn use_label(&mut self, bytes: &[u8]) {
         let Some(label) = &mut self.label else { return };
@@ -78,4 +67,9 @@ impl Reader {
             self.label = None;
         }
     }
+}
+
+/// Who sent the bytes below a label.
+fn below(proved: Option<&ProvedHex>, text: &[u8]) -> Option<Side> {
+    proved.and_then(|proved| proved.learned_label(text)).or_else(|| sender_below(text))
 }

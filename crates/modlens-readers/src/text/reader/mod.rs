@@ -269,7 +269,8 @@ impl Reader {
             if self.matches.iter().all(|(role, ..)| *role == LineRole::Ignored) {
                 self.note_label(text);
             }
-            self.end_label();
+            // A label that has not named the bytes of this line names none.
+            self.label = self.label.take().filter(|label| label.number == self.number);
             self.expects_regular_lines =
                 !self.is_general && !self.leaves_out_what_follows() && self.may_expect_regular_lines(&row);
         } else if !self.read_with_another_dialect(line)

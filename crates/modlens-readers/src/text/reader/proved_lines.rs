@@ -82,7 +82,7 @@ impl Reader {
             return false;
         }
         let all = read_frames(line, 0);
-        let has_number = self.matches.len() > 1 && self.has_number();
+        let has_number = self.matches.len() > 1 && has_number(&self.matches);
         let is_frame = |one: &Found| one.worth == Worth::Frame;
         let says_more = !self.has_side() && all.iter().any(|one| one.side.is_some());
         let is_better = all.iter().any(|one| is_frame(one) && (has_number || says_more || !contains(&self.found, &one.bytes)));
@@ -111,12 +111,6 @@ impl Reader {
     /// Whether the dialect says who sent the bytes.
     fn has_side(&self) -> bool {
         self.matches.iter().any(|(role, found, _)| *role != LineRole::Bytes(None) || found.side.is_some())
-    }
-
-    /// Whether one of the matches in the line is so short that it may be a number of other meaning, such as a counter.
-    fn has_number(&self) -> bool {
-        let starts = std::iter::once(0).chain(self.matches.iter().map(|(_, _, end)| *end));
-        self.matches.iter().zip(starts).any(|((_, _, end), start)| end - start <= MAX_NUMBER_BYTES)
     }
 
     /// Adds the row of this way of reading to those in use.
@@ -194,6 +188,12 @@ impl Reader {
             }
         }
     }
+}
+
+/// Whether one of the matches in a line is so short that it may be a number of other meaning, such as a counter.
+fn has_number(matches: &[(LineRole, LineMatch, usize)]) -> bool {
+    let starts = std::iter::once(0).chain(matches.iter().map(|(_, _, end)| *end));
+    matches.iter().zip(starts).any(|((_, _, end), start)| end - start <= MAX_NUMBER_BYTES)
 }
 
 /// Whether a line has more than so many characters for each of `length` bytes, and some more.
