@@ -27,12 +27,13 @@ CODES = """
     register_hole block_too_long gateway_unit_id value_spike bystander connection_churn
     wrong_line_settings gateway_mixup own_echo device_busy wrong_function gaps_in_frames
     duplicate_address foreign_protocol unexpected_writer device_absent bus_saturated wrong_layout
+    value_refused
 """.split()
 
 
-def test_each_of_the_31_kinds_has_a_generator() -> None:
+def test_each_of_the_32_kinds_has_a_generator() -> None:
     assert sorted(KINDS) == sorted(CODES)
-    assert len(set(CODES)) == 31
+    assert len(set(CODES)) == 32
 
 
 def test_recorded_troubles_are_kinds_and_no_healthy_line() -> None:

@@ -14,6 +14,7 @@ mod pace;
 mod together;
 mod values;
 mod wires;
+mod writes;
 
 use crate::claim::{Claim, View};
 
@@ -37,6 +38,7 @@ pub const KINDS: &[Kind] = &[
     ("dead_unit_cost", answers::dead_unit_cost),
     ("register_hole", exceptions::register_hole),
     ("block_too_long", exceptions::block_too_long),
+    ("value_refused", writes::value_refused),
     ("gateway_unit_id", network::gateway_unit_id),
     ("value_spike", values::value_spike),
     ("bystander", masters::bystander),

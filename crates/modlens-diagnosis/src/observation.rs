@@ -15,7 +15,7 @@ use modlens_protocol::Ns;
 pub(crate) use damage::response_part;
 pub use damage::{DamagedPart, DAMAGED_PARTS};
 pub use layout::LayoutFault;
-pub(crate) use layout::{answer_length, lacks_count};
+pub(crate) use layout::{answer_length, data_length, lacks_count};
 
 use crate::contrast::tally::{fingerprint, mix, Place};
 

@@ -157,3 +157,39 @@ def moving_set_point(rng: Random, _seed: int) -> Case:
     scene = Scene(rng, plant)
     scene.run(600)
     return scene.case(None, forbidden=frozenset({"unexpected_writer", "value_spike"}))
+
+
+class RefuseValues(Trouble):
+    """A unit that takes values up to a limit, and refuses others with exception 3."""
+
+    def __init__(self, unit: int, function: int, limit: int) -> None:
+        self.unit, self.function, self.limit = unit, function, limit
+
+    def answers(self, exchange: Exchange, answers: list[Answer]) -> list[Answer]:
+        """The refusal in place of the confirmation."""
+        request = exchange.request
+        if not answers or exchange.unit != self.unit or request[1] != self.function:
+            return answers
+        value = int.from_bytes(request[-4:-2], "big")
+        if value <= self.limit:
+            return answers
+        exchange.struck = True
+        return [replace(answers[0], data=rtu(self.unit, exception(self.function, 3)))]
+
+
+@kind("value_refused")
+def value_refused(rng: Random, seed: int) -> Case:
+    """A setpoint that a unit takes up to a limit, or in some mode only: then it takes none."""
+    scene = Scene(rng, random_plant(rng, functions=(3,)))
+    unit = rng.choice(scene.plant.units)
+    unit.tables[3] |= {40_000 + place: smooth(rng) for place in range(4)}
+    function = 6 if seed % 2 else 16
+    limit = 0 if seed % 3 == 0 else rng.randint(300, 700)
+    values = [rng.randint(1, 1000) for _ in range(50)]
+    setpoint = Poll(unit.address, function, 40_001, 1, lambda time_s: [values[int(time_s) % 50]])
+    scene.plant.polls.append(setpoint)
+    scene.run(len(scene.plant.polls) * 60, RefuseValues(unit.address, function, limit))
+    forbidden = frozenset({"block_too_long", "register_hole", "wrong_function", "device_busy"})
+    return scene.case(
+        "value_refused", unit=unit.address, function=function, address=40_001, forbidden=forbidden
+    )

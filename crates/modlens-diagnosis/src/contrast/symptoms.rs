@@ -11,7 +11,9 @@ use modlens_protocol::Ns;
 
 use super::before::Before;
 use super::tally::{Place, Tally};
-use crate::observation::{lacks_count, DamagedPart, FrameObservation, LayoutFault, Observation, Outcome, RequestKey};
+use crate::observation::{
+    data_length, lacks_count, DamagedPart, FrameObservation, LayoutFault, Observation, Outcome, RequestKey,
+};
 
 macro_rules! symptoms {
     ($($(#[$doc:meta])* $name:ident = $word:literal),* $(,)?) => {
@@ -268,7 +270,8 @@ fn of_other_function(seen: &Observation) -> Option<Symptom> {
 /// The symptom of a refusal.
 fn refusal(seen: &Observation) -> Symptom {
     let request = || Functions::embedded().standard_request(seen.function & !EXCEPTION_BIT);
-    let writes_one = || request().is_some_and(|request| request.kind == StandardLayout::WriteOne);
+    let has_one = || seen.writes && seen.key().is_some_and(|key| key.quantity == 1);
+    let writes_one = || has_one() || request().is_some_and(|request| request.kind == StandardLayout::WriteOne);
     match seen.exception {
         Some(1) => Symptom::RefusedFunction,
         Some(2) => Symptom::RefusedAddress,
@@ -309,6 +312,7 @@ fn garbled(seen: &Observation) -> Option<Symptom> {
         DamagedPart::Bit => Symptom::AnswerBit,
         DamagedPart::Inside if seen.is_cut => Symptom::AnswerCut,
         DamagedPart::Inside => Symptom::AnswerInside,
+        DamagedPart::Whole if is_payload(seen) => return None,
         DamagedPart::Whole if (1..=2).any(|by| bytes.get(by..by + 2) == Some(&head)) => Symptom::AnswerShifted,
         DamagedPart::Whole if matches!(Oddity::of(bytes), Some(Oddity::Digits(_))) => Symptom::AnswerDigits,
         DamagedPart::Whole if is_text(bytes) => Symptom::AnswerText,
@@ -318,6 +322,16 @@ fn garbled(seen: &Observation) -> Option<Symptom> {
     };
     Some(symptom)
 }
+
+/// Whether what came has the length of the data that were asked for, and is more than levels: a program prints the data alone.
+fn is_payload(seen: &Observation) -> bool {
+    let data = seen.key().and_then(|key| data_length(key.function, key.quantity));
+    let has_length = seen.lengths[1] >= LEAST_PAYLOAD && data == Some(seen.lengths[1]);
+    has_length && !seen.answer_head.iter().all(|byte| is_of_driver(*byte))
+}
+
+/// A shorter run has the length of the data by chance.
+const LEAST_PAYLOAD: u32 = 4;
 
 /// Identifiers so far below that of the open request are those of requests before it.
 const STEPS: u16 = 3;

@@ -1,6 +1,7 @@
 //! Refusals: which requests are refused, and which ones beside them are answered.
 #![allow(clippy::trivially_copy_pass_by_ref)] // Keys stay in their map.
 
+use super::writes::is_of_value;
 use crate::claim::{Claim, View};
 use crate::contrast::RequestCounts;
 use crate::observation::RequestKey;
@@ -10,10 +11,11 @@ use crate::MAX_CHANCE;
 /// A request that has a range, with what came of it.
 type Request<'a> = (&'a RequestKey, &'a RequestCounts);
 
-/// Requests that were refused with exception 2 or 3 each time, or from one moment on to another; twice at least.
+/// Requests that were refused with exception 2 or 3 each time, or from one moment on to another; twice at least. Values that are
+/// refused say nothing about addresses.
 fn refused<'a>(all: &[Request<'a>]) -> Vec<Request<'a>> {
     let is_refused = |counts: &RequestCounts| is_always_refused(counts) && counts.refused[1] + counts.refused[2] >= 2;
-    all.iter().filter(|(_, counts)| is_refused(counts)).copied().collect()
+    all.iter().filter(|(key, counts)| is_refused(counts) && !is_of_value(key, counts)).copied().collect()
 }
 
 /// Whether a request was never answered, or is refused in long runs: what does not come and go is no load.
@@ -40,7 +42,7 @@ fn end(key: &RequestKey) -> u32 {
 }
 
 /// The block in words.
-fn block(key: &RequestKey) -> String {
+pub(super) fn block(key: &RequestKey) -> String {
     if key.quantity == 1 {
         format!("address {}", key.address)
     } else {
@@ -248,7 +250,7 @@ pub(super) fn block_too_long(view: &View<'_>) -> Vec<Claim> {
 /// Requests that are refused each time, or never answered while shorter ones are.
 fn failing<'a>(all: &[Request<'a>]) -> Vec<Request<'a>> {
     let is_failing = |counts: &RequestCounts| counts.good == 0 && counts.refused[1] + counts.refused[2] + counts.silent >= 2;
-    all.iter().filter(|(_, counts)| is_failing(counts)).copied().collect()
+    all.iter().filter(|(key, counts)| is_failing(counts) && !is_of_value(key, counts)).copied().collect()
 }
 
 fn reason_of_length(all: &[Request<'_>], request: Request<'_>) -> Reason {

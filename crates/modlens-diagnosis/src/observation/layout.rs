@@ -107,7 +107,8 @@ fn is_write(function: u8) -> bool {
     matches!(kind, Some(StandardLayout::WriteOne | StandardLayout::WriteBits | StandardLayout::WriteRegisters))
 }
 
-fn data_length(function: u8, quantity: u16) -> Option<u32> {
+/// The bytes of the data that a read of so many asks for.
+pub(crate) fn data_length(function: u8, quantity: u16) -> Option<u32> {
     let read = read_of(function)?;
     Some(if read == StandardLayout::ReadBits { u32::from(quantity).div_ceil(8) } else { 2 * u32::from(quantity) })
 }

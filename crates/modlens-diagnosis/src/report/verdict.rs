@@ -50,6 +50,7 @@ const EXPLAIN_REFUSALS: &[&str] = &[
     "gateway_unit_id",
     "polled_too_fast",
     "register_hole",
+    "value_refused",
     "wrong_function",
 ];
 

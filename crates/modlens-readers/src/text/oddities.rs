@@ -76,6 +76,9 @@ pub(super) struct UnreadLine<'a> {
     pub before: &'a [u8],
 }
 
+/// The first of the reports.
+const LEFT_OVER: usize = EXCEPTIONS.len();
+
 /// What unread lines show.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Said {
@@ -149,7 +152,10 @@ fn reported<'a>(lines: impl Iterator<Item = &'a [u8]>) -> Option<Said> {
             counts[report] += 1;
         }
     }
-    let (most, times) = counts.iter().enumerate().max_by_key(|(at, count)| (**count, usize::MAX - at))?;
+    // Bytes left over are what the requests without an answer got.
+    let is_particular = |at: usize| at == LEFT_OVER;
+    let rank = |(at, count): &(usize, &usize)| (**count > 0 && is_particular(*at), **count, usize::MAX - at);
+    let (most, times) = counts.iter().enumerate().max_by_key(rank)?;
     let lines = if *times == 1 { String::from("a line reports") } else { format!("{times} lines report") };
     if *times == 0 {
         return None;
@@ -242,6 +248,12 @@ mod tests {
         let said = named_lines([line(b"ERROR Connection timed out: select")].into_iter()).expect("a reason");
         assert_eq!(said.words(true), "a line reports that no answer came in time; other requests were answered");
         assert!(said.words(false).starts_with("a line reports that no answer came in time: power, wires"));
+    }
+
+    #[test]
+    fn bytes_left_over_say_more_than_silence() {
+        let text = b"No response received\nWARNING: Cleanup recv buffer before send: 0x0 0x21\nNo response received\n";
+        assert!(named(text).is_some_and(|said| said.contains("bytes left over before a request")));
     }
 
     #[test]
