@@ -66,7 +66,7 @@ EXAMPLES = {
     "bad_checksum": Example((ASK, f"<! 11 03 04 7F 2B 81{WIRE[17:]}"), SERIAL),
     "incomplete": Example((ASK, f"<! {WIRE[:14]}"), SERIAL),
     "bit_flip": Example((ASK, f"<! 11 03 04 02 2A{WIRE[14:]}"), SERIAL),
-    "lost_bytes": Example((ASK, f"<! 11 03 04{WIRE[11:]}"), SERIAL),
+    "lost_bytes": Example((ASK, f"<! {WIRE[3:]}"), SERIAL),
     "flow_control": Example((ASK, f"<! {WIRE_WITH_XOFF.replace(' 13', '')}"), SERIAL),
     "duplicate_byte": Example((f">! 11 03 00 6B {ASK_WIRE[9:]}", ANSWER), SERIAL),
     "collision": Example((">! 11 03 00 02 00 00 35 42", ANSWER), SERIAL),

@@ -57,6 +57,26 @@ def test_swapped_wires_are_proved_by_the_frames_read_back(settings: str, tmp_pat
     assert "64 of 64 bursts become valid frames" in said["swapped_wires"]
 
 
+@pytest.mark.parametrize("resync", [True, False])
+def test_swapped_wires_are_proved_whatever_a_receiver_does_without_a_stop_bit(
+    resync: bool, tmp_path: Path
+) -> None:
+    """It starts the next character at once, or waits until the line is high."""
+    line = Line(9600, 8, "N", 1)
+    wire = Wire(line, inverted=True)
+    for at, frame in sent():
+        wire.send(frame, at)
+    bursts: list[tuple[float, bytes]] = []
+    for one in Uart(line, resync=resync).receive(wire, 0.0):
+        if bursts and one.time_s - bursts[-1][0] < 0.02:
+            bursts[-1] = (one.time_s, bursts[-1][1] + bytes([one.byte]))
+        else:
+            bursts.append((one.time_s, bytes([one.byte])))
+    said = judged(bursts, "9600-8N1", tmp_path)
+    assert list(said) == ["swapped_wires"]
+    assert "bursts become valid frames" in said["swapped_wires"]
+
+
 def test_inverted_bits_are_wrong_settings_and_named(tmp_path: Path) -> None:
     reads = [(at, bytes(byte ^ 0xFF for byte in frame)) for at, frame in sent()]
     said = judged(reads, "9600-8N1", tmp_path)

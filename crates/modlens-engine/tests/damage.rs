@@ -125,6 +125,37 @@ fn missing_bytes_at_the_start_inside_and_at_the_end_are_counted() {
 }
 
 #[test]
+fn a_response_that_lost_bytes_does_not_end_where_it_would_as_a_request() {
+    // As a request: one register from address 2800h, and a wrong checksum.
+    let values: Vec<u16> = [0, 0x0128].into_iter().chain((3..21).map(|value| 0x1111 * (value % 15))).collect();
+    let (request, mut response) = (read_request(1, 0x6B, 20), read_response(1, &values));
+    response.drain(25..27);
+    let before = cycle();
+    let batch = decode(&[&before[..], &request, &response, &read_request(2, 7, 1), &read_response(2, &[0x4321])].concat());
+    assert_eq!(damaged_frames(&before, &batch), [(8, Verdict::Incomplete, vec![Finding::Incomplete, Finding::LostBytes])]);
+    assert_eq!(batch.frames[25].wire.length as usize, response.len());
+}
+
+#[test]
+fn wrong_bits_in_unit_and_function_behind_stray_bytes_are_no_lost_bytes() {
+    let (before, batch) = with_damage(|request, _| {
+        (request[0], request[1]) = (request[0] ^ 1, request[1] ^ 0x12);
+        request.splice(0..0, [0xFF, 0xFF]);
+    });
+    let found = damaged_frames(&before, &batch);
+    assert_eq!((found.len(), found[0].0, found[0].1), (1, 2, Verdict::BadChecksum), "{found:?}");
+    assert!(!found[0].2.contains(&Finding::LostBytes), "{found:?}");
+}
+
+#[test]
+fn a_function_code_received_twice_makes_one_damaged_response_not_two() {
+    let (before, batch) = with_damage(|_, response| response.insert(1, response[1]));
+    let found = damaged_frames(&before, &batch);
+    assert_eq!((found.len(), found[0].0), (1, 8), "{found:?}");
+    assert!(found[0].2.contains(&Finding::DuplicateByte), "{found:?}");
+}
+
+#[test]
 fn a_request_of_the_poll_cycle_is_recognised_without_its_first_bytes() {
     for count in 1..=3 {
         let (before, batch) = with_damage(|request, _| drop(request.drain(..count)));

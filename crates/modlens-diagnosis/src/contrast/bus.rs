@@ -62,6 +62,8 @@ pub struct FrameCounts {
     pub frames: [u64; 5],
     /// Bytes by verdict.
     pub bytes: [u64; 5],
+    /// Bytes of frames with a right checksum that may be an accident of noise.
+    pub unconfirmed_bytes: u64,
     /// First and last time.
     pub span: Option<(Ns, Ns)>,
     /// Frames with a single flipped bit.
@@ -434,6 +436,9 @@ impl FrameCounts {
         self.settle();
         self.count_size(seen.verdict as usize, seen.length, seen.place.time);
         let has = |finding| seen.findings.has(finding);
+        if seen.verdict.is_good() && has(Finding::Unconfirmed) {
+            self.unconfirmed_bytes += u64::from(seen.length);
+        }
         self.bit_flips.count(has(Finding::BitFlip), seen.place);
         self.collisions.count(has(Finding::Collision), seen.place);
         self.echoes.count(has(Finding::LocalEcho), seen.place);
@@ -477,6 +482,7 @@ impl FrameCounts {
     fn merge(&mut self, later: &Self) {
         self.frames.iter_mut().zip(later.frames).for_each(|(own, more)| *own += more);
         self.bytes.iter_mut().zip(later.bytes).for_each(|(own, more)| *own += more);
+        self.unconfirmed_bytes += later.unconfirmed_bytes;
         self.span = match (self.span, later.span) {
             (Some(own), Some(more)) => Some((own.0.min(more.0), own.1.max(more.1))),
             (own, more) => own.or(more),

@@ -16,10 +16,11 @@ use crate::MAX_CHANCE;
 /// Fewer bytes of noise say nothing.
 const LEAST_BYTES: u64 = 50;
 
-/// Bytes of the recording by frame: those of good frames, and those of all others.
+/// Bytes of the recording by frame: those of good frames, and those of all others. A frame that may be an accident of noise is
+/// none of the good ones: among bytes that are no Modbus there is one now and then, and it may be long.
 fn bytes(view: &View<'_>) -> (u64, u64) {
     let bytes = &view.bus.frames.bytes;
-    let good = bytes[Verdict::Ok as usize] + bytes[Verdict::NoChecksum as usize];
+    let good = bytes[Verdict::Ok as usize] + bytes[Verdict::NoChecksum as usize] - view.bus.frames.unconfirmed_bytes;
     (good, bytes.iter().sum::<u64>() - good)
 }
 
@@ -85,10 +86,11 @@ fn is_inverted(view: &View<'_>) -> bool {
     ends.total >= 5 && view.significant(at_least(ends, ENDS_IN_ZERO)).is_some() && ends.rate() > 0.6
 }
 
-/// Readings of the bytes that fit where the one that they were recorded with does not.
+/// Readings of the bytes that fit where the one that they were recorded with does not. Without settings each parity is tried.
 fn other_readings(view: &View<'_>) -> Vec<Reading> {
-    let parity = view.bus.facts.line.map_or(Parity::None, |line| line.parity);
-    readings(&view.bus.noise.bursts.kept, parity)
+    let parities = view.bus.facts.line.map_or(vec![Parity::None, Parity::Even, Parity::Odd], |line| vec![line.parity]);
+    let mut tried = parities.into_iter().map(|parity| readings(&view.bus.noise.bursts.kept, parity));
+    tried.find(|found| !found.is_empty()).unwrap_or_default()
 }
 
 /// What a reading rests on, as the end of a sentence.

@@ -5,6 +5,7 @@
 //! `11 03 6B 00 03 76 87`. The first two bytes agree; with one byte missing after them the other five agree as well, and
 //! are worth far more than `MISSING_INSIDE_BITS`. So one byte is missing at index 2.
 
+use crate::damage::crc_correction::doubled_byte as doubled_byte_by_crc;
 use crate::damage::expected_frame::ExpectedFrame;
 use crate::rtu_model::damage_kind::DamageKind;
 use crate::rtu_model::prefilter::DamageCosts;
@@ -15,7 +16,7 @@ use crate::weights::{
     MAX_HEADER_FLIPS, MAX_SCORE_DROP_BITS, MISSING_HEAD_BITS, MISSING_INSIDE_BITS, ONE_FLIP_BITS, ROUNDING_BITS, RUN_BYTE_BITS,
     THREE_FLIPS_BITS, TWO_FLIPS_BITS,
 };
-use modlens_protocol::checksum::{correctable_bit, crc16, update};
+use modlens_protocol::checksum::{correctable_bit, crc16, crc_valid, update};
 
 /// Cost of a byte by the number of its flipped bits.
 const FLIPPED_BITS: [f32; 4] = [0.0, ONE_FLIP_BITS, TWO_FLIPS_BITS, THREE_FLIPS_BITS];
@@ -115,7 +116,8 @@ fn align_without_head(
             best = Some(alignment);
         }
     });
-    best
+    let doubled = comparison.doubled_unknown_byte().filter(|doubled| doubled.score >= need);
+    best.into_iter().chain(doubled).max_by(|one, other| one.score.total_cmp(&other.score))
 }
 
 /// The rest of an expected frame beside the bytes that it is compared with: the first of `bytes` is compared with the first
@@ -200,6 +202,27 @@ impl<'a> Comparison<'a> {
         if most - COLLISION_BITS >= least {
             collision(model, known, bytes, prefix, most - least).into_iter().for_each(&mut give);
         }
+    }
+
+    /// The alignment of a frame whose known bytes all agree and that has one of the others twice: the checksum is right without the
+    /// copy.
+    fn doubled_unknown_byte(&self) -> Option<Alignment> {
+        let whole = self.expected.length.filter(|&whole| self.known.len() < whole && whole < self.bytes.len())?;
+        if self.missing > 0 || self.agreeing < self.known.len() || crc_valid(&self.bytes[..whole]) {
+            return None;
+        }
+        let at = doubled_byte_by_crc(&self.bytes[..=whole])?;
+        let (score, _) = score_with_flips(self.model, self.known, self.bytes, 0);
+        Some(Alignment {
+            score: score - self.expected.selection_cost - DOUBLED_BYTE_BITS + CRC_MATCH_BITS,
+            core_bytes: whole + 1,
+            missing_head_bytes: 0,
+            agreeing_bytes: self.agreeing,
+            length: Some(whole + 1),
+            damage: Some(DamageKind::DoubledByte { at }),
+            is_corrected: true,
+            is_exact: false,
+        })
     }
 
     /// The alignment of one explanation. Its score is that of the explanation, less what it costs to select this frame, plus

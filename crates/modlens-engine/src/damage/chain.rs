@@ -2,13 +2,14 @@
 
 use crate::damage::candidates::Candidate;
 use crate::damage::crc_correction;
-use crate::damage::glitch::is_glitch_byte;
+use crate::damage::glitch::{is_glitch, is_glitch_byte};
 use crate::damage::region::{DamagedFrame, UnframedRegion};
 use crate::rtu_model::announced_length::ENVELOPE_BYTES;
 use crate::rtu_model::damage_kind::DamageKind;
 use crate::rtu_model::side::{self, REQUEST, RESPONSE};
 use crate::weights::{
-    self, FURTHER_DAMAGED_FRAME_BITS, MAX_GLITCH_BYTES, MAX_INSERTION_CHECK_BYTES, MIN_DAMAGED_FRAME_BITS, OVERLAP_BITS,
+    self, FURTHER_DAMAGED_FRAME_BITS, MAX_GLITCH_BYTES, MAX_HEADER_FLIPS, MAX_INSERTION_CHECK_BYTES, MIN_DAMAGED_FRAME_BITS,
+    OVERLAP_BITS,
 };
 use modlens_protocol::checksum::correctable_bit;
 use modlens_protocol::direction::Direction;
@@ -20,7 +21,7 @@ impl UnframedRegion<'_, '_> {
     ///
     /// `candidates` are ordered by their first bytes and may overlap. The total of a chain is what `chains` gives for the
     /// candidate that it ends with. The first candidate of a chain needs `MIN_DAMAGED_FRAME_BITS` by its own score; a later one
-    /// has them by `score_behind`, else it would not be in its place.
+    /// has them by `score_after`, else it would not be in its place.
     pub(crate) fn best_chain(&self, candidates: &[Candidate]) -> Vec<DamagedFrame> {
         let chains = chains(candidates);
         let may_end_with = |&at: &usize| chains[at].before.is_some() || candidates[at].score >= MIN_DAMAGED_FRAME_BITS;
@@ -54,7 +55,9 @@ impl UnframedRegion<'_, '_> {
         };
         let has_crc = frame.end - frame.start >= 2;
         let is_interrupted = (start + 1..=frame.start).any(|at| self.has_frame_gap(at));
-        if !has_crc || (start != previous_end && !self.has_frame_gap(start)) || is_interrupted {
+        let is_nearly_head = || is_nearly(&self.bytes()[start..frame.start], &frame.head);
+        let is_in_place = start == previous_end || self.has_frame_gap(start) || is_nearly_head();
+        if !has_crc || !is_in_place || is_interrupted {
             return frame;
         }
         DamagedFrame { start, is_short: false, damage: None, wrong_head_bytes: count, ..frame }
@@ -201,6 +204,13 @@ impl UnframedRegion<'_, '_> {
     }
 }
 
+/// Whether these bytes are the first ones of a frame but for one wrong bit in one byte, or three in more. What a line driver has
+/// left is not.
+fn is_nearly(bytes: &[u8], head: &[u8]) -> bool {
+    let flips: u32 = bytes.iter().zip(head).map(|(byte, sent)| (byte ^ sent).count_ones()).sum();
+    !is_glitch(bytes) && flips <= if head.len() > 1 { MAX_HEADER_FLIPS } else { 1 }
+}
+
 /// Where a candidate ends.
 struct Ending {
     /// How many bytes it has in the region.
@@ -222,8 +232,8 @@ struct Chain {
 /// For each candidate, the chain with the highest total that ends with it: from left to right, by dynamic programming.
 ///
 /// A candidate may follow another one that begins earlier, whose `core_end` is not after its start, and that has
-/// `MIN_DAMAGED_FRAME_BITS` by its own score. It then counts with `score_behind` less `FURTHER_DAMAGED_FRAME_BITS`, if
-/// `score_behind` is at least `MIN_DAMAGED_FRAME_BITS`. It is alone, with its own score, if no chain is worth more.
+/// `MIN_DAMAGED_FRAME_BITS` by its own score. It then counts with `score_after` less `FURTHER_DAMAGED_FRAME_BITS`, if
+/// `score_after` is at least `MIN_DAMAGED_FRAME_BITS`. It is alone, with its own score, if no chain is worth more.
 fn chains(candidates: &[Candidate]) -> Vec<Chain> {
     let mut chains: Vec<Chain> = Vec::with_capacity(candidates.len());
     for candidate in candidates {
@@ -232,7 +242,7 @@ fn chains(candidates: &[Candidate]) -> Vec<Chain> {
             if before.core_end > candidate.start || before.start == candidate.start || before.score < MIN_DAMAGED_FRAME_BITS {
                 continue;
             }
-            let score = score_behind(candidate, before);
+            let score = score_after(candidate, before);
             let total = chains[at].total + score - FURTHER_DAMAGED_FRAME_BITS;
             if score >= MIN_DAMAGED_FRAME_BITS && total > best.total {
                 best = Chain { total, before: Some(at) };
@@ -243,15 +253,19 @@ fn chains(candidates: &[Candidate]) -> Vec<Chain> {
     chains
 }
 
-/// The score of a candidate in bits if another one is before it in the chain.
-fn score_behind(candidate: &Candidate, before: &Candidate) -> f32 {
+/// The score of a candidate in bits if another one is before it in the chain. A response that no request predicted, and that paid
+/// for that, gets it back after its damaged request; one after the response to the same request pays for it.
+fn score_after(candidate: &Candidate, before: &Candidate) -> f32 {
     let overlaps = before.end.is_some_and(|end| end > candidate.start);
-    let is_response_to_it = before.direction == REQUEST
-        && candidate.direction == RESPONSE
-        && before.header[0] == candidate.header[0]
-        && before.header[1] == candidate.header[1] & !EXCEPTION_BIT;
-    candidate.score - if overlaps { OVERLAP_BITS } else { 0.0 }
-        + if is_response_to_it { candidate.header_cost + weights::UNSOLICITED_BITS } else { 0.0 }
+    let is_same_function = before.header[0] == candidate.header[0] && before.header[1] == candidate.header[1] & !EXCEPTION_BIT;
+    let turn = match (before.direction, candidate.direction) {
+        (REQUEST, RESPONSE) if is_same_function && candidate.header_cost > 0.0 => {
+            candidate.header_cost + weights::UNSOLICITED_BITS
+        }
+        (RESPONSE, RESPONSE) if is_same_function => -weights::UNSOLICITED_BITS,
+        _ => 0.0,
+    };
+    candidate.score - if overlaps { OVERLAP_BITS } else { 0.0 } + turn
 }
 
 /// Whether a frame of the right length, whose CRC no single flipped bit explains, is a shorter one with stray bytes after

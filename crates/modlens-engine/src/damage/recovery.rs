@@ -114,23 +114,29 @@ fn row_without_frame(at: &Surroundings<'_, '_>, length: usize, adu: &mut Vec<u8>
 /// If the analysis recognises the frame, the row is that of the analysis, and the model learns the damage. If that row has
 /// fewer bytes than `length`, the others are stray bytes in the place of what the frame has lost. Else the row has `length`
 /// bytes, a bad checksum, the `direction` that the search found, and no explanation.
+///
+/// `None` if the analysis recognises the beginning of a longer frame: its end was not lost here, but is among the bytes that
+/// follow.
 pub fn damaged_hypothesis(
     model: &mut TrafficModel,
     at: &Surroundings<'_, '_>,
     length: usize,
     direction: Direction,
     adu: &mut Vec<u8>,
-) -> FrameResult {
+) -> Option<FrameResult> {
     let wire = &at.input.bytes()[..length];
     let frames = at.region(model, length, true).damaged_frames();
     let is_this = |frame: &&DamagedFrame| frame.start == 0 && (frame.end == length || is_glitch(&wire[frame.end..]));
     if let Some(frame) = frames.iter().find(is_this) {
+        if frame.end == length && matches!(frame.damage, Some(DamageKind::LostBytes { at, .. }) if at == length) {
+            return None;
+        }
         model.learn_damage(frame.damage);
-        return emit(frame, &wire[..frame.end], DelimitedBy::Length, adu);
+        return Some(emit(frame, &wire[..frame.end], DelimitedBy::Length, adu));
     }
     adu.clear();
     adu.extend_from_slice(&wire[..length - 2]);
-    bad_checksum(length, DelimitedBy::Length, direction)
+    Some(bad_checksum(length, DelimitedBy::Length, direction))
 }
 
 /// Emits a damaged frame, with its first bytes restored in `adu` where it is known which ones are missing or wrong.

@@ -2,7 +2,8 @@
 //!
 //! The line's history decides. A master that did not get its response asks again, one that did goes on with its poll cycle.
 //! In a recording, the next frame shows which of the two it is before the response is emitted; live, it comes too late for
-//! this response and is learned for the next one.
+//! this response and is learned for the next one. Of a request without its end nothing is learned: it is put down to the tap where
+//! the line is known to lose bytes.
 
 use crate::damage::region::DamagedFrame;
 use crate::frame_result::FramerContext;
@@ -22,11 +23,13 @@ impl TruncationLearner {
     pub fn attribute(&mut self, model: &TrafficModel, last: &mut DamagedFrame) {
         let Some(DamageKind::LostBytes { at, count: count @ 1.. }) = last.damage else { return };
         let lacks_end = at == last.end - last.start;
-        if last.direction != Direction::Response || !lacks_end {
+        if !lacks_end {
             return;
         }
-        self.awaits_reaction = true;
-        if !model.tap_truncates_responses() {
+        let is_response = last.direction == Direction::Response;
+        self.awaits_reaction = is_response;
+        let is_by_tap = if is_response { model.tap_truncates_responses() } else { model.loses_bytes() };
+        if !is_by_tap {
             last.damage = Some(DamageKind::Truncated { count });
         }
     }

@@ -4,6 +4,7 @@
 //! frames with valid checksums, or bytes that accident would not bring forth, count.
 
 use modlens_protocol::checksum::{crc16, crc_valid};
+use modlens_protocol::functions::{Extent, Functions, EXCEPTION_BIT};
 use modlens_protocol::line::Parity;
 
 /// A reading that fits.
@@ -21,12 +22,18 @@ pub struct Reading {
 const SWAPPED: &str = "A and B are swapped: the line's levels are inverted";
 /// Fewer bytes say nothing.
 const LEAST_BYTES: usize = 24;
-/// So many bursts have to become valid frames, and at least half of those tried.
+/// So many bursts have to become valid frames.
 const LEAST_FRAMES: usize = 3;
+/// One burst of so many, of those tried, has to become a valid frame.
+const BURSTS_PER_FRAME: usize = 2;
+/// As above, where the frames have the lengths that their headers announce: long responses take more steps than are tried.
+const BURSTS_PER_ANNOUNCED_FRAME: usize = 4;
 /// Bursts that are tried.
 const MOST_BURSTS: usize = 64;
-/// Steps for one burst: a frame of usual length needs some hundreds.
+/// Steps for one burst and one kind of receiver: a request needs some hundreds.
 const MOST_STEPS: u32 = 20_000;
+/// Idle bits after the last character that was received: the rest of the frame's last character is among them.
+const IDLE_BITS: u32 = 12;
 /// The shortest RTU frame.
 const SHORTEST: usize = 4;
 
@@ -48,10 +55,14 @@ pub fn readings(bursts: &[Vec<u8>], parity: Parity) -> Vec<Reading> {
     let frames = |what, fits: &dyn Fn(&[u8]) -> bool| {
         let count = tried.iter().filter(|burst| fits(burst)).count();
         let evidence = format!("{count} of {} bursts become valid frames", tried.len());
-        (count >= LEAST_FRAMES && count * 2 >= tried.len()).then_some(Reading { what, is_swapped: what == SWAPPED, evidence })
+        let is_swapped = what == SWAPPED;
+        let least = tried.len().div_ceil(if is_swapped { BURSTS_PER_ANNOUNCED_FRAME } else { BURSTS_PER_FRAME });
+        (count >= LEAST_FRAMES.max(least)).then_some(Reading { what, is_swapped, evidence })
     };
     let found = [
-        frames(SWAPPED, &|burst| uninverted(burst, parity).is_some()),
+        [Receiver::Resyncs, Receiver::Waits]
+            .into_iter()
+            .find_map(|receiver| frames(SWAPPED, &|burst| uninverted(burst, parity, receiver).is_some())),
         frames("all bits are inverted", &|burst| crc_valid(&burst.iter().map(|byte| !byte).collect::<Vec<u8>>())),
         frames("the receiver was set to 7 data bits: the highest bit of each byte is lost", &fits_in_seven_bits),
         dropped(&bytes),
@@ -79,13 +90,22 @@ fn dropped(bytes: &[u8]) -> Option<Reading> {
     Some(Reading { what, is_swapped: false, evidence: format!("each of {} bytes has an {number} number of ones", bytes.len()) })
 }
 
-/// The frame that was sent, if a receiver on swapped wires made this of it.
+/// What a receiver does after a character without a stop bit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Receiver {
+    /// It takes the missing stop bit for the start bit of the next character.
+    Resyncs,
+    /// It waits until the line is high, and then for the next start bit.
+    Waits,
+}
+
+/// The frame that was sent, if such a receiver on swapped wires made this of it.
 ///
 /// To that receiver the idle line is low. It sees a start bit where the level falls, that is: where a bit of the frame is 1, and
-/// waits while bits are 0. How many those were is not in its bytes. Start, parity and stop bits of the frame, which have to be
-/// where they belong, leave few possibilities, and the checksum one.
-fn uninverted(burst: &[u8], parity: Parity) -> Option<Vec<u8>> {
-    let mut search = Search { burst, parity, steps: MOST_STEPS };
+/// waits while bits are 0. How many those were is not in its bytes, nor how many bits of 1 it waited for. Start, parity and stop
+/// bits of the frame, which have to be where they belong, leave few possibilities, and the checksum one.
+fn uninverted(burst: &[u8], parity: Parity, receiver: Receiver) -> Option<Vec<u8>> {
+    let mut search = Reinversion { burst, parity, receiver, steps: MOST_STEPS };
     search.zeros_then_character(0, Sent::default(), 1)
 }
 
@@ -128,13 +148,26 @@ impl Sent {
     }
 }
 
-struct Search<'a> {
+/// Whether a frame has the length that its header announces: among thousands of possibilities one has a valid checksum by chance.
+fn is_announced(frame: &[u8]) -> bool {
+    let length = frame.len() - SHORTEST;
+    if frame[1] & EXCEPTION_BIT != 0 {
+        return length == 1;
+    }
+    let row = Functions::embedded().row(frame[1], &frame[2..]);
+    row.is_some_and(|row| {
+        [&row.request, &row.response].iter().any(|layout| layout.extent(&frame[2..]) == Extent::Exactly(length))
+    })
+}
+
+struct Reinversion<'a> {
     burst: &'a [u8],
     parity: Parity,
+    receiver: Receiver,
     steps: u32,
 }
 
-impl Search<'_> {
+impl Reinversion<'_> {
     /// `least` or more bits of 0, then the received character at `index`.
     fn zeros_then_character(&mut self, index: usize, mut sent: Sent, least: u32) -> Option<Vec<u8>> {
         let mut zeros = 0;
@@ -168,15 +201,33 @@ impl Search<'_> {
         })
     }
 
-    /// The stop bit: high, a 0 of the frame; or low, and then the start bit of the next character or the idle line.
+    /// The stop bit: high, a 0 of the frame; or low, and then the start bit of the next character, a wait or the idle line.
     fn stop_bit(&mut self, index: usize, sent: Sent) -> Option<Vec<u8>> {
         if index + 1 == self.burst.len() {
-            let mut sent = sent;
-            // The line stays idle: the stop bit of the last character may be this bit, and then the next one is idle.
-            let is_over = (0..2).all(|_| sent.push(true, self.parity)) && sent.is_over;
-            return (is_over && sent.bytes.len() >= SHORTEST && crc_valid(&sent.bytes)).then_some(sent.bytes);
+            return self.idle(sent);
         }
-        self.character(index + 1, sent.clone()).or_else(|| self.zeros_then_character(index + 1, sent, 1))
+        let missing = match self.receiver {
+            Receiver::Resyncs => self.character(index + 1, sent.clone()),
+            Receiver::Waits => self.ones_then_character(index + 1, sent.clone()),
+        };
+        missing.or_else(|| self.zeros_then_character(index + 1, sent, 1))
+    }
+
+    /// One or more bits of 1, for which the receiver waits, then bits of 0 and the received character at `index`.
+    fn ones_then_character(&mut self, index: usize, mut sent: Sent) -> Option<Vec<u8>> {
+        while sent.push(true, self.parity) && !sent.is_over {
+            let found = self.zeros_then_character(index, sent.clone(), 1);
+            if found.is_some() || self.steps == 0 {
+                return found;
+            }
+        }
+        None
+    }
+
+    /// The idle line after the last character that was received: the frame, if it ends with bits of 1.
+    fn idle(&self, mut sent: Sent) -> Option<Vec<u8>> {
+        let is_over = (0..IDLE_BITS).all(|_| sent.push(true, self.parity)) && sent.is_over;
+        (is_over && sent.bytes.len() >= SHORTEST && crc_valid(&sent.bytes) && is_announced(&sent.bytes)).then_some(sent.bytes)
     }
 }
 
@@ -190,28 +241,33 @@ mod tests {
         // 0 10000000 1 | 0 11000000 1 | 0 01000000 1 | 0 00000000 1 | 0 11100000 1 | 0 10011111 1 | 0 01100001 1, then 1 for ever.
         let frame = [1, 3, 2, 0, 7, 0xF9, 0x86];
         assert!(crc_valid(&frame));
-        let burst = by_hand("0100000001011000000100100000010000000001011100000101001111110011000011");
-        assert_eq!(uninverted(&burst, Parity::None).as_deref(), Some(&frame[..]));
+        let bits = "0100000001011000000100100000010000000001011100000101001111110011000011";
+        for receiver in [Receiver::Resyncs, Receiver::Waits] {
+            let burst = by_hand(bits, receiver);
+            assert_eq!(uninverted(&burst, Parity::None, receiver).as_deref(), Some(&frame[..]), "{receiver:?}: {burst:02x?}");
+        }
+        assert_ne!(by_hand(bits, Receiver::Resyncs), by_hand(bits, Receiver::Waits));
     }
 
-    /// A receiver on swapped wires, straight from the definition: it starts at each 1 after a 0 or after a missing stop bit, and
-    /// takes the eight bits after it, inverted.
-    fn by_hand(bits: &str) -> Vec<u8> {
+    /// A receiver on swapped wires, straight from the definition: it starts at each 1 after a 0, or at once or after the next 0 where
+    /// the stop bit is missing, and takes the eight bits after it, inverted.
+    fn by_hand(bits: &str, receiver: Receiver) -> Vec<u8> {
         let bit = |at: usize| bits.as_bytes().get(at).is_none_or(|bit| *bit == b'1');
-        let (mut received, mut at) = (Vec::new(), 0);
+        let (mut heard, mut at) = (Vec::new(), 0);
         while at < bits.len() {
             if !bit(at) {
                 at += 1;
                 continue;
             }
             let byte = (0..8).fold(0, |byte, place| byte | u8::from(!bit(at + 1 + place)) << place);
-            received.push(byte);
+            heard.push(byte);
             at += 9;
-            if byte == 0 && bit(at) {
-                break;
+            let waits = receiver == Receiver::Waits || byte == 0;
+            while waits && at < bits.len() && bit(at) {
+                at += 1;
             }
         }
-        received
+        heard
     }
 
     #[test]

@@ -84,8 +84,9 @@ impl RtuFramer {
                 Some(FrameResult { unconfirmed, ..row })
             }
             Decision::Damaged { start, end, direction } => {
+                let row = self.damaged_hypothesis(input, context, (end - start) as usize, direction, adu)?;
                 self.last_was_damaged = true;
-                Some(self.damaged_hypothesis(input, context, (end - start) as usize, direction, adu))
+                Some(row)
             }
             Decision::UnframedTo(_) => None,
         }
@@ -122,6 +123,7 @@ impl RtuFramer {
 
     /// The row of a frame with an invalid CRC that the search found by its announced length of `length` bytes. Where its last
     /// bytes are but a glitch in the place of bytes lost, the row ends before them, and they become the decision as unframed.
+    /// `None` where they are the beginning of a longer frame: they are held back, as unframed bytes before what is decided next.
     fn damaged_hypothesis(
         &mut self,
         input: &Input,
@@ -129,15 +131,15 @@ impl RtuFramer {
         length: usize,
         direction: Direction,
         adu: &mut Vec<u8>,
-    ) -> FrameResult {
+    ) -> Option<FrameResult> {
         let frame_gap_ns = self.frame_gap_ns(input);
         // The bytes are one frame. With `follows_damaged_frame`, no fragment of another frame is searched at their beginning.
         let at = Surroundings { context, input, next_frame: None, follows_damaged_frame: true, frame_gap_ns };
-        let row = damaged_hypothesis(&mut self.search.model, &at, length, direction, adu);
+        let row = damaged_hypothesis(&mut self.search.model, &at, length, direction, adu)?;
         if row.length < length {
             self.decision = Some(Decision::UnframedTo(input.offset() + length as u64));
         }
-        row
+        Some(row)
     }
 
     /// The row of a frame with a valid CRC at the first byte; `adu` gets its unit and PDU.
