@@ -4,12 +4,18 @@ const Registers = (() => {
   const FORMS = { toml: "toml", yaml: "yaml", yml: "yaml", csv: "csv" };
   let profiles = [], rows = [];
 
-  const short = (row) => Core.words.register_types[row.register_type];
-  const figure = (value) => (value === null ? "" : value.toLocaleString("en-US", { maximumFractionDigits: 4, useGrouping: false }));
+  const SMALL = 0.001, LARGE = 1e15;
+  const figure = (value) => {
+    if (value === null) return "";
+    const size = Math.abs(value);
+    return size && (size < SMALL || size >= LARGE) ? value.toExponential(3) : value.toLocaleString("en-US", { maximumFractionDigits: 4, useGrouping: false });
+  };
+  // As profiles write it: hr:107.
+  const place = (row) => `${Core.words.register_types[row.register_type]}:${row.address}`;
+  // Title, share of the width, text, on the right; name and value fit a phone beside their register.
   const COLUMNS = [
     ["unit", 4, (row) => String(row.unit), true],
-    ["type", 4, (row) => short(row)],
-    ["address", 8, (row) => String(row.address), true],
+    ["register", 9, place],
     ["name", 26, (row) => row.name || ""],
     ["value", 18, (row) => `${row.value_text ?? figure(row.value)} ${row.unit_of_measure || ""}`.trim(), true],
     ["min", 9, (row) => figure(row.min), true],
@@ -17,7 +23,11 @@ const Registers = (() => {
     ["seen", 8, (row) => String(row.count), true],
     ["changes", 8, (row) => String(row.changes), true],
   ];
-  const columns = COLUMNS.map(([title, width, , right]) => ({ key: title, title, least: width + 2, width: `minmax(${width + 2}ch, ${width + 2}fr)`, right: Boolean(right) }));
+  const LEAST = 12;
+  const columns = COLUMNS.map(([title, width, , right]) => {
+    const least = Math.min(width, LEAST) + 2;
+    return { key: title, title, least, width: `minmax(${least}ch, ${width + 2}fr)`, right: Boolean(right) };
+  });
 
   // Takes a file, if it is a profile: one of a sheet is told from a log by what the core says of it.
   async function take(file) {
@@ -45,18 +55,18 @@ const Registers = (() => {
   async function detail(at, host) {
     const row = rows[at];
     if (!row) return;
-    const title = `${row.name || `${short(row)} ${row.address}`} of unit ${row.unit}`;
+    const title = `${row.name || place(row)} of unit ${row.unit}`;
     const where = `unit == ${row.unit} and register_type == '${row.register_type}' and address == ${row.address}`;
     const { total, steps } = await ask({ call: "series", table: "readings", where, most: STEPS });
     host.replaceChildren(el("h2", {}, Show.visible(title)), el("p", {}, `${Show.fixed(total, 0)} values, ${Show.fixed(row.changes, 0)} changes.`));
     if (steps.length < 2) return;
-    const place = el("div", {});
-    host.append(place);
+    const drawn = el("div", {});
+    host.append(drawn);
     const x = steps.map(([time]) => time / 1e6), span = [x[0], x.at(-1)];
     const series = [{ name: "lowest", values: steps.map(([, low]) => low) }];
     if (steps.some(([, low, high]) => low !== high)) series.push({ name: "highest", values: steps.map(([, , high]) => high) });
     if (series.length === 1) series[0].name = "value";
-    Charts.chart(place, { title: `${Show.visible(title)} over time`, unit: row.unit_of_measure || "value", x, span, scale: { time: false, range: () => span },
+    Charts.chart(drawn, { title: `${Show.visible(title)} over time`, unit: row.unit_of_measure || "value", x, span, scale: { time: false, range: () => span },
       xSeries: { label: "seconds", value: (_, value) => (value === null ? "" : `${Show.fixed(value, 3)} s`) }, label: "seconds from the start", series, fromZero: false });
   }
 

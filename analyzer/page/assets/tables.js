@@ -5,13 +5,13 @@ const Tables = (() => {
   let statistics = null, grid = null, table = "transactions", hasFrames = true;
 
   const COLUMNS = {
-    transactions: "txn elapsed_us bus client unit function_name address quantity data write_address write_data status response_time_us findings",
+    transactions: "txn elapsed_us bus client unit status function_name address quantity data write_address write_data response_time_us findings",
     frames: "frame elapsed_us bus unit function_name direction verdict confidence hex findings",
     findings: "elapsed_us txn frame bus unit code severity detail",
     connections: "connection client server requests answered refused reset in_flight_max findings",
   };
   // In characters; what is left of the width is shared out in these proportions.
-  const WIDTHS = { bus: 14, client: 15, server: 21, unit: 4, address: 7, quantity: 4, function_name: 25, data: 24, write_data: 12, status: 12, findings: 20, hex: 50, detail: 60, code: 20, elapsed_us: 14, direction: 9 };
+  const WIDTHS = { txn: 10, bus: 14, client: 15, server: 21, unit: 4, address: 7, quantity: 4, function_name: 25, data: 24, write_data: 12, status: 12, findings: 20, hex: 50, detail: 60, code: 20, elapsed_us: 12, direction: 9 };
 
   // A time as it is read: since the start in seconds, others in milliseconds.
   const timeUnit = (key) => (key === "elapsed_us" ? "s" : "ms");
@@ -34,6 +34,8 @@ const Tables = (() => {
     });
   }
 
+  const capital = (word) => word[0].toUpperCase() + word.slice(1);
+
   // How many rows a table has.
   const count = async (name) => (await ask({ call: "rows", table: name, columns: [], where: null, from: 0, count: 0 })).total;
 
@@ -46,7 +48,7 @@ const Tables = (() => {
       }
       const total = await count(name);
       if (!$(`tab-${name}`)) $("tabs").append(el("button", { role: "tab", id: `tab-${name}`, "data-table": name, "aria-controls": "table" }));
-      $(`tab-${name}`).textContent = `${name[0].toUpperCase()}${name.slice(1)} (${Show.fixed(total, 0)})`;
+      $(`tab-${name}`).textContent = `${capital(name)} (${Show.fixed(total, 0)})`;
       $(`tab-${name}`).hidden = !total && name === "connections";
     }
     if (!$("tab-registers")) $("tabs").append(el("button", { role: "tab", id: "tab-registers", "data-table": "registers", "aria-controls": "table" }, "Registers"));
@@ -118,7 +120,7 @@ const Tables = (() => {
       const { title, why, advice } = Core.words.findings[code];
       return [el("h3", {}, title), el("p", {}, why), el("p", {}, el("strong", {}, "Check: "), Here.text(advice))];
     });
-    $("detail").replaceChildren(el("h2", {}, `${table.slice(0, -1)} ${row.txn || row.frame || row.connection || at + 1}`), ...meaning,
+    $("detail").replaceChildren(el("h2", {}, `${capital(table.slice(0, -1))} ${row.txn || row.frame || row.connection || at + 1}`), ...meaning,
       ...frames.flatMap(Bytes.table), el("dl", {}, ...list));
     await makeRoom();
     $("detail").scrollIntoView({ block: "nearest" });
