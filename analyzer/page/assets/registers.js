@@ -23,7 +23,7 @@ const Registers = (() => {
     ["seen", 8, (row) => String(row.count), true],
     ["changes", 8, (row) => String(row.changes), true],
   ];
-  const LEAST = 12;
+  const LEAST = 11;
   const columns = COLUMNS.map(([title, width, , right]) => {
     const least = Math.min(width, LEAST) + 2;
     return { key: title, title, least, width: `minmax(${least}ch, ${width + 2}fr)`, right: Boolean(right) };

@@ -5,13 +5,13 @@ const Tables = (() => {
   let statistics = null, grid = null, table = "transactions", hasFrames = true;
 
   const COLUMNS = {
-    transactions: "txn elapsed_us bus client unit status function_name address quantity data write_address write_data response_time_us findings",
+    transactions: "txn elapsed_us bus client unit status response_time_us function_name address quantity data write_address write_data findings",
     frames: "frame elapsed_us bus unit function_name direction verdict confidence hex findings",
     findings: "elapsed_us txn frame bus unit code severity detail",
     connections: "connection client server requests answered refused reset in_flight_max findings",
   };
   // In characters; what is left of the width is shared out in these proportions.
-  const WIDTHS = { txn: 10, bus: 14, client: 15, server: 21, unit: 4, address: 7, quantity: 4, function_name: 25, data: 24, write_data: 12, status: 12, findings: 20, hex: 50, detail: 60, code: 20, elapsed_us: 12, direction: 9 };
+  const WIDTHS = { txn: 10, bus: 14, client: 15, server: 21, unit: 4, address: 7, quantity: 4, function_name: 25, data: 24, write_address: 13, write_data: 12, response_time_us: 15, status: 12, findings: 20, hex: 50, detail: 60, code: 20, elapsed_us: 12, direction: 9 };
 
   // A time as it is read: since the start in seconds, others in milliseconds.
   const timeUnit = (key) => (key === "elapsed_us" ? "s" : "ms");
