@@ -211,6 +211,10 @@ class FileRun:
         found: dict[str, Any] = json.loads(self._core.doctor())
         return found
 
+    def events(self) -> list[dict[str, Any]]:
+        """The events of troubles since the last call, where the last file is followed."""
+        return [json.loads(event) for event in self._core.take_events()]
+
     def document(self) -> dict[str, Any]:
         """Doctor, statistics and overview so far; the latter two if they are wanted.
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
 
@@ -18,11 +19,14 @@ from analyzer.cli.segmentation import report_silence_limits
 from analyzer.cli.selection import add_selection, check_selected
 from analyzer.cli.standard_streams import print_text
 from analyzer.cli.stop_signals import StopSignals
+from analyzer.cli.troubles_output import add_notify, take_event_files, troubles
+from analyzer.feeds.troubles import line
+from analyzer.pump import Sink
 from analyzer.views.health import show_health
 from analyzer.views.health_markdown import markdown
 from analyzer.views.screen import stdout
 from analyzer.views.security import render, show_findings
-from dissectors.errors import CaptureError
+from dissectors.errors import CaptureError, UsageError
 
 __all__ = ["add_arguments", "run"]
 
@@ -34,6 +38,7 @@ examples:
   modlens doctor recording.jsonl --line 19200-8E1
   modlens doctor capture.pcap --to md
   modlens doctor archive/ --to csv
+  dumpcap -i eth0 -f "tcp port 502" -w - | modlens doctor - --follow
   modlens show recording.jsonl --txn 25
 """
 
@@ -41,6 +46,7 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     add_input(parser)
+    _add_follow(parser)
     add_selection(parser)
     add_decoding(parser)
     add_line(parser)
@@ -61,6 +67,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
 
 
+def _add_follow(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("while a recording grows")
+    group.add_argument(
+        "--follow",
+        action="store_true",
+        help="keep reading as the last file grows, until Ctrl-C, and print a line when a trouble"
+        " begins, changes or ends",
+    )
+    group.add_argument(
+        "-o",
+        dest="outputs",
+        action="append",
+        default=[],
+        metavar="events:FILE",
+        help="with --follow: a file (.jsonl) with a line for each of these events (repeatable)",
+    )
+    add_notify(group)
+
+
 def run(options: argparse.Namespace) -> int:
     """Decode the recordings, then say what is wrong; gives the exit status."""
     messages = Messages(quiet=options.to is not None, timezone=options.timezone)
@@ -69,14 +94,20 @@ def run(options: argparse.Namespace) -> int:
         from analyzer.cli.archive_days import run_bus_days  # noqa: PLC0415
 
         return run_bus_days(options, messages)
+    _check_events(options)
     chosen = with_watched_tables(options, replace(settings(options), tables=("diagnoses",)))
     watch = live_watch(options, lambda text: None)
     report_silence_limits(chosen, messages)
-    files = file_run(options, chosen, messages)
-    with StopSignals() as stop_signals:
+    files = file_run(options, chosen, messages, follow=options.follow)
+    with StopSignals() as stop_signals, ExitStack() as opened:
+        listeners: list[Callable[[Mapping[str, Any]], None]] = [
+            lambda event: messages.info(line(event, names_bus=True))
+        ]
+        watched, notifiers = troubles(options, files.events, listeners, messages.info, opened)
+        sinks: list[Sink] = [watched, *notifiers, *([] if watch is None else [watch])]
         for batch in files.batches():
-            if watch is not None:
-                watch.put(batch)
+            for sink in sinks:
+                sink.put(batch)
             if stop_signals.received():
                 files.finish()
                 break
@@ -86,11 +117,21 @@ def run(options: argparse.Namespace) -> int:
             watch.finish()
             found["security"] = [one.row() for one in watch.found]
         _print(options.to, found)
-        if stop_signals.signal is not None:
+        # A signal is the only way to end `--follow`.
+        if stop_signals.signal is not None and not options.follow:
             return SIGNALLED + stop_signals.signal
     if files.unreadable:
         return CaptureError.exit_status
     return DAMAGED if options.strict and is_sick(found) else 0
+
+
+def _check_events(options: argparse.Namespace) -> None:
+    """Take the files for events from the outputs; `UsageError` for any others."""
+    take_event_files(options)
+    if options.outputs:
+        raise UsageError(f"doctor: -o {options.outputs[0]}: write -o events:FILE.jsonl")
+    if (options.event_files or options.notify) and not options.follow:
+        raise UsageError("doctor: -o events:FILE and --notify need --follow")
 
 
 def is_sick(found: Mapping[str, Any]) -> bool:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, closing
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from analyzer.bus_file import choose_buses
 from analyzer.cli.detached_streams import DetachedStreams, write_failure
@@ -20,14 +21,16 @@ from analyzer.cli.stop_signals import StopSignals
 from analyzer.cli.tap_messages import TapMessages
 from analyzer.cli.tap_recording import TapRecording
 from analyzer.cli.tap_server import WEB_PLACE, TapServers
-from analyzer.cli.tap_sinks import take_event_files, tap_sinks, troubles
+from analyzer.cli.tap_sinks import tap_sinks
 from analyzer.cli.triggers import (
     HourlySummary,
     SettingsDoubt,
     StopConditions,
 )
+from analyzer.cli.troubles_output import add_notify, take_event_files, troubles
 from analyzer.doubts import doubts
 from analyzer.durations import parse_duration
+from analyzer.feeds.troubles import line
 from analyzer.live_run import LiveRun, Tap, parse_tap
 from analyzer.profiles import Binding, with_vendor_functions
 from analyzer.settings import Settings
@@ -191,14 +194,7 @@ def _add_feeds(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--metrics", metavar="[HOST:]PORT", help="serve Prometheus metrics over HTTP"
     )
-    group.add_argument(
-        "--notify",
-        action="append",
-        default=[],
-        metavar="TARGET",
-        help="run this command, or POST to this URL, when a trouble begins, changes or ends; the"
-        " event is JSON on standard input or in the body (repeatable)",
-    )
+    add_notify(group)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -234,7 +230,12 @@ def _tap(  # noqa: PLR0915 - in the order in which a tap begins and ends
     )
     with closing(live), ExitStack() as opened:
         extra_sinks = tap_sinks(options, live, tap_messages, recording, opened)
-        watched, notifiers = troubles(options, live, tap_messages, extra_sinks, opened)
+        several = len(live.buses) > 1
+        listeners: list[Callable[[Mapping[str, Any]], None]] = [
+            lambda event: tap_messages.info(line(event, names_bus=several)),
+            *(feed for sink in extra_sinks if (feed := getattr(sink, "trouble", None)) is not None),
+        ]
+        watched, notifiers = troubles(options, live.events, listeners, tap_messages.info, opened)
         if options.doctor:
             # All that is printed while it listens.
             extra_sinks.append(watched)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
@@ -12,10 +12,7 @@ from analyzer.cli.outputs import OutputSink, targets
 from analyzer.cli.tap_messages import TapMessages
 from analyzer.cli.tap_recording import TapRecording
 from analyzer.cli.triggers import EventCapture
-from analyzer.feeds.notify import Notifier
-from analyzer.feeds.troubles import EventFile, Troubles, line
 from analyzer.live_run import LiveRun
-from analyzer.pump import Sink
 from analyzer.views.live.state import LiveState
 from analyzer.views.row_lines import TableOptions
 from analyzer.views.screen import stdout
@@ -24,9 +21,7 @@ from dissectors.errors import UsageError
 if TYPE_CHECKING:
     from analyzer.feeds.mqtt import Mqtt
 
-__all__ = ["take_event_files", "tap_sinks", "troubles"]
-
-EVENTS = "events:"
+__all__ = ["tap_sinks"]
 
 
 def tap_sinks(
@@ -61,45 +56,6 @@ def tap_sinks(
             for one in targets(options)
         ]
     return sinks + _feeds(options, live, tap_messages, recording, opened)
-
-
-def troubles(
-    options: argparse.Namespace,
-    live: LiveRun,
-    tap_messages: TapMessages,
-    sinks: Sequence[OutputSink],
-    opened: ExitStack,
-) -> tuple[Troubles, list[Sink]]:
-    """Return what passes events of troubles to the messages and to all outputs that take them.
-
-    The second part are the notifiers, which report what they could not deliver.
-    """
-    several = len(live.buses) > 1
-    listeners: list[Callable[[Mapping[str, Any]], None]] = [
-        lambda event: tap_messages.info(line(event, names_bus=several))
-    ]
-    listeners += [feed for sink in sinks if (feed := getattr(sink, "trouble", None)) is not None]
-    notifiers: list[Sink] = []
-    for path in options.event_files:
-        file = EventFile(path)
-        opened.callback(file.close)
-        listeners.append(file)
-    for target in options.notify:
-        notifier = Notifier(target, tap_messages.info)
-        opened.callback(notifier.close)
-        listeners.append(notifier)
-        notifiers.append(notifier)
-    return Troubles(live.events, listeners), notifiers
-
-
-def take_event_files(options: argparse.Namespace) -> None:
-    """Move the outputs `events:FILE` to `event_files`: they hold no table."""
-    mine = [one for one in options.outputs if one.startswith(EVENTS)]
-    options.outputs = [one for one in options.outputs if one not in mine]
-    options.event_files = [one.removeprefix(EVENTS) for one in mine]
-    for path in options.event_files:
-        if not path.endswith((".jsonl", ".ndjson")):
-            raise UsageError(f"-o events:{path}: events are JSON lines; name the file .jsonl")
 
 
 def _feeds(

@@ -28,7 +28,7 @@ use modlens_engine::records::{Batch, Connection, Part};
 
 pub use bus::{BusContrast, BusFacts, WINDOW};
 pub use epochs::Epochs;
-pub use network::{ClientCounts, Connections};
+pub use network::{ClientCounts, Connections, Counted};
 pub use noise::{NoiseCounts, NoiseKey, NoiseRuns};
 pub use request::{Lonely, Pair, RequestCounts};
 pub use symptoms::{Seen, Symptom, Symptoms};
@@ -36,10 +36,21 @@ pub use unit::{LengthRatios, Overtaken, Pauses, Runs, UnitCounts, EXCEPTIONS};
 
 use crate::clean::Exchanges;
 use crate::observation::FrameObservation;
+use modlens_protocol::Ns;
 use tally::{mix, mix_bytes};
 
 /// Buses, units and distinct requests that are counted, all buses taken together: those with the least hashes of their names.
 const MOST: Bounds = Bounds { buses: 1024, units: 4096, requests: 16_384 };
+
+/// The connections that are open, by their numbers, and what has been counted of them.
+#[derive(Clone, Debug, Default)]
+pub struct OpenConnections(BTreeMap<u64, Counted>);
+
+impl OpenConnections {
+    fn of(&self, row: &Connection) -> Counted {
+        self.0.get(&row.number).copied().unwrap_or_default()
+    }
+}
 
 /// How many of each are kept.
 #[derive(Clone, Copy)]
@@ -84,7 +95,14 @@ impl Contrast {
 
     /// Counts the rows of a batch. It has to have frames and transactions.
     pub fn observe(&mut self, batch: &Batch) {
-        self.observe_connections(batch);
+        self.observe_after(batch, &OpenConnections::default());
+    }
+
+    /// The same where something of the connections was counted while they were open.
+    pub fn observe_after(&mut self, batch: &Batch, counted: &OpenConnections) {
+        for row in &batch.connections {
+            self.observe_connection(row, counted.of(row));
+        }
         self.observe_frames(batch);
         self.observe_transactions(batch);
         self.prune(MOST);
@@ -165,18 +183,25 @@ impl Contrast {
         self.overflowed || self.buses.values().any(|bus| bus.requests.overflowed)
     }
 
-    /// Counts connections; the bus of a connection is its server.
-    fn observe_connections(&mut self, batch: &Batch) {
-        for row in &batch.connections {
-            self.observe_connection(row);
-        }
+    /// Counts a connection that is over; its bus is its server.
+    pub(crate) fn observe_connection(&mut self, row: &Connection, before: Counted) {
+        self.of_server(&row.server).connection(row, before);
     }
 
-    pub(crate) fn observe_connection(&mut self, row: &Connection) {
-        if !self.buses.contains_key(&row.server) {
-            self.buses.insert(row.server.clone(), BusContrast::default());
+    /// Counts what has come of connections that are open, and notes that it was counted.
+    pub fn observe_open(&mut self, open: &[Connection], now: Ns, counted: &mut OpenConnections) {
+        for row in open {
+            self.of_server(&row.server).open_connection(row, counted.of(row), now);
         }
-        self.buses.get_mut(&row.server).expect("just added").connection(row);
+        counted.0 = open.iter().map(|row| (row.number, Counted::of_open(row, now))).collect();
+    }
+
+    /// The counters of a server: the bus of its connections.
+    fn of_server(&mut self, server: &str) -> &mut BusContrast {
+        if !self.buses.contains_key(server) {
+            self.buses.insert(server.to_owned(), BusContrast::default());
+        }
+        self.buses.get_mut(server).expect("just added")
     }
 
     /// The counters of the bus with this index in the batch.

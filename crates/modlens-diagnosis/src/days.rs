@@ -12,7 +12,7 @@ use modlens_protocol::Ns;
 use serde_json::{json, Value as Json};
 
 use crate::bus_day::bus_day;
-use crate::contrast::Contrast;
+use crate::contrast::{Contrast, Counted};
 use crate::observation::{FrameObservation, Observation};
 use crate::report::Report;
 use modlens_protocol::timestamp::time_text;
@@ -56,7 +56,7 @@ impl Days {
         for row in &batch.connections {
             let day = row.opened.filter(|_| row.clock == Clock::Utc).map(day_of);
             let bus = self.buses.entry(row.server.clone()).or_default();
-            bus.days.entry(day).or_default().observe_connection(row);
+            bus.days.entry(day).or_default().observe_connection(row, Counted::default());
         }
         if let Some(kept) = self.kept {
             for bus in self.buses.values_mut() {

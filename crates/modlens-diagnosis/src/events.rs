@@ -6,8 +6,8 @@
 //! window, one lost request in a thousand only in a long one.
 //!
 //! **No flapping.** A trouble begins when two judgements in a row diagnose it, with a chance below [`BEGIN_CHANCE`]: about ten
-//! thousand windows are judged in a day, so the chance of a single report would be too great. It ends when, for [`HOLD`] judgements
-//! in a row, no window about as long as that in which it began diagnoses it (chance below [`crate::MAX_CHANCE`]), and its failures do
+//! thousand windows are judged in a day, so the chance of a single report would be too great; and its last failure must not be long
+//! ago. It ends when, for [`HOLD`] judgements in a row, no window about as long as that in which it began diagnoses it (chance below [`crate::MAX_CHANCE`]), and its failures do
 //! not go on in a longer one. One that returns within [`MEMORY`] is held twice as long each time. Another severity, or another
 //! cause for the same failures, is a change, which has to hold as well. While nothing is asked, nothing is judged.
 //!
@@ -18,7 +18,7 @@ mod slices;
 
 use std::collections::BTreeMap;
 
-use modlens_engine::records::{Batch, DiagnosisRow};
+use modlens_engine::records::{Batch, Connection, DiagnosisRow};
 use modlens_protocol::finding::Severity;
 use modlens_protocol::Ns;
 
@@ -130,15 +130,24 @@ pub struct Events {
 impl Events {
     /// Counts the rows of a batch, which has frames and transactions, and judges where a slice is over.
     pub fn observe(&mut self, batch: &Batch) {
+        self.observe_with(batch, Vec::new);
+    }
+
+    /// The same with the connections that are open; asked for where a slice is over, after the rows of the batch.
+    pub fn observe_with(&mut self, batch: &Batch, open: impl FnOnce() -> Vec<Connection>) {
         let transactions = batch.transactions.iter().filter_map(|row| row.start);
-        let Some(now) = transactions.chain(batch.frames.iter().filter_map(|row| row.start)).max() else { return };
+        let connections = batch.connections.iter().filter_map(|row| row.closed.or(row.begun));
+        let times = transactions.chain(batch.frames.iter().filter_map(|row| row.start)).chain(connections);
+        let Some(now) = times.max() else { return };
         let before = self.now.replace(now);
         // A clock that was set back begins again at once; nothing is judged twice.
-        if self.slices.is_over(before.unwrap_or(now), now) {
+        let is_over = self.slices.is_over(before.unwrap_or(now), now);
+        self.slices.observe(batch, now);
+        if is_over {
+            self.slices.observe_open(&open(), now);
             self.slices.close(now);
             self.judge(now);
         }
-        self.slices.observe(batch, now);
     }
 
     /// The events since the last call.
@@ -152,7 +161,7 @@ impl Events {
     }
 
     fn judge(&mut self, now: Ns) {
-        let sights = self.sights();
+        let sights = self.sights(now);
         self.past.retain(|_, (ended, _)| now - *ended < MEMORY);
         for (key, trouble) in &mut self.open {
             let all = sights.get(key).map_or(&[][..], Vec::as_slice);
@@ -186,7 +195,7 @@ impl Events {
     }
 
     /// What the windows show, by trouble; the shortest window first.
-    fn sights(&self) -> BTreeMap<Key, Vec<Sight>> {
+    fn sights(&self, now: Ns) -> BTreeMap<Key, Vec<Sight>> {
         let mut found: BTreeMap<Key, Vec<Sight>> = BTreeMap::new();
         let mut longest = 0;
         for (scale, contrast) in self.slices.windows() {
@@ -194,8 +203,11 @@ impl Events {
             for (row, course) in Report::of(&contrast).troubles() {
                 if row.certainty == "diagnosed" && row.severity != Severity::Info {
                     let key = ((row.bus.clone(), row.unit, row.client.clone()), row.code);
-                    let is_sure = !course.has_ended && row.chance.is_none_or(|chance| chance < BEGIN_CHANCE);
-                    found.entry(key).or_default().push(Sight { row: row.clone(), course: course.clone(), scale, is_sure });
+                    let is_sure = row.chance.is_none_or(|chance| chance < BEGIN_CHANCE);
+                    let mut sight = Sight { row: row.clone(), course: course.clone(), scale, is_sure };
+                    // Where nobody tries again, nothing goes well after the last failure, but time passes.
+                    sight.is_sure &= !sight.course.has_ended && !sight.has_ceased(now);
+                    found.entry(key).or_default().push(sight);
                 }
             }
         }
@@ -257,6 +269,11 @@ impl Events {
 }
 
 impl Sight {
+    /// Whether its failures have times, and are over by these.
+    fn has_ceased(&self, now: Ns) -> bool {
+        self.course.first.is_some() && self.course.last.is_some() && !self.is_going_on(now)
+    }
+
     /// Whether the last failure is no longer ago than its failures mostly are apart, many times over.
     fn is_going_on(&self, now: Ns) -> bool {
         let (Some(first), Some(last)) = (self.course.first, self.course.last) else { return false };

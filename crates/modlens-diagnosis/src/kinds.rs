@@ -108,7 +108,7 @@ const EXPLAINS: &[(&str, &[&str])] = &[
         ],
     ),
     ("gateway_mixup", &["slow_answers", "bystander", "device_absent", "polled_too_fast", "dead_unit_cost"]),
-    ("connection_limit", &["connection_churn"]),
+    ("connection_limit", &["connection_churn", "device_absent", "slow_answers", "polled_too_fast", "bystander"]),
     ("foreign_protocol", &["line_noise"]),
     ("bystander", &["duplicate_address"]),
     ("device_absent", &["polled_too_fast"]),

@@ -9,6 +9,7 @@ use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::{Functions, Operation};
+use modlens_protocol::register_type::Space;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
@@ -151,6 +152,8 @@ pub struct Observation {
     pub exception: Option<u8>,
     /// Address and quantity that it reads, or writes.
     pub range: Option<(u16, u16)>,
+    /// Where the request would begin that cuts no value of the profile in two, as it does: the address before or after its own.
+    pub aligned_at: Option<u16>,
     /// Whether it writes.
     pub writes: bool,
     /// What was written.
@@ -250,6 +253,7 @@ impl Observation {
             outcome: outcome(row.status),
             exception: row.exception,
             range,
+            aligned_at: range.filter(|_| row.status == Status::Exception).and_then(|range| aligned_at(row, range)),
             writes,
             written: if writes && is_intact { fingerprint(request) } else { 0 },
             data,
@@ -280,6 +284,31 @@ impl Observation {
             lengths: [row.request.wire.length, row.response.wire.length],
             starts: [row.request.start, row.response.start],
         }
+    }
+}
+
+/// The one address next to that of a request from which on it would hold values of the profile whole, where it cuts some.
+fn aligned_at(row: &Transaction, (address, quantity): (u16, u16)) -> Option<u16> {
+    let space = match row.function {
+        3 => Space::Holding,
+        4 => Space::Input,
+        _ => return None,
+    };
+    let plan = &row.points.as_ref()?.plan;
+    let points = || plan.multi_register_points().iter().filter(|point| point.space == space);
+    let holds_whole = |first: u16| {
+        let (first, end) = (u32::from(first), u32::from(first) + u32::from(quantity));
+        let range = |from: u16, width: u16| (u32::from(from), u32::from(from) + u32::from(width));
+        let touched = || points().map(|point| range(point.address, point.width)).filter(|(from, to)| *from < end && first < *to);
+        touched().next().is_some() && touched().all(|(from, to)| first <= from && to <= end)
+    };
+    let next = [address.checked_sub(1), address.checked_add(1)].into_iter().flatten().filter(|first| holds_whole(*first));
+    let next: Vec<u16> = next.collect();
+    // A request that begins after the last value touches none.
+    let is_cut = !holds_whole(address) && points().any(|point| point.address.abs_diff(address) <= point.width);
+    match next.as_slice() {
+        [one] if is_cut => Some(*one),
+        _ => None,
     }
 }
 

@@ -8,7 +8,7 @@ use modlens_diagnosis::events::{Event, Events};
 use modlens_diagnosis::report::Report;
 use modlens_engine::framer::silence::SilenceRule;
 use modlens_engine::records::Bus;
-use modlens_engine::session::{BusOptions, CaptureOptions, Session as Core, WantedTables};
+use modlens_engine::session::{open_connections, BusOptions, CaptureOptions, Session as Core, WantedTables};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions as CoreFunctions;
 use modlens_protocol::source::{Clock, Place};
@@ -455,7 +455,7 @@ impl Session {
             contrast.observe(&batch);
         }
         if let Some(events) = &mut self.events {
-            events.observe(&batch);
+            events.observe_with(&batch, || open_connections(&self.core));
         }
         if let Some(overview) = &mut self.overview {
             overview.observe(&batch);

@@ -15,7 +15,7 @@ use super::clean_units::CleanUnits;
 use super::context::{Around, Context, GoodFrame, LEAST_ANSWER_BYTES};
 use super::known_requests::RequestMemory;
 use super::lists::Lists;
-use super::network::Connections;
+use super::network::{Connections, Counted};
 use super::noise::NoiseRuns;
 use super::request::{RequestCounts, MAX_REQUESTS};
 use super::sample::Sample;
@@ -286,9 +286,15 @@ impl BusContrast {
     }
 
     /// Takes a connection that is over.
-    pub(crate) fn connection(&mut self, row: &Connection) {
+    pub(crate) fn connection(&mut self, row: &Connection, before: Counted) {
         (self.facts.is_network, self.facts.clock) = (true, row.clock);
-        self.connections.count(row);
+        self.connections.count(row, before);
+    }
+
+    /// Takes what has come of a connection that is still open.
+    pub(crate) fn open_connection(&mut self, row: &Connection, before: Counted, now: Ns) {
+        (self.facts.is_network, self.facts.clock) = (true, row.clock);
+        self.connections.count_open(row, before, now);
     }
 
     /// With the first rows counted, as if nothing came before them.

@@ -2,6 +2,7 @@
 
 use modlens_engine::records::{Connection, End};
 use modlens_protocol::status::Status;
+use modlens_protocol::Ns;
 
 use super::sample::Sample;
 use super::tally::{mix_bytes, Place, Tally};
@@ -16,8 +17,12 @@ const FEW_REQUESTS: u64 = 2;
 /// The connections to one server.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Connections {
-    /// Attempts that were refused, or closed by the server before anything was asked.
+    /// Attempts that were refused while another connection was served, or closed by the server before anything was asked.
     pub turned_away: Tally,
+    /// Attempts that were refused while no other connection was served.
+    pub down: Tally,
+    /// Connections of which no request was answered, while another one was served.
+    pub unserved: Tally,
     /// Connections that were closed after one or two requests.
     pub short: Tally,
     /// Connections that the server closed though requests had been answered.
@@ -30,8 +35,10 @@ pub struct Connections {
     pub lockstep: u64,
     /// When the first connection with such answers began.
     pub lockstep_since: Option<Place>,
-    /// Answers.
+    /// Requests that were answered.
     pub answered: u64,
+    /// Answers, those to no request among them.
+    pub answers: u64,
     /// By client.
     pub clients: Sample<String, ClientCounts, MAX_CLIENTS>,
 }
@@ -55,18 +62,63 @@ pub struct ClientCounts {
     pub answered: u64,
 }
 
+/// What has been counted already of a connection that is still open.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counted {
+    requests: u64,
+    answered: u64,
+    answers: u64,
+    lockstep: u64,
+    is_unserved: bool,
+}
+
+/// A request that waits for so long while another connection is served waits in vain.
+const IN_VAIN: Ns = 5_000_000_000;
+
+impl Counted {
+    /// All that has come so far of a connection that is still open.
+    pub fn of_open(seen: &Connection, now: Ns) -> Self {
+        let has_waited = seen.begun.is_some_and(|begun| now - begun >= IN_VAIN);
+        let is_unserved = has_waited && seen.answered == 0 && seen.is_beside_answered;
+        Self { is_unserved, ..Self::of(seen) }
+    }
+
+    /// All that has come of a connection.
+    fn of(seen: &Connection) -> Self {
+        let (requests, answered, answers, lockstep) = (seen.requests, seen.answered, seen.answers, seen.lockstep);
+        Self { requests, answered, answers, lockstep, is_unserved: false }
+    }
+
+    /// What has come since.
+    fn until(self, now: Self) -> Self {
+        Self {
+            requests: now.requests.saturating_sub(self.requests),
+            answered: now.answered.saturating_sub(self.answered),
+            answers: now.answers.saturating_sub(self.answers),
+            lockstep: now.lockstep.saturating_sub(self.lockstep),
+            is_unserved: now.is_unserved && !self.is_unserved,
+        }
+    }
+}
+
 impl Connections {
-    pub(super) fn count(&mut self, seen: &Connection) {
+    /// Counts a connection that is over. What was counted while it was open is not counted again.
+    pub(super) fn count(&mut self, seen: &Connection, before: Counted) {
         // A connection is no transaction, so it has no number among the examples.
         let place = Place { number: 0, elapsed: None, time: seen.opened.or(seen.begun) };
         let by_server = seen.closed_by == Some(End::Server);
-        let turned_away = seen.is_refused || (seen.requests == 0 && by_server);
+        let is_unanswered = seen.answered == 0 && seen.is_beside_answered;
+        // The server had ended it when the first request came.
+        let is_closed_first = is_unanswered && by_server && seen.idle == Some(0);
+        let is_down = seen.is_refused && !seen.is_beside_answered;
+        let turned_away = (seen.is_refused && !is_down) || (seen.requests == 0 && by_server && !is_down) || is_closed_first;
+        self.down.count(is_down, place);
         self.turned_away.count(turned_away, place);
-        self.answered += seen.answered;
-        if seen.lockstep > 0 {
-            self.lockstep += seen.lockstep;
-            self.lockstep_since.get_or_insert(place);
+        let is_unserved = is_unanswered && seen.requests > 0 && !turned_away;
+        if !before.is_unserved {
+            self.unserved.count(is_unserved, place);
         }
+        self.progress(seen, before.until(Counted::of(seen)), place);
         if seen.requests > 0 {
             // The first and the last one may be cut by the recording.
             self.short.count(seen.requests <= FEW_REQUESTS && seen.closed.is_some() && seen.opened.is_some(), place);
@@ -79,12 +131,37 @@ impl Connections {
             self.first_lost.count(seen.first_status == Some(Status::NoResponse), place);
         }
         if let Some(client) = self.clients.entry(mix_bytes(seen.client.as_bytes()), seen.client.clone()) {
-            client.count(seen, turned_away, place);
+            client.turned_away.count(turned_away, place);
+        }
+    }
+
+    /// Counts what has come of a connection that is still open.
+    pub(super) fn count_open(&mut self, seen: &Connection, before: Counted, now: Ns) {
+        let place = Place { number: 0, elapsed: None, time: Some(now) };
+        let new = before.until(Counted::of_open(seen, now));
+        if new.is_unserved {
+            self.unserved.count(true, place);
+        }
+        self.progress(seen, new, place);
+    }
+
+    /// Counts what has come of a connection since it was last looked at.
+    fn progress(&mut self, seen: &Connection, new: Counted, place: Place) {
+        self.answered += new.answered;
+        self.answers += new.answers;
+        if new.lockstep > 0 {
+            self.lockstep += new.lockstep;
+            self.lockstep_since.get_or_insert(place);
+        }
+        if let Some(client) = self.clients.entry(mix_bytes(seen.client.as_bytes()), seen.client.clone()) {
+            client.count(seen, new, place);
         }
     }
 
     pub(super) fn merge(&mut self, later: &Self) {
         self.turned_away.merge(&later.turned_away);
+        self.down.merge(&later.down);
+        self.unserved.merge(&later.unserved);
         self.short.merge(&later.short);
         self.closed_by_server.merge(&later.closed_by_server);
         self.idle.merge(&later.idle);
@@ -92,16 +169,16 @@ impl Connections {
         self.lockstep += later.lockstep;
         self.lockstep_since = self.lockstep_since.or(later.lockstep_since);
         self.answered += later.answered;
+        self.answers += later.answers;
         self.clients.merge(&later.clients, ClientCounts::merge);
     }
 }
 
 impl ClientCounts {
-    fn count(&mut self, seen: &Connection, turned_away: bool, place: Place) {
-        self.turned_away.count(turned_away, place);
-        self.requests += seen.requests;
-        self.answered += seen.answered;
-        if seen.requests == 0 {
+    fn count(&mut self, seen: &Connection, new: Counted, place: Place) {
+        self.requests += new.requests;
+        self.answered += new.answered;
+        if new.requests == 0 {
             return;
         }
         // A client that speaks one framing drops what comes in another, though it is reported here as the answer that it is.
@@ -111,7 +188,7 @@ impl ClientCounts {
         let mismatched = differ || is_ignored;
         self.mismatched.count(mismatched, place);
         if mismatched {
-            self.mismatched_requests += seen.requests;
+            self.mismatched_requests += new.requests;
             self.framing = self.framing.or(seen.client_framing);
             self.other_framing = self.other_framing.or(seen.server_framing);
         }

@@ -61,6 +61,8 @@ pub struct RequestCounts {
     pub bad: Tally,
     /// Runs of refusals.
     pub refusal_runs: Runs,
+    /// Where it would begin if it cut no value of the profile in two; of refusals.
+    pub aligned_at: Option<u16>,
     /// It writes.
     pub writes: bool,
     /// Times from the start of one such request to the start of the next.
@@ -141,6 +143,7 @@ impl RequestCounts {
     /// Counts a transaction. What is pending of its request has to be counted.
     pub(super) fn count(&mut self, seen: &Observation, before: Before) {
         self.writes = seen.writes;
+        self.aligned_at = self.aligned_at.or(seen.aligned_at);
         self.repeated += u64::from(before.is_repeated && !seen.is_retry);
         if let Some((request, failed)) = before.request {
             if let Some(pair) = self.after.entry(request, request) {
@@ -239,6 +242,7 @@ impl RequestCounts {
     /// Adds the counts of a later part of the recording; pending exchanges of both have to be counted before.
     pub(super) fn merge(&mut self, later: &Self) {
         self.writes |= later.writes;
+        self.aligned_at = self.aligned_at.or(later.aligned_at);
         self.good += later.good;
         self.refused.iter_mut().zip(later.refused).for_each(|(own, more)| *own += more);
         self.silent += later.silent;

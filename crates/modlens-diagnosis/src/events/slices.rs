@@ -1,9 +1,9 @@
 //! Counters by time, the older the coarser.
 
-use modlens_engine::records::Batch;
+use modlens_engine::records::{Batch, Connection};
 use modlens_protocol::Ns;
 
-use crate::contrast::Contrast;
+use crate::contrast::{Contrast, OpenConnections};
 
 /// A slice, and the time between two judgements.
 pub const SLICE: Ns = 10_000_000_000;
@@ -20,13 +20,19 @@ pub(super) struct Slices {
     past: Vec<(u64, Contrast)>,
     open: Contrast,
     since: Option<Ns>,
+    connections: OpenConnections,
 }
 
 impl Slices {
     /// Counts the rows of a batch.
     pub fn observe(&mut self, batch: &Batch, now: Ns) {
         self.since.get_or_insert(now);
-        self.open.observe(batch);
+        self.open.observe_after(batch, &self.connections);
+    }
+
+    /// Counts what has come of connections that are open.
+    pub fn observe_open(&mut self, connections: &[Connection], now: Ns) {
+        self.open.observe_open(connections, now, &mut self.connections);
     }
 
     /// Whether the open slice is over. Where the clock was set, all that was counted is forgotten.

@@ -179,7 +179,17 @@ fn poisoned(view: &View<'_>, dead: u8) -> Option<(u8, Share)> {
 
 /// A unit that answers, and was silent in one or several long runs.
 pub(super) fn device_absent(view: &View<'_>) -> Vec<Claim> {
-    view.units().filter_map(|(unit, counts)| absent(view, unit, counts).or_else(|| not_seen(view, unit, counts))).collect()
+    let units = view.units().filter_map(|(unit, counts)| absent(view, unit, counts).or_else(|| not_seen(view, unit, counts)));
+    units.map(|claim| claim.fact("asked", "requests").fact("fate", "not answered")).chain(server_down(view)).collect()
+}
+
+/// A server at whose port nobody listens for a while.
+fn server_down(view: &View<'_>) -> Option<Claim> {
+    let down = &view.bus.connections.down;
+    let chance = view.beyond_accident(down.share()).filter(|_| down.failed >= 2)?;
+    let claim = Claim::new("device_absent", down, chance).fact("subject", "the server");
+    let runs = runs_in_words(claim.episodes.len().max(1) as u64);
+    Some(claim.fact("asked", "attempts to connect").fact("fate", "refused").fact("runs", runs))
 }
 
 /// Without a fine clock, a request without answer may be one whose answer the recording lacks. Where those of one unit stand

@@ -77,8 +77,8 @@ fn reason(all: &[Request<'_>], request: Request<'_>) -> Reason {
     let key = request.0;
     let good = answered(all, key);
     let shifted = good.iter().find(|other| other.quantity == key.quantity && other.address.abs_diff(key.address) == 1);
-    if let Some(neighbour) = shifted {
-        return Reason::OffByOne(neighbour.address);
+    if let Some(neighbour) = request.1.aligned_at.or(shifted.map(|other| other.address)) {
+        return Reason::OffByOne(neighbour);
     }
     let longest = good.iter().map(|other| other.quantity).max();
     let shortest_bad = refused(all)
@@ -142,8 +142,12 @@ pub(super) fn address_off_by_one(view: &View<'_>) -> Vec<Claim> {
     let claims = if refused.is_empty() { few().collect() } else { refused }.into_iter().filter_map(|request| {
         match reason(&all, request) {
             Reason::OffByOne(neighbour) => {
-                let shifted = RequestKey { address: neighbour, ..*request.0 };
-                Some(claim(view, "address_off_by_one", request)?.fact("neighbour", block(&shifted)))
+                let shifted = block(&RequestKey { address: neighbour, ..*request.0 });
+                let why = match request.1.aligned_at {
+                    Some(_) => format!("values of the profile are at {shifted}"),
+                    None => format!("those for {shifted} were answered"),
+                };
+                Some(claim(view, "address_off_by_one", request)?.fact("neighbour", shifted).fact("why", why))
             }
             _ => None,
         }

@@ -1,8 +1,10 @@
 //! Trouble of networks: connections, framings, unit numbers, mixed-up answers.
 
 use crate::claim::{Claim, View};
+use crate::contrast::gaps::without_lone;
 use crate::contrast::tally::Tally;
 use crate::contrast::UnitCounts;
+use crate::observation::RequestKey;
 use crate::statistics::{at_least, in_runs_at_most, Share};
 use modlens_protocol::finding::Severity;
 
@@ -22,7 +24,7 @@ pub(super) fn lockstep(view: &View<'_>) -> Vec<Claim> {
         return vec![claim];
     }
     let counts = &view.bus.connections;
-    let share = Share { failed: counts.lockstep.min(counts.answered), total: counts.answered };
+    let share = Share { failed: counts.lockstep.min(counts.answers), total: counts.answers };
     let Some(chance) = view.beyond_accident(share) else { return Vec::new() };
     let place = counts.lockstep_since;
     let tally = Tally { failed: share.failed, total: share.total, first: place, last: place, ..Tally::default() };
@@ -51,17 +53,43 @@ fn behind_in_log(view: &View<'_>) -> Option<Claim> {
 /// Connections that are turned away while others are served.
 pub(super) fn connection_limit(view: &View<'_>) -> Vec<Claim> {
     let counts = &view.bus.connections;
-    let Some(chance) = view.beyond_accident(counts.turned_away.share()) else { return Vec::new() };
-    if counts.answered == 0 || counts.turned_away.failed < 2 {
+    let mut turned_away = counts.turned_away.clone();
+    if serves_all_that_is_asked(view) && is_in_runs(&counts.unserved) {
+        turned_away.merge(&counts.unserved);
+        turned_away.total = counts.turned_away.total.max(counts.unserved.total);
+    }
+    let Some(chance) = view.beyond_accident(turned_away.share()) else { return Vec::new() };
+    if counts.answered == 0 || turned_away.failed < 2 {
         return Vec::new();
     }
-    let mut claim = Claim::new("connection_limit", &counts.turned_away, chance);
+    let mut claim = Claim::new("connection_limit", &turned_away, chance);
     let clients = counts.clients.sorted();
     let mut turned_away = clients.iter().filter(|(_, client)| client.turned_away.failed > 0);
     if let (Some((name, _)), None) = (turned_away.next(), turned_away.next()) {
         claim.client = Some((*name).clone());
     }
     vec![claim]
+}
+
+/// Whether nearly all failures are in runs of nothing else: who is not let in stays outside while others are there, and a slow
+/// server fails now and then.
+fn is_in_runs(tally: &Tally) -> bool {
+    let runs = without_lone(tally.episodes());
+    let failed: u64 = runs.iter().map(|run| run.failed).sum();
+    let total: u64 = runs.iter().map(|run| run.total).sum();
+    failed >= 3 && failed * 10 >= tally.failed * 8 && failed * 10 >= total * 9
+}
+
+/// Whether the server answers each unit and function that it is asked for, on some connection: what is not answered on another
+/// one is no unit that is away, and no request that makes the server close the connection.
+fn serves_all_that_is_asked(view: &View<'_>) -> bool {
+    let all = view.bus.requests.sorted();
+    let is_served = |key: &RequestKey| {
+        all.iter().any(|(other, counts)| {
+            (other.unit, other.function) == (key.unit, key.function) && counts.good + counts.refusals() > 0
+        })
+    };
+    all.iter().all(|(key, _)| is_served(key))
 }
 
 /// Up to this share of short connections, of those that the server closes and of other framings is normal, where somebody tries
@@ -106,7 +134,9 @@ pub(super) fn framing_mismatch(view: &View<'_>) -> Vec<Claim> {
     let clients = view.bus.connections.clients.sorted();
     let claims = clients.into_iter().filter_map(|(name, client)| {
         let share = Share { failed: client.mismatched_requests, total: client.requests };
-        let chance = view.significant(at_least(share, SOME))?;
+        // A client may have other connections that are right.
+        let alone = SOME.powf(client.mismatched_requests as f64);
+        let chance = view.significant(at_least(share, SOME).min(alone))?;
         let word = |framing: Option<&'static str>| match framing {
             Some("tcp") => "Modbus/TCP",
             Some("rtu") => "RTU over TCP",

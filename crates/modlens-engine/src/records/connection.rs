@@ -57,6 +57,10 @@ pub struct Connection {
     pub requests: u64,
     /// Those with an answer, an exception included.
     pub answered: u64,
+    /// Answers of the server, those to no request among them.
+    pub answers: u64,
+    /// Another connection to the server was answered while this one was open.
+    pub is_beside_answered: bool,
     /// What came of the first request.
     pub first_status: Option<Status>,
     /// The most requests that waited for their answers at the same time.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::findings;
 use crate::pairing::Pairing;
-use crate::records::{Bus, Network};
+use crate::records::{Bus, Connection, Network};
 use crate::session::bus::BusState;
 use crate::session::connection_tally::ConnectionTally;
 use crate::session::connections;
@@ -140,11 +140,18 @@ impl Session {
             self.decoder.flush_bus(bus);
             self.retired.push(bus);
             tally = std::mem::take(&mut self.decoder.buses[bus].connection);
+            if let Some(last) = tally.in_flight.last_answer {
+                let server = self.decoder.bus_rows[bus].name.clone();
+                let known = self.last_answers.entry(server).or_insert(last);
+                *known = last.max(*known);
+            }
         }
         if let Some((number, ended)) = connection.zip(ended) {
             let mode = bus.and_then(|bus| self.decoder.buses[bus].options.mode);
             let source = (Arc::clone(&state.source), state.clock);
-            self.connections.end(connections::row(number, ended, source, mode, tally));
+            let by_server = ended.history.closed_by.is_some_and(|side| side != ended.client_side);
+            let beside = tally.answered == 0 && is_answered_beside(self, state, &ended.server.to_string(), &tally, by_server);
+            self.connections.end(connections::row(number, ended, source, mode, (tally, beside)));
         }
     }
 
@@ -152,7 +159,7 @@ impl Session {
     /// happens any more must not hold back the rows of the others.
     #[inline]
     pub(super) fn sweep_connections(&mut self, state: &mut CaptureState, now: Ns) {
-        if !self.decoder.live && state.last_sweep.is_none_or(|last| (now - last).abs() >= SWEEP_NS) {
+        if state.last_sweep.is_none_or(|last| (now - last).abs() >= SWEEP_NS) {
             self.sweep_all_connections(state, now);
         }
     }
@@ -323,4 +330,38 @@ impl Session {
             is_named
         });
     }
+}
+
+/// What has come so far of the TCP connections that are open: their rows come when they are over, which may be never.
+pub fn open_connections(session: &Session) -> Vec<Connection> {
+    let mut rows = Vec::new();
+    for state in session.captures.iter().flatten() {
+        for bus in state.slots.iter().filter_map(|slot| slot.connection.and(slot.bus)) {
+            let (own, row) = (&session.decoder.buses[bus], &session.decoder.bus_rows[bus]);
+            let tally = &own.connection;
+            let beside = tally.answered == 0 && is_answered_beside(session, state, &row.name, tally, false);
+            rows.extend(connections::open_row(row, Arc::clone(&state.source), own.options.mode, (tally, beside)));
+        }
+    }
+    rows
+}
+
+/// Whether another connection to the same server is open and was answered before the server closed this one, or was answered
+/// after this one had asked.
+fn is_answered_beside(
+    session: &Session,
+    state: &CaptureState,
+    server: &str,
+    own: &ConnectionTally,
+    is_closed_by_server: bool,
+) -> bool {
+    let asked = own.in_flight.first_request;
+    let is_later = |last: Ns| asked.is_some_and(|asked| last > asked);
+    // A server that is down, or was restarted, has no other connection open; one that hangs answers none.
+    let is_served = |last: Ns| is_closed_by_server || is_later(last);
+    let of_open = state.slots.iter().filter_map(|slot| slot.bus).any(|bus| {
+        let last = session.decoder.buses[bus].connection.in_flight.last_answer;
+        last.is_some_and(is_served) && session.decoder.bus_rows[bus].name == server
+    });
+    of_open || session.last_answers.get(server).copied().is_some_and(is_later)
 }

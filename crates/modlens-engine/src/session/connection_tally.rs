@@ -1,9 +1,10 @@
 //! What the frames and transactions of one connection add up to.
 
 use crate::pairing::{ObservedFrame, Pairing, PendingTransaction};
-use crate::session::in_flight::InFlight;
-use modlens_protocol::direction::Direction;
+use crate::session::in_flight::{AnswerShape, InFlight, READ_HEADER_BYTES};
+use modlens_protocol::direction::{expected_data_bytes, Direction};
 use modlens_protocol::finding::Finding;
+use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
@@ -35,33 +36,49 @@ impl ConnectionTally {
         }
     }
 
-    /// Counts an exchange of the fast path: a request with its number, status, identifier and time, and the time of its answer.
+    /// Counts an exchange of the fast path: a request with its number, status and identifier, what its answer is like, and the
+    /// times of both.
     #[inline]
-    pub(crate) fn note_exchange(&mut self, txn: u64, status: Status, id: Option<u16>, times: [Ns; 2], pairing: &Pairing) {
+    pub(crate) fn note_exchange(
+        &mut self,
+        (txn, status): (u64, Status),
+        answer: (Option<u16>, AnswerShape),
+        times: [Ns; 2],
+        pairing: &Pairing,
+    ) {
         self.requests += 1;
         self.answered += 1;
         self.has_response = true;
         if self.first.is_none() {
             self.note_outcome(txn, status);
         }
-        self.in_flight.exchange(id, times, |waited| !pairing.is_before_timeout(waited));
+        self.in_flight.exchange(answer, times, |waited| !pairing.is_before_timeout(waited));
     }
 
     /// Counts exchanges of the fast path as `note_exchange` does, where it has counted one before and none is in flight; the slowest
-    /// answer took so long.
-    pub(crate) fn note_lone_exchanges(&mut self, exchanges: u64, longest: Ns) {
+    /// answer took so long, and the last one came then.
+    pub(crate) fn note_lone_exchanges(&mut self, exchanges: u64, longest: Ns, last: AnswerShape, last_answer: Ns) {
         self.requests += exchanges;
         self.answered += exchanges;
-        self.in_flight.lone_exchanges(longest);
+        self.in_flight.lone_exchanges(exchanges, longest, last, last_answer);
     }
 
     /// Notes a good frame of the slow path as a request or an answer in flight.
-    pub(crate) fn note_frame(&mut self, frame: &ObservedFrame<'_>, pairing: &Pairing) {
+    pub(crate) fn note_frame(&mut self, functions: &Functions, frame: &ObservedFrame<'_>, pairing: &Pairing) {
+        let pdu = frame.pdu();
+        let code = pdu.first().copied().unwrap_or(0);
+        let shape = |length| AnswerShape { unit: frame.unit(), function: code & !EXCEPTION_BIT, length };
         match frame.direction {
             Direction::Request => {
-                self.in_flight.request(frame.mbap_id, frame.start, |waited| !pairing.is_before_timeout(waited));
+                let row = functions.row(code, pdu.get(1..).unwrap_or(&[]));
+                let length = row.and_then(|row| expected_data_bytes(row, pdu)).map(|data| READ_HEADER_BYTES + data);
+                let asked = (frame.mbap_id, shape(length));
+                self.in_flight.request(asked, frame.start, |waited| !pairing.is_before_timeout(waited));
             }
-            Direction::Response => self.in_flight.answer(frame.mbap_id, frame.start),
+            Direction::Response => {
+                let length = Some(frame.adu.len()).filter(|_| code & EXCEPTION_BIT == 0);
+                self.in_flight.answer((frame.mbap_id, shape(length)), frame.start);
+            }
             Direction::Unknown => {}
         }
     }

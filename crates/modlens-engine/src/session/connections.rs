@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::findings;
-use crate::records::{Connection, End};
+use crate::records::{Bus, Connection, End};
 use crate::session::connection_tally::ConnectionTally;
 use crate::transactions::transaction::ConnectionEnd;
 use modlens_protocol::framing::Mode;
@@ -74,7 +74,7 @@ pub(super) fn row(
     ended: &EndedConnection<'_>,
     (source, clock): (Arc<str>, Clock),
     mode: Option<Mode>,
-    tally: ConnectionTally,
+    (tally, is_beside_answered): (ConnectionTally, bool),
 ) -> Connection {
     let EndedConnection { client, server, client_side, history } = *ended;
     let framing = |side: usize, has_frames: bool| side_framing(history.framing[side], mode.filter(|_| has_frames));
@@ -93,6 +93,8 @@ pub(super) fn row(
         is_reset: history.is_reset,
         requests: tally.requests,
         answered: tally.answered,
+        answers: tally.in_flight.answers,
+        is_beside_answered,
         first_status: tally.first.map(|(_, status)| status),
         in_flight_max: tally.in_flight.most,
         lockstep: tally.in_flight.lockstep,
@@ -105,6 +107,46 @@ pub(super) fn row(
         source,
         origin: history.packet,
     }
+}
+
+/// The row of a connection that is still open, as far as its frames show it.
+pub(super) fn open_row(
+    bus: &Bus,
+    source: Arc<str>,
+    mode: Option<Mode>,
+    (tally, is_beside_answered): (&ConnectionTally, bool),
+) -> Option<Connection> {
+    let network = bus.network.as_ref()?;
+    let framing = |has_frames: bool| mode.filter(|_| has_frames).map(Mode::text);
+    Some(Connection {
+        number: network.connection,
+        client: network.client.clone(),
+        client_port: network.client_port?,
+        server: network.server.clone(),
+        clock: bus.clock,
+        begun: tally.in_flight.first_request,
+        opened: None,
+        is_accepted: true,
+        closed: None,
+        closed_by: None,
+        is_refused: false,
+        is_reset: false,
+        requests: tally.requests,
+        answered: tally.answered,
+        answers: tally.in_flight.answers,
+        is_beside_answered,
+        first_status: tally.first.map(|(_, status)| status),
+        in_flight_max: tally.in_flight.most,
+        lockstep: tally.in_flight.lockstep,
+        client_framing: framing(tally.requests > 0),
+        server_framing: framing(tally.has_response),
+        retransmitted_segments: 0,
+        lost_bytes: 0,
+        idle: None,
+        findings: Vec::new(),
+        source,
+        origin: 0,
+    })
 }
 
 /// The word for the framing of a side: as its segments begin, or else that of its frames.

@@ -68,7 +68,7 @@ impl Decoder {
             state.pairing.advance_time(start, &mut self.done);
         }
         if state.options.bus.network.is_some() && framed.verdict.is_good() {
-            state.connection.note_frame(&frame, &state.pairing);
+            state.connection.note_frame(&self.functions, &frame, &state.pairing);
         }
         let result = state.pairing.add_frame(&self.functions, &frame, &mut self.next_txn, &mut self.done);
         if let Some(finding) = result.finding {

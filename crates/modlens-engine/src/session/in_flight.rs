@@ -7,16 +7,46 @@
 //! request n as soon as answers normally come, and answer n does not come in time. A client that compares transaction
 //! identifiers drops a late answer and goes on waiting (MODBUS Messaging on TCP/IP, 4.3.2); a slow server answers late by any
 //! time; and a client that wants several requests in flight sends them without waiting at all.
+//!
+//! A gateway that keeps an answer back gives each answer the identifier of the request after its own. Then identifiers show
+//! nothing, but what was asked does: the answer has unit, function and length of the request before, and not those of its own.
 
 use std::collections::VecDeque;
 
+use crate::fast_path::expected_exchange::ExpectedExchange;
 use modlens_protocol::Ns;
+
+/// Bytes of unit, function and byte count in front of the data of an answer; an exception has no more.
+pub(crate) const READ_HEADER_BYTES: usize = 3;
 
 /// Requests that are remembered, the newest ones.
 const MAX_REMEMBERED: usize = 64;
 
 /// An answer comes soon if it takes less than so many times the longest normal one.
 const SOON: Ns = 2;
+
+/// What an answer is like, or what a request wants it to be like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct AnswerShape {
+    pub(crate) unit: u8,
+    pub(crate) function: u8,
+    /// Bytes from the unit on; `None` where the request does not say, and of exceptions.
+    pub(crate) length: Option<usize>,
+}
+
+impl AnswerShape {
+    /// What the answer of an exchange is like.
+    #[inline]
+    pub(crate) fn of(exchange: &ExpectedExchange) -> Self {
+        let length = Some(exchange.response_bytes).filter(|&bytes| bytes > READ_HEADER_BYTES);
+        Self { unit: exchange.unit, function: exchange.code, length }
+    }
+
+    fn fits(self, asked: Self) -> bool {
+        let is_length = self.length.zip(asked.length).is_none_or(|(own, other)| own == other);
+        (self.unit, self.function) == (asked.unit, asked.function) && is_length
+    }
+}
 
 /// A request that has no answer yet.
 #[derive(Clone, Copy, Debug)]
@@ -42,34 +72,60 @@ pub(crate) struct InFlight {
     patience: Option<Ns>,
     /// The answer to the request before the newest one has come so long after that one, while it waited.
     stale_answer: Option<Ns>,
+    /// What the newest request wants, and what the one before it wanted.
+    asked: [Option<AnswerShape>; 2],
+    /// The last answer that fitted one of these two requests alone fitted the one before.
+    is_behind: bool,
+    /// Answers.
+    pub(crate) answers: u64,
+    /// When the last one came.
+    pub(crate) last_answer: Option<Ns>,
+    /// When the first request that was not answered at once came.
+    pub(crate) first_request: Option<Ns>,
 }
 
 impl InFlight {
     /// Whether a request that comes waits alone, and the next answer is its own.
     #[inline]
     pub(crate) fn is_idle(&self) -> bool {
-        self.waiting.is_empty() && self.stale_answer.is_none()
+        self.waiting.is_empty() && self.stale_answer.is_none() && !self.is_behind
     }
 
-    /// Notes requests with their answers, one after the other, of which the slowest answer took so long, where it `is_idle`.
+    /// Notes requests with their answers, one after the other, where it `is_idle`: how many, how long the slowest answer took, what
+    /// the last one was like and when it came.
     #[inline]
-    pub(crate) fn lone_exchanges(&mut self, longest: Ns) {
+    pub(crate) fn lone_exchanges(&mut self, exchanges: u64, longest: Ns, last: AnswerShape, last_answer: Ns) {
         self.most = self.most.max(1);
         self.longest = self.longest.max(longest);
+        self.asked[0] = Some(last);
+        self.answers += exchanges;
+        self.last_answer = Some(last_answer);
     }
 
     /// Notes a request with its answer, one after the other.
     #[inline]
-    pub(crate) fn exchange(&mut self, id: Option<u16>, [asked, answered]: [Ns; 2], may_give_up: impl Fn(Ns) -> bool) {
+    pub(crate) fn exchange(
+        &mut self,
+        (id, shape): (Option<u16>, AnswerShape),
+        [asked, answered]: [Ns; 2],
+        may_give_up: impl Fn(Ns) -> bool,
+    ) {
         if self.is_idle() {
-            return self.lone_exchanges(answered - asked);
+            return self.lone_exchanges(1, answered - asked, shape, answered);
         }
-        self.request(id, Some(asked), may_give_up);
-        self.answer(id, Some(answered));
+        self.request((id, shape), Some(asked), may_give_up);
+        self.answer((id, shape), Some(answered));
     }
 
     /// Notes a request with its time. `may_give_up` says whether a client that has waited so long can have given up.
-    pub(crate) fn request(&mut self, id: Option<u16>, time: Option<Ns>, may_give_up: impl Fn(Ns) -> bool) {
+    pub(crate) fn request(
+        &mut self,
+        (id, shape): (Option<u16>, AnswerShape),
+        time: Option<Ns>,
+        may_give_up: impl Fn(Ns) -> bool,
+    ) {
+        self.asked = [Some(shape), self.asked[0]];
+        self.first_request = self.first_request.or(time);
         let waited = self.waiting.back().and_then(|newest| Some(time? - newest.time?));
         let has_given_up = waited.is_some_and(|waited| waited > self.longest && may_give_up(waited));
         let goes_on = waited.zip(self.patience).is_some_and(|(waited, limit)| waited < limit);
@@ -89,11 +145,14 @@ impl InFlight {
 
     /// Notes an answer with its time: to the newest request of its identifier, or to the newest one of all where no request
     /// has its identifier.
-    pub(crate) fn answer(&mut self, id: Option<u16>, time: Option<Ns>) {
+    pub(crate) fn answer(&mut self, (id, shape): (Option<u16>, AnswerShape), time: Option<Ns>) {
+        self.answers += 1;
+        self.last_answer = time;
         let newest = self.waiting.len().wrapping_sub(1);
         let at = self.waiting.iter().rposition(|sent| sent.id == id).unwrap_or(newest);
         let Some(sent) = self.waiting.remove(at) else { return };
         if at == newest {
+            self.compare(shape);
             self.stale_answer = None;
             if let Some(took) = time.zip(sent.time).map(|(answered, asked)| answered - asked).filter(|_| self.waiting.is_empty())
             {
@@ -103,6 +162,16 @@ impl InFlight {
         } else if sent.is_given_up && at + 1 == newest {
             self.stale_answer = self.waiting.back().and_then(|newest| Some(time? - newest.time?));
         }
+    }
+
+    /// Compares an answer that by its identifier belongs to the newest request with what was asked.
+    fn compare(&mut self, answer: AnswerShape) {
+        let [own, before] = self.asked.map(|asked| asked.is_some_and(|asked| answer.fits(asked)));
+        // Of one request after another of the same kind, each answer fits both: it is as those around it.
+        if own != before {
+            self.is_behind = before;
+        }
+        self.lockstep += u64::from(before && self.is_behind);
     }
 
     fn give_up(&mut self) {
@@ -118,11 +187,18 @@ mod tests {
 
     /// Plays requests (`Ok`) and answers (`Err`) with their identifiers and times in ms; a client may give up after 50 ms.
     fn played(events: &[(Result<u16, u16>, Ns)]) -> (u32, u64) {
+        let alike: Vec<_> = events.iter().map(|(what, at)| (*what, *at, 9)).collect();
+        played_with_lengths(&alike)
+    }
+
+    /// The same with the lengths that requests want their answers to have, and those of the answers.
+    fn played_with_lengths(events: &[(Result<u16, u16>, Ns, usize)]) -> (u32, u64) {
         let mut seen = InFlight::default();
-        for (what, at) in events {
+        for (what, at, length) in events {
+            let shape = AnswerShape { unit: 1, function: 3, length: Some(*length) };
             match what {
-                Ok(id) => seen.request(Some(*id), Some(at * MS), |waited| waited >= 50 * MS),
-                Err(id) => seen.answer(Some(*id), Some(at * MS)),
+                Ok(id) => seen.request((Some(*id), shape), Some(at * MS), |waited| waited >= 50 * MS),
+                Err(id) => seen.answer((Some(*id), shape), Some(at * MS)),
             }
         }
         (seen.most, seen.lockstep)
@@ -165,5 +241,31 @@ mod tests {
     fn requests_that_are_sent_without_waiting_are_in_flight_together() {
         let window = [(Ok(1), 0), (Ok(2), 1), (Err(1), 20), (Ok(3), 21), (Err(2), 40), (Ok(4), 41), (Err(3), 60)];
         assert_eq!(played(&window), (2, 0));
+    }
+
+    #[test]
+    fn a_gateway_that_is_one_answer_late_is_a_step_behind() {
+        // Three requests in turn, for 5, 7 and 7 bytes. The third is not answered; from then on each gets the answer before.
+        let mut events = Vec::new();
+        let wanted = [5, 7, 7];
+        for turn in 0..9u16 {
+            let (at, this) = (Ns::from(turn) * 100, usize::from(turn));
+            events.push((Ok(turn), at, wanted[this % 3]));
+            if turn != 2 {
+                let answered = if turn < 2 { this } else { this - 1 };
+                events.push((Err(turn), at + 10, wanted[answered % 3]));
+            }
+        }
+        assert_eq!(played_with_lengths(&events), (1, 6));
+    }
+
+    #[test]
+    fn a_unit_that_sends_other_lengths_than_asked_for_is_not() {
+        let mut events = Vec::new();
+        for turn in 0..9u16 {
+            let at = Ns::from(turn) * 100;
+            events.extend([(Ok(turn), at, if turn % 2 == 0 { 5 } else { 7 }), (Err(turn), at + 10, 9)]);
+        }
+        assert_eq!(played_with_lengths(&events), (1, 0));
     }
 }

@@ -52,6 +52,7 @@ mod transactions;
 mod two_lines;
 mod unit_habits;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::framer::Framer;
@@ -69,6 +70,7 @@ pub use decoder::WantedTables;
 pub use read_ahead::{BorrowedReader, ReadBlock};
 pub use sources::CaptureOptions;
 
+pub use capture::open_connections;
 use connections::Connections;
 use decoder::Decoder;
 use profiles::Assignment;
@@ -100,6 +102,8 @@ pub struct Session {
     /// Buses of closed connections that a new connection may take.
     free: Vec<usize>,
     connections: Connections,
+    /// When each server last answered on a connection that is over.
+    last_answers: BTreeMap<String, Ns>,
     /// The buses of raw recordings, each with the segment that was read last.
     recorded: Vec<(modlens_readers::pcap::metadata::RecordingSegment, usize)>,
     /// What buses are named after in place of their source.
@@ -126,6 +130,7 @@ impl Session {
             retired: Vec::new(),
             free: Vec::new(),
             connections: Connections::default(),
+            last_answers: BTreeMap::new(),
             recorded: Vec::new(),
             bus_name: None,
         }

@@ -10,6 +10,7 @@ use crate::session::exchanges::matching::{MatchedExchange, LENGTH_AT};
 use crate::session::exchanges::run::{Form, Run};
 use crate::session::frame_timing::FrameTiming;
 use crate::session::held_exchanges::ExchangeStart;
+use crate::session::in_flight::AnswerShape;
 use crate::session::rows::{elapsed, FindingPlace};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
@@ -45,7 +46,8 @@ impl Decoder {
         let starts = request.start.zip(response.start).map(<[Ns; 2]>::from);
         if let (Some(starts), Some(_)) = (starts, matched.mbap_id) {
             let status = if matched.exception == NOT_REFUSED { Status::Ok } else { Status::Exception };
-            state.connection.note_exchange(self.next_txn, status, matched.mbap_id, starts, &state.pairing);
+            let answer = (matched.mbap_id, AnswerShape::of(&matched.expected));
+            state.connection.note_exchange((self.next_txn, status), answer, starts, &state.pairing);
         }
         let response_time = learn_exchange(state, matched, &timings).filter(|&ns| ns >= run.min_measurable_ns);
         let (expected, key) = (&matched.expected, matched.expected.key());

@@ -14,6 +14,7 @@ use crate::session::exchanges::matching::confidence_by_id;
 use crate::session::exchanges::message_run::MessageRun;
 use crate::session::exchanges::run::ExchangeEnd;
 use crate::session::held_exchanges::ExchangeStart;
+use crate::session::in_flight::AnswerShape;
 use crate::stats::RequestPlace;
 use crate::weights::CERTAIN_DIRECTION_BITS;
 use modlens_protocol::framing::Mode;
@@ -101,7 +102,7 @@ impl Decoder {
         }
         if let Some(MemoEntry { expected, .. }) = pairs.last {
             counters.note_last(expected.key());
-            connection.note_lone_exchanges(pairs.exchanges, pairs.longest_wait);
+            connection.note_lone_exchanges(pairs.exchanges, pairs.longest_wait, AnswerShape::of(&expected), pairs.times[1]);
             learn_sides(side_votes, pairs.exchanges);
             pairing.record_exchanges_by_id(pairs.exchanges as u32);
             self.stats.record_run_times(*counts, pairs.first.unwrap_or(newest), pairs.times[1]);
