@@ -28,7 +28,7 @@ def capture() -> bytes:
 
 
 def followed(data: bytes, *words: str) -> str:
-    """What the command prints while it gets the capture piece by piece."""
+    """What the command prints while it gets the capture part by part."""
     with subprocess.Popen(
         command("doctor", "-", "--follow", *words),
         stdin=subprocess.PIPE,
