@@ -151,6 +151,27 @@ def test_a_number_that_counts_the_bytes_is_no_byte(number: str, rows: Rows) -> N
     assert [found for *_, found in rows(text)] == [data.hex() for _, data in lines]
 
 
+def test_a_number_in_front_of_a_label_is_no_byte(rows: Rows) -> None:
+    """A free monitor of serial ports counts its records; what it reads are answers."""
+    reads, writes = "Read Request (UP)", "Write Request (DOWN)"
+    lines = [(reads, WRITE), (writes, READ), (reads, REFUSED)]
+    text = "".join(
+        f"{at:06d}: {label}, +0.0\n\n {_hex(data)}\n\n" for at, (label, data) in enumerate(lines)
+    )
+    assert rows(text) == [
+        ("response", "ok", WRITE.hex()),
+        ("request", "ok", READ.hex()),
+        ("response", "ok", REFUSED.hex()),
+    ]
+
+
+def test_a_time_in_a_label_is_that_of_the_bytes_below(tmp_path: Path) -> None:
+    path = tmp_path / "bus.log"
+    path.write_text(f"12:30:05.250 TX:\n{_hex(READ)}\n12:30:05.290 RX:\n{_hex(VALUES)}\n")
+    asked, answered = decode(path).frames
+    assert answered.elapsed_us - asked.elapsed_us == 40_000
+
+
 @pytest.mark.parametrize("mark", ["16#{:02X}", "&H{:02X}", "${:02X}"])
 def test_hex_as_other_languages_write_it(mark: str, rows: Rows) -> None:
     text = "".join(

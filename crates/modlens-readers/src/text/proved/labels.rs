@@ -3,7 +3,9 @@
 
 use crate::chunk::Side;
 use crate::text::frame_evidence::{direction_evidence, proven_framing};
+use crate::text::proved::found::MIN_NEIGHBOUR_BYTES;
 use crate::text::proved::kinds::Mention;
+use crate::text::proved::line_runs::is_words;
 use crate::text::proved::runs::Style;
 use crate::text::proved::shapes::{shape, Shape};
 
@@ -28,7 +30,9 @@ impl Labels {
         if text.is_empty() {
             return;
         }
-        let Some(first) = found.first() else {
+        // A number in front of words, as `000012: Write Request`, is none of them.
+        let is_number = |one: &Mention| !one.is_frame && one.bytes.len() < MIN_NEIGHBOUR_BYTES;
+        let Some(first) = found.first().filter(|_| !(found.iter().all(is_number) && is_words(text))) else {
             self.last = shape_of(text);
             return;
         };

@@ -209,6 +209,17 @@ fn labelled_bytes(line: &[u8]) -> usize {
     all.filter(|run| is_last(run) && is_labelled(run)).map(|run| run.bytes.len()).max().unwrap_or(0)
 }
 
+/// Whether a line has words that are no hex, several of them.
+pub(in crate::text) fn is_words(line: &[u8]) -> bool {
+    let words = line.split(|b| !b.is_ascii_alphanumeric());
+    words
+        .filter(|word| word.len() > 2 && word.iter().all(u8::is_ascii_alphabetic))
+        .filter(|word| !word.iter().all(u8::is_ascii_hexdigit))
+        .take(2)
+        .count()
+        == 2
+}
+
 /// A word without the punctuation around it.
 pub(super) fn without_marks(word: &[u8]) -> &[u8] {
     let Some(start) = word.iter().position(u8::is_ascii_alphanumeric) else { return &[] };

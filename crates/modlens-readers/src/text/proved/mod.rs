@@ -40,7 +40,7 @@ use statements::Statements;
 pub(super) use candidates::other_hex;
 pub(super) use found::{Found, Worth};
 pub(super) use items::is_byte_line;
-pub(super) use line_runs::{hex_bytes, longest_hex, single_bytes, single_digits};
+pub(super) use line_runs::{hex_bytes, is_words, longest_hex, single_bytes, single_digits};
 pub(super) use sender::{denies, sender, sender_below};
 
 /// What the lines so far have shown.
@@ -161,7 +161,9 @@ impl ProvedHex {
         let (known, any) = (shape(&line[front.clone()], run.style), any_shape(&line[front.clone()], run.style));
         let is_long = known.is_some() || run.bytes.len() >= MIN_LISTED_BYTES;
         let is_known = self.shapes.contains(known) || (is_long && self.statements.contains(any));
-        if !is_known || !ends_clearly(line, &run) {
+        // A number in front of words, as `000012: Write Request`.
+        let is_number = known.is_none() && run.bytes.len() < MIN_NEIGHBOUR_BYTES && is_words(&line[run.text.end..]);
+        if !is_known || is_number || !ends_clearly(line, &run) {
             return None;
         }
         let lacks_checksum = self.statements.lacks_checksum(any)
@@ -212,17 +214,6 @@ fn listed(fields: Vec<Piece>, side: Option<Side>, number: u64) -> Found {
 pub(super) fn read_frames(line: &[u8], start: usize) -> Vec<Found> {
     let end = part_end(line, start);
     with_fronts(line, start, &proved_runs(&line[..end], start))
-}
-
-/// Whether a line has words that are no hex, several of them.
-pub(super) fn is_words(line: &[u8]) -> bool {
-    let words = line.split(|b| !b.is_ascii_alphanumeric());
-    words
-        .filter(|word| word.len() > 2 && word.iter().all(u8::is_ascii_alphabetic))
-        .filter(|word| !word.iter().all(u8::is_ascii_hexdigit))
-        .take(2)
-        .count()
-        == 2
 }
 
 /// Whether nothing that continues a word or a number follows the run.

@@ -310,12 +310,16 @@ impl Reader {
         self.let_label_decide(&mut matches);
         let voice = Some(Arc::as_ptr(dialect).addr() as u64);
         let mut from = 0;
-        for (role, found, end) in &matches {
+        for (role, found, end) in &mut matches {
             let bytes = &self.found[from..*end];
+            // A time on a line of its own, or in a label, is that of the bytes below it.
+            if found.time.is_none() && matches!(role, LineRole::Header(_) | LineRole::Bytes(_)) {
+                found.time = self.prose.take_time_before(self.number);
+            }
             from = *end;
             // What two dialects print of one frame is one frame: ESPHome's modbus says what it writes, and its uart does as well.
-            if let (LineRole::Bytes(side), true) = (role, self.last_voice.is_some_and(|last| Some(last) != voice)) {
-                if self.assembler.is_copy(bytes, found.side.or(*side)) {
+            if let (LineRole::Bytes(side), true) = (*role, self.last_voice.is_some_and(|last| Some(last) != voice)) {
+                if self.assembler.is_copy(bytes, found.side.or(side)) {
                     self.assembler.skip_copy(bytes);
                     continue;
                 }

@@ -54,6 +54,13 @@ impl Prose {
     pub fn time_before(&self, number: u64) -> Option<Ns> {
         self.time.filter(|(stated, _)| stated + MAX_LINES_TO_BYTES >= number).map(|(_, time)| time)
     }
+
+    /// The same, which is then used up.
+    pub fn take_time_before(&mut self, number: u64) -> Option<Ns> {
+        let time = self.time_before(number)?;
+        self.time = None;
+        Some(time)
+    }
 }
 
 /// Whether the line is a sentence rather than what a program prints.
