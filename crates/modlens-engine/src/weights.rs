@@ -211,6 +211,8 @@ weights! {
         STILL_SILENT_BITS: f32 = 2.0;
         /// The most that a request costs for coming as early as responses do: a second master's, or a look-alike response.
         TOO_SOON_BITS: f32 = 6.0;
+        /// The most that an unsolicited response costs for coming after a silence in which the outstanding request was given up.
+        GIVEN_UP_BITS: f32 = 6.0;
         /// Says that a request is the outstanding one or the one before it, repeated.
         RETRY_CHOICE_BITS: f32 = 1.0;
         /// No response and no new request comes sooner than the silence between frames: one line in thirty does not keep to that.

@@ -170,8 +170,9 @@ pub fn infer_direction(
         (false, false) if matched == ResponseMatch::Partly => Direction::Response,
         (false, false) => declared.unwrap_or(Direction::Unknown),
         (true, true) => {
-            // A response that repeats the address but not the value is more likely than a new request for the same place.
-            let repeats_address = |request: RequestRef<'_>| request.pdu.get(1..3) == pdu.get(1..3);
+            // A response that repeats the address but not the value is more likely than a new request for the same place; the
+            // same request again is none.
+            let repeats_address = |request: RequestRef<'_>| request.pdu.get(1..3) == pdu.get(1..3) && request.pdu != pdu;
             let repeats_address = matched == ResponseMatch::Partly && outstanding.is_some_and(repeats_address);
             if repeats_address && pause <= 0.0 {
                 return declared.unwrap_or(Direction::Response);
@@ -218,5 +219,7 @@ mod tests {
     fn a_request_does_not_answer_another() {
         assert_eq!(inferred(Some("03 0000 0001"), "03 0000 0001"), Direction::Request);
         assert_eq!(inferred(Some("10 0000 0001 02 0001"), "10 0000 0001 02 0001"), Direction::Request);
+        // The request for four registers from 0x033C on, again: three bytes are no answer to it.
+        assert_eq!(inferred(Some("03 033C 0004"), "03 033C 0004"), Direction::Request);
     }
 }

@@ -222,11 +222,14 @@ fn response_score(place: &FrameInPlace<'_>) -> ContextScore {
 
 /// The score of a response that does not answer the outstanding request: as the late response to the superseded request, as a
 /// copy of the last response, or as an unsolicited one, whichever is most. An unsolicited one costs its turn, and more where
-/// none is outstanding and its own request may stand damaged among the bytes before it.
+/// none is outstanding and its own request may stand damaged among the bytes before it. After a silence in which the outstanding
+/// request was given up, it is rather the next request.
 fn unsolicited_response_score(place: &FrameInPlace<'_>) -> f32 {
     let follows_damage = place.preceding.has_same_header && place.answerable.outstanding.is_none();
     let damaged_request = if follows_damage { weights::DAMAGED_REQUEST_BITS } else { 0.0 };
-    let unsolicited = place.model.unsolicited_turn_cost(place.position()) - damaged_request;
+    let may_be_request = place.answerable.outstanding.is_some() && place.preceding.unframed_bytes == 0;
+    let given_up = if may_be_request { place.pause.timeout.clamp(0.0, weights::GIVEN_UP_BITS) } else { 0.0 };
+    let unsolicited = place.model.unsolicited_turn_cost(place.position()) - damaged_request + given_up;
     let late = late_response_score(place).unwrap_or(f32::MIN);
     let copied = copied_response_score(place).unwrap_or(f32::MIN);
     late.max(copied).max(-unsolicited)
