@@ -10,6 +10,9 @@ use modlens_tables::columns::{CellSink, ColumnType, TableKind};
 
 /// An array of a column that gets its values.
 pub(super) trait ArrayInMaking: HasRows + Send {
+    /// The bytes of the values of all rows so far.
+    fn bytes(&self) -> usize;
+
     /// The array of all rows so far; the next one begins.
     fn finish(&mut self) -> ArrayRef;
 }
@@ -33,6 +36,10 @@ impl<T: ColumnItem> ArrayInMaking for Column<T>
 where
     ColumnBuilder<T>: CellSink,
 {
+    fn bytes(&self) -> usize {
+        size_of_val(&*self.rows.values.items)
+    }
+
     fn finish(&mut self) -> ArrayRef {
         let next = self.rows.values.next(self.given.take());
         let array = (self.array)(std::mem::replace(&mut self.rows.values, next));

@@ -77,6 +77,11 @@ impl BatchBuilder {
         self.rows
     }
 
+    /// The bytes of their values so far.
+    pub fn bytes(&self) -> usize {
+        self.arrays.iter().map(|array| array.bytes()).sum()
+    }
+
     /// Appends rows of a table.
     pub fn add(&mut self, table: &Table, rows: Range<usize>) {
         self.rows += rows.len();

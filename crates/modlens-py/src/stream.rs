@@ -2,7 +2,7 @@
 
 use arrow_array::{RecordBatch, RecordBatchReader};
 use modlens_arrow::batch::{all_columns, BatchBuilder};
-use modlens_tables::columns::TableKind;
+use modlens_tables::columns::{Table as Core, TableKind};
 use pyo3::prelude::*;
 use pyo3::types::PyCapsule;
 
@@ -10,15 +10,19 @@ use crate::arguments::value_error;
 use crate::capsule::stream_capsule;
 use crate::table::{column_indices, Table};
 
-/// A batch has at least so many rows, if there are: to hand one over costs as much as making a thousand rows. More of them would
-/// not stay in the processor's cache until somebody reads them.
+/// A batch has at least so many rows, if there are: to hand one over costs as much as making a thousand rows.
 const BATCH_ROWS: usize = 2048;
+
+/// A batch with more bytes ends within a table. More would not stay in the processor's cache until somebody reads them.
+const BATCH_BYTES: usize = 1 << 19;
 
 /// Reads record batches from a Python iterator of tables.
 struct TableReader {
     kind: TableKind,
     batches: BatchBuilder,
     tables: Py<PyAny>,
+    /// A table of which some rows have no batch yet, and the first of them.
+    begun: Option<(Core, usize)>,
     /// What went wrong after the rows of the last batch.
     error: Option<PyErr>,
 }
@@ -51,20 +55,40 @@ impl TableReader {
 
     /// Adds tables until the batch has enough rows, or there are none left.
     fn add_tables(&mut self, py: Python<'_>) -> PyResult<()> {
-        for item in self.tables.bind(py).try_iter()? {
-            let item = item?;
-            let table = &item.cast::<Table>()?.get().core;
-            if table.kind != self.kind {
-                return Err(value_error(format!("a stream of {} got {}", self.kind.name(), table.kind.name())));
-            }
+        let mut tables = self.tables.bind(py).try_iter()?;
+        while self.batches.rows() < BATCH_ROWS {
+            let (table, next) = match self.begun.take() {
+                Some(begun) => begun,
+                None => match tables.next() {
+                    Some(item) => (self.core(&item?)?, 0),
+                    None => break,
+                },
+            };
             let batches = &mut self.batches;
-            py.detach(|| batches.add(table, 0..table.len()));
-            if batches.rows() >= BATCH_ROWS {
-                break;
-            }
+            let end = py.detach(|| add_rows(batches, &table, next));
+            self.begun = (end < table.len()).then_some((table, end));
         }
         Ok(())
     }
+
+    /// The table that the iterator gave.
+    fn core(&self, item: &Bound<'_, PyAny>) -> PyResult<Core> {
+        let table = &item.cast::<Table>()?.get().core;
+        if table.kind != self.kind {
+            return Err(value_error(format!("a stream of {} got {}", self.kind.name(), table.kind.name())));
+        }
+        Ok(table.clone())
+    }
+}
+
+/// Adds rows from this one on until the batch has as many bytes as it should; gives the first that is left.
+fn add_rows(batches: &mut BatchBuilder, table: &Core, mut next: usize) -> usize {
+    while next < table.len() && batches.bytes() < BATCH_BYTES {
+        let end = table.len().min(next + BATCH_ROWS);
+        batches.add(table, next..end);
+        next = end;
+    }
+    next
 }
 
 impl RecordBatchReader for TableReader {
@@ -99,6 +123,6 @@ impl ArrowStream {
     ) -> PyResult<Bound<'py, PyCapsule>> {
         let _ = requested_schema;
         let batches = BatchBuilder::new(self.kind, &self.columns);
-        stream_capsule(py, TableReader { kind: self.kind, batches, tables: self.tables.clone_ref(py), error: None })
+        stream_capsule(py, TableReader { kind: self.kind, batches, tables: self.tables.clone_ref(py), begun: None, error: None })
     }
 }

@@ -48,6 +48,8 @@ pub struct Batch {
     expanded: OnceLock<Vec<Transaction>>,
     /// For each bus and kind a compact exchange, once somebody has asked.
     kinds: OnceLock<Vec<(usize, usize)>>,
+    /// Whether a profile applies to any of them, once somebody has asked.
+    has_points: OnceLock<bool>,
     /// Where its vectors go when it is dropped.
     pub(crate) pool: MemoryPool,
 }
@@ -56,7 +58,9 @@ pub struct Batch {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MemoryPool(Arc<Mutex<Vec<Memory>>>);
 
-type Memory = (Vec<u8>, Vec<Finding>, Vec<Frame>, Vec<Transaction>, Vec<FindingRow>, (Vec<Exchange>, Vec<PacketPair>));
+type Memory = (Vec<u8>, Vec<Finding>, Vec<Frame>, Vec<Transaction>, Vec<FindingRow>, MemoryOfExchanges);
+
+type MemoryOfExchanges = (Vec<Exchange>, Vec<PacketPair>, Vec<ExchangeRun>);
 
 /// Batches whose memory is kept: one is filled while others are written or wait for it.
 const MAX_POOLED_BATCHES: usize = 4;
@@ -72,7 +76,7 @@ impl MemoryPool {
         if let Some(memory) = self.0.lock().ok().and_then(|mut memories| memories.pop()) {
             let exchanges;
             (batch.arena, batch.codes, batch.frames, batch.transactions, batch.findings, exchanges) = memory;
-            (batch.exchanges, batch.packet_pairs) = exchanges;
+            (batch.exchanges, batch.packet_pairs, batch.exchange_runs) = exchanges;
         }
         batch.codes.push(REFUSED);
         batch
@@ -95,8 +99,7 @@ impl Batch {
 
 impl Drop for Batch {
     /// Gives the vectors of the batch, emptied, back to its session, unless that is gone, has enough of them, or the arena is
-    /// too large to be kept. `exchange_runs`, `connections` and `inner_packets`,
-    /// mostly short, are not among them.
+    /// too large to be kept. `connections` and `inner_packets`, mostly short, are not among them.
     fn drop(&mut self) {
         // With one reference, the session is gone, or the batch was not made by one.
         if Arc::strong_count(&self.pool.0) == 1 || self.arena.capacity() > MAX_POOLED_BYTES {
@@ -111,13 +114,14 @@ impl Drop for Batch {
             self.findings.clear();
             self.exchanges.clear();
             self.packet_pairs.clear();
+            self.exchange_runs.clear();
             memories.push((
                 take(&mut self.arena),
                 take(&mut self.codes),
                 take(&mut self.frames),
                 take(&mut self.transactions),
                 take(&mut self.findings),
-                (take(&mut self.exchanges), take(&mut self.packet_pairs)),
+                (take(&mut self.exchanges), take(&mut self.packet_pairs), take(&mut self.exchange_runs)),
             ));
         }
     }
@@ -183,7 +187,7 @@ impl Batch {
 
     /// Whether a profile applies to the unit of a compact exchange.
     pub fn has_points(&self) -> bool {
-        self.exchange_runs.iter().any(|run| run.points.is_some())
+        *self.has_points.get_or_init(|| self.exchange_runs.iter().any(|run| run.points.is_some()))
     }
 
     /// How many transactions there are, compact exchanges included.
@@ -194,6 +198,22 @@ impl Batch {
     /// The transactions in the order of their numbers, in parts.
     pub fn transaction_parts(&self) -> impl Iterator<Item = Part<'_, Transaction>> {
         parts(&self.transactions, |row| row.number, self.exchange_runs.iter(), |run| run.number)
+    }
+
+    /// The same from a part on that is not after the transaction at this place, with the place of its first one. It is the part
+    /// that has the transaction, unless numbers are missing between the first and the last.
+    pub fn transaction_parts_from(&self, place: usize) -> (usize, impl Iterator<Item = Part<'_, Transaction>>) {
+        let (rows, runs) = (&self.transactions[..], &self.exchange_runs[..]);
+        let firsts = [rows.first().map(|row| row.number), runs.first().map(|run| run.number)];
+        let ends = [rows.last().map(|row| row.number + 1), runs.last().map(ExchangeRun::end)];
+        let first = firsts.into_iter().flatten().min().unwrap_or(0);
+        let is_whole = ends.into_iter().flatten().max() == Some(first + self.transaction_count() as u64);
+        let number = first + if is_whole { place as u64 } else { 0 };
+        let rows = &rows[rows.partition_point(|row| row.number < number)..];
+        let runs = &runs[runs.partition_point(|run| run.end() <= number)..];
+        let begins_at = runs.first().map_or(number, |run| run.number.min(number));
+        let parts = parts(rows, |row| row.number, runs.iter(), |run| run.number);
+        ((begins_at - first) as usize, parts)
     }
 
     /// The frames in the order of their numbers, in parts, of a recording of which frames were wanted: a compact exchange without

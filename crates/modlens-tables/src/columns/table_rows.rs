@@ -145,7 +145,7 @@ impl Table {
             return stops_at.map_or(rows.end, |row| row + 1);
         }
         let batch = &*self.batch;
-        for (own, part) in self.parts() {
+        for (own, part) in self.parts(&rows) {
             for row in rows.start.max(own.start)..rows.end.min(own.end) {
                 let at = row - own.start;
                 let goes_on = match &part {
@@ -172,7 +172,7 @@ impl Table {
             return;
         }
         let batch = &*self.batch;
-        for (own, part) in self.parts() {
+        for (own, part) in self.parts(&rows) {
             let mut next = rows.start.max(own.start) - own.start;
             let end = rows.end.min(own.end).saturating_sub(own.start);
             while next < end {
@@ -186,17 +186,23 @@ impl Table {
         }
     }
 
-    /// The rows of a batch with compact exchanges, in parts, each with the indices of its rows.
-    fn parts(&self) -> impl Iterator<Item = (Range<usize>, PartRefs<'_>)> {
-        let batch = &*self.batch;
-        batch.transaction_parts().scan(0, move |end, part| {
-            let first = *end;
-            let (count, refs) = match part {
-                Part::Rows(rows) => (rows.len(), PartRefs::Whole(rows)),
-                Part::Compact(run) => (run.exchanges.length as usize, PartRefs::Compact(RunRefs::new(batch, run))),
+    /// The parts of a batch with compact exchanges that have some of these rows, each with the indices of its rows.
+    fn parts(&self, rows: &Range<usize>) -> impl Iterator<Item = (Range<usize>, PartRefs<'_>)> {
+        let (batch, Range { start, end }) = (&*self.batch, rows.clone());
+        let (begin, parts) = batch.transaction_parts_from(start);
+        let with_places = parts.scan(begin, |next, part| {
+            let first = *next;
+            *next += match part {
+                Part::Rows(rows) => rows.len(),
+                Part::Compact(run) => run.exchanges.length as usize,
             };
-            *end += count;
-            Some((first..*end, refs))
-        })
+            Some((first..*next, part))
+        });
+        with_places.skip_while(move |(own, _)| own.end <= start).take_while(move |(own, _)| own.start < end).map(
+            move |(own, part)| match part {
+                Part::Rows(rows) => (own, PartRefs::Whole(rows)),
+                Part::Compact(run) => (own, PartRefs::Compact(RunRefs::new(batch, run))),
+            },
+        )
     }
 }
