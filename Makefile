@@ -28,7 +28,7 @@ page: $(VENV)/.installed $(PAGE_CORE)
 $(PAGE_CORE): $(SOURCES) $(shell find crates/modlens-web -name '*.rs' -o -name '*.toml') | $(VENV)/.packer
 	rustup target list --installed | grep -qx wasm32-unknown-unknown || rustup target add wasm32-unknown-unknown
 	cargo build --profile web --locked --package modlens-web --target wasm32-unknown-unknown
-	$(BIN)/python -c 'import sys, zopfli.gzip; sys.stdout.buffer.write(zopfli.gzip.compress(sys.stdin.buffer.read(), numiterations=5))' \
+	$(BIN)/python -c 'import sys, zopfli.gzip; sys.stdout.buffer.write(zopfli.gzip.compress(sys.stdin.buffer.read(), numiterations=5, blocksplittingmax=60))' \
 		< target/wasm32-unknown-unknown/web/modlens_web.wasm > target/modlens.wasm.gz
 	mv target/modlens.wasm.gz $@
 
