@@ -139,11 +139,12 @@ fn recognise(
     habits.recognise(framed, wire, pairing.unit_of_last_response(), responses_of)
 }
 
-/// A damaged frame with the direction that the recording's words in front of all its bytes stand for, as its sound frames show,
-/// if the frame does not have it already.
+/// A damaged frame, or one whose sender is not known, with the direction that the recording's words in front of all its bytes
+/// stand for, as its sound frames show; `None` if it has that already.
 #[inline]
 fn as_said(input: &Input, framed: &FrameResult, side_votes: [i32; 2]) -> Option<FrameResult> {
-    if framed.verdict.is_good() || framed.verdict == Verdict::Noise {
+    let is_known = framed.verdict.is_good() && framed.direction != Direction::Unknown;
+    if is_known || framed.verdict == Verdict::Noise {
         return None;
     }
     let side = input.first_read()?.side?;
