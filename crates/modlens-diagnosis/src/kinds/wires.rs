@@ -28,7 +28,8 @@ fn bytes(view: &View<'_>) -> (u64, u64) {
 fn is_unreadable(view: &View<'_>) -> bool {
     let (good, other) = bytes(view);
     let serial = !view.bus.facts.is_network && view.bus.facts.mode != Some(Mode::Tcp);
-    serial && other >= LEAST_BYTES && (good * 20 < other || only_requests_are_valid(view))
+    let is_lost = good * 20 < other && !fit_but_for_their_edge(view);
+    serial && other >= LEAST_BYTES && (is_lost || only_requests_are_valid(view))
 }
 
 /// Whether every request was sent well and none was answered in bytes that make sense: the log of a client.
