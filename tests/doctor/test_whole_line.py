@@ -149,3 +149,22 @@ def test_a_line_full_of_other_bytes_is_not_healthy(tmp_path: Path) -> None:
     )
     sentence, _ = judged(frames, tmp_path)
     assert "is healthy" not in sentence
+
+
+def refused_quantity(quantity: int) -> Iterator[bytes]:
+    return (rtu(3, read_request(3, 0, quantity)) + rtu(3, exception(3, 3)) for _ in range(60))
+
+
+def test_a_quantity_that_the_protocol_does_not_allow_is_no_hole(tmp_path: Path) -> None:
+    sentence, rows = judged(refused_quantity(200), tmp_path)
+    assert [row["code"] for row in rows] == ["block_too_long"]
+    assert "blocks of 200 or more" in sentence
+    assert "the protocol allows 1 to 125" in sentence
+    sentence, _ = judged(refused_quantity(0), tmp_path)
+    assert "takes no blocks of 0:" in sentence
+
+
+def test_a_quantity_that_is_refused_may_be_too_great(tmp_path: Path) -> None:
+    sentence, rows = judged(refused_quantity(10), tmp_path)
+    assert [row["code"] for row in rows] == ["block_too_long"]
+    assert "shorter ones were not asked for" in sentence

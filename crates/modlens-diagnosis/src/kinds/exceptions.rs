@@ -7,6 +7,7 @@ use crate::contrast::RequestCounts;
 use crate::observation::RequestKey;
 use crate::statistics::{at_least, in_runs_at_most, Share};
 use crate::MAX_CHANCE;
+use modlens_protocol::functions::Functions;
 
 /// A request that has a range, with what came of it.
 type Request<'a> = (&'a RequestKey, &'a RequestCounts);
@@ -233,22 +234,42 @@ fn hole_in_words(key: &RequestKey) -> (String, &'static str, String) {
     )
 }
 
-/// Blocks that fail above a quantity.
+/// Blocks that fail above a quantity, or whose quantity the protocol does not allow.
 pub(super) fn block_too_long(view: &View<'_>) -> Vec<Claim> {
     let all = view.bus.requests.sorted();
     let mut found: Vec<Claim> = Vec::new();
     for request in failing(&all) {
-        let Reason::TooLong { good } = reason_of_length(&all, request) else { continue };
         let key = request.0;
+        let Some((beside, greatest)) = limit(&all, request) else { continue };
         if found.iter().any(|other| (other.unit, other.function) == (Some(key.unit), Some(key.function))) {
             continue;
         }
         let of_kind = failing(&all).into_iter().filter(|(other, _)| other.unit == key.unit && other.function == key.function);
         let least = of_kind.map(|(other, _)| other.quantity).min().unwrap_or(key.quantity);
         let Some(claim) = claim(view, "block_too_long", request) else { continue };
-        found.push(claim.fact("good_quantity", good.to_string()).fact("bad_quantity", least.to_string()));
+        let blocks = if least == 0 { String::from("blocks of 0") } else { format!("blocks of {least} or more") };
+        found.push(claim.fact("blocks", blocks).fact("beside", beside).fact("greatest", greatest));
     }
     found
+}
+
+/// What is known beside blocks that are too long, and the greatest block to set; `None` where it is not their length.
+fn limit(all: &[Request<'_>], request: Request<'_>) -> Option<(String, String)> {
+    let (key, counts) = request;
+    if let Reason::TooLong { good } = reason_of_length(all, request) {
+        return Some((format!("blocks of up to {good} were answered"), good.to_string()));
+    }
+    let is_of_quantity = counts.refused[2] > counts.refused[1] && key.quantity != 1 && !is_of_value(key, counts);
+    if !is_of_quantity || !answered(all, key).is_empty() {
+        return None;
+    }
+    let row = Functions::embedded().row(key.function, &[]);
+    match row.and_then(|row| row.limits("quantity")) {
+        Some((low, high)) if !(low..=high).contains(&u32::from(key.quantity)) => {
+            Some((format!("the protocol allows {low} to {high}"), format!("{low} to {high}")))
+        }
+        _ => Some((String::from("shorter ones were not asked for"), String::from("a smaller one"))),
+    }
 }
 
 /// Requests that are refused each time, or never answered while shorter ones are.
