@@ -188,3 +188,10 @@ def test_a_request_without_answer_beside_others_is_named(tmp_path: Path) -> None
     # The last one may have been answered after the end of the text.
     sentence = said([*lines[2:], lines[0]], tmp_path)
     assert "no answer to another one is in the recording" in sentence
+
+
+def test_a_request_that_is_repeated_alone_is_no_echo(tmp_path: Path) -> None:
+    """An adapter that hears itself hears all requests, not those of one unit only."""
+    mute = rtu(63, bytes([4, 0, 0, 0, 14]))
+    lines = [f"RX: {frame.hex(' ')}" for frame in [mute] * 4 + [REQUEST, ANSWER] * 4]
+    assert "hears its own transmission" not in doctor(lines, tmp_path)["sentence"]

@@ -109,7 +109,7 @@ def test_damaged_answers_that_one_part_of_a_program_prints_are_read(tmp_path: Pa
 @pytest.mark.parametrize(
     ("answers", "says"),
     [
-        ([ANSWER], "Cannot be judged: 1 request is too few; it was answered"),
+        ([ANSWER], "Nothing is wrong in these frames: 1 request was answered"),
         ([ANSWER[:-1] + b"\x5a"] * 2, "Suspected: The answer lacks its last byte"),
         ([rtu(7, b"\x83\x02"), ANSWER], "Suspected: Unit 7 does not have the address"),
     ],
@@ -299,7 +299,7 @@ def test_an_address_of_memory_is_no_damaged_frame(tmp_path: Path) -> None:
         "Rx: 0F 03 02 03 CD 10 E0",
         "[V] Response: @3FFD7468/13:",
     ]
-    assert doctor(lines, tmp_path)["sentence"].startswith("Cannot be judged")
+    assert doctor(lines, tmp_path)["sentence"].startswith("Nothing is wrong")
 
 
 def test_a_request_at_the_end_has_no_outcome(tmp_path: Path) -> None:

@@ -118,6 +118,14 @@ pub struct RequestKey {
 }
 
 impl RequestKey {
+    /// Its addresses in words.
+    pub(crate) fn block(self) -> String {
+        match self.quantity {
+            0 | 1 => format!("address {}", self.address),
+            quantity => format!("addresses {} to {}", self.address, u32::from(self.address) + u32::from(quantity) - 1),
+        }
+    }
+
     /// All of it as one number.
     #[inline]
     pub(crate) fn number(self) -> u64 {

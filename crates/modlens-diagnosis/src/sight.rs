@@ -3,7 +3,7 @@
 use crate::claim::{Certainty, Claim, View};
 use crate::contrast::lists::Lists;
 use crate::contrast::tally::Tally;
-use crate::contrast::Symptom;
+use crate::contrast::{Symptom, UnitCounts};
 use crate::table::{diagnoses, Diagnosis, UNNAMED};
 use modlens_protocol::framing::Mode;
 
@@ -55,6 +55,7 @@ fn by_symptom(view: &View<'_>) -> Vec<Seen> {
     for (symptom, unit, tally) in all(view).chain(never_answered(view)) {
         let symptom = match (symptom, unit) {
             (Symptom::NoAnswer, Some(unit)) if is_mute(view, unit) => continue,
+            (Symptom::Echo, _) if !is_echoed(view) => continue,
             (Symptom::AnswerWhole, Some(unit)) if has_no_valid_answer(view, unit) && !begins_right(view, unit) => {
                 Symptom::NeverValid
             }
@@ -100,7 +101,17 @@ fn all<'a>(view: &View<'a>) -> impl Iterator<Item = (Symptom, Option<u8>, &'a Ta
 fn is_mute(view: &View<'_>, unit: u8) -> bool {
     let counts = view.bus.units.get(&unit);
     let is_never_heard = counts.is_some_and(|counts| counts.failures.total == counts.silent.failed && counts.late.failed == 0);
-    is_never_heard && all(view).all(|(symptom, of, _)| of != Some(unit) || symptom == Symptom::NoAnswer)
+    let is_silence = |symptom| symptom == Symptom::NoAnswer || (symptom == Symptom::Echo && !is_echoed(view));
+    is_never_heard && all(view).all(|(symptom, of, _)| of != Some(unit) || is_silence(symptom))
+}
+
+/// Whether at least half of all requests came twice: an adapter that hears itself hears all of them. A request that is repeated
+/// alone is a retry.
+fn is_echoed(view: &View<'_>) -> bool {
+    let echoes: u64 = all(view).filter(|(symptom, _, _)| *symptom == Symptom::Echo).map(|(_, _, tally)| tally.failed).sum();
+    let answered = |counts: &UnitCounts| counts.failures.total - counts.silent.failed;
+    let requests: u64 = view.bus.units.values().map(|counts| answered(counts) + counts.not_seen.failed).sum();
+    echoes * 2 >= requests
 }
 
 /// Whether no answer of a unit on a serial line is valid.

@@ -42,15 +42,6 @@ fn end(key: &RequestKey) -> u32 {
     u32::from(key.address) + u32::from(key.quantity)
 }
 
-/// The block in words.
-pub(super) fn block(key: &RequestKey) -> String {
-    if key.quantity == 1 {
-        format!("address {}", key.address)
-    } else {
-        format!("addresses {} to {}", key.address, end(key) - 1)
-    }
-}
-
 fn claim(view: &View<'_>, code: &'static str, request: Request<'_>) -> Option<Claim> {
     let (key, counts) = request;
     let share = Share { failed: counts.refusals() + counts.silent, total: counts.sent() };
@@ -61,7 +52,7 @@ fn claim(view: &View<'_>, code: &'static str, request: Request<'_>) -> Option<Cl
             .of_unit(key.unit)
             .at(key.function, key.address)
             .with_share(share)
-            .fact("block", block(key))
+            .fact("block", key.block())
     })
 }
 
@@ -143,7 +134,7 @@ pub(super) fn address_off_by_one(view: &View<'_>) -> Vec<Claim> {
     let claims = if refused.is_empty() { few().collect() } else { refused }.into_iter().filter_map(|request| {
         match reason(&all, request) {
             Reason::OffByOne(neighbour) => {
-                let shifted = block(&RequestKey { address: neighbour, ..*request.0 });
+                let shifted = RequestKey { address: neighbour, ..*request.0 }.block();
                 let why = match request.1.aligned_at {
                     Some(_) => format!("values of the profile are at {shifted}"),
                     None => format!("those for {shifted} were answered"),
@@ -189,7 +180,7 @@ fn lost_addresses(view: &View<'_>, all: &[Request<'_>], unit: u8) -> Option<Clai
     let sum = |share: Share, (_, counts): &Request<'_>| share.with(Share { failed: counts.refusals(), total: counts.sent() });
     let share = of_unit.iter().fold(Share::default(), sum);
     let chance = view.significant(at_least(share, 0.01))?;
-    let mut blocks: Vec<String> = of_unit.iter().map(|(key, _)| block(key)).collect();
+    let mut blocks: Vec<String> = of_unit.iter().map(|(key, _)| key.block()).collect();
     blocks.dedup();
     let claim = Claim::new("register_hole", &view.bus.units.get(&unit)?.exceptions[2], chance).of_unit(unit).with_share(share);
     // Refusals of the unit know nothing of what was answered before them; each request does.
@@ -221,7 +212,7 @@ fn no_address(view: &View<'_>, all: &[Request<'_>], unit: u8) -> Option<Claim> {
 
 /// What does not exist, what to check and what would prove it; a single register has no halves.
 fn hole_in_words(key: &RequestKey) -> (String, &'static str, String) {
-    let block = block(key);
+    let block = key.block();
     if key.quantity == 1 {
         let check = "The register map of the device, whether its addresses count from 0 or 1, and the function: input registers are function 4, holding registers 3.";
         let experiment = "Ask for the address before, for the one after, and for the same one by the other function.";

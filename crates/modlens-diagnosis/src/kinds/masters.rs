@@ -97,14 +97,10 @@ pub(super) fn unexpected_writer(view: &View<'_>) -> Vec<Claim> {
     let writes = requests.into_iter().filter(|(_, counts)| counts.writes && counts.written.failed >= 10 && counts.changes == 0);
     let claims = writes.map(|(key, counts)| {
         let period = counts.period.percentile(0.5).map_or(String::new(), |period| format!(", one each {}", duration(period)));
-        let block = match key.quantity {
-            1 => format!("address {}", key.address),
-            _ => format!("addresses {} to {}", key.address, u32::from(key.address) + u32::from(key.quantity) - 1),
-        };
         Claim::new("unexpected_writer", &counts.written, 0.0)
             .of_unit(key.unit)
             .at(key.function, key.address)
-            .fact("block", block)
+            .fact("block", key.block())
             .fact("period", period)
     });
     claims.collect()

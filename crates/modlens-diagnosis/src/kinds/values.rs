@@ -47,10 +47,6 @@ fn spike(view: &View<'_>, key: RequestKey, series: &Lonely, value: &'static str)
     }
     // Registers that are not of the device hold anything: the chance that all of them are just this.
     let chance = share.total as f64 * (-16.0 * f64::from(key.quantity) * std::f64::consts::LN_2).exp();
-    let block = match key.quantity {
-        1 => format!("address {}", key.address),
-        _ => format!("addresses {} to {}", key.address, u32::from(key.address) + u32::from(key.quantity) - 1),
-    };
     let claim = Claim::new("value_spike", &series.odd, chance.min(1.0)).of_unit(key.unit).at(key.function, key.address);
-    Some(claim.fact("block", block).fact("value", value).at_most(modlens_protocol::finding::Severity::Warning))
+    Some(claim.fact("block", key.block()).fact("value", value).at_most(modlens_protocol::finding::Severity::Warning))
 }

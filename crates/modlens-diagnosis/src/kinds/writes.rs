@@ -24,7 +24,7 @@ pub(super) fn value_refused(view: &View<'_>) -> Vec<Claim> {
         let chance = view.significant(at_least(share, 0.01))?;
         let taken = if counts.good > 0 { ", and other values were taken" } else { "" };
         let claim = Claim::new("value_refused", &counts.bad, chance).of_unit(key.unit).at(key.function, key.address);
-        Some(claim.with_share(share).fact("block", super::exceptions::block(key)).fact("taken", taken))
+        Some(claim.with_share(share).fact("block", key.block()).fact("taken", taken))
     });
     claims.collect()
 }

@@ -157,6 +157,9 @@ pub(super) fn verdict(
             buses.iter().all(|(_, bus)| (bytes_of_frames(bus), bus.symptoms.all().count()) == (bytes_of_good_frames(bus), 0));
         let open =
             buses.iter().flat_map(|(_, bus)| bus.units.values()).map(|unit| unit.not_seen.failed - unit.silent.failed).sum();
+        if is_whole && share.total > 0 && refused.failed == 0 {
+            return (Verdict::Unknown, format!("{}{}.", nothing_wrong(share.total), beside(share, open)));
+        }
         let why = too_few(share, refused, is_whole, bytes(FrameVerdict::Noise));
         return (Verdict::Unknown, format!("{UNJUDGED}: {why}{}.", beside(share, open)));
     }
@@ -225,6 +228,16 @@ fn beside(share: Share, open: u64) -> String {
     }
 }
 
+/// What is said of a few requests with whole frames that were all answered.
+fn nothing_wrong(requests: u64) -> String {
+    match requests {
+        1 => String::from("Nothing is wrong in these frames: 1 request was answered, and is too few to judge the line"),
+        count => {
+            format!("Nothing is wrong in these frames: all {count} requests were answered, and are too few to judge the line")
+        }
+    }
+}
+
 /// Why so few requests are no ground for a verdict, and what came of them all the same: who pastes three lines of a log into a
 /// file wants to hear that they were read.
 fn too_few(share: Share, refused: Share, is_whole: bool, of_no_frame: u64) -> String {
@@ -233,8 +246,6 @@ fn too_few(share: Share, refused: Share, is_whole: bool, of_no_frame: u64) -> St
             return "the recording does not show the outcome of any request; what it holds are whole frames".to_owned()
         }
         0 => return "the recording does not show the outcome of any request".to_owned(),
-        1 if is_whole => return "1 request is too few; it was answered, and its frames are whole".to_owned(),
-        count if is_whole => return format!("{count} requests are too few; all were answered, and their frames are whole"),
         1 => "1 request is too few".to_owned(),
         count => format!("{count} requests are too few"),
     };
