@@ -54,7 +54,7 @@ fn behind_in_log(view: &View<'_>) -> Option<Claim> {
 pub(super) fn connection_limit(view: &View<'_>) -> Vec<Claim> {
     let counts = &view.bus.connections;
     let mut turned_away = counts.turned_away.clone();
-    if serves_all_that_is_asked(view) && is_in_runs(&counts.unserved) {
+    if is_in_runs(&counts.unserved) && serves_all_that_is_asked(view) {
         turned_away.merge(&counts.unserved);
         turned_away.total = counts.turned_away.total.max(counts.unserved.total);
     }
