@@ -6,10 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import pyarrow as pa
 import pytest
 
 import modlens
 from tests.conftest import CAPTURES
+from tests.doctor.frames import read_answer, read_request, rtu
 from tests.support.ordinary_traffic import framed
 
 TIMEOUTS = modlens.decode(CAPTURES / "pymodbus_timeouts" / "recording.jsonl", line="19200-8E1")
@@ -217,3 +219,23 @@ def test_many_recordings_that_are_there_twice_are_one_warning(tmp_path: Path) ->
         modlens.decode(tmp_path).stats()
     [warning] = [one for one in caught if "counted twice" in str(one.message)]
     assert "(and 9 more such pairs)" in str(warning.message)
+
+
+def test_a_stream_of_long_rows_ends(tmp_path: Path) -> None:
+    """Tables of fewer rows than a batch should have, whose values are more bytes than it may."""
+    path = tmp_path / "long.bin"
+    exchanges = 4000
+    request = rtu(1, read_request(3, 0, 125))
+    values = list(range(125))
+    path.write_bytes(
+        b"".join(
+            request + rtu(1, read_answer(3, [number, *values[1:]])) for number in range(exchanges)
+        )
+    )
+    rows = modlens.decode(path, read_as="raw", mode="rtu").transactions
+    batches = list(pa.RecordBatchReader.from_stream(rows))
+    assert sum(batch.num_rows for batch in batches) == exchanges
+    assert len(batches) > 2
+    assert [row["data"][0] for batch in batches for row in batch.to_pylist()] == list(
+        range(exchanges)
+    )

@@ -10,7 +10,8 @@ use crate::arguments::value_error;
 use crate::capsule::stream_capsule;
 use crate::table::{column_indices, Table};
 
-/// A batch has at least so many rows, if there are: to hand one over costs as much as making a thousand rows.
+/// A batch has at least so many rows, if there are and `BATCH_BYTES` allow it: to hand one over costs as much as making a thousand
+/// rows.
 const BATCH_ROWS: usize = 2048;
 
 /// A batch with more bytes ends within a table. More would not stay in the processor's cache until somebody reads them.
@@ -53,10 +54,10 @@ impl TableReader {
         Ok((self.batches.rows() > 0).then(|| self.batches.finish()))
     }
 
-    /// Adds tables until the batch has enough rows, or there are none left.
+    /// Adds tables until the batch has enough rows or bytes, or there are none left.
     fn add_tables(&mut self, py: Python<'_>) -> PyResult<()> {
         let mut tables = self.tables.bind(py).try_iter()?;
-        while self.batches.rows() < BATCH_ROWS {
+        while self.batches.rows() < BATCH_ROWS && self.batches.bytes() < BATCH_BYTES {
             let (table, next) = match self.begun.take() {
                 Some(begun) => begun,
                 None => match tables.next() {
