@@ -106,12 +106,12 @@ pub(super) fn dead_unit_cost(view: &View<'_>) -> Vec<Claim> {
     let dead: Vec<(u8, &UnitCounts)> = view.units().filter(|(unit, counts)| is_never_heard(*unit, counts)).collect();
     // A search for devices asks each address once or twice, which is no contrast by itself, but is one of many.
     let silent = dead.iter().fold(Share::default(), |sum, (_, counts)| sum.with(counts.silent.share()));
-    let of_many = view.significant(at_least(silent, MOST_SILENCE)).filter(|_| dead.len() > FEW_UNITS);
+    let of_many = view.significant(at_least(silent, MOST_SILENCE)).filter(|_| dead.len() > FEW_SILENT);
     dead.iter().filter_map(|(unit, counts)| dead_unit(view, *unit, counts, of_many)).collect()
 }
 
-/// Of so few units, each one has to be asked often enough to be called dead.
-const FEW_UNITS: usize = 7;
+/// So few units that never answer are a claim each, and each has to be asked often enough for it.
+pub(super) const FEW_SILENT: usize = 7;
 
 /// The share of requests that stay without answer on the worst of lines where units answer at all, and on the best.
 const MOST_SILENCE: f64 = 0.5;

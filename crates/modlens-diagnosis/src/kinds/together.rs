@@ -3,11 +3,8 @@
 use std::ops::RangeInclusive;
 
 use super::answers;
-use crate::claim::{severity_of, Claim, View};
+use crate::claim::{Claim, View};
 use crate::statistics::Share;
-
-/// More units than these that never answer are one claim.
-const MANY: usize = 7;
 
 /// What to check, and what would prove it.
 const NOBODY_ANSWERS: [&str; 2] = [
@@ -24,20 +21,23 @@ pub(super) fn together(view: &View<'_>, claims: Vec<Claim>) -> Vec<Claim> {
     let (silent, mut rest): (Vec<Claim>, Vec<Claim>) = claims.into_iter().partition(|claim| claim.code == "dead_unit_cost");
     let asked = view.units().filter(|(unit, _)| *unit != 0).count();
     let is_nobody = silent.len() == asked && asked > 1;
-    if !is_nobody && silent.len() <= MANY {
+    if !is_nobody && silent.len() <= answers::FEW_SILENT {
         rest.splice(0..0, silent);
         return rest;
     }
     let mut units: Vec<u8> = silent.iter().filter_map(|claim| claim.unit).collect();
     units.sort_unstable();
-    let subject =
-        format!("units {}, {} that were asked,", in_words(&units), if is_nobody { all(asked) } else { of(units.len(), asked) });
+    let of_all = match asked {
+        _ if !is_nobody => format!("{} of {asked}", units.len()),
+        2 => String::from("both"),
+        _ => format!("all {asked}"),
+    };
+    let subject = format!("units {}, {of_all} that were asked,", in_words(&units));
     let [check, proof] = if is_nobody { NOBODY_ANSWERS } else { MANY_DO_NOT };
     let share = silent.iter().fold(Share::default(), |sum, claim| sum.with(claim.share));
     let longest = silent.iter().max_by_key(|claim| claim.share.failed).expect("more than one unit is silent");
     let mut claim = longest.clone().with_share(share);
     claim.unit = None;
-    claim.at_most = severity_of(share);
     claim.chance = silent.iter().map(|one| one.chance).fold(1.0, f64::min);
     claim.first = silent.iter().filter_map(|one| one.first).min_by_key(|place| place.number);
     claim.last = silent.iter().filter_map(|one| one.last).max_by_key(|place| place.number);
@@ -51,17 +51,6 @@ pub(super) fn together(view: &View<'_>, claims: Vec<Claim>) -> Vec<Claim> {
     claim = claim.fact("subject", subject).fact("answers", "answer").fact("what_to_check", check).fact("experiment", proof);
     rest.insert(0, claim);
     rest
-}
-
-fn all(asked: usize) -> String {
-    match asked {
-        2 => String::from("both"),
-        _ => format!("all {asked}"),
-    }
-}
-
-fn of(silent: usize, asked: usize) -> String {
-    format!("{silent} of {asked}")
 }
 
 /// Numbers in words, runs of three or more by their ends: `1, 2, 4 to 119 and 121`.

@@ -48,7 +48,7 @@ pub struct Batch {
     expanded: OnceLock<Vec<Transaction>>,
     /// For each bus and kind a compact exchange, once somebody has asked.
     kinds: OnceLock<Vec<(usize, usize)>>,
-    /// Whether a profile applies to any of them, once somebody has asked.
+    /// Whether a profile applies to any of them, once asked for.
     has_points: OnceLock<bool>,
     /// Where its vectors go when it is dropped.
     pub(crate) pool: MemoryPool,
