@@ -487,6 +487,10 @@ class ConnectionRow(AnyRow, Protocol):
         """Requests of the client."""
 
     @property
+    def writes(self) -> int:
+        """Requests that write registers or bits."""
+
+    @property
     def answered(self) -> int:
         """Requests with an answer, exceptions included."""
 

@@ -94,7 +94,7 @@ fn divide(cells: &[Cell], claims: &[Claim], units: f64) -> (Vec<Vec<f64>>, Vec<f
     let table: Vec<Vec<f64>> =
         cells.iter().map(|cell| claims.iter().map(|claim| likelihood(claim, cell)).chain([unexplained]).collect()).collect();
     // Two claims with the same symptoms keep the ratio of what they have counted.
-    let mut weights: Vec<f64> = claims.iter().map(|claim| claim.harm.max(1) as f64).chain([1.0]).collect();
+    let mut weights: Vec<f64> = claims.iter().map(|claim| claim.harm as f64).chain([1.0]).collect();
     let mut shares = vec![vec![0.0; cells.len()]; claims.len() + 1];
     for _ in 0..STEPS {
         for (at, (cell, row)) in cells.iter().zip(&table).enumerate() {

@@ -57,7 +57,7 @@ pub const KINDS: &[Kind] = &[
     ("wrong_layout", layouts::wrong_layout),
 ];
 
-/// A kind that explains the failures of another one, of the same unit or of the whole line.
+/// A kind that explains the failures of another one, of the same unit or of the whole line, where it spoils a request itself.
 const EXPLAINS: &[(&str, &[&str])] = &[
     (
         "two_masters",
@@ -144,6 +144,7 @@ pub fn claims(view: &View<'_>) -> (Vec<Claim>, Vec<Claim>) {
             what.contains(&claim.code)
                 && all
                     .iter()
+                    .filter(|other| other.harm > 0)
                     .any(|other| other.code == *by && (other.unit.is_none() || claim.unit.is_none() || other.unit == claim.unit))
         })
     };

@@ -46,6 +46,7 @@ const ALWAYS_THERE: &[&str] = &[
     "advice",
     "client_port",
     "requests",
+    "writes",
     "answered",
     "in_flight_max",
     "retransmitted_segments",

@@ -58,14 +58,19 @@ pub struct ClientCounts {
     pub other_framing: Option<&'static str>,
     /// Requests.
     pub requests: u64,
+    /// Those that write.
+    pub writes: u64,
     /// Answers.
     pub answered: u64,
+    /// From the beginning of the first connection with requests to the end of the last one; without end where one is still open.
+    pub span: Option<(Ns, Ns)>,
 }
 
 /// What has been counted already of a connection that is still open.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counted {
     requests: u64,
+    writes: u64,
     answered: u64,
     answers: u64,
     lockstep: u64,
@@ -86,13 +91,14 @@ impl Counted {
     /// All that has come of a connection.
     fn of(seen: &Connection) -> Self {
         let (requests, answered, answers, lockstep) = (seen.requests, seen.answered, seen.answers, seen.lockstep);
-        Self { requests, answered, answers, lockstep, is_unserved: false }
+        Self { requests, writes: seen.writes, answered, answers, lockstep, is_unserved: false }
     }
 
     /// What has come since.
     fn until(self, now: Self) -> Self {
         Self {
             requests: now.requests.saturating_sub(self.requests),
+            writes: now.writes.saturating_sub(self.writes),
             answered: now.answered.saturating_sub(self.answered),
             answers: now.answers.saturating_sub(self.answers),
             lockstep: now.lockstep.saturating_sub(self.lockstep),
@@ -177,10 +183,12 @@ impl Connections {
 impl ClientCounts {
     fn count(&mut self, seen: &Connection, new: Counted, place: Place) {
         self.requests += new.requests;
+        self.writes += new.writes;
         self.answered += new.answered;
         if new.requests == 0 {
             return;
         }
+        self.stretch(seen.begun.or(seen.opened).map(|begun| (begun, seen.closed.unwrap_or(Ns::MAX))));
         // A client that speaks one framing drops what comes in another, though it is reported here as the answer that it is.
         let differ = seen.client_framing.zip(seen.server_framing).is_some_and(|(client, server)| client != server);
         // A server of MBAP drops requests in another framing without a word.
@@ -194,6 +202,14 @@ impl ClientCounts {
         }
     }
 
+    /// Stretches the span over another one.
+    fn stretch(&mut self, other: Option<(Ns, Ns)>) {
+        self.span = match (self.span, other) {
+            (Some(own), Some(other)) => Some((own.0.min(other.0), own.1.max(other.1))),
+            (own, other) => own.or(other),
+        };
+    }
+
     fn merge(&mut self, later: &Self) {
         self.turned_away.merge(&later.turned_away);
         self.mismatched.merge(&later.mismatched);
@@ -201,6 +217,8 @@ impl ClientCounts {
         self.framing = self.framing.or(later.framing);
         self.other_framing = self.other_framing.or(later.other_framing);
         self.requests += later.requests;
+        self.writes += later.writes;
         self.answered += later.answered;
+        self.stretch(later.span);
     }
 }

@@ -1,8 +1,10 @@
 //! Who speaks on the line besides the master and the unit asked: an echo, a unit that answers for others, a writer.
 
 use crate::claim::{duration, Claim, View};
+use crate::contrast::tally::{Place, Tally};
 use crate::contrast::UnitCounts;
 use crate::statistics::{fisher, Share};
+use modlens_protocol::decimal::thousands;
 use modlens_protocol::framing::Mode;
 
 /// Requests that are heard twice.
@@ -100,8 +102,52 @@ pub(super) fn unexpected_writer(view: &View<'_>) -> Vec<Claim> {
         Claim::new("unexpected_writer", &counts.written, 0.0)
             .of_unit(key.unit)
             .at(key.function, key.address)
-            .fact("block", key.block())
+            .fact(
+                "what",
+                format!(
+                    "is written to without need: {} writes of {} did not change anything",
+                    thousands(counts.written.failed),
+                    key.block()
+                ),
+            )
             .fact("period", period)
     });
-    claims.collect()
+    let claims: Vec<Claim> = claims.collect();
+    if claims.is_empty() {
+        new_writer(view).into_iter().collect()
+    } else {
+        claims
+    }
+}
+
+/// A client writes so often at least, or it may be one that always writes, now and then.
+const WRITES_OF_NEW_CLIENT: u64 = 3;
+
+/// It was away for so many times its usual time from one write to the next, before it came.
+const AWAY: f64 = 5.0;
+
+/// A client that comes later than others and only writes, where all others only read.
+fn new_writer(view: &View<'_>) -> Option<Claim> {
+    let clients = view.bus.connections.clients.sorted();
+    let mut writers = clients.iter().filter(|(_, client)| client.writes > 0);
+    let (name, writer) = writers.next().filter(|_| writers.next().is_none())?;
+    if writer.writes < WRITES_OF_NEW_CLIENT || writer.writes < writer.requests || view.is_small() {
+        return None;
+    }
+    let (first, last) = writer.span?;
+    let last = last.min(view.bus.frames.span?.1);
+    let others = clients.iter().filter(|(other, _)| other != name).filter_map(|(_, client)| client.span);
+    let begin = others.map(|(first, _)| first).min()?;
+    let usual = (last - first) as f64 / (writer.writes - 1) as f64;
+    if ((first - begin) as f64) < AWAY * usual {
+        return None;
+    }
+    let [place, last] = [first, last].map(|time| Some(Place { number: 0, elapsed: None, time: Some(time) }));
+    let counted = Tally { failed: writer.writes, total: writer.writes, first: place, last, ..Tally::default() };
+    let mut claim = Claim::new("unexpected_writer", &counted, 0.0)
+        .fact("what", format!("has written {} times, where all others only read,", thousands(writer.writes)));
+    claim.client = Some((*name).clone());
+    claim.has_begun = true;
+    claim.episodes.clear();
+    Some(claim)
 }

@@ -27,7 +27,7 @@ impl End {
 }
 
 /// One TCP connection of a capture, whether or not it carried a byte.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Connection {
     /// Running number from 1, in the order in which connections begin.
     pub number: u64,
@@ -55,6 +55,8 @@ pub struct Connection {
     pub is_reset: bool,
     /// Requests of the client.
     pub requests: u64,
+    /// Those that write registers or bits.
+    pub writes: u64,
     /// Those with an answer, an exception included.
     pub answered: u64,
     /// Answers of the server, those to no request among them.

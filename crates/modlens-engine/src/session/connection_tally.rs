@@ -13,6 +13,8 @@ use modlens_protocol::Ns;
 pub(crate) struct ConnectionTally {
     /// Requests so far.
     pub(crate) requests: u64,
+    /// Those that write.
+    pub(crate) writes: u64,
     /// Those with an answer, an exception included.
     pub(crate) answered: u64,
     /// The first request by its number, and what came of it.
@@ -31,6 +33,7 @@ impl ConnectionTally {
         self.has_response |= has_answer || transaction.status == Status::Unsolicited;
         if transaction.request.is_present() {
             self.requests += 1;
+            self.writes += writes(transaction.function);
             self.answered += u64::from(has_answer);
             self.note_outcome(transaction.txn, transaction.status);
         }
@@ -47,6 +50,7 @@ impl ConnectionTally {
         pairing: &Pairing,
     ) {
         self.requests += 1;
+        self.writes += writes(answer.1.function);
         self.answered += 1;
         self.has_response = true;
         if self.first.is_none() {
@@ -55,7 +59,7 @@ impl ConnectionTally {
         self.in_flight.exchange(answer, times, |waited| !pairing.is_before_timeout(waited));
     }
 
-    /// Counts exchanges of the fast path as `note_exchange` does, where it has counted one before and none is in flight; the slowest
+    /// Counts reads of the fast path as `note_exchange` does, where it has counted one before and none is in flight; the slowest
     /// answer took so long, and the last one came then.
     pub(crate) fn note_lone_exchanges(&mut self, exchanges: u64, longest: Ns, last: AnswerShape, last_answer: Ns) {
         self.requests += exchanges;
@@ -96,4 +100,9 @@ impl ConnectionTally {
             self.first = Some((txn, status));
         }
     }
+}
+
+/// One for a function that writes, else none.
+fn writes(function: u8) -> u64 {
+    Functions::embedded().writes(function).into()
 }

@@ -78,12 +78,12 @@ pub(super) fn row(
 ) -> Connection {
     let EndedConnection { client, server, client_side, history } = *ended;
     let framing = |side: usize, has_frames: bool| side_framing(history.framing[side], mode.filter(|_| has_frames));
+    let counted = counted(&tally, (source, clock));
     Connection {
         number,
         client: client.address.to_string(),
         client_port: client.port,
         server: server.to_string(),
-        clock,
         begun: history.begun,
         opened: history.opened,
         is_accepted: history.is_accepted,
@@ -91,21 +91,31 @@ pub(super) fn row(
         closed_by: history.closed_by.map(|side| if side == client_side { End::Client } else { End::Server }),
         is_refused: history.is_refused,
         is_reset: history.is_reset,
-        requests: tally.requests,
-        answered: tally.answered,
-        answers: tally.in_flight.answers,
         is_beside_answered,
-        first_status: tally.first.map(|(_, status)| status),
-        in_flight_max: tally.in_flight.most,
-        lockstep: tally.in_flight.lockstep,
         client_framing: framing(client_side, tally.requests > 0),
         server_framing: framing(1 - client_side, tally.has_response),
         retransmitted_segments: history.retransmitted,
         lost_bytes: history.lost_bytes,
         idle: history.idle(),
-        findings: findings::connection::with_those_of_packets(tally.findings, history),
-        source,
         origin: history.packet,
+        findings: findings::connection::with_those_of_packets(tally.findings, history),
+        ..counted
+    }
+}
+
+/// What the frames and transactions of a connection add up to, in a row that is empty otherwise.
+fn counted(tally: &ConnectionTally, (source, clock): (Arc<str>, Clock)) -> Connection {
+    Connection {
+        clock,
+        source,
+        requests: tally.requests,
+        writes: tally.writes,
+        answered: tally.answered,
+        answers: tally.in_flight.answers,
+        first_status: tally.first.map(|(_, status)| status),
+        in_flight_max: tally.in_flight.most,
+        lockstep: tally.in_flight.lockstep,
+        ..Connection::default()
     }
 }
 
@@ -123,29 +133,12 @@ pub(super) fn open_row(
         client: network.client.clone(),
         client_port: network.client_port?,
         server: network.server.clone(),
-        clock: bus.clock,
         begun: tally.in_flight.first_request,
-        opened: None,
         is_accepted: true,
-        closed: None,
-        closed_by: None,
-        is_refused: false,
-        is_reset: false,
-        requests: tally.requests,
-        answered: tally.answered,
-        answers: tally.in_flight.answers,
         is_beside_answered,
-        first_status: tally.first.map(|(_, status)| status),
-        in_flight_max: tally.in_flight.most,
-        lockstep: tally.in_flight.lockstep,
         client_framing: framing(tally.requests > 0),
         server_framing: framing(tally.has_response),
-        retransmitted_segments: 0,
-        lost_bytes: 0,
-        idle: None,
-        findings: Vec::new(),
-        source,
-        origin: 0,
+        ..counted(tally, (source, bus.clock))
     })
 }
 

@@ -148,6 +148,12 @@ impl Functions {
         self.entries[code as usize].as_deref()?.variants.first()
     }
 
+    /// Whether this function writes registers or bits.
+    #[inline]
+    pub fn writes(&self, code: u8) -> bool {
+        self.first_variant(code).is_some_and(|row| matches!(row.operation, Operation::Write | Operation::ReadWrite))
+    }
+
     /// All rows of this function code.
     pub fn variants(&self, code: u8) -> &[FunctionRow] {
         self.entries[code as usize].as_deref().map_or(&[], |entry| &entry.variants)

@@ -210,6 +210,7 @@ columns! {
     ("refused", |_, c| c.is_refused),
     ("reset", |_, c| c.is_reset),
     ("requests", |_, c| c.requests),
+    ("writes", |_, c| c.writes),
     ("answered", |_, c| c.answered),
     ("first_status", |_, c| c.first_status.map(|status| Word(status.text()))),
     ("in_flight_max", |_, c| c.in_flight_max),

@@ -571,7 +571,7 @@ fn connection_json(row: &Connection) -> Json {
     json!({
         "connection": row.number, "client": row.client, "client_port": row.client_port, "server": row.server,
         "opened": time(row.opened), "closed": time(row.closed), "closed_by": row.closed_by.map(End::text),
-        "refused": row.is_refused, "reset": row.is_reset, "requests": row.requests, "answered": row.answered,
+        "refused": row.is_refused, "reset": row.is_reset, "requests": row.requests, "writes": row.writes, "answered": row.answered,
         "in_flight_max": row.in_flight_max, "lockstep": row.lockstep,
         "retransmitted_segments": row.retransmitted_segments, "lost_bytes": row.lost_bytes, "findings": findings,
     })

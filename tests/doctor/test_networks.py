@@ -1,0 +1,100 @@
+"""What clients do on a network that is no trouble, and what is told of it all the same."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+
+from analyzer import decode
+from tests.doctor.plant import Poll
+from tests.doctor.tcp_model import CLIENTS, Client, Reply, Request, Server, Site
+
+SEEDS = (11, 12, 13)
+WRITES = 15
+
+
+def judged(site: Site, folder: Path) -> tuple[str, list[dict[str, Any]]]:
+    path = folder / "net.pcap"
+    path.write_bytes(site.network.pcap())
+    document = decode(path).doctor()
+    return document["sentence"], document["diagnoses"]
+
+
+def reader(site: Site) -> Client:
+    client = site.client(0)
+    client.polls = [
+        poll for poll in client.polls if poll.values is None and poll.function in (3, 4)
+    ]
+    return client
+
+
+def writer(site: Site, begin_s: float) -> Client:
+    """A client that writes another value each time."""
+    unit = site.plant.units[0]
+    unit.tables.setdefault(3, {})[7000] = lambda _: 0
+    client = site.client(1)
+    client.polls = [Poll(unit.address, 6, 7000, 1, lambda time_s: [int(time_s * 7) & 0xFFFF])]
+    client.now_s, client.period_s = begin_s, 2.0
+    return client
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_client_that_comes_later_and_writes_is_told(seed: int, tmp_path: Path) -> None:
+    site = Site(Random(seed), units=1)
+    reader(site).run_until(100)
+    writer(site, 60).run(WRITES)
+    sentence, [row] = judged(site, tmp_path)
+    assert (row["code"], row["severity"], row["client"]) == (
+        "unexpected_writer",
+        "info",
+        CLIENTS[1],
+    )
+    assert f"has written {WRITES} times, where all others only read" in row["sentence"]
+    assert "healthy" in sentence
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_client_that_has_always_written_is_not_told(seed: int, tmp_path: Path) -> None:
+    site = Site(Random(seed), units=1)
+    reader(site).run_until(100)
+    writer(site, 1).run(40)
+    _, rows = judged(site, tmp_path)
+    assert rows == []
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_connection_for_each_cycle_is_only_worth_knowing(seed: int, tmp_path: Path) -> None:
+    site = Site(Random(seed), units=1)
+    client = reader(site)
+    client.polls, client.per_request = client.polls[:1], True
+    client.run(60)
+    sentence, rows = judged(site, tmp_path)
+    assert [(row["code"], row["severity"]) for row in rows] == [("connection_churn", "info")]
+    assert "healthy" in sentence
+
+
+class Slow(Server):
+    """Answers each fourth request after the client has asked again, and then that one as well."""
+
+    def replies(self, request: Request) -> list[Reply]:
+        """The right answer, late."""
+        [reply] = super().replies(request)
+        delay_s = {3: 1.3, 0: 0.6}.get(request.number % 4, reply.delay_s)
+        return [Reply(reply.data, delay_s)]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_short_connections_do_not_explain_slow_answers(seed: int, tmp_path: Path) -> None:
+    site = Site(Random(seed), units=1)
+    client = site.client(0, Slow(site.plant, site.rng))
+    [poll, *_] = reader(site).polls
+    for number in range(120):
+        client.ask(poll)
+        if number % 4 != 3:
+            client.disconnect()
+    client.disconnect()
+    _, rows = judged(site, tmp_path)
+    assert [row["code"] for row in rows][:1] == ["slow_answers"]
