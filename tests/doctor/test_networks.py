@@ -1,4 +1,4 @@
-"""What clients do on a network that is no trouble, and what is told of it all the same."""
+"""What clients do on a network that is no trouble, and what the doctor says of it all the same."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def writer(site: Site, begin_s: float) -> Client:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_client_that_comes_later_and_writes_is_told(seed: int, tmp_path: Path) -> None:
+def test_a_client_that_comes_later_and_writes_is_named(seed: int, tmp_path: Path) -> None:
     site = Site(Random(seed), units=1)
     reader(site).run_until(100)
     writer(site, 60).run(WRITES)
@@ -57,7 +57,7 @@ def test_a_client_that_comes_later_and_writes_is_told(seed: int, tmp_path: Path)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_client_that_has_always_written_is_not_told(seed: int, tmp_path: Path) -> None:
+def test_a_client_that_has_always_written_is_not_named(seed: int, tmp_path: Path) -> None:
     site = Site(Random(seed), units=1)
     reader(site).run_until(100)
     writer(site, 1).run(40)

@@ -168,3 +168,30 @@ def test_a_quantity_that_is_refused_may_be_too_great(tmp_path: Path) -> None:
     sentence, rows = judged(refused_quantity(10), tmp_path)
     assert [row["code"] for row in rows] == ["block_too_long"]
     assert "shorter ones were not asked for" in sentence
+
+
+def one_behind(lengths: tuple[int, ...], rounds: int) -> Iterator[bytes]:
+    """A master that asks for blocks of these sizes in turn and gets each answer one step late."""
+    answer = b""
+    for _ in range(rounds):
+        for place, length in enumerate(lengths):
+            yield rtu(9, read_request(3, 100 * place, length)) + answer
+            answer = rtu(9, read_answer(3, [place * 1000 + at for at in range(length)]))
+            if place == 0:
+                yield exchange(4, 0, [7, 8])
+
+
+def test_answers_as_long_as_the_request_before_asks_for_are_one_step_late(tmp_path: Path) -> None:
+    _, rows = judged(one_behind((5, 6, 2, 3, 4), ROUNDS), tmp_path)
+    assert [(row["code"], row["unit"]) for row in rows] == [("lockstep", 9)]
+
+
+def test_a_unit_with_its_own_idea_of_lengths_is_not_one_step_late(tmp_path: Path) -> None:
+    def line() -> Iterator[bytes]:
+        for turn in range(ROUNDS):
+            for length in (5, 5, 10):
+                values = [turn + at for at in range(5)]
+                yield rtu(9, read_request(3, length, length)) + rtu(9, read_answer(3, values))
+
+    _, rows = judged(line(), tmp_path)
+    assert "lockstep" not in [row["code"] for row in rows]

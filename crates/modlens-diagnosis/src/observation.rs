@@ -194,6 +194,8 @@ pub struct Observation {
     pub layout: Option<LayoutFault>,
     /// The data are those that another request was answered with a moment ago.
     pub is_of_another: bool,
+    /// Of an answer of another length than asked for: what the unit was asked right before.
+    pub asked_before: Option<RequestKey>,
     /// Shortly after a silence: whether the values continue the series of the request before, not their own.
     pub shift: Option<Shift>,
     /// The unit that answered, where it is another one.
@@ -278,6 +280,7 @@ impl Observation {
             is_cut: row.status == Status::BadResponse && findings.has(Finding::Incomplete),
             layout: if findings.is_empty() { None } else { layout::layout_fault(batch, row, |finding| findings.has(finding)) },
             is_of_another: false,
+            asked_before: None,
             shift: None,
             answered_by: findings
                 .has(Finding::WrongUnit)

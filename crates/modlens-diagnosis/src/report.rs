@@ -170,7 +170,7 @@ fn claims(view: &View<'_>) -> (Vec<Claim>, Rest) {
 fn certainty(bus: &BusContrast, claim: &Claim) -> Certainty {
     let is_small = (1..FEW).contains(&bus.requests_seen.total);
     match claim.share.failed {
-        _ if !is_small => Certainty::Diagnosed,
+        _ if !is_small => claim.certainty,
         0..crate::sight::LIKELY_EXAMPLES => Certainty::Suspected,
         _ => Certainty::Likely,
     }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use modlens_protocol::direction::Direction;
+use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::oddity::is_altered;
 use modlens_protocol::Ns;
@@ -353,6 +354,9 @@ impl Context {
         if let Some(key) = key {
             seen.is_of_another = self.is_of_another(key, seen.data);
             seen.shift = self.shift(key, seen.data, self.previous_request.map(|before| before.key));
+        }
+        if seen.findings.has(Finding::ResponseLength) {
+            seen.asked_before = self.recent.newest_first().map(|answer| answer.key()).find(|key| key.unit == seen.unit);
         }
         self.recent.push(seen.key().map_or(Answer::default(), |key| Answer::new(key.number(), seen.data)));
         if matches!(seen.outcome, Outcome::Silent | Outcome::NotSeen) {

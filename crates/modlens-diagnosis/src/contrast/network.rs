@@ -84,7 +84,7 @@ impl Counted {
     /// All that has come so far of a connection that is still open.
     pub fn of_open(seen: &Connection, now: Ns) -> Self {
         let has_waited = seen.begun.is_some_and(|begun| now - begun >= IN_VAIN);
-        let is_unserved = has_waited && seen.answered == 0 && seen.is_beside_answered;
+        let is_unserved = has_waited && seen.answered == 0 && seen.is_beside_answered && !is_ignored(seen);
         Self { is_unserved, ..Self::of(seen) }
     }
 
@@ -120,7 +120,7 @@ impl Connections {
         let turned_away = (seen.is_refused && !is_down) || (seen.requests == 0 && by_server && !is_down) || is_closed_first;
         self.down.count(is_down, place);
         self.turned_away.count(turned_away, place);
-        let is_unserved = is_unanswered && seen.requests > 0 && !turned_away;
+        let is_unserved = is_unanswered && seen.requests > 0 && !turned_away && !is_ignored(seen);
         if !before.is_unserved {
             self.unserved.count(is_unserved, place);
         }
@@ -180,6 +180,11 @@ impl Connections {
     }
 }
 
+/// Whether nothing is answered on a connection in another framing than MBAP: a server of MBAP drops that without a word.
+fn is_ignored(seen: &Connection) -> bool {
+    seen.client_framing.is_some_and(|framing| framing != "tcp") && seen.answered == 0
+}
+
 impl ClientCounts {
     fn count(&mut self, seen: &Connection, new: Counted, place: Place) {
         self.requests += new.requests;
@@ -191,9 +196,7 @@ impl ClientCounts {
         self.stretch(seen.begun.or(seen.opened).map(|begun| (begun, seen.closed.unwrap_or(Ns::MAX))));
         // A client that speaks one framing drops what comes in another, though it is reported here as the answer that it is.
         let differ = seen.client_framing.zip(seen.server_framing).is_some_and(|(client, server)| client != server);
-        // A server of MBAP drops requests in another framing without a word.
-        let is_ignored = seen.client_framing.is_some_and(|framing| framing != "tcp") && seen.answered == 0;
-        let mismatched = differ || is_ignored;
+        let mismatched = differ || is_ignored(seen);
         self.mismatched.count(mismatched, place);
         if mismatched {
             self.mismatched_requests += new.requests;

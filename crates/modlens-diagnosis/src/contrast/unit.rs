@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use modlens_engine::records::InnerPauses;
 use modlens_protocol::finding::Finding;
+use modlens_protocol::mbap::PREFIX_BYTES;
 use modlens_protocol::Ns;
 
 use super::before::Before;
@@ -13,7 +14,7 @@ use super::sample::Sample;
 use super::tally::{Place, Tally};
 use super::times::ByDuration;
 use crate::clean::Clean;
-use crate::observation::{DamagedPart, Observation, Outcome, DAMAGED_PARTS};
+use crate::observation::{answer_length, DamagedPart, Observation, Outcome, DAMAGED_PARTS};
 use crate::statistics::Share;
 use modlens_engine::durations::Durations;
 
@@ -100,6 +101,8 @@ pub struct UnitCounts {
     pub odd_lengths: Tally,
     /// Answers one step late.
     pub epochs: Epochs,
+    /// Answers shorter, and longer, than asked for right after another request to the unit: those as long as that one asks for.
+    pub as_long_as_before: [Tally; 2],
     /// Reads from unit 0, that is: from all units.
     pub reads_from_unit_0: Tally,
     /// Requests sent while another master's was open.
@@ -114,6 +117,9 @@ pub struct UnitCounts {
 
 /// Different beginnings that are counted.
 const MAX_HEADS: usize = 16;
+
+/// A message has so many bytes more in Modbus/TCP than in RTU: the header, and no checksum.
+const MBAP_SURPLUS: u32 = PREFIX_BYTES as u32 - 2;
 
 /// How long runs of failures are.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -388,6 +394,7 @@ impl UnitCounts {
         self.bad_requests.count(seen.outcome == Outcome::BadRequest, place);
         self.runs.count(failed);
         self.repeated_failures += u64::from(failed && seen.is_retry);
+        self.count_length(seen);
         self.count_exception(seen);
         self.count_times(seen);
         self.count_damage(seen);
@@ -421,7 +428,7 @@ impl UnitCounts {
                 Some((asked, _)) => {
                     self.answers_for.entry(asked).or_default().count(true, seen.place);
                     let request = before.asked.filter(|key| key.unit == asked && seen.exception.is_none());
-                    let fits = request.is_none_or(|key| u64::from(seen.lengths[1]) == answer_length(key.function, key.quantity));
+                    let fits = request.is_none_or(|key| Some(seen.lengths[1]) == answer_length(key.function, key.quantity));
                     *self.misfits.entry(asked).or_default() += u64::from(!fits);
                 }
                 None => self.second_answers.count(true, seen.place),
@@ -431,6 +438,15 @@ impl UnitCounts {
         self.late.count(true, super::tally::Place { number: request, ..seen.place });
         if let Some(after) = seen.late {
             self.late_after.add(after);
+        }
+    }
+
+    fn count_length(&mut self, seen: &Observation) {
+        let lengths =
+            seen.asked_before.zip(seen.key()).map(|both| [both.0, both.1].map(|key| answer_length(key.function, key.quantity)));
+        if let Some([Some(other), Some(own)]) = lengths {
+            let length = seen.lengths[1] - if seen.id.is_some() { MBAP_SURPLUS.min(seen.lengths[1]) } else { 0 };
+            self.as_long_as_before[usize::from(length > own)].count(length == other, seen.place);
         }
     }
 
@@ -463,7 +479,7 @@ impl UnitCounts {
             tally.count(index == part as usize, seen.place);
         }
         if let (Outcome::Garbled, 1.., Some((_, quantity))) = (seen.outcome, seen.lengths[1], seen.range) {
-            let expected = answer_length(seen.function, quantity);
+            let expected = u64::from(answer_length(seen.function, quantity).unwrap_or(seen.lengths[1]));
             self.odd_lengths.count(u64::from(seen.lengths[1]) != expected, seen.place);
             if part == DamagedPart::Whole {
                 self.length_ratios.count += 1;
@@ -543,6 +559,7 @@ impl UnitCounts {
         self.not_seen_runs.merge(&later.not_seen_runs);
         self.by_gap_after_others.merge(&later.by_gap_after_others);
         self.epochs.merge(&later.epochs);
+        self.as_long_as_before.iter_mut().zip(&later.as_long_as_before).for_each(|(own, more)| own.merge(more));
         self.overtaken.merge(&later.overtaken);
         self.pauses.iter_mut().zip(&later.pauses).for_each(|(own, more)| own.merge(more));
         for (own, more) in [(&mut self.answered_by, &later.answered_by), (&mut self.answers_for, &later.answers_for)] {
@@ -557,15 +574,6 @@ impl UnitCounts {
         self.length_ratios.count += later.length_ratios.count;
         self.length_ratios.came += later.length_ratios.came;
         self.length_ratios.expected += later.length_ratios.expected;
-    }
-}
-
-/// Bytes of the RTU frame that answers a request.
-fn answer_length(function: u8, quantity: u16) -> u64 {
-    match function {
-        3 | 4 | 23 => 5 + 2 * u64::from(quantity),
-        1 | 2 => 5 + u64::from(quantity).div_ceil(8),
-        _ => 8,
     }
 }
 

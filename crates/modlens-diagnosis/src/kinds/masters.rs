@@ -1,8 +1,9 @@
 //! Who speaks on the line besides the master and the unit asked: an echo, a unit that answers for others, a writer.
 
-use crate::claim::{duration, Claim, View};
+use crate::claim::{duration, Certainty, Claim, View};
 use crate::contrast::tally::{Place, Tally};
-use crate::contrast::UnitCounts;
+use crate::contrast::{RequestCounts, UnitCounts};
+use crate::observation::RequestKey;
 use crate::statistics::{fisher, Share};
 use modlens_protocol::decimal::thousands;
 use modlens_protocol::framing::Mode;
@@ -72,16 +73,38 @@ fn upset(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let corrected = view.significant(chance * several)?;
     // A unit whose answers are late answers into the request after the next one, too (slow_answers).
     let is_slow = || super::answers::slow_answers(view).iter().any(|claim| claim.unit == Some(other));
-    if inside.rate() <= 3.0 * outside.rate() || best_by_request(view, unit) <= chance || is_slow() {
+    if inside.rate() <= 3.0 * outside.rate() || is_slow() {
         return None;
     }
-    Some(
-        Claim::new("bystander", &counts.failures, corrected)
-            .of_unit(unit)
-            .with_share(inside)
-            .fact("what", format!("fails after the traffic of unit {other}"))
-            .fact("contrast", format!(" there, {} of {} otherwise", outside.failed, outside.total)),
-    )
+    let mut claim = Claim::new("bystander", &counts.failures, corrected)
+        .of_unit(unit)
+        .with_share(inside)
+        .fact("contrast", format!(" there, {} of {} otherwise", outside.failed, outside.total));
+    if best_by_request(view, unit) > chance {
+        return Some(claim.fact("what", format!("fails after the traffic of unit {other}")));
+    }
+    let (key, _) = fixed_place(view, unit, inside).filter(|_| !is_pressed(counts))?;
+    claim.certainty = Certainty::Likely;
+    let what = format!(
+        "fails where it is asked for {} with function {}, which always comes after the traffic of unit {other}",
+        key.block(),
+        key.function
+    );
+    Some(claim.at(key.function, key.address).fact("what", what))
+}
+
+/// The request to a unit that bears all of these failures, in a cycle in which it always has the same place. It fails nearly
+/// always, but not always: the unit knows it.
+fn fixed_place<'a>(view: &View<'a>, unit: u8, inside: Share) -> Option<(&'a RequestKey, &'a RequestCounts)> {
+    let all = view.bus.requests.sorted();
+    let (key, counts) = all.into_iter().find(|(key, counts)| key.unit == unit && counts.failures() == inside)?;
+    (inside.rate() > 0.8 && counts.good > 0).then_some((key, counts))
+}
+
+/// Whether answers of the unit take half of the time that the master waits, or more: it may be too slow for it.
+fn is_pressed(counts: &UnitCounts) -> bool {
+    let times = (counts.response_times.percentile(0.99), counts.waited.percentile(0.1));
+    matches!(times, (Some(taken), Some(waited)) if taken * 2 > waited)
 }
 
 /// In a fixed cycle, a request always follows the same one. So the chance that some request to the unit fails as often as it

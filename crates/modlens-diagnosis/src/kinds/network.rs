@@ -3,7 +3,7 @@
 use crate::claim::{Claim, View};
 use crate::contrast::gaps::without_lone;
 use crate::contrast::tally::Tally;
-use crate::contrast::UnitCounts;
+use crate::contrast::{Symptom, UnitCounts};
 use crate::observation::RequestKey;
 use crate::statistics::{at_least, in_runs_at_most, Share};
 use modlens_protocol::finding::Severity;
@@ -16,7 +16,7 @@ pub(super) fn lockstep(view: &View<'_>) -> Vec<Claim> {
         let chance = view.significant(behind.total as f64 * (-(bits as f64)).exp2()).filter(|_| behind.failed > 0)?;
         Some(Claim::new("lockstep", &behind, chance).of_unit(unit).fact("subject", format!("the master of unit {unit}")))
     });
-    let on_lines: Vec<Claim> = on_lines.collect();
+    let on_lines: Vec<Claim> = on_lines.chain(by_length(view)).collect();
     if !on_lines.is_empty() {
         return on_lines;
     }
@@ -29,6 +29,25 @@ pub(super) fn lockstep(view: &View<'_>) -> Vec<Claim> {
     let place = counts.lockstep_since;
     let tally = Tally { failed: share.failed, total: share.total, first: place, last: place, ..Tally::default() };
     vec![Claim::new("lockstep", &tally, chance).with_share(share).fact("subject", "the client")]
+}
+
+/// Answers of another length than asked for that are as long as the request before asks for, some of them longer and some shorter
+/// than their own: each fits the request before, and no unit that has its own idea of lengths gives such.
+fn by_length<'a>(view: &'a View<'_>) -> impl Iterator<Item = Claim> + 'a {
+    view.units().filter_map(|(unit, counts)| {
+        let [shorter, longer] = &counts.as_long_as_before;
+        let share = shorter.share().with(longer.share());
+        if counts.epochs.behind().0.failed > 0 || shorter.failed.min(longer.failed) < 3 || share.rate() < 0.9 {
+            return None;
+        }
+        // Of the lengths that are asked for, one of two is right by chance.
+        let chance = view.significant(at_least(share, 0.5))?;
+        let behind = |(symptom, of, _): &(Symptom, Option<u8>, _)| (*symptom, *of) == (Symptom::OtherLength, Some(unit));
+        let (_, _, seen) = view.bus.symptoms.all().find(behind)?;
+        let all = Share { failed: seen.all.failed, total: counts.failures.total.max(seen.all.failed) };
+        let claim = Claim::new("lockstep", &seen.all, chance).of_unit(unit).with_share(all);
+        Some(claim.fact("subject", format!("the master of unit {unit}")))
+    })
 }
 
 /// A shorter run of answers that come after the next request may be that of a slow unit.

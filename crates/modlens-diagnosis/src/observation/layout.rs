@@ -74,7 +74,8 @@ fn count_fault(answer: &[u8]) -> LayoutFault {
 /// The layout of a function that reads coils or registers.
 fn read_of(function: u8) -> Option<StandardLayout> {
     let layout = Functions::embedded().standard_request(function)?.kind;
-    matches!(layout, StandardLayout::ReadBits | StandardLayout::ReadRegisters).then_some(layout)
+    matches!(layout, StandardLayout::ReadBits | StandardLayout::ReadRegisters | StandardLayout::ReadWriteRegisters)
+        .then_some(layout)
 }
 
 /// Whether an answer is one to a read of coils or registers.
