@@ -1,4 +1,4 @@
-"""What clients do on a network that is no trouble, and what the doctor says of it all the same."""
+"""Clients of a network that do nothing wrong, and the notes that the doctor makes all the same."""
 
 from __future__ import annotations
 
