@@ -139,14 +139,12 @@ const EXPLAINS: &[(&str, &[&str])] = &[
 /// What all kinds claim of a bus, without what another claim explains; and what they claim each by itself.
 pub fn claims(view: &View<'_>) -> (Vec<Claim>, Vec<Claim>) {
     let all: Vec<Claim> = KINDS.iter().flat_map(|(_, recognize)| recognize(view)).collect();
+    // What shows itself far more often than its explanation is more than that.
     let is_explained = |claim: &Claim| {
-        EXPLAINS.iter().any(|(by, what)| {
-            what.contains(&claim.code)
-                && all
-                    .iter()
-                    .filter(|other| other.harm > 0)
-                    .any(|other| other.code == *by && (other.unit.is_none() || claim.unit.is_none() || other.unit == claim.unit))
-        })
+        let of_same = |other: &&Claim| other.unit.is_none() || claim.unit.is_none() || other.unit == claim.unit;
+        let explains =
+            |by: &str| all.iter().filter(of_same).any(|other| other.code == by && other.harm > 0 && claim.harm < 2 * other.harm);
+        EXPLAINS.iter().any(|(by, what)| what.contains(&claim.code) && explains(by))
     };
     let left = all.iter().filter(|claim| !is_explained(claim)).cloned().collect();
     (together::together(view, left), all)

@@ -32,12 +32,17 @@ pub(super) fn lockstep(view: &View<'_>) -> Vec<Claim> {
 }
 
 /// Answers of another length than asked for that are as long as the request before asks for, some of them longer and some shorter
-/// than their own: each fits the request before, and no unit that has its own idea of lengths gives such.
+/// than their own: each fits the request before, and no unit that has its own idea of lengths gives such. From the first on most
+/// answers are so; where only some are, the unit is slow now and then.
 fn by_length<'a>(view: &'a View<'_>) -> impl Iterator<Item = Claim> + 'a {
     view.units().filter_map(|(unit, counts)| {
         let [shorter, longer] = &counts.as_long_as_before;
         let share = shorter.share().with(longer.share());
-        if counts.epochs.behind().0.failed > 0 || shorter.failed.min(longer.failed) < 3 || share.rate() < 0.9 {
+        let garbled = &counts.garbled;
+        let window = garbled.total - garbled.before - garbled.after;
+        let is_constant = garbled.failed * 10 > window * 6;
+        let is_sure = shorter.failed.min(longer.failed) >= 3 && share.rate() >= 0.9;
+        if counts.epochs.behind().0.failed > 0 || !is_constant || !is_sure {
             return None;
         }
         // Of the lengths that are asked for, one of two is right by chance.
