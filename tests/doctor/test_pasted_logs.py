@@ -185,7 +185,7 @@ BUILT_WRONGLY = {
     "lacks the byte count": framed(DATA),
     "two bytes as its byte count": framed(bytes([0, len(DATA)]) + DATA),
     "not that of the bytes after it": framed(bytes([len(DATA) // 2]) + DATA),
-    "not the layout of its function": rtu(7, b"\x83"),
+    "lacks its exception code": rtu(7, b"\x83"),
     "its two bytes are swapped": ANSWER[:-2] + ANSWER[:-3:-1],
     "a frame in hex digits": ANSWER.hex().upper().encode(),
 }

@@ -2,9 +2,10 @@
 
 mod damage;
 mod echo;
+mod figures;
 mod layout;
 
-use modlens_engine::records::{Batch, Exchange, Frame, InnerPauses, Transaction};
+use modlens_engine::records::{Batch, Exchange, Frame, InnerPauses, Side, Transaction};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
@@ -15,6 +16,8 @@ use modlens_protocol::Ns;
 
 pub(crate) use damage::response_part;
 pub use damage::{DamagedPart, DAMAGED_PARTS};
+pub(crate) use figures::of_header as figures_of_header;
+pub use figures::Figures;
 pub use layout::LayoutFault;
 pub(crate) use layout::{answer_length, data_length, lacks_count};
 
@@ -192,6 +195,10 @@ pub struct Observation {
     pub is_cut: bool,
     /// A right checksum or header, and a layout that is not that of the function.
     pub layout: Option<LayoutFault>,
+    /// What a wrong length field or byte count says, and what is there.
+    pub figures: Option<Figures>,
+    /// The checksum of a damaged frame, and the right one.
+    pub checksum: Option<Figures>,
     /// The data are those that another request was answered with a moment ago.
     pub is_of_another: bool,
     /// Of an answer of another length than asked for: what the unit was asked right before.
@@ -279,6 +286,8 @@ impl Observation {
             is_altered_echo: echo::is_altered_echo(batch, row),
             is_cut: row.status == Status::BadResponse && findings.has(Finding::Incomplete),
             layout: if findings.is_empty() { None } else { layout::layout_fault(batch, row, |finding| findings.has(finding)) },
+            figures: figures::of(batch, row, |finding| findings.has(finding)),
+            checksum: figures::checksum(batch, row),
             is_of_another: false,
             asked_before: None,
             shift: None,
@@ -431,7 +440,20 @@ pub struct FrameObservation {
     pub damage: Option<DamagedPart>,
     /// Line or packet of its first byte, and of its last one.
     pub origins: [u64; 2],
+    /// Who sent it, where the recording says so.
+    pub side: Option<Side>,
 }
+
+impl FrameObservation {
+    /// Whether it is a request to read, as no answer looks.
+    pub(crate) fn is_read_request(&self) -> bool {
+        let is_read = self.code.is_some_and(|code| (1..=4).contains(&code)) && self.length == READ_REQUEST;
+        is_read && self.mode == Mode::Rtu && self.direction == Direction::Request && self.verdict == Verdict::Ok
+    }
+}
+
+/// The length of a request to read on a serial line (application protocol, 6.1 to 6.4).
+const READ_REQUEST: u32 = 8;
 
 /// Whether a function code is one of the public functions that write registers or coils.
 #[inline]
@@ -461,6 +483,7 @@ impl FrameObservation {
             pauses: InnerPauses::default(),
             damage: None,
             origins: [0; 2],
+            side: None,
         }
     }
 
@@ -484,6 +507,7 @@ impl FrameObservation {
             pauses: row.pauses,
             damage: damage::damaged_request(row, wire),
             origins: [row.origin, row.last_origin],
+            side: row.side,
         }
     }
 }

@@ -13,6 +13,7 @@ pub use unexplained::UNEXPLAINED;
 
 use modlens_engine::records::DiagnosisRow;
 use modlens_protocol::finding::Severity;
+use modlens_protocol::framing::{Mode, Verdict as FrameVerdict};
 use modlens_protocol::timestamp::time_text;
 use serde_json::{json, Value as Json};
 
@@ -22,7 +23,7 @@ use crate::contrast::{BusContrast, Contrast};
 use crate::kinds;
 use crate::odd::Odd;
 use crate::statistics::Share;
-use verdict::{Verdict, UNJUDGED};
+use verdict::{Verdict, HEARD, UNJUDGED};
 
 /// The judgement of the doctor on a recording.
 #[derive(Clone)]
@@ -35,6 +36,8 @@ pub struct Report {
     requests: Share,
     /// All requests are for all units, which do not answer: that no answer came says nothing.
     has_broadcasts_only: bool,
+    /// Whole answers with a right checksum came, and no damaged one is a diagnosis.
+    has_whole_answers: bool,
     unexplained: Vec<Json>,
     /// Units that fail without a known cause.
     without_cause: Vec<(DiagnosisRow, Course)>,
@@ -73,6 +76,10 @@ impl Report {
             verdict::verdict(&buses, contrast.is_selection(), &rows, without_cause.first().map(|(row, _)| row));
         let requests = buses.iter().fold(Share::default(), |sum, (_, bus)| sum.with(bus.requests_seen.share()));
         let has_broadcasts_only = verdict::broadcasts_only(&buses).is_some();
+        let is_checked =
+            |bus: &BusContrast| bus.facts.mode != Some(Mode::Tcp) && bus.frames.frames[FrameVerdict::NoChecksum as usize] == 0;
+        let answers: u64 = buses.iter().map(|(_, bus)| bus.answers_alone()).sum::<u64>() + requests.total - requests.failed;
+        let has_whole_answers = answers > 0 && buses.iter().all(|(_, bus)| is_checked(bus));
         let unexplained = rest.iter().filter(|(_, rest)| rest.odd.total() > 0);
         let unexplained = unexplained.map(|(bus, rest)| {
             let words = course::in_words(rest.unexplained, rest.odd);
@@ -89,6 +96,7 @@ impl Report {
             sentence,
             requests,
             has_broadcasts_only,
+            has_whole_answers,
             unexplained,
             without_cause,
             reserves,
@@ -97,13 +105,14 @@ impl Report {
     }
 
     /// The same with what the unread lines of a text show, where its frames say nothing; `said` gets whether a request of it was
-    /// answered.
+    /// answered, and whether whole answers with a right checksum came.
     #[must_use]
-    pub fn with_unread(mut self, said: impl FnOnce(bool) -> Option<String>) -> Self {
-        if self.verdict != Verdict::Unknown.text() || !self.rows.is_empty() || self.has_broadcasts_only {
+    pub fn with_unread(mut self, said: impl FnOnce(bool, bool) -> Option<String>) -> Self {
+        let is_said = self.has_broadcasts_only || self.sentence.starts_with(HEARD);
+        if self.verdict != Verdict::Unknown.text() || !self.rows.is_empty() || is_said {
             return self;
         }
-        if let Some(said) = said(self.requests.failed < self.requests.total) {
+        if let Some(said) = said(self.requests.failed < self.requests.total, self.has_whole_answers) {
             let rest =
                 self.sentence.strip_prefix(UNJUDGED).map_or(String::new(), |why| format!(" The rest cannot be judged{why}"));
             self.sentence = format!("Suspected: {said}.{rest}");

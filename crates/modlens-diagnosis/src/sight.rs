@@ -4,6 +4,7 @@ use crate::claim::{Certainty, Claim, View};
 use crate::contrast::lists::Lists;
 use crate::contrast::tally::Tally;
 use crate::contrast::{Symptom, UnitCounts};
+use crate::observation::Figures;
 use crate::table::{diagnoses, Diagnosis, UNNAMED};
 use modlens_protocol::framing::Mode;
 
@@ -18,7 +19,7 @@ const LIKELY_ODDS: f64 = 5.0;
 const MOST_CAUSES: usize = 3;
 
 /// The examples of one symptom.
-type Seen = (Symptom, Tally, Option<u8>);
+type Seen = (Symptom, Tally, Option<u8>, Option<Figures>);
 
 /// The causes that the symptoms suggest, the best explanation first.
 pub fn suspected(view: &View<'_>) -> Vec<Claim> {
@@ -30,8 +31,9 @@ pub fn suspected_in_lists(view: &View<'_>, lists: &Lists) -> Vec<Claim> {
     let mut seen: Vec<Seen> = Vec::new();
     all(view)
         .filter(|(symptom, _, _)| symptom.is_of_frame())
-        .for_each(|(symptom, unit, tally)| add(&mut seen, symptom, unit, tally));
-    lists.other_length.iter().for_each(|(unit, tally)| add(&mut seen, Symptom::OtherLength, Some(*unit), tally));
+        .for_each(|(symptom, unit, tally)| add(view, &mut seen, (symptom, symptom), unit, tally));
+    let other_length = (Symptom::OtherLength, Symptom::OtherLength);
+    lists.other_length.iter().for_each(|(unit, tally)| add(view, &mut seen, other_length, Some(*unit), tally));
     explained(view, seen)
 }
 
@@ -43,7 +45,7 @@ fn explained(view: &View<'_>, mut seen: Vec<Seen>) -> Vec<Claim> {
         if view.bus.units.keys().all(|unit| is_mute(view, *unit)) {
             claim.certainty = Certainty::Suspected;
         }
-        seen.retain(|(symptom, _, _)| cause.rate(*symptom) < 2.0 * UNNAMED);
+        seen.retain(|(symptom, ..)| cause.rate(*symptom) < 2.0 * UNNAMED);
         claims.push(claim);
     }
     claims
@@ -53,7 +55,7 @@ fn explained(view: &View<'_>, mut seen: Vec<Seen>) -> Vec<Claim> {
 fn by_symptom(view: &View<'_>) -> Vec<Seen> {
     let mut seen: Vec<Seen> = Vec::new();
     for (symptom, unit, tally) in all(view).chain(never_answered(view)) {
-        let symptom = match (symptom, unit) {
+        let shown = match (symptom, unit) {
             (Symptom::NoAnswer, Some(unit)) if is_mute(view, unit) => continue,
             (Symptom::Echo, _) if !is_echoed(view) => continue,
             (Symptom::AnswerWhole, Some(unit)) if has_no_valid_answer(view, unit) && !begins_right(view, unit) => {
@@ -61,33 +63,33 @@ fn by_symptom(view: &View<'_>) -> Vec<Seen> {
             }
             _ => symptom,
         };
-        add(&mut seen, symptom, unit, tally);
+        add(view, &mut seen, (shown, symptom), unit, tally);
     }
     push_out(view, &mut seen);
     seen
 }
 
 /// Adds examples of a symptom, and forgets the unit where they are of several.
-fn add(seen: &mut Vec<Seen>, symptom: Symptom, unit: Option<u8>, tally: &Tally) {
-    match seen.iter_mut().find(|(other, _, _)| *other == symptom) {
-        Some((_, all, of)) => {
+fn add(view: &View<'_>, seen: &mut Vec<Seen>, (shown, counted): (Symptom, Symptom), unit: Option<u8>, tally: &Tally) {
+    match seen.iter_mut().find(|(other, ..)| *other == shown) {
+        Some((_, all, of, figures)) => {
             all.merge(tally);
-            *of = of.filter(|of| Some(*of) == unit);
+            (*of, *figures) = if *of == unit { (unit, *figures) } else { (None, None) };
         }
-        None => seen.push((symptom, tally.clone(), unit)),
+        None => seen.push((shown, tally.clone(), unit, view.bus.symptoms.figures(counted, unit))),
     }
 }
 
 /// A byte or two in front of each answer that lacks its last byte: who counts bytes has read them in its place.
 fn push_out(view: &View<'_>, seen: &mut Vec<Seen>) {
-    let count = |symptom| seen.iter().find(|(one, _, _)| *one == symptom).map_or(0, |(_, all, _)| all.failed);
+    let count = |symptom| seen.iter().find(|(one, ..)| *one == symptom).map_or(0, |(_, all, ..)| all.failed);
     let strays: u64 = view.bus.units.values().map(|counts| counts.strays[0].failed).sum();
-    let others = seen.iter().any(|(symptom, _, _)| !matches!(symptom, Symptom::AnswerEnd | Symptom::Stray | Symptom::Noise));
+    let others = seen.iter().any(|(symptom, ..)| !matches!(symptom, Symptom::AnswerEnd | Symptom::Stray | Symptom::Noise));
     if others || count(Symptom::AnswerEnd) == 0 || strays < count(Symptom::AnswerEnd) {
         return;
     }
-    seen.retain(|(symptom, _, _)| *symptom == Symptom::AnswerEnd);
-    for (symptom, _, _) in seen {
+    seen.retain(|(symptom, ..)| *symptom == Symptom::AnswerEnd);
+    for (symptom, ..) in seen {
         *symptom = Symptom::AnswerShifted;
     }
 }
@@ -137,22 +139,35 @@ fn never_answered<'a>(view: &View<'a>) -> impl Iterator<Item = (Symptom, Option<
 
 /// The logarithm of how well a cause explains the symptoms.
 fn fit(cause: &Diagnosis, seen: &[Seen]) -> f64 {
-    let symptoms = seen.iter().map(|(symptom, all, _)| all.failed.min(MOST_COUNTED) as f64 * cause.rate(*symptom).ln());
+    let symptoms = seen.iter().map(|(symptom, all, ..)| all.failed.min(MOST_COUNTED) as f64 * cause.rate(*symptom).ln());
     cause.met.ln() + symptoms.sum::<f64>()
+}
+
+/// Words with the numbers that show a symptom in their places; what is in brackets is left out where there are none.
+pub(crate) fn with_figures(words: &str, figures: Option<Figures>) -> String {
+    let Some([first, second]) = figures else {
+        let mut parts = words.split(['[', ']']);
+        let mut kept = parts.next().unwrap_or_default().to_owned();
+        parts.skip(1).step_by(2).for_each(|part| kept.push_str(part));
+        return kept;
+    };
+    let pair = |number: u32| format!("{:02X} {:02X}", number >> 8, number & 0xFF);
+    let words = words.replace(['[', ']'], "").replace("{first}", &first.to_string()).replace("{second}", &second.to_string());
+    words.replace("{first_bytes}", &pair(first)).replace("{second_bytes}", &pair(second))
 }
 
 /// The best explanation, with its odds against the next one; `None` if no cause has words for what was seen.
 fn best(seen: &[Seen]) -> Option<(Claim, &'static Diagnosis)> {
     let mut ranked: Vec<(f64, &Diagnosis)> = diagnoses().iter().map(|cause| (fit(cause, seen), cause)).collect();
     ranked.sort_by(|one, other| other.0.total_cmp(&one.0));
-    let has_words = |cause: &Diagnosis| seen.iter().any(|(symptom, _, _)| cause.sight(*symptom).is_some());
+    let has_words = |cause: &Diagnosis| seen.iter().any(|(symptom, ..)| cause.sight(*symptom).is_some());
     let at = ranked.iter().position(|(_, cause)| has_words(cause))?;
     let (score, cause) = ranked[at];
     let rival = ranked.iter().enumerate().find(|(other, _)| *other != at).map(|(_, one)| *one)?;
     let with_words = seen.iter().filter_map(|one| Some((one, cause.sight(one.0)?)));
     // That no answer came may have any reason; what else was seen says more.
-    let says = |(symptom, all, _): &Seen| (*symptom != Symptom::NoAnswer, all.failed);
-    let ((symptom, all, unit), words) = with_words.max_by_key(|(one, _)| says(one))?;
+    let says = |(symptom, all, ..): &Seen| (*symptom != Symptom::NoAnswer, all.failed);
+    let ((symptom, all, unit, figures), words) = with_words.max_by_key(|(one, _)| says(one))?;
     let odds = (score - rival.0).exp();
     let is_likely = all.failed >= LIKELY_EXAMPLES && odds >= LIKELY_ODDS;
     let mut all = all.clone();
@@ -163,6 +178,7 @@ fn best(seen: &[Seen]) -> Option<(Claim, &'static Diagnosis)> {
     claim.certainty = if is_likely { Certainty::Likely } else { Certainty::Suspected };
     claim.at_most = modlens_protocol::finding::Severity::Warning;
     let examples = if all.failed == 1 { "1 example".to_owned() } else { format!("{} examples", all.failed) };
+    let words = with_figures(words, *figures);
     let words = words.replace("{unit}", &unit.map_or("the unit".to_owned(), |unit| format!("unit {unit}")));
     claim.sight = Some(*symptom);
     Some((claim.fact("sight", format!("{words} ({examples}).")), cause))

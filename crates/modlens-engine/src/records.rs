@@ -13,4 +13,5 @@ pub use batch::{Batch, Part};
 pub use buses::{Bus, Buses, Network};
 pub use connection::{Connection, End};
 pub use exchange::{Exchange, ExchangeFrame, ExchangeRun, ExchangeTiming, OptionalNs, PacketPair, PacketsOfRun, NOT_REFUSED};
+pub use modlens_readers::chunk::Side;
 pub use rows::{DiagnosisRow, FindingRow, Frame, FrameRef, InnerPauses, Span, Transaction};

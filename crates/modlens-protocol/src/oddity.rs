@@ -218,8 +218,9 @@ impl Oddity {
                  off, or read and discard as many bytes as were sent",
             ),
             Self::CutRequest => String::from(
-                "the request lacks the last byte of its checksum, and is right otherwise: a unit does not answer it; correct the \
-                 program that sends it, or the time at which its driver is switched off",
+                "the request lacks the last byte of its checksum, and is right otherwise. Where it was sent so, no unit answers it: \
+                 correct the program, or the time at which its driver is switched off; where it was received, the adapter hears \
+                 its own transmission",
             ),
             Self::Cut => String::from("the frame lacks its last byte, and is right otherwise: the reader expects one byte too few"),
         }
@@ -310,6 +311,24 @@ fn refusal(bytes: &[u8]) -> Option<Oddity> {
             let unit = (1..=247).find(|unit| crc_valid(&[&[*unit], bytes].concat()))?;
             said(unit, function, code)
         }
+        _ => None,
+    }
+}
+
+/// Several times the same refusal without its checksum, after a byte or two of the one before at most, as a reader collects them
+/// that waits for more: the unit, the exception, and how often.
+///
+/// ```
+/// use modlens_protocol::oddity::bare_refusals;
+/// assert_eq!(bare_refusals(&[2, 1, 0x83, 2, 1, 0x83, 2]), Some((1, 2, 2)));
+/// assert_eq!(bare_refusals(&[1, 0x83, 2, 0xC0, 0xF1]), None);
+/// ```
+pub fn bare_refusals(bytes: &[u8]) -> Option<(u8, u8, u32)> {
+    let rest = &bytes[bytes.len() % LEAST_REFUSAL..];
+    let (one, times) = (rest.get(..LEAST_REFUSAL)?, rest.len() / LEAST_REFUSAL);
+    let is_alike = times > 1 && rest.chunks(LEAST_REFUSAL).all(|other| other == one);
+    match refusal(one).filter(|_| is_alike)? {
+        Oddity::Refusal { unit, code, .. } => Some((unit, code, times as u32)),
         _ => None,
     }
 }

@@ -27,6 +27,8 @@ pub(super) struct Before {
     pub is_open: bool,
     /// From the start of the request before, to which no answer was seen, to that of this one.
     pub hasty: Option<Ns>,
+    /// The answer to it stops before its end, and lacks so many bytes.
+    pub cut: Option<(RequestKey, u32)>,
     /// Its transaction identifier.
     pub id: Option<u16>,
 }

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use modlens_engine::records::{Bus, Connection, Exchange, ExchangeRun, Frame};
+use modlens_engine::records::{Bus, Connection, Exchange, ExchangeRun, Frame, Side};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
@@ -117,6 +117,8 @@ pub struct BusContrast {
     pub broadcasts: u64,
     /// A short recording is two lists one after the other.
     pub lists: Option<Lists>,
+    /// A short recording holds nothing but requests to this unit that its program has received.
+    pub heard: Option<u8>,
     pub(super) context: Context,
     /// The first rows, which are counted when it is known what came before.
     first_frames: VecDeque<FrameObservation>,
@@ -158,9 +160,10 @@ impl BusContrast {
     pub(crate) fn clean_frame(&mut self, row: &Frame) -> bool {
         let is_same_framing = self.facts.mode == Some(row.mode);
         let is_clean = row.verdict.is_good() && row.findings.length == 0 && row.pauses.count == 0 && is_same_framing;
-        if !is_clean || self.frames_seen < WINDOW as u64 {
+        if !is_clean || self.frames_seen < WINDOW as u64 || self.context.may_be_foreign(row) {
             return false;
         }
+        self.context.note_sent(row.side, row.direction, row.number);
         self.frames_seen += 1;
         self.pending += 1;
         self.context.last_txn = row.txn.unwrap_or(self.context.last_txn);
@@ -267,6 +270,8 @@ impl BusContrast {
     pub(crate) fn transaction(&mut self, mut seen: Observation) {
         self.transactions_seen += 1;
         self.context.complete(&mut seen);
+        // What two lines call received, or sent, the one is no echo of the other.
+        seen.is_own_echo &= !self.has_same_sender(seen.request_frame, seen.response_frame);
         if let Some(key) = seen.key().filter(|_| seen.data.length > 0) {
             self.known.note(key, self.context.recent.next_number(), seen.data.head);
         }
@@ -278,6 +283,20 @@ impl BusContrast {
             self.context.transaction(&mut seen);
             self.count_transaction(&seen, before);
         }
+    }
+
+    /// The unit to which all frames are requests that were received.
+    fn heard(&self) -> Option<u8> {
+        let unit = self.first_frames.front()?.unit?;
+        let is_heard =
+            |frame: &FrameObservation| frame.side == Some(Side::Received) && frame.is_read_request() && frame.unit == Some(unit);
+        self.first_frames.iter().all(is_heard).then_some(unit)
+    }
+
+    /// Whether two of the first frames were sent by the same one, as the recording says.
+    fn has_same_sender(&self, one: u64, other: u64) -> bool {
+        let side_of = |number: u64| self.first_frames.iter().find(|frame| frame.number == number)?.side;
+        side_of(one).is_some_and(|side| side_of(other) == Some(side))
     }
 
     /// Whether the recording ends with a request whose answer may have come later.
@@ -305,6 +324,7 @@ impl BusContrast {
         all.merge(self);
         if self.frames_seen <= WINDOW as u64 && self.transactions_seen <= WINDOW as u64 && !self.facts.is_network {
             all.lists = Lists::of(&self.first_frames, &self.first_transactions);
+            all.heard = self.heard();
         }
         all
     }
@@ -357,6 +377,9 @@ impl BusContrast {
             let is_behind_write = self.context.last_good.is_some_and(|good| good.is_behind_write());
             self.frames.behind_writes += u64::from(is_behind_write);
             self.symptoms.lone_layout(seen);
+            if around.is_foreign {
+                self.symptoms.foreign_request(seen);
+            }
             if around.is_other_framing {
                 self.symptoms.other_framing(seen);
             }

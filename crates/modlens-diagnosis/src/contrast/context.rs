@@ -2,19 +2,26 @@
 
 use std::collections::BTreeMap;
 
+use modlens_engine::records::{Frame, Side};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
-use modlens_protocol::oddity::is_altered;
+use modlens_protocol::oddity::{bare_refusals, is_altered};
 use modlens_protocol::Ns;
 
 use super::before::Before;
 use super::recent::{Answer, RecentAnswers};
 use super::tally::Place;
-use crate::observation::{apart, is_write, response_part, Data, FrameObservation, Observation, Outcome, RequestKey, Shift, FAR};
+use crate::observation::{
+    answer_length, apart, is_write, response_part, DamagedPart, Data, FrameObservation, Observation, Outcome, RequestKey, Shift,
+    FAR,
+};
 
 /// A write is remembered for so many transactions.
 const WRITE_MEMORY: u64 = 4;
+
+/// What a program has sent is remembered for so many frames, those that are counted again after a merge at most.
+const SENT_MEMORY: u64 = 64;
 
 /// An answer that is late meets one of so many requests after its own.
 const FAILURE_MEMORY: u8 = 3;
@@ -69,6 +76,14 @@ impl GoodFrame {
         Self { origin: if self.mode == Mode::Tcp { origin } else { 0 }, ..self }
     }
 
+    /// Whether this frame in another framing is the answer to it, or asks something else. The log of a gateway has both framings,
+    /// too, and prints each message in the one and then in the other.
+    fn is_followed_in_another_framing(&self, next: &FrameObservation) -> bool {
+        let is_same = (self.unit, self.function) == (next.unit, next.code.map(|code| code & EXCEPTION_BIT_OFF));
+        let is_answer = self.direction == Direction::Request && next.direction == Direction::Response && is_same;
+        self.mode != next.mode && (is_answer || (next.direction == Direction::Request && !is_same))
+    }
+
     /// Whether it belongs to a write, or follows one.
     #[inline]
     pub fn is_behind_write(&self) -> bool {
@@ -81,8 +96,10 @@ impl GoodFrame {
 pub(super) struct Around {
     /// For damage or noise: who sent the good frame before, and its unit.
     pub attached: Option<(Direction, Option<u8>)>,
-    /// A good frame in another framing than the one before.
+    /// The answer to the request before, or another request, in another framing.
     pub is_other_framing: bool,
+    /// A request that the program received, although it sends requests itself.
+    pub is_foreign: bool,
     /// With it, the damage and noise between two good frames are more than strays; and whether that comes after a write.
     pub burst: Option<bool>,
     /// It begins with the unit and the function of the answer before.
@@ -117,6 +134,9 @@ pub(super) struct PreviousAnswer {
     pub came: Ns,
 }
 
+/// A function code without the bit that makes it one of an exception.
+const EXCEPTION_BIT_OFF: u8 = 0x7F;
+
 /// After so many requests that cannot be read, the one before is forgotten.
 const MAX_AGE: usize = 8;
 
@@ -143,6 +163,10 @@ pub(super) struct Context {
     asked: Option<RequestKey>,
     /// The recording shows no answer to the last transaction.
     is_open: bool,
+    /// The answer to it stops before its end, and lacks so many bytes.
+    cut: Option<(RequestKey, u32)>,
+    /// The last frame that the program says it sent: who sends such frames, and the number.
+    sent: Option<(Direction, u64)>,
     /// The frame of the last answer, and the identifier of the last request.
     last_answer_frame: u64,
     last_id: Option<u16>,
@@ -159,11 +183,13 @@ impl Context {
     pub fn frame(&mut self, seen: &FrameObservation) -> Around {
         self.last_txn = seen.txn.unwrap_or(self.last_txn);
         if seen.verdict.is_good() {
-            let is_other_framing = self.last_good.is_some_and(|before| before.mode != seen.mode);
+            let is_other_framing = self.last_good.is_some_and(|before| before.is_followed_in_another_framing(seen));
+            let is_foreign = self.is_foreign(seen);
+            self.note_sent(seen.side, seen.direction, seen.number);
             let sender = (seen.direction, seen.unit);
             let good = GoodFrame::after(self.last_good, seen.number, sender, seen.mode, seen.code);
             self.last_good = Some(good.at(seen.origins[1]));
-            return Around { is_other_framing, ..Around::default() };
+            return Around { is_other_framing, is_foreign, ..Around::default() };
         }
         let Some(good) = self.last_good else { return Around::default() };
         let run = self.bad_runs.entry(good.number).or_insert_with(|| BadRun { length: 0, bytes: Vec::new() });
@@ -186,7 +212,29 @@ impl Context {
         let is_same_record = good.origin != 0 && good.origin == seen.origins[0];
         let is_behind_header = good.mode == Mode::Tcp && seen.verdict == Verdict::Noise && (is_same_record || is_answer);
         let attached = Some((good.direction, good.unit));
-        Around { attached, burst, is_doubled, is_other_framing: false, is_behind_header }
+        Around { attached, burst, is_doubled, is_behind_header, ..Around::default() }
+    }
+
+    /// Notes who sends what the program says it has sent.
+    #[inline]
+    pub fn note_sent(&mut self, side: Option<Side>, direction: Direction, number: u64) {
+        if side == Some(Side::Sent) {
+            self.sent = Some((direction, number));
+        }
+    }
+
+    /// Whether a good frame may be the request of another master.
+    #[inline]
+    pub fn may_be_foreign(&self, row: &Frame) -> bool {
+        let is_received = row.side == Some(Side::Received) && row.direction == Direction::Request;
+        is_received && self.sent.is_some_and(|(direction, _)| direction == Direction::Request)
+    }
+
+    /// Whether a request to read was received by a program that has sent a request a moment ago, and no echo of that.
+    fn is_foreign(&self, seen: &FrameObservation) -> bool {
+        let is_near = |number: u64| seen.number - number < SENT_MEMORY;
+        let asks = self.sent.is_some_and(|(direction, number)| direction == Direction::Request && is_near(number));
+        seen.side == Some(Side::Received) && asks && seen.is_read_request() && !seen.findings.has(Finding::LocalEcho)
     }
 
     /// An unanswered request after which an answer's worth of damage came was answered, if badly.
@@ -194,6 +242,9 @@ impl Context {
         let Some(run) = self.bad_runs.get(&seen.request_frame).filter(|run| run.length >= LEAST_ANSWER_BYTES) else { return };
         if seen.outcome == Outcome::Garbled {
             seen.lengths[1] = run.length;
+            if bare_refusals(&run.bytes).is_some() {
+                seen.answer_head.clone_from(&run.bytes);
+            }
         }
         if !matches!(seen.outcome, Outcome::Silent | Outcome::NotSeen) {
             return;
@@ -230,6 +281,7 @@ impl Context {
             asked,
             id: self.last_id,
             is_open: self.is_open,
+            cut: self.cut,
             hasty,
         }
     }
@@ -272,6 +324,7 @@ impl Context {
         self.note_order(seen);
         self.open_since = seen.starts[0].filter(|_| seen.outcome == Outcome::NotSeen);
         self.is_open = matches!(seen.outcome, Outcome::Silent | Outcome::NotSeen);
+        self.cut = missing(seen);
         self.previous_answer = match (seen.outcome, seen.starts) {
             (Outcome::Good | Outcome::Refused, [Some(requested), Some(came)]) => {
                 Some(PreviousAnswer { unit: seen.unit, place: seen.place, requested, came })
@@ -330,7 +383,7 @@ impl Context {
     /// Notes exchanges that went well, the last of which asked this; their data are already among the `recent` ones.
     #[inline]
     pub fn follow_clean(&mut self, key: RequestKey) {
-        (self.previous, self.after_failure, self.is_open) = (Some((key.unit, false)), 0, false);
+        (self.previous, self.after_failure, self.is_open, self.cut) = (Some((key.unit, false)), 0, false, None);
         self.previous_request = Some(PreviousRequest { key, failed: false, age: 0 });
         self.asked = Some(key);
     }
@@ -400,6 +453,7 @@ impl Context {
     pub fn follow(&mut self, later: &Self, with_transactions: bool) {
         self.last_good = later.last_good.or(self.last_good);
         self.last_txn = later.last_txn.max(self.last_txn);
+        self.sent = later.sent.or(self.sent);
         if with_transactions {
             self.after_failure = if later.previous.is_some() { later.after_failure } else { self.after_failure };
             self.previous = later.previous.or(self.previous);
@@ -411,6 +465,7 @@ impl Context {
             self.last_answer_frame = later.last_answer_frame;
             self.open_since = later.open_since;
             self.is_open = later.is_open;
+            self.cut = later.cut;
             self.last_id = later.last_id.or(self.last_id);
             self.recent.clone_from(&later.recent);
         }
@@ -421,6 +476,15 @@ impl Context {
             self.bad_runs.pop_first();
         }
     }
+}
+
+/// How many bytes an answer lacks that is right as far as it goes, and what it answers.
+fn missing(seen: &Observation) -> Option<(RequestKey, u32)> {
+    let is_right_so_far =
+        seen.outcome == Outcome::Garbled && seen.is_cut && matches!(seen.damage, None | Some(DamagedPart::Inside));
+    let key = seen.key().filter(|_| is_right_so_far)?;
+    let missing = answer_length(key.function, key.quantity)?.checked_sub(seen.lengths[1])?;
+    Some((key, missing))
 }
 
 /// How far the first two registers of two answers are apart.

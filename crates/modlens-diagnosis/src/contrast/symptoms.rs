@@ -6,13 +6,14 @@ use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Verdict;
 use modlens_protocol::functions::{Functions, StandardLayout, EXCEPTION_BIT};
 use modlens_protocol::mbap::PREFIX_BYTES;
-use modlens_protocol::oddity::{is_of_driver, is_swapped, is_text, Oddity};
+use modlens_protocol::oddity::{bare_refusals, is_of_driver, is_swapped, is_text, Oddity};
 use modlens_protocol::Ns;
 
 use super::before::Before;
 use super::tally::{Place, Tally};
 use crate::observation::{
-    data_length, lacks_count, DamagedPart, FrameObservation, LayoutFault, Observation, Outcome, RequestKey,
+    answer_length, data_length, figures_of_header, lacks_count, DamagedPart, Figures, FrameObservation, LayoutFault, Observation,
+    Outcome, RequestKey,
 };
 
 macro_rules! symptoms {
@@ -72,12 +73,20 @@ symptoms! {
     ChecksumSwapped = "checksum_swapped",
     /// The byte count, the quantity and the data of a request do not agree.
     RequestLayout = "request_layout",
+    /// A refusal without a checksum, more than once.
+    RefusalBare = "refusal_bare",
+    /// A refusal without its code, and with a right checksum.
+    RefusalShort = "refusal_short",
     /// What came as the answer is a frame in hex digits.
     AnswerDigits = "answer_digits",
     /// The answer is the request with some of its bits changed.
     AlteredEcho = "altered_echo",
     /// The answer stops before its end, and is right as far as it goes.
     AnswerCut = "answer_cut",
+    /// After such an answer, what came as the next one does not begin as an answer.
+    AnswerRest = "answer_rest",
+    /// The answer begins with the unit and lacks bytes after it.
+    AnswerShort = "answer_short",
     /// A single byte after an answer: the unit's number, with which the next one begins.
     NextStart = "next_start",
     /// A valid answer that nobody asked for.
@@ -102,6 +111,8 @@ symptoms! {
     RequestEnd = "request_end",
     /// The request is damaged elsewhere.
     RequestInside = "request_inside",
+    /// A whole request is among what a program received that sends requests itself.
+    ForeignRequest = "foreign_request",
     /// The request was sent while another one was open.
     RequestCrossed = "request_crossed",
     /// The answer collided with another frame.
@@ -110,6 +121,8 @@ symptoms! {
     RefusedFunction = "refused_function",
     /// Refused: exception 2.
     RefusedAddress = "refused_address",
+    /// The same of an address that is the number of such a register in manuals.
+    RefusedReference = "refused_reference",
     /// Refused: exception 3.
     RefusedValue = "refused_value",
     /// The same of a quantity that the protocol does not allow.
@@ -120,7 +133,9 @@ symptoms! {
     RefusedFailure = "refused_failure",
     /// Refused: exception 5 or 6.
     RefusedBusy = "refused_busy",
-    /// Refused: exception 10 or 11.
+    /// Refused: exception 10.
+    RefusedPath = "refused_path",
+    /// Refused: exception 11.
     RefusedGateway = "refused_gateway",
     /// Refused with another exception.
     RefusedOther = "refused_other",
@@ -160,6 +175,8 @@ pub struct Seen {
     pub all: Tally,
     /// Those that are failed requests; others are refusals, odd answers, and bytes between frames.
     pub failed_requests: u64,
+    /// The numbers that show it, of the first of them.
+    pub figures: Option<Figures>,
 }
 
 impl Symptoms {
@@ -173,13 +190,20 @@ impl Symptoms {
     pub(super) fn transaction(&mut self, seen: &Observation, before: Before) {
         if let Some(symptom) = of_transaction(seen, before) {
             let is_failure = seen.outcome.counts() && seen.outcome.is_failure();
-            self.count(symptom, Some(seen.unit), seen.place).failed_requests += u64::from(is_failure);
+            let counted = self.count(symptom, Some(seen.unit), seen.place);
+            counted.failed_requests += u64::from(is_failure);
+            counted.figures = counted.figures.or_else(|| figures(symptom, seen, before));
         }
     }
 
     /// Counts a frame of another framing than the one before.
     pub(super) fn other_framing(&mut self, seen: &FrameObservation) {
         self.count(Symptom::OtherFraming, seen.unit, seen.place);
+    }
+
+    /// Counts a request that another master has sent.
+    pub(super) fn foreign_request(&mut self, seen: &FrameObservation) {
+        self.count(Symptom::ForeignRequest, seen.unit, seen.place).figures = seen.unit.map(|unit| [unit.into(), 0]);
     }
 
     /// Counts a frame of no transaction whose layout is not that of its function, although its checksum or header is right.
@@ -192,6 +216,12 @@ impl Symptoms {
 
     /// Counts bytes that belong to no transaction, near this unit; `is_behind_header` as `Around` says it.
     pub(super) fn frame(&mut self, seen: &FrameObservation, unit: Option<u8>, is_behind_header: bool) {
+        if let Some((unit, code, times)) = bare_refusals(&seen.bytes) {
+            for _ in 0..times {
+                self.count(Symptom::RefusalBare, Some(unit), seen.place).figures = Some([code.into(), times]);
+            }
+            return;
+        }
         let symptom = match seen.bytes.as_slice() {
             _ if is_behind_header => Symptom::HeaderLength,
             [byte] if Some(*byte) == unit => Symptom::NextStart,
@@ -201,7 +231,10 @@ impl Symptoms {
             bytes if is_text(bytes) => Symptom::Text,
             _ => Symptom::Noise,
         };
-        self.count(symptom, unit, seen.place);
+        let counted = self.count(symptom, unit, seen.place);
+        if symptom == Symptom::HeaderLength && seen.bytes.len() == seen.length as usize {
+            counted.figures = counted.figures.or(figures_of_header(&seen.bytes));
+        }
     }
 
     pub(super) fn merge(&mut self, later: &Self) {
@@ -209,7 +242,13 @@ impl Symptoms {
             let own = self.0.entry(*key).or_default();
             own.all.merge(&seen.all);
             own.failed_requests += seen.failed_requests;
+            own.figures = own.figures.or(seen.figures);
         }
+    }
+
+    /// The numbers that show a symptom of a unit.
+    pub fn figures(&self, symptom: Symptom, unit: Option<u8>) -> Option<Figures> {
+        self.0.get(&(symptom, unit))?.figures
     }
 
     /// All of them with their counts.
@@ -228,7 +267,7 @@ fn of_transaction(seen: &Observation, before: Before) -> Option<Symptom> {
         _ if seen.is_own_echo || has(Finding::LocalEcho) => Symptom::Echo,
         Outcome::Garbled if has(Finding::ResponseLength) => Symptom::OtherLength,
         Outcome::Garbled if seen.is_cut && seen.damage.is_none() => cut(seen),
-        Outcome::Garbled | Outcome::NotSeen if seen.damage.is_some() => return garbled(seen),
+        Outcome::Garbled | Outcome::NotSeen if seen.damage.is_some() => return garbled(seen, before),
         Outcome::BadRequest if seen.damage == Some(DamagedPart::End) => Symptom::RequestEnd,
         Outcome::BadRequest => Symptom::RequestInside,
         Outcome::Refused => refusal(seen),
@@ -274,16 +313,63 @@ fn refusal(seen: &Observation) -> Symptom {
     let writes_one = || has_one() || request().is_some_and(|request| request.kind == StandardLayout::WriteOne);
     match seen.exception {
         Some(1) => Symptom::RefusedFunction,
+        Some(2) if of_reference(seen).is_some() => Symptom::RefusedReference,
         Some(2) => Symptom::RefusedAddress,
         Some(3) if seen.findings.has(Finding::QuantityLimit) => Symptom::RefusedQuantity,
         Some(3) if writes_one() => Symptom::RefusedOneValue,
         Some(3) => Symptom::RefusedValue,
         Some(4) => Symptom::RefusedFailure,
         Some(5 | 6) => Symptom::RefusedBusy,
-        Some(10 | 11) => Symptom::RefusedGateway,
+        Some(10) => Symptom::RefusedPath,
+        Some(11) => Symptom::RefusedGateway,
         _ => Symptom::RefusedOther,
     }
 }
+
+/// The first number of the registers that a function reads, as manuals count them.
+const REFERENCES: [(u8, u32); 3] = [(2, 10_001), (4, 30_001), (3, 40_001)];
+
+/// The address of a request that is a number of manuals, and the address that such a number stands for.
+fn of_reference(seen: &Observation) -> Option<Figures> {
+    let address = seen.key()?.address.into();
+    let (_, first) = REFERENCES.into_iter().find(|(function, _)| *function == seen.function)?;
+    (first..first + 9999).contains(&address).then(|| [address, address - first])
+}
+
+/// The numbers that show a symptom.
+fn figures(symptom: Symptom, seen: &Observation, before: Before) -> Option<Figures> {
+    match symptom {
+        Symptom::HeaderLength | Symptom::CountWrong | Symptom::OtherLength => seen.figures,
+        Symptom::RefusedReference => of_reference(seen),
+        Symptom::RefusalBare => bare_refusals(&seen.answer_head).map(|(_, code, times)| [code.into(), times]),
+        Symptom::OtherUnit if seen.outcome == Outcome::Unasked => Some([seen.unit, before.asked?.unit].map(u32::from)),
+        Symptom::OtherUnit => Some([seen.answered_by?, seen.unit].map(u32::from)),
+        Symptom::AnswerShort => Some([seen.lengths[1], due(seen)?]),
+        Symptom::AnswerInside | Symptom::AnswerBit | Symptom::RequestInside => seen.checksum,
+        _ if symptom.is_refusal() => Some([seen.exception?.into(), 0]),
+        _ => None,
+    }
+}
+
+/// The length of the answer to the request on a serial line.
+fn due(seen: &Observation) -> Option<u32> {
+    seen.key().and_then(|key| answer_length(key.function, key.quantity))
+}
+
+/// Whether what came begins with the unit and lacks bytes after it: a part of what is due, and more than strays.
+fn lacks_bytes(seen: &Observation) -> bool {
+    let is_part = |due: u32| (due / 2..due).contains(&seen.lengths[1]);
+    seen.answer_head.first() == Some(&seen.unit) && seen.lengths[1] >= LEAST_TORSO && due(seen).is_some_and(is_part)
+}
+
+/// Whether what came may be the rest of the answer before, which was cut, and whose request was sent again.
+fn is_rest(seen: &Observation, before: Before) -> bool {
+    let is_rest_of = |(key, missing): (RequestKey, u32)| seen.key() == Some(key) && seen.lengths[1] <= missing;
+    seen.lengths[1] >= LEAST_TORSO && before.cut.is_some_and(is_rest_of)
+}
+
+/// A shorter rest of an answer may be anything.
+const LEAST_TORSO: u32 = 8;
 
 /// The symptom of a frame that is built wrongly. That its byte count is missing, only what was asked for shows.
 fn layout(seen: &Observation, before: Before) -> Option<Symptom> {
@@ -298,14 +384,16 @@ fn layout(seen: &Observation, before: Before) -> Option<Symptom> {
         LayoutFault::HeaderLength => Symptom::HeaderLength,
         LayoutFault::SwappedChecksum => Symptom::ChecksumSwapped,
         LayoutFault::Request => Symptom::RequestLayout,
+        LayoutFault::NoExceptionCode => Symptom::RefusalShort,
         LayoutFault::Other => Symptom::OtherLayout,
     })
 }
 
-fn garbled(seen: &Observation) -> Option<Symptom> {
+fn garbled(seen: &Observation, before: Before) -> Option<Symptom> {
     let head = [seen.unit, seen.function];
     let bytes = &seen.answer_head;
     let symptom = match seen.damage? {
+        _ if bare_refusals(bytes).is_some() => Symptom::RefusalBare,
         _ if seen.findings.has(Finding::Collision) => Symptom::Collision,
         DamagedPart::Start => Symptom::AnswerStart,
         DamagedPart::End => Symptom::AnswerEnd,
@@ -318,6 +406,8 @@ fn garbled(seen: &Observation) -> Option<Symptom> {
         DamagedPart::Whole if is_text(bytes) => Symptom::AnswerText,
         DamagedPart::Whole if seen.id.is_some() => return of_other_function(seen),
         DamagedPart::Whole if bytes.len() >= 3 && bytes.iter().all(|byte| is_of_driver(*byte)) => Symptom::AnswerInverted,
+        DamagedPart::Whole if is_rest(seen, before) => Symptom::AnswerRest,
+        DamagedPart::Whole if lacks_bytes(seen) => Symptom::AnswerShort,
         DamagedPart::Whole => Symptom::AnswerWhole,
     };
     Some(symptom)

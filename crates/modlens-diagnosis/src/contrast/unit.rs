@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use modlens_engine::records::InnerPauses;
 use modlens_protocol::finding::Finding;
+use modlens_protocol::functions::Functions;
 use modlens_protocol::mbap::PREFIX_BYTES;
 use modlens_protocol::Ns;
 
@@ -431,6 +432,8 @@ impl UnitCounts {
                     let fits = request.is_none_or(|key| Some(seen.lengths[1]) == answer_length(key.function, key.quantity));
                     *self.misfits.entry(asked).or_default() += u64::from(!fits);
                 }
+                // Who sends a function that is not known, nothing says.
+                None if Functions::embedded().name(seen.function).is_none() => {}
                 None => self.second_answers.count(true, seen.place),
             }
             return;

@@ -51,7 +51,7 @@ fn of_unit(view: &View<'_>, unit: Option<u8>) -> Option<Claim> {
     let chance = view.beyond_accident(share)?;
     let words = diagnosis("wrong_layout").and_then(|row| row.sight(main)).unwrap_or_default();
     let subject = unit.map_or_else(|| String::from("the line"), |unit| format!("unit {unit}"));
-    let what = words.replace("{unit}", &subject);
+    let what = crate::sight::with_figures(words, view.bus.symptoms.figures(main, unit)).replace("{unit}", &subject);
     let mut claim = Claim::new("wrong_layout", &all, chance).with_share(share).fact("what", what);
     claim.unit = unit;
     Some(claim)

@@ -6,8 +6,11 @@ use modlens_protocol::direction::possible_directions;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, StandardLayout, EXCEPTION_BIT};
+use modlens_protocol::mbap::PREFIX_BYTES;
 use modlens_protocol::oddity;
 use modlens_protocol::status::Status;
+
+use super::figures;
 
 /// What is wrong with the layout of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,6 +23,8 @@ pub enum LayoutFault {
     HeaderLength,
     /// The two bytes of the checksum are swapped.
     SwappedChecksum,
+    /// An exception response without its code.
+    NoExceptionCode,
     /// The request: its byte count, quantity and data do not agree.
     Request,
     /// Something else.
@@ -33,10 +38,16 @@ pub(super) fn layout_fault(batch: &Batch, row: &Transaction, has: impl Fn(Findin
     let is_odd = has(Finding::LengthMismatch) || has(Finding::MbapLength);
     let pdu = row.request.pdu.of(&batch.arena);
     if is_odd && row.status != Status::BadRequest && !pdu.is_empty() && !is_request(pdu) {
-        return Some(LayoutFault::Request);
+        return Some(if has_count(pdu[0]) { LayoutFault::Request } else { LayoutFault::Other });
     }
     if has(Finding::MbapLength) {
-        return Some(LayoutFault::HeaderLength);
+        let odd = if answer.is_empty() { request } else { answer };
+        let is_right = figures::of_header(odd).is_some_and(|[announced, present]| announced == present);
+        return Some(if is_right && is_read_code(odd[PREFIX_BYTES + 1]) {
+            LayoutFault::WrongCount
+        } else {
+            LayoutFault::HeaderLength
+        });
     }
     if row.mode != Mode::Rtu {
         return None;
@@ -44,7 +55,10 @@ pub(super) fn layout_fault(batch: &Batch, row: &Transaction, has: impl Fn(Findin
     match row.status {
         Status::BadResponse if oddity::is_swapped(answer) => Some(LayoutFault::SwappedChecksum),
         // What is too short for its function ends with the checksum of what is there.
-        Status::BadResponse if has(Finding::Incomplete) && crc_valid(answer) => Some(LayoutFault::Other),
+        Status::BadResponse if has(Finding::Incomplete) && crc_valid(answer) => Some(match answer {
+            [_, function, _, _] if function & EXCEPTION_BIT != 0 => LayoutFault::NoExceptionCode,
+            _ => LayoutFault::Other,
+        }),
         Status::BadRequest if oddity::is_swapped(request) => Some(LayoutFault::SwappedChecksum),
         Status::Ok if has(Finding::LengthMismatch) && is_read(answer) => {
             Some(count_fault(answer)).filter(|fault| *fault != LayoutFault::Other)
@@ -55,6 +69,11 @@ pub(super) fn layout_fault(batch: &Batch, row: &Transaction, has: impl Fn(Findin
         _ if has(Finding::QuantityLimit) && crc_valid(request) && has_wide_count(request) => Some(LayoutFault::WideCount),
         _ => None,
     }
+}
+
+/// Whether a request of this function has a byte count.
+fn has_count(function: u8) -> bool {
+    matches!(function, 0x0F | 0x10 | 0x17)
 }
 
 /// Whether a PDU may be a request by its layout: its quantity, its byte count and its data agree.
@@ -69,6 +88,11 @@ fn count_fault(answer: &[u8]) -> LayoutFault {
         Some([count, data @ ..]) if usize::from(*count) != data.len() => LayoutFault::WrongCount,
         _ => LayoutFault::Other,
     }
+}
+
+/// Whether an answer of this function begins with a byte count.
+fn is_read_code(function: u8) -> bool {
+    matches!(function, 1..=4 | 0x17)
 }
 
 /// The layout of a function that reads coils or registers.

@@ -34,6 +34,9 @@ impl Verdict {
 /// How the sentence begins where there is no verdict.
 pub(super) const UNJUDGED: &str = "Cannot be judged";
 
+/// The same where nothing but requests was received.
+pub(super) const HEARD: &str = "What was received is a request";
+
 /// A line is not healthy where surely more than this share of its requests is refused.
 const MANY_REFUSED: f64 = 0.2;
 
@@ -151,6 +154,10 @@ pub(super) fn verdict(
             if count == 1 { String::from("the only request is") } else { format!("all {} requests are", thousands(count)) };
         let what = format!("{writes} to unit 0, that is to all units, and none answers that: a master does not wait there");
         return (Verdict::Unknown, format!("{UNJUDGED}: {what}."));
+    }
+    if let [(_, BusContrast { heard: Some(unit), .. })] = buses {
+        let what = format!("{HEARD} to unit {unit}, not an answer. That is right in the log of a unit");
+        return (Verdict::Unknown, format!("{what}; in that of a master, another master is on the line, or it hears itself."));
     }
     if share.total < FEW {
         let is_whole =

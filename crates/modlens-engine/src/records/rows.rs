@@ -8,6 +8,7 @@ use modlens_protocol::finding::{Finding, Severity};
 use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
+use modlens_readers::chunk::Side;
 
 /// A range of the bytes, or of the findings, of a batch.
 #[derive(Clone, Copy, Debug, Default)]
@@ -77,6 +78,8 @@ pub struct Frame {
     pub origin: u64,
     /// Line or packet number of its last byte.
     pub last_origin: u64,
+    /// Who sent its first byte, where the recording says so.
+    pub side: Option<Side>,
 }
 
 /// The silences between the reads inside a frame: those of the sender, or of the adapter that held bytes back.

@@ -274,5 +274,6 @@ fn frame_row(framed: &FrameResult, frame: &ObservedFrame<'_>, timing: &FrameTimi
         findings,
         origin: timing.origin,
         last_origin: timing.last_origin,
+        side: timing.side,
     }
 }

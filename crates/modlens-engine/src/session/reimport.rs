@@ -121,6 +121,7 @@ fn frame_row(metadata: &PacketMetadata<'_>, observed: &ObservedFrame<'_>) -> Fra
         mbap_id: observed.mbap_id,
         origin: observed.origin,
         last_origin: observed.origin,
+        side: observed.side,
         bus: 0,
         line: 0,
         wire: Span::default(),

@@ -2,7 +2,10 @@
 
 use crate::text::proved::{longest_hex, single_bytes, single_digits};
 use modlens_protocol::annotate::spaced_hex;
-use modlens_protocol::checksum::crc_valid;
+use modlens_protocol::checksum::{crc16, crc_valid, CRC_BYTES};
+use modlens_protocol::direction::possible_directions;
+use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
+use modlens_protocol::mbap::layout_fits;
 use modlens_protocol::oddity::Oddity;
 
 /// Lines that are looked at.
@@ -43,30 +46,44 @@ const EXCEPTIONS: [(u8, &[&str], &str); 5] = [
     ),
 ];
 
-/// What else programs report, in lower case, with what it means and what to do; and where requests of the same text were answered,
-/// so that what they came by is right.
-const REPORTS: [(&[&str], &str, Option<&str>); 4] = [
+/// What programs report, in lower case, with what it means and what to do; and where the frames of the same text contradict that,
+/// which prove more: requests were answered, so that what they came by is right, or answers are whole.
+const REPORTS: [(&[&str], &str, Beside); 4] = [
     (
         &["cleanup recv buffer"],
         "bytes left over before a request: the rest of an answer that came after the client had given up; raise its timeout",
-        None,
+        Beside::Nothing,
     ),
     (
         &["connection refused", "connection reset", "broken pipe"],
         "a connection that the other side refused or closed: its port and service, and how many clients it takes",
-        None,
+        Beside::Nothing,
     ),
     (
         &["checksum error", "crc error", "crc check error", "crccheckerror", "crc mismatch", "crcmismatch", "invalid crc", "wrong crc", "crc check failed", "bad crc"],
         "a wrong checksum: bits changed on the line, other line settings, or bytes lost by a program; a recording of the bytes shows which",
-        None,
+        Beside::WholeAnswers(
+            "a wrong checksum, and the answers that are printed here have right ones: they are whole, so that the program checks \
+             them wrongly, or means bytes that it does not print",
+        ),
     ),
     (
         &["timed out", "timeout", "no response", "no answer", "no reply", "(0 received)", "received 0 bytes"],
         "that no answer came in time: power, wires, rate and address of the unit, and whether anything comes back at all",
-        Some("that no answer came in time; other requests were answered"),
+        Beside::Answers("that no answer came in time; other requests were answered"),
     ),
 ];
+
+/// What is said of a report beside frames that contradict it.
+#[derive(Clone, Copy, Debug)]
+enum Beside {
+    /// The same.
+    Nothing,
+    /// Where requests were answered.
+    Answers(&'static str),
+    /// Where whole answers came.
+    WholeAnswers(&'static str),
+}
 
 /// A line that nothing could read, and the frame that was read shortly before it.
 #[derive(Clone, Copy, Debug)]
@@ -83,20 +100,23 @@ const LEFT_OVER: usize = EXCEPTIONS.len();
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Said {
     words: String,
-    /// What is said instead where requests of the same text were answered.
+    /// What is said instead where requests of the same text were answered, and where whole answers came.
     beside_answers: Option<String>,
+    beside_whole: Option<String>,
 }
 
 impl Said {
-    /// The words; `has_answers` where requests of the same text were answered.
-    pub fn words(&self, has_answers: bool) -> &str {
-        self.beside_answers.as_deref().filter(|_| has_answers).unwrap_or(&self.words)
+    /// The words; `has_answers` where requests of the same text were answered, `has_whole` where whole answers came.
+    pub fn words(&self, has_answers: bool, has_whole: bool) -> &str {
+        let instead = [(&self.beside_whole, has_whole), (&self.beside_answers, has_answers)];
+        let instead = instead.into_iter().find_map(|(words, is_so)| words.as_deref().filter(|_| is_so));
+        instead.unwrap_or(&self.words)
     }
 }
 
 impl From<String> for Said {
     fn from(words: String) -> Self {
-        Self { words, beside_answers: None }
+        Self { words, beside_answers: None, beside_whole: None }
     }
 }
 
@@ -104,7 +124,7 @@ impl From<String> for Said {
 pub(super) fn named(text: &[u8]) -> Option<String> {
     let lines = text.split(|&byte| byte == b'\n').take(MOST_LINES);
     named_lines((1..).zip(lines).map(|(number, text)| UnreadLine { number, text, before: &[] }))
-        .map(|said| said.words(false).to_owned())
+        .map(|said| said.words(false, false).to_owned())
 }
 
 /// The same of lines that nothing could read.
@@ -140,8 +160,26 @@ fn no_frame(number: u64, line: &[u8]) -> Option<String> {
     let is_only_bytes = line.len() <= 4 * bytes.len() + MOST_WORDS && !crc_valid(&bytes);
     let shown = spaced_hex(&bytes[..bytes.len().min(MOST_SHOWN)]);
     let more = if bytes.len() > MOST_SHOWN { " \u{2026}" } else { "" };
-    is_only_bytes
-        .then(|| format!("in line {number} the bytes {shown}{more} are no frame: they are damaged, cut, or of another protocol"))
+    let why =
+        wrong_checksum(&bytes).unwrap_or_else(|| String::from("are no frame: they are damaged, cut, or of another protocol"));
+    is_only_bytes.then(|| format!("in line {number} the bytes {shown}{more} {why}"))
+}
+
+/// What is wrong with bytes that have the layout of a frame, but for their checksum.
+fn wrong_checksum(bytes: &[u8]) -> Option<String> {
+    let (body, there) = bytes.split_last_chunk::<CRC_BYTES>()?;
+    let [_, pdu @ ..] = body else { return None };
+    let functions = Functions::embedded();
+    let is_known = pdu.len() > 1 && functions.name(pdu[0] & !EXCEPTION_BIT).is_some();
+    let right = spaced_hex(&crc16(body).to_le_bytes());
+    let who =
+        if possible_directions(functions, pdu).0 { "no unit answers such a request" } else { "a master discards such an answer" };
+    (is_known && layout_fits(functions, pdu)).then(|| {
+        format!(
+            "have the layout of a frame, and its checksum is wrong: {} is there, and {right} belongs there; {who}",
+            spaced_hex(there)
+        )
+    })
 }
 
 /// What most lines report.
@@ -163,9 +201,14 @@ fn reported<'a>(lines: impl Iterator<Item = &'a [u8]>) -> Option<Said> {
     if let Some((code, [name, ..], advice)) = EXCEPTIONS.get(most) {
         return Some(format!("{lines} exception {code} ({name}): {advice}").into());
     }
-    let (_, meaning, beside_answers) = REPORTS[most - EXCEPTIONS.len()];
+    let (_, meaning, beside) = REPORTS[most - EXCEPTIONS.len()];
     let said = |meaning: &str| format!("{lines} {meaning}");
-    Some(Said { words: said(meaning), beside_answers: beside_answers.map(said) })
+    let (beside_answers, beside_whole) = match beside {
+        Beside::Nothing => (None, None),
+        Beside::Answers(words) => (Some(said(words)), None),
+        Beside::WholeAnswers(words) => (None, Some(said(words))),
+    };
+    Some(Said { words: said(meaning), beside_answers, beside_whole })
 }
 
 /// What a line in lower case reports: the index in `EXCEPTIONS`, or after all of these in `REPORTS`.
@@ -237,17 +280,20 @@ mod tests {
         let read = [1, 3, 0, 0, 0, 2, 0xC4, 0x0B];
         let heard = UnreadLine { number: 7, text: b"scope: 81 83 80 80 80 82 C4 8B", before: &read };
         let said = named_lines([heard].into_iter()).expect("a reason");
-        assert!(said.words(false).starts_with("in line 7 the bytes are the request before with some bits changed"), "{said:?}");
+        assert!(
+            said.words(false, false).starts_with("in line 7 the bytes are the request before with some bits changed"),
+            "{said:?}"
+        );
         let other = UnreadLine { text: b"answer: 9A 3C E1 55 47 B2 0D 66", ..heard };
         let said = named_lines([other].into_iter()).expect("a reason");
-        assert!(said.words(false).contains("are no frame"), "{said:?}");
+        assert!(said.words(false, false).contains("are no frame"), "{said:?}");
     }
 
     #[test]
     fn where_others_were_answered_nobody_is_sent_to_the_wires() {
         let said = named_lines([line(b"ERROR Connection timed out: select")].into_iter()).expect("a reason");
-        assert_eq!(said.words(true), "a line reports that no answer came in time; other requests were answered");
-        assert!(said.words(false).starts_with("a line reports that no answer came in time: power, wires"));
+        assert_eq!(said.words(true, false), "a line reports that no answer came in time; other requests were answered");
+        assert!(said.words(false, false).starts_with("a line reports that no answer came in time: power, wires"));
     }
 
     #[test]

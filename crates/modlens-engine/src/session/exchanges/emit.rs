@@ -224,6 +224,7 @@ fn frame_row(matched: &MatchedExchange, direction: Direction, timing: &FrameTimi
         findings: Span::default(),
         origin: timing.origin,
         last_origin: timing.last_origin,
+        side: timing.side,
     }
 }
 

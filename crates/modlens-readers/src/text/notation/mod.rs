@@ -153,6 +153,7 @@ mod tests {
             (Notation::Decimal, "5-3-0-16-0-2-196-74"),
             (Notation::Decimal, "[5, 3, 0, 16, 0, 2, 196, 74]"),
             (Notation::Escaped, "\\x05\\x03\\x00\\x10\\x00\\x02\\xc4J"),
+            (Notation::Escaped, "\\x05\\x03\\x00\\x10\\x00\\x02\u{c4}J"),
             (Notation::Escaped, "\\5\\3\\0\\20\\0\\2\\304J"),
             (Notation::Words, "0305 1000 0200 4ac4"),
             (Notation::Octal, "001405 010000 001000 045304"),

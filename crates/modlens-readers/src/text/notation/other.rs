@@ -78,7 +78,7 @@ pub(super) fn decimal_one(text: &[u8], out: &mut Vec<u8>) -> usize {
     blanks + token.len()
 }
 
-/// Reads a string with C escape sequences up to the character `stop`. A string without any escape sequence is prose and
+/// Reads a string with C escape sequences up to the character `stop`; letters of Latin-1 are bytes. A string without any escape sequence is prose and
 /// yields no bytes.
 pub(super) fn escaped(text: &[u8], stop: Option<u8>, out: &mut Vec<u8>) -> usize {
     let (mut at, before) = (0, out.len());
@@ -87,8 +87,14 @@ pub(super) fn escaped(text: &[u8], stop: Option<u8>, out: &mut Vec<u8>) -> usize
             break;
         }
         if b != b'\\' {
-            out.push(b);
-            at += 1;
+            // Python prints a string with the letters of Latin-1 as they are, and a file has them in UTF-8.
+            let letter = if let [lead @ (0xC2 | 0xC3), next @ 0x80..=0xBF, ..] = text[at..] {
+                Some((lead & 3) << 6 | next & 0x3F)
+            } else {
+                None
+            };
+            out.push(letter.unwrap_or(b));
+            at += 1 + usize::from(letter.is_some());
             continue;
         }
         let Some(&kind) = text.get(at + 1) else { break };

@@ -33,7 +33,7 @@ use line_runs::{part_end, proved_runs, shifted, style_of_frames};
 use listing::Listing;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use pieces::{Piece, Pieces};
-use runs::{hex_runs, Run, Style};
+use runs::{hex_runs, number_runs, Run, Style};
 use shapes::{any_shape, shape, Shape, Shapes};
 use statements::Statements;
 
@@ -41,7 +41,7 @@ pub(super) use candidates::other_hex;
 pub(super) use found::{Found, Worth};
 pub(super) use items::is_byte_line;
 pub(super) use line_runs::{hex_bytes, is_words, longest_hex, single_bytes, single_digits};
-pub(super) use sender::{denies, sender, sender_below};
+pub(super) use sender::{denies, ends_with_index, sender, sender_below};
 
 /// What the lines so far have shown.
 #[derive(Clone, Debug, Default)]
@@ -142,7 +142,11 @@ impl ProvedHex {
         }
         let known = self.runs_like_frames(line, start);
         if known.is_empty() {
-            return self.complete_pieces(line, start, &shifted(hex_runs(&line[start..]), start), number);
+            let hex = shifted(hex_runs(&line[start..]), start);
+            let decimal = shifted(number_runs(&line[start..], Style::Decimal), start);
+            let decimal: Vec<Run> = decimal.into_iter().map(Run::without_number).filter(is_counted).collect();
+            let runs = if decimal.is_empty() { hex } else { decimal };
+            return self.complete_pieces(line, start, &runs, number);
         }
         known
     }
@@ -195,6 +199,11 @@ impl ProvedHex {
         };
         pieces.into_iter().map(found).collect()
     }
+}
+
+/// Whether numbers have one in front that counts them, so that they are bytes: `Buffer(3) [1, 131, 2]`.
+fn is_counted(run: &Run) -> bool {
+    run.is_counted
 }
 
 /// A frame that was listed in these fields, the last of which is in line `number`.

@@ -48,6 +48,8 @@ pub(super) struct Run {
     /// Positions in `bytes` where the separators change, or a long word begins or ends; ascending, the ends of the run among
     /// them.
     pub edges: Vec<usize>,
+    /// A number in front of them has counted them.
+    pub is_counted: bool,
     /// Where a number in front of the bytes ends, in bytes and in the line: it counts them, or a bracket closes after it.
     after_number: Option<(usize, usize)>,
 }
@@ -56,7 +58,7 @@ impl Run {
     /// A run that is not made of words.
     pub fn whole(style: Style, text: Range<usize>, bytes: Vec<u8>) -> Self {
         let edges = vec![0, bytes.len()];
-        Self { style, text, bytes, edges, after_number: None }
+        Self { style, text, bytes, edges, is_counted: false, after_number: None }
     }
 
     /// The run with its place moved by so many characters.
@@ -115,7 +117,14 @@ fn runs(line: &[u8], read: impl Fn(&[u8], Range<usize>, &mut Vec<u8>) -> Option<
         let Some(style) = style else { continue };
         if !is_open {
             close(line, all.last_mut(), &mut words);
-            all.push(Run { style, text: word.clone(), bytes: Vec::new(), edges: Vec::new(), after_number: None });
+            all.push(Run {
+                style,
+                text: word.clone(),
+                bytes: Vec::new(),
+                edges: Vec::new(),
+                is_counted: false,
+                after_number: None,
+            });
             is_open = true;
         }
         let Some(run) = all.last_mut() else { break };
@@ -138,9 +147,13 @@ fn close(line: &[u8], run: Option<&mut Run>, words: &mut Vec<Word>) {
         let counts = first.count == 1 && counts_bytes(&line[run.text.start..second.separator.start], run.bytes.len() - 1);
         let is_number = first.count <= 2
             && second.count >= first.count
-            && run.style == Style::Pairs
-            && (closes || (counts && words.len() > 4));
+            && match run.style {
+                Style::Pairs => closes || (counts && words.len() > 4),
+                Style::Decimal => closes && counts,
+                _ => false,
+            };
         run.after_number = is_number.then_some((first.count, second.separator.end));
+        run.is_counted = is_number && counts;
     }
     run.edges.push(0);
     for word in words.drain(..).skip(1) {

@@ -54,7 +54,7 @@ pub(in crate::text) fn sender(front: &[u8]) -> Option<Side> {
     };
     let noun = (0..words.len()).rev().filter_map(|at| Some((at, known[at]?))).filter(|(_, (_, rank))| *rank == Rank::Noun);
     let noun = noun.filter(|(at, _)| !is_of_other(*at)).map(|(_, (side, _))| side).next().or_else(|| nearest(Rank::Noun));
-    let said = nearest(Rank::Verb).or_else(|| arrow(front)).or(noun);
+    let said = nearest(Rank::Verb).or_else(|| arrow(front).filter(|_| !ends_with_index(front))).or(noun);
     let said = said.or_else(|| {
         // A number after the word counts bytes or names a port.
         let last = words.iter().rposition(|(_, word)| !CONTAINERS.contains(&word.as_str()))?;
@@ -63,7 +63,7 @@ pub(in crate::text) fn sender(front: &[u8]) -> Option<Side> {
         let is_receiver = rank == Rank::Party && TOWARDS.iter().any(|sign| before.ends_with(sign) || before == sign.trim_start());
         Some(if is_receiver { side.other() } else { side })
     });
-    said.or_else(|| leading_arrow(&text))
+    said.or_else(|| leading_arrow(&text).filter(|_| !ends_with_index(front)))
 }
 
 /// The arrow with which the text begins, perhaps after a time.
@@ -86,7 +86,7 @@ pub(in crate::text) fn sender_below(text: &[u8]) -> Option<Side> {
     let end = text.iter().rposition(|b| !is_mark(*b)).map_or(0, |last| last + 1);
     let text = &text[..end];
     let ends_as_label =
-        matches!(text.last(), Some(b':' | b'=' | b'>' | b'<' | b'-' | b'{')) || text.ends_with("\u{FF1A}".as_bytes());
+        matches!(text.last(), Some(b':' | b'=' | b'>' | b'<' | b'-' | b'{' | b'(')) || text.ends_with("\u{FF1A}".as_bytes());
     if denies(text) || !(ends_as_label || words.len() <= MAX_LABEL_WORDS) {
         return None;
     }
@@ -105,6 +105,13 @@ pub(in crate::text) fn sender_below(text: &[u8]) -> Option<Side> {
 /// Whether the words of a line say that nothing was sent or received, or not yet.
 pub(in crate::text) fn denies(text: &[u8]) -> bool {
     words(&String::from_utf8_lossy(text)).iter().any(|(_, word)| NOT.contains(&word.as_str()))
+}
+
+/// Whether a text is the index of an element as PHP prints it: `1 => '`.
+pub(in crate::text) fn ends_with_index(front: &[u8]) -> bool {
+    let end = front.iter().rposition(|b| !matches!(b, b' ' | b'\'' | b'"')).map_or(0, |last| last + 1);
+    let index = front[..end].strip_suffix(b"=>").map(<[u8]>::trim_ascii);
+    index.is_some_and(|index| !index.is_empty() && index.iter().all(u8::is_ascii_digit))
 }
 
 /// The arrow at the end of the text, with blanks and quotes after it.
@@ -138,6 +145,7 @@ mod tests {
             ("tx_buf = [", Some(Side::Sent)),
             ("12:00 \u{2192} ", Some(Side::Sent)),
             ("bus1 <- ", Some(Side::Received)),
+            ("  1 => '", None),
             ("Request frame ", Some(Side::Sent)),
             ("Read: ", Some(Side::Received)),
             ("write <Buffer ", Some(Side::Sent)),

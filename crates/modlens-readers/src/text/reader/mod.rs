@@ -22,7 +22,7 @@ use crate::text::dialect::{Dialect, Dialects};
 use crate::text::entries::{EntryAssembler, SkippedBytes};
 use crate::text::frame_evidence;
 use crate::text::notation::Notation;
-use crate::text::proved::{hex_bytes, sender, ProvedHex};
+use crate::text::proved::{ends_with_index, hex_bytes, sender, ProvedHex};
 use crate::text::role::LineRole;
 use crate::text::template::{LineMatch, MatchContext, Template};
 use crate::text::timestamps::{delta, TimestampParser};
@@ -349,6 +349,9 @@ impl Reader {
                     *role = LineRole::Bytes(said.or(Some(*side).filter(|_| may_mean_brackets)));
                 }
                 LineRole::Bytes(side @ Some(_)) if is_in_brackets && !self.has_angles && has_label => *side = None,
+                LineRole::Bytes(side @ Some(_)) if row.generic && ends_with_index(&line[..line.len().min(found.start + 2)]) => {
+                    *side = None;
+                }
                 LineRole::Bytes(side @ None) if row.generic && found.side.is_none() && found.start > 0 => {
                     // In a table the words in front name a byte.
                     let front = &line[..found.start];

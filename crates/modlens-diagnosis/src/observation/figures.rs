@@ -1,0 +1,60 @@
+//! The two numbers that show what is wrong with a frame, as far as its bytes tell: what it says, and what is there.
+
+use modlens_engine::records::{Batch, Transaction};
+use modlens_protocol::checksum::{crc16, crc_valid, CRC_BYTES};
+use modlens_protocol::finding::Finding;
+use modlens_protocol::framing::Mode;
+use modlens_protocol::functions::Functions;
+use modlens_protocol::mbap::PREFIX_BYTES;
+use modlens_protocol::status::Status;
+
+/// What a frame says, and what is there or belongs there.
+pub type Figures = [u32; 2];
+
+/// The place of a byte count in a frame: after the unit and the function.
+const COUNT: usize = 2;
+
+/// Of a length field, a byte count or the length of the data, the numbers of the odd frame in a row.
+pub(super) fn of(batch: &Batch, row: &Transaction, has: impl Fn(Finding) -> bool) -> Option<Figures> {
+    let [request, answer] = [&row.request, &row.response].map(|part| part.wire.of(&batch.arena));
+    let odd = if answer.is_empty() { request } else { answer };
+    if has(Finding::MbapLength) {
+        let header = of_header(odd)?;
+        return if header[0] == header[1] { of_count(odd, PREFIX_BYTES, 0) } else { Some(header) };
+    }
+    if has(Finding::ResponseLength) {
+        let [count, asked] = [&row.response, &row.request].map(|part| part.pdu.of(&batch.arena));
+        return Some([u32::from(*count.get(1)?), asked_bytes(asked)?]);
+    }
+    let is_whole = row.mode == Mode::Rtu && has(Finding::LengthMismatch) && crc_valid(odd);
+    is_whole.then(|| of_count(odd, 0, CRC_BYTES))?
+}
+
+/// The checksum of a damaged frame and the one that belongs there, its first byte the high one.
+pub(super) fn checksum(batch: &Batch, row: &Transaction) -> Option<Figures> {
+    let damaged = match row.status {
+        Status::BadResponse => &row.response,
+        Status::BadRequest => &row.request,
+        _ => return None,
+    };
+    let (body, there) = damaged.wire.of(&batch.arena).split_last_chunk::<CRC_BYTES>().filter(|_| row.mode == Mode::Rtu)?;
+    Some([there, &crc16(body).to_le_bytes()].map(|pair| u16::from_be_bytes(*pair).into()))
+}
+
+/// The length field of a header, and the bytes that follow it.
+pub(crate) fn of_header(frame: &[u8]) -> Option<Figures> {
+    let field = frame.get(PREFIX_BYTES - 2..PREFIX_BYTES).filter(|_| frame[2..4] == [0, 0])?;
+    Some([u16::from_be_bytes([field[0], field[1]]).into(), (frame.len() - PREFIX_BYTES) as u32])
+}
+
+/// A byte count, and the bytes that follow it.
+fn of_count(frame: &[u8], head: usize, tail: usize) -> Option<Figures> {
+    let present = frame.len().checked_sub(head + COUNT + 1 + tail)?;
+    Some([u32::from(frame[head + COUNT]), present as u32])
+}
+
+/// The data bytes that a request to read asks for.
+fn asked_bytes(request: &[u8]) -> Option<u32> {
+    let row = Functions::embedded().row(*request.first()?, &request[1..])?;
+    modlens_protocol::direction::expected_data_bytes(row, request).map(|bytes| bytes as u32)
+}

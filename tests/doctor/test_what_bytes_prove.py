@@ -1,0 +1,201 @@
+"""The first sentence claims what the bytes prove; words of a text never outrank a frame."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from analyzer import SourceError, decode
+from tests.doctor.frames import crc, read_answer, read_request, rtu
+from tests.doctor.test_pasted_logs import doctor, mbap
+
+ASK = rtu(4, read_request(3, 16, 2))
+ANSWER = rtu(4, read_answer(3, [7, 9]))
+
+
+def said(lines: list[str], folder: Path) -> str:
+    sentence = doctor(lines, folder)["sentence"]
+    assert isinstance(sentence, str)
+    return sentence
+
+
+def pair(asked: bytes, answer: bytes) -> list[str]:
+    return [f"TX: {asked.hex(' ')}", f"RX: {answer.hex(' ')}"]
+
+
+def test_words_of_a_wrong_checksum_give_way_to_a_right_one(tmp_path: Path) -> None:
+    lines = [f"RX: {ANSWER.hex(' ')}", "Error: CRC mismatch"]
+    assert "the answers that are printed here have right ones" in said(lines, tmp_path)
+
+
+def test_words_of_a_wrong_checksum_count_where_nothing_contradicts_them(tmp_path: Path) -> None:
+    lines = [f"TX: {ASK.hex(' ')}", "Error: CRC mismatch"]
+    assert "bits changed on the line" in said(lines, tmp_path)
+
+
+def test_a_request_among_the_received_bytes_is_that_of_another_master(tmp_path: Path) -> None:
+    """Unit 9 is asked by somebody else while this program asks unit 4."""
+    other = rtu(9, read_request(3, 100, 1)) + rtu(9, read_answer(3, [5]))
+    sentence = said(pair(ASK, other), tmp_path)
+    assert "A whole request to unit 9 is among the received bytes" in sentence
+    assert "another master" in sentence
+
+
+def test_a_unit_receives_requests_to_others(tmp_path: Path) -> None:
+    """In the log of a unit, what it sends are answers, and requests to others are usual."""
+    lines = [
+        f"RX: {ASK.hex(' ')}",
+        f"TX: {ANSWER.hex(' ')}",
+        f"RX: {rtu(9, read_request(3, 100, 1)).hex(' ')}",
+        f"RX: {ASK.hex(' ')}",
+        f"TX: {ANSWER.hex(' ')}",
+    ]
+    assert "another master" not in said(lines, tmp_path)
+
+
+def test_a_received_request_alone_has_two_readings(tmp_path: Path) -> None:
+    sentence = said([f"The response is: {ASK.hex(' ')}"], tmp_path)
+    assert sentence.startswith("What was received is a request to unit 4, not an answer")
+    assert "right in the log of a unit" in sentence
+    assert "another master" in sentence
+
+
+def test_another_unit_that_answers_is_named_with_both_readings(tmp_path: Path) -> None:
+    sentence = said(pair(ASK, rtu(5, read_answer(3, [7, 9]))), tmp_path)
+    assert "Unit 5 answers, and unit 4 was asked" in sentence
+    assert "another master" in sentence
+
+
+def test_requests_that_were_all_received_are_no_echo(tmp_path: Path) -> None:
+    """A unit hears a master that asks a unit that is not there."""
+    absent = rtu(63, read_request(4, 0, 14)).hex(" ")
+    lines = [f"<<< {absent}"] * 4 + [f"<<< {ASK.hex(' ')}", f">>> {ANSWER.hex(' ')}"]
+    assert "own transmission" not in said(lines, tmp_path)
+
+
+def test_what_one_side_received_distorted_is_first_a_matter_of_settings(tmp_path: Path) -> None:
+    lines = [f"I send {ASK.hex(' ')}", f"and receive {(ASK[:-2] + bytes([0x04, 0x0A])).hex(' ')}"]
+    sentence = said(lines, tmp_path)
+    assert "some bits changed: rate, parity, data bits or levels differ" in sentence
+
+
+def test_refusals_without_a_checksum_are_named(tmp_path: Path) -> None:
+    bare = bytes([4, 0x83, 2])
+    lines = [f"TX: {ASK.hex(' ')}", f"RX buffer: {(bare * 3).hex(' ')}", f"TX: {ASK.hex(' ')}"]
+    assert "Unit 4 refuses without a checksum" in said(lines, tmp_path)
+
+
+def test_a_byte_count_over_tcp_is_not_the_length_field(tmp_path: Path) -> None:
+    """Four bytes of data, a count of 5, and a header that counts right."""
+    answer = mbap(1, 1, bytes([3, 5, 0, 1, 0, 2]))
+    sentence = said(pair(mbap(1, 1, read_request(3, 0, 2)), answer), tmp_path)
+    assert "byte count" in sentence
+    assert "it says 5, and 4 follow" in sentence
+    assert "length field" not in sentence
+
+
+def test_a_length_field_is_named_with_its_numbers(tmp_path: Path) -> None:
+    """The header counts its own six bytes, too: 13 for 7."""
+    whole = mbap(1, 1, bytes([3, 4, 0, 1, 0, 2]))
+    answer = whole[:4] + bytes([0, 13]) + whole[6:]
+    sentence = said(pair(mbap(1, 1, read_request(3, 0, 2)), answer), tmp_path)
+    assert "it announces 13 bytes, and 7 follow" in sentence
+
+
+def test_the_log_of_a_gateway_has_both_framings(tmp_path: Path) -> None:
+    """It received 12 of 15 bytes of an answer, without its function and its count."""
+    asked = rtu(2, read_request(3, 0, 5))
+    torso = bytes([2, 0, 1, 0, 2, 0, 3, 0, 4, 0x11, 0x22, 0x33])
+    lines = [
+        f"RTU send: {asked.hex(' ')}",
+        f"RTU recv: {torso.hex(' ')}",
+        f"TCP response: {(bytes([0, 1, 0, 0, 0, 10]) + torso[:-2]).hex(' ')}",
+    ]
+    sentence = said(lines, tmp_path)
+    assert "two framings" not in sentence
+    assert "12 came, and 15 are due" in sentence
+
+
+def test_what_follows_a_cut_answer_is_its_rest(tmp_path: Path) -> None:
+    asked = rtu(4, read_request(3, 0, 20))
+    whole = rtu(4, read_answer(3, [0x1100 + 37 * one for one in range(20)]))
+    lines = [*pair(asked, whole), *pair(asked, whole[:19]), *pair(asked, whole[19:41])]
+    assert "the answer comes in parts" in said(lines, tmp_path)
+
+
+def test_the_right_checksum_of_a_lone_frame_is_named(tmp_path: Path) -> None:
+    log = tmp_path / "pasted.log"
+    body = ASK[:-2]
+    numbers = ", ".join(f"0x{byte:02x}" for byte in body + bytes([0x83, 0x01]))
+    log.write_text(f"byte[] request = {{{numbers}}};\n", "utf-8")
+    right = crc(body).to_bytes(2, "little").hex(" ")
+    with pytest.raises(SourceError, match=f"(?i)83 01 is there, and {right} belongs there"):
+        decode(log).doctor()
+
+
+def test_numbers_that_are_counted_are_joined(tmp_path: Path) -> None:
+    """A program prints what each read returned, in decimal with the count in front."""
+    whole = rtu(13, read_answer(3, list(range(7000, 7030))))
+    asked = rtu(13, read_request(3, 0, 30))
+    lines = [f"TX Buffer(8) {list(asked)}"]
+    for at in range(0, len(whole), 24):
+        part = whole[at : at + 24]
+        lines.append(f"RX  Buffer({len(part)}) {list(part)}")
+    assert said(lines, tmp_path).startswith(
+        "Nothing is wrong in these frames: 1 request was answered"
+    )
+
+
+@pytest.mark.parametrize(
+    ("code", "says"),
+    [(10, "no path to unit 1 (exception 10)"), (11, "no answer of unit 1 (exception 11)")],
+)
+def test_the_exceptions_of_a_gateway_are_told_apart(code: int, says: str, tmp_path: Path) -> None:
+    lines = pair(mbap(1, 1, read_request(3, 0, 2)), mbap(1, 1, bytes([0x83, code])))
+    assert says in said(lines, tmp_path)
+
+
+@pytest.mark.parametrize(("function", "number"), [(2, 10001), (4, 30012), (3, 40101)])
+def test_a_number_of_a_manual_is_named_beside_its_address(
+    function: int, number: int, tmp_path: Path
+) -> None:
+    first = {2: 10001, 4: 30001, 3: 40001}[function]
+    refused = rtu(1, bytes([function | 0x80, 2]))
+    sentence = said(pair(rtu(1, read_request(function, number, 1)), refused), tmp_path)
+    assert f"does not have the address {number} (exception 2)" in sentence
+    assert f"it is address {number - first} on the wire" in sentence
+
+
+def test_zeros_in_front_of_a_request_do_not_prove_swapped_wires(tmp_path: Path) -> None:
+    lines = [ASK.hex(" ")] * 3 + [f"{bytes(8).hex(' ')} {ASK.hex(' ')}"]
+    assert "or nobody drives the line" in said(lines, tmp_path)
+
+
+def test_a_write_that_php_lists_is_sent_and_received(tmp_path: Path) -> None:
+    frame = rtu(1, bytes([6, 0, 13, 0, 1])).hex()
+    lines = [
+        '10:12:55.880604: [debug] msg: "Data sent", data: array (',
+        f"  1 => '{frame}',",
+        ")",
+        '10:12:55.917287: [debug] msg: "Stream 37 @ index: 0 received data: ", data: array (',
+        f"  1 => '{frame}',",
+        ")",
+        "packet length more bytes than expected",
+    ]
+    assert said(lines, tmp_path).startswith("Nothing is wrong in these frames: 1 request")
+
+
+def test_letters_of_latin_1_in_a_string_of_python_are_bytes(tmp_path: Path) -> None:
+    """A master whose adapter hears itself reads seven of the eight bytes of its request."""
+    log = tmp_path / "pasted.log"
+    asked = rtu(1, read_request(3, 40001, 1))
+    text = repr(asked[:-1].decode("latin-1"))
+    log.write_text(f"Checksum error in rtu mode. The response is: {text}\n", "utf-8")
+    with pytest.raises(SourceError, match="the adapter hears its own transmission"):
+        decode(log).doctor()
+
+
+def test_frames_of_an_unknown_function_are_not_called_answers(tmp_path: Path) -> None:
+    lines = [f"<<< {rtu(unit, bytes([0x45, 0, 0, 0, 0x54, 0, 0])).hex(' ')}" for unit in (9, 10)]
+    assert "answers" not in said(lines, tmp_path)
