@@ -199,3 +199,32 @@ def test_letters_of_latin_1_in_a_string_of_python_are_bytes(tmp_path: Path) -> N
 def test_frames_of_an_unknown_function_are_not_called_answers(tmp_path: Path) -> None:
     lines = [f"<<< {rtu(unit, bytes([0x45, 0, 0, 0, 0x54, 0, 0])).hex(' ')}" for unit in (9, 10)]
     assert "answers" not in said(lines, tmp_path)
+
+
+def test_a_header_alone_is_no_echo(tmp_path: Path) -> None:
+    """The header counts one byte too many; it equals that of the request, which has six."""
+    asked = mbap(1, 1, read_request(3, 16, 1))
+    answer = asked[:6] + bytes([1, 3, 2, 0x39, 2])
+    sentence = said(pair(asked, answer), tmp_path)
+    assert "own transmission" not in sentence
+    assert "it announces 6 bytes, and 5 follow" in sentence
+
+
+def test_a_confirmation_of_a_write_has_no_byte_count(tmp_path: Path) -> None:
+    sentence = said(pair(rtu(1, bytes([6, 0, 100, 0, 5])), rtu(1, bytes([6, 0, 5]))), tmp_path)
+    assert "byte count" not in sentence
+
+
+def test_a_refusal_over_tcp_without_its_code_has_a_right_length_field(tmp_path: Path) -> None:
+    sentence = said(pair(mbap(1, 1, read_request(1, 1, 2)), mbap(1, 1, b"\x81")), tmp_path)
+    assert "lacks its exception code" in sentence
+
+
+def test_who_is_polled_has_sent_nothing(tmp_path: Path) -> None:
+    """What mbpoll prints: its request in brackets, and that nothing came."""
+    asked = "".join(f"[{byte:02X}]" for byte in rtu(1, read_request(3, 0, 1)))
+    lines = ["-- Polling slave 1...", asked, "Waiting for a confirmation..."]
+    assert "What was received" not in said(lines, tmp_path)
+    assert "no answer came in time" in said(
+        [*lines, "ERROR Connection timed out: select"], tmp_path
+    )

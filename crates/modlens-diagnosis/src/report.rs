@@ -23,7 +23,7 @@ use crate::contrast::{BusContrast, Contrast};
 use crate::kinds;
 use crate::odd::Odd;
 use crate::statistics::Share;
-use verdict::{Verdict, HEARD, UNJUDGED};
+use verdict::{Verdict, UNJUDGED};
 
 /// The judgement of the doctor on a recording.
 #[derive(Clone)]
@@ -108,8 +108,7 @@ impl Report {
     /// answered, and whether whole answers with a right checksum came.
     #[must_use]
     pub fn with_unread(mut self, said: impl FnOnce(bool, bool) -> Option<String>) -> Self {
-        let is_said = self.has_broadcasts_only || self.sentence.starts_with(HEARD);
-        if self.verdict != Verdict::Unknown.text() || !self.rows.is_empty() || is_said {
+        if self.verdict != Verdict::Unknown.text() || !self.rows.is_empty() || self.has_broadcasts_only {
             return self;
         }
         if let Some(said) = said(self.requests.failed < self.requests.total, self.has_whole_answers) {

@@ -256,7 +256,8 @@ impl Context {
         seen.answer_head.clone_from(&run.bytes);
         seen.damage = Some(response_part(&run.bytes, seen.unit, seen.function, &[]));
         let head = run.bytes.len().min(seen.request_head.len());
-        seen.is_own_echo = run.bytes[..head] == seen.request_head[..head];
+        // A header, a unit and a function are alike in a request and its answer.
+        seen.is_own_echo = seen.id.is_none() && run.bytes[..head] == seen.request_head[..head];
         seen.is_altered_echo = run.length == seen.lengths[0] && is_altered(&seen.request_head, &run.bytes);
         seen.lengths[1] = run.length;
     }

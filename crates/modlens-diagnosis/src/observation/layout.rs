@@ -43,10 +43,11 @@ pub(super) fn layout_fault(batch: &Batch, row: &Transaction, has: impl Fn(Findin
     if has(Finding::MbapLength) {
         let odd = if answer.is_empty() { request } else { answer };
         let is_right = figures::of_header(odd).is_some_and(|[announced, present]| announced == present);
-        return Some(if is_right && is_read_code(odd[PREFIX_BYTES + 1]) {
-            LayoutFault::WrongCount
-        } else {
-            LayoutFault::HeaderLength
+        return Some(match odd.get(PREFIX_BYTES + 1..) {
+            Some([function]) if is_right && function & EXCEPTION_BIT != 0 => LayoutFault::NoExceptionCode,
+            Some([function, ..]) if is_right && is_read_code(*function) => LayoutFault::WrongCount,
+            _ if is_right => LayoutFault::Other,
+            _ => LayoutFault::HeaderLength,
         });
     }
     if row.mode != Mode::Rtu {
@@ -64,6 +65,7 @@ pub(super) fn layout_fault(batch: &Batch, row: &Transaction, has: impl Fn(Findin
             Some(count_fault(answer)).filter(|fault| *fault != LayoutFault::Other)
         }
         Status::Ok | Status::Exception => None,
+        _ if has(Finding::LengthMismatch) && crc_valid(answer) && !is_read_code(answer[1]) => Some(LayoutFault::Other),
         _ if has(Finding::LengthMismatch) && crc_valid(answer) => Some(count_fault(answer)),
         // An answer with a wide byte count and one register looks like a request for far too many.
         _ if has(Finding::QuantityLimit) && crc_valid(request) && has_wide_count(request) => Some(LayoutFault::WideCount),

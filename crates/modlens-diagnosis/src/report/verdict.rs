@@ -34,9 +34,6 @@ impl Verdict {
 /// How the sentence begins where there is no verdict.
 pub(super) const UNJUDGED: &str = "Cannot be judged";
 
-/// The same where nothing but requests was received.
-pub(super) const HEARD: &str = "What was received is a request";
-
 /// A line is not healthy where surely more than this share of its requests is refused.
 const MANY_REFUSED: f64 = 0.2;
 
@@ -156,7 +153,7 @@ pub(super) fn verdict(
         return (Verdict::Unknown, format!("{UNJUDGED}: {what}."));
     }
     if let [(_, BusContrast { heard: Some(unit), .. })] = buses {
-        let what = format!("{HEARD} to unit {unit}, not an answer. That is right in the log of a unit");
+        let what = format!("What was received is a request to unit {unit}, not an answer. That is right in the log of a unit");
         return (Verdict::Unknown, format!("{what}; in that of a master, another master is on the line, or it hears itself."));
     }
     if share.total < FEW {

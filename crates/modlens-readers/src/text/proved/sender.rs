@@ -90,6 +90,12 @@ pub(in crate::text) fn sender_below(text: &[u8]) -> Option<Side> {
     if denies(text) || !(ends_as_label || words.len() <= MAX_LABEL_WORDS) {
         return None;
     }
+    // `Polling slave 1...` says who is asked.
+    let is_of_party = |(_, word): &(usize, String)| meaning(word).is_none_or(|(_, rank)| rank == Rank::Party);
+    let begins_otherwise = words.first().is_some_and(|(_, word)| meaning(word).is_none());
+    if !ends_as_label && begins_otherwise && words.iter().all(is_of_party) {
+        return None;
+    }
     // `Write/Read:` and `Response to the request:` name both.
     let names = |side: Side| {
         let said = words.iter().filter_map(|(_, word)| meaning(word));
@@ -177,6 +183,7 @@ mod tests {
             ("Slave -> Master", Some(Side::Received)),
             ("Antwort vom Gerät:", Some(Side::Received)),
             ("No response", None),
+            ("-- Polling slave 1...", None),
             ("Waiting for response:", None),
             ("the values of the meter", None),
             ("TEST WRITE/READ:", None),
