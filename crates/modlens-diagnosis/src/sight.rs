@@ -58,7 +58,7 @@ fn by_symptom(view: &View<'_>) -> Vec<Seen> {
         let shown = match (symptom, unit) {
             (Symptom::NoAnswer, Some(unit)) if is_mute(view, unit) => continue,
             (Symptom::Echo, _) if !is_echoed(view) => continue,
-            (Symptom::AnswerWhole, Some(unit)) if has_no_valid_answer(view, unit) && !begins_right(view, unit) => {
+            (Symptom::AnswerWhole, Some(unit)) if has_no_valid_answer(view, unit) && !is_right_in_part(view, unit) => {
                 Symptom::NeverValid
             }
             _ => symptom,
@@ -122,9 +122,12 @@ fn has_no_valid_answer(view: &View<'_>, unit: u8) -> bool {
     is_line && view.bus.units.get(&unit).is_some_and(|counts| counts.failures.failed == counts.failures.total)
 }
 
-/// Whether an answer of a unit begins as it should, whatever is wrong with it.
-fn begins_right(view: &View<'_>, unit: u8) -> bool {
-    let shows = |symptom| matches!(symptom, Symptom::AnswerBit | Symptom::AnswerEnd | Symptom::AnswerInside | Symptom::AnswerCut);
+/// Whether a part of an answer of a unit is right, whatever is wrong with the rest: then the line settings are.
+fn is_right_in_part(view: &View<'_>, unit: u8) -> bool {
+    let shows = |symptom| {
+        use Symptom::{AnswerBit, AnswerCut, AnswerEnd, AnswerInside, AnswerStart};
+        matches!(symptom, AnswerBit | AnswerStart | AnswerEnd | AnswerInside | AnswerCut)
+    };
     all(view).any(|(symptom, of, _)| of == Some(unit) && shows(symptom))
 }
 

@@ -226,13 +226,15 @@ pub(super) fn driver_enable(view: &View<'_>) -> Vec<Claim> {
         let edge = &counts.damaged_parts[DamagedPart::Start as usize];
         let damaged = counts.garbled.share();
         let alike = begins_alike(view, counts);
-        let (start, chance) = match alike {
-            Some(_) => (&counts.garbled, view.beyond_accident(damaged)?),
-            None => (edge, at_the_edge(view, edge, damaged)?),
-        };
-        let place = match alike {
-            Some(_) => "from the first byte on, and begin with the same wrong bytes",
-            None => "in the first one or two bytes of its answers, and nowhere else",
+        let (start, chance, place) = match alike {
+            Some(_) => {
+                let chance = view.beyond_accident(damaged)?;
+                (&counts.garbled, chance, "from the first byte on, and begin with the same wrong bytes")
+            }
+            None => match at_the_edge(view, edge, damaged) {
+                Some(chance) => (edge, chance, "in the first one or two bytes of its answers, and nowhere else"),
+                None => (&counts.garbled, in_the_first_bytes(view, counts)?, "in the first bytes of its answers, and nowhere else"),
+            },
         };
         let share = alike.map_or(start.share(), |alike| Share { failed: alike, total: damaged.failed });
         let late = "its driver-enable timing: it sends before its own transceiver, or the master's, has turned round; a delay before the answer helps";
@@ -310,6 +312,17 @@ fn at_the_edge(view: &View<'_>, edge: &Tally, damaged: Share) -> Option<f64> {
     }
     view.beyond_accident(damaged)?;
     view.significant(at_least(edge.share(), RANDOM_AT_END))
+}
+
+/// Answers of which more than half are damaged in the first one or two bytes only, and all others from there on: a receiver that a
+/// driver wakes inside a byte is out of step for some more.
+fn in_the_first_bytes(view: &View<'_>, counts: &UnitCounts) -> Option<f64> {
+    let [start, whole] = [DamagedPart::Start, DamagedPart::Whole].map(|part| &counts.damaged_parts[part as usize]);
+    if start.failed * 2 < start.total || (start.failed + whole.failed) * 20 < start.total * 19 {
+        return None;
+    }
+    view.beyond_accident(counts.garbled.share())?;
+    view.significant(at_least(start.share(), RANDOM_AT_END))
 }
 
 /// The answers of one unit are damaged from the first byte on, and nothing else is.
