@@ -73,10 +73,12 @@ pub fn valid_rtu_frame(functions: &Functions, bytes: &[u8]) -> usize {
     let Some(row) = functions.row(code, body) else { return 0 };
     [&row.request, &row.response]
         .into_iter()
-        .find_map(|layout| match layout.extent(body) {
+        .filter_map(|layout| match layout.extent(body) {
             Extent::Exactly(length) if fits(length) => Some(length + 4),
             _ => None,
         })
+        // The CRC of a frame and a zero after it is valid, too.
+        .min()
         .unwrap_or(0)
 }
 

@@ -15,7 +15,7 @@ pub(super) fn clean<'a>(line: &'a [u8], is_first: bool, strip_quotes: bool, scra
         }
     }
     if memchr(0x1B, line).is_none() && line.is_ascii() && written_colour(line).is_none() {
-        return line;
+        return if has_char_list(line) { join_chars(line, scratch) } else { line };
     }
     scratch.clear();
     let mut rest = line;
@@ -38,6 +38,65 @@ pub(super) fn clean<'a>(line: &'a [u8], is_first: bool, strip_quotes: bool, scra
             scratch.extend_from_slice(replacement);
         }
         rest = &rest[length..];
+    }
+    scratch
+}
+
+/// The fewest strings of one character in a row that are read as one string.
+const MIN_CHARS: usize = 8;
+
+/// The length of a string of one character with its quotes at the start of the text, and the character, which may be an escape
+/// sequence: `"3"`, `'\r'`.
+fn one_char(text: &[u8]) -> Option<(usize, &[u8])> {
+    match *text {
+        [quote @ (b'"' | b'\''), b'\\', _, end, ..] if end == quote => Some((4, &text[1..3])),
+        [quote @ (b'"' | b'\''), b, end, ..] if end == quote && b != b'\\' && b.is_ascii_graphic() => Some((3, &text[1..2])),
+        _ => None,
+    }
+}
+
+/// The strings of one character at the start of the text, with commas between them: how long they are, and how many.
+fn char_list(text: &[u8]) -> (usize, usize) {
+    let (mut at, mut end, mut count) = (0, 0, 0);
+    while let Some((length, _)) = one_char(&text[at..]) {
+        (end, count) = (at + length, count + 1);
+        let behind = text[end..].trim_ascii_start();
+        let Some(behind) = behind.strip_prefix(b",") else { break };
+        at = text.len() - behind.trim_ascii_start().len();
+    }
+    (end, count)
+}
+
+/// Whether the line may have a list of strings of one character each.
+fn has_char_list(line: &[u8]) -> bool {
+    memchr::memchr2(b'"', b'\'', line).is_some()
+        && (0..line.len()).any(|at| one_char(&line[at..]).is_some_and(|_| char_list(&line[at..]).1 >= MIN_CHARS))
+}
+
+/// The line with such lists as one string each: `"0", "1"` as `"01"`.
+fn join_chars<'a>(line: &[u8], scratch: &'a mut Vec<u8>) -> &'a [u8] {
+    scratch.clear();
+    let mut at = 0;
+    while at < line.len() {
+        let (length, count) = char_list(&line[at..]);
+        if count < MIN_CHARS {
+            scratch.push(line[at]);
+            at += 1;
+            continue;
+        }
+        let quote = line[at];
+        scratch.push(quote);
+        let end = at + length;
+        while at < end {
+            match one_char(&line[at..end]) {
+                Some((length, b)) => {
+                    scratch.extend_from_slice(b);
+                    at += length;
+                }
+                None => at += 1,
+            }
+        }
+        scratch.push(quote);
     }
     scratch
 }
@@ -98,6 +157,17 @@ mod tests {
             assert_eq!(clean(line.as_bytes(), true, line.starts_with('>'), &mut Vec::new()), cleaned.as_bytes(), "{line}");
         }
         assert_eq!(clean(b"\x1B[", true, false, &mut Vec::new()), b"");
+    }
+
+    #[test]
+    fn strings_of_one_character_are_one_string() {
+        for (line, cleaned) in [
+            (r#"<<":","1","1","0","3","0","0","E","\r","\n">>"#, r#"<<":110300E\r\n">>"#),
+            ("c = {':', '0', '1', '0', '3', '0', '0', '4'};", "c = {':0103004'};"),
+            (r#"["a", "b", "c"]"#, r#"["a", "b", "c"]"#),
+        ] {
+            assert_eq!(clean(line.as_bytes(), false, false, &mut Vec::new()), cleaned.as_bytes(), "{line}");
+        }
     }
 
     #[test]

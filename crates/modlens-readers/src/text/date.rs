@@ -107,6 +107,56 @@ pub(super) fn time_of_day(line: &[u8]) -> Option<(Ns, &[u8])> {
     Some(((hour * 3600 + minute * 60 + second) * SECOND, &line[8..]))
 }
 
+/// The length of a date, a time of day or a number with a fraction in the line at this place, with the fraction of a second after it; 0 if there is none,
+/// or if a list of bytes goes on in front of it or behind it, as in `07:03:00:10`.
+pub(super) fn stamp_length(line: &[u8], at: usize) -> usize {
+    let text = &line[at..];
+    if text.first().is_none_or(|b| !b.is_ascii_digit()) {
+        return 0;
+    }
+    let joins = |mark: Option<&u8>| matches!(mark, Some(b':' | b'-' | b'.'));
+    let follows_list = at > 1 && joins(line.get(at - 1)) && line[at - 2].is_ascii_hexdigit();
+    if follows_list {
+        return 0;
+    }
+    let seconds = number_length(text);
+    if seconds > 0 {
+        return seconds;
+    }
+    // Most words are neither.
+    if !matches!(text.get(2..5), Some([b':', ..] | [_, _, b'-' | b'/'] | [b'.' | b'-' | b'/', _, _])) {
+        return 0;
+    }
+    let goes_on = |end: usize| joins(text.get(end)) && text.get(end + 1).is_some_and(u8::is_ascii_hexdigit);
+    let ends = |end: usize| !text.get(end).is_some_and(u8::is_ascii_alphanumeric) || text[end] == b'T' || text[end] == b'Z';
+    if time_of_day(text).is_some() {
+        let fraction = |text: &[u8]| text.iter().take_while(|b| b.is_ascii_digit()).count();
+        let decimals = if matches!(text.get(8), Some(b'.' | b',' | b':')) { fraction(&text[9..]) } else { 0 };
+        let length = if decimals > 2 || (decimals > 0 && text[8] != b':') { 9 + decimals } else { 8 };
+        return if goes_on(length) || !ends(length) { 0 } else { length };
+    }
+    let length = text.len() - date(text, &mut DateOrder::default()).map_or(text.len(), |(_, rest)| rest.len());
+    let length = text[..length].trim_ascii_end().len();
+    if length >= DATE_CHARS && !goes_on(length) && ends(length) { length } else { 0 }
+}
+
+/// The length of a number with a fraction at the start of the text, such as a time in seconds; 0 for two bytes with a point
+/// between them.
+fn number_length(text: &[u8]) -> usize {
+    let digits = |text: &[u8]| text.iter().take_while(|b| b.is_ascii_digit()).count();
+    let whole = digits(text);
+    if text.get(whole) != Some(&b'.') {
+        return 0;
+    }
+    let decimals = digits(&text[whole + 1..]);
+    let length = whole + 1 + decimals;
+    let is_end = text.get(length).is_none_or(|b| !b.is_ascii_alphanumeric() && *b != b'.');
+    if is_end && decimals > 0 && (whole, decimals) != (2, 2) { length } else { 0 }
+}
+
+/// A date has at least so many characters: a day, a month and a year of four digits.
+const DATE_CHARS: usize = 8;
+
 /// Parses the fraction of a second that may follow a time of day (`.123`, `,123` or `:123`): nanoseconds, the number of
 /// decimals, and the rest of the line. Without a fraction both numbers are 0.
 ///

@@ -239,25 +239,33 @@ fn unproved(scored: &[(Arc<Dialect>, RowScore)], text: &[u8]) -> Option<FormatGu
     let why = foreign.or(odd).map_or_else(String::new, |kind| format!("; {kind}"));
     match scored.iter().max_by_key(|(row, score)| (score.bytes, !row.generic)) {
         Some((row, score)) => {
-            let reason = format!("no valid checksum in {} byte string{}{why}", score.records, plural(score.records));
+            let left = hex_left(text).map_or_else(String::new, |(lines, bytes, _)| {
+                format!("; {lines} {bytes} bytes of hex in all")
+            });
+            let reason = format!("no valid checksum in {} byte string{}{why}{left}", score.records, plural(score.records));
             Some((row.name.clone(), UNPROVED / 2.0, reason))
         }
         None if why.is_empty() => None,
-        None => Some(("raw".into(), UNPROVED / 2.0, format!("no known dialect{why}"))),
+        None => {
+            let left = unproved_hex(text).map_or_else(String::new, |left| format!("; {left}"));
+            Some(("raw".into(), UNPROVED / 2.0, format!("no known dialect{why}{left}")))
+        }
     }
 }
 
 /// What hex a text holds that nothing proves, in words; `None` if there is none.
 fn unproved_hex(text: &[u8]) -> Option<String> {
-    let lines = text.split(|&b| b == b'\n').map(hex_bytes).enumerate().filter(|(_, bytes)| *bytes > 0);
-    let (mut count, mut bytes, mut first) = (0, 0, None);
-    for (at, found) in lines {
-        count += 1;
-        bytes += found;
-        first = first.or(Some(at + 1));
-    }
-    let lines = if count == 1 { "line holds" } else { "lines hold" };
-    first.map(|first| format!("{count} {lines} {bytes} bytes of hex that no checksum proves, the first is line {first}"))
+    let (lines, bytes, first) = hex_left(text)?;
+    Some(format!("{lines} {bytes} bytes of hex that no checksum proves, the first is line {first}"))
+}
+
+/// How many lines hold hex, in words, how many bytes, and which is the first.
+fn hex_left(text: &[u8]) -> Option<(String, usize, usize)> {
+    let found: Vec<(usize, usize)> =
+        text.split(|&b| b == b'\n').map(hex_bytes).zip(1..).filter(|(bytes, _)| *bytes > 0).collect();
+    let lines = if found.len() == 1 { String::from("1 line holds") } else { format!("{} lines hold", found.len()) };
+    let (_, first) = *found.first()?;
+    Some((lines, found.iter().map(|(bytes, _)| bytes).sum(), first))
 }
 
 /// The first run of at least four hex bytes of each line, without regard to any dialect.

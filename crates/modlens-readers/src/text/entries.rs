@@ -254,6 +254,12 @@ impl EntryAssembler {
         (!is_known || side == stream.side) && !may_be_echo && self.number <= stream.number + MAX_LINES_TO_COPY
     }
 
+    /// Whether this frame is the one that was delivered before the last one, and a few lines ago, by the same party.
+    pub fn is_earlier_copy(&self, bytes: &[u8]) -> bool {
+        let is_near = |stream: &&DeviceStream| self.number <= stream.number + MAX_LINES_TO_COPY && !stream.is_mid_frame;
+        self.streams.first().filter(is_near).is_some_and(|stream| stream.previous == bytes)
+    }
+
     /// The frame that was delivered a few lines before the line of this number.
     pub fn frame_before(&self, number: u64) -> Option<&[u8]> {
         let is_near = |stream: &&DeviceStream| !stream.is_mid_frame && number <= stream.number + MAX_LINES_TO_COPY;

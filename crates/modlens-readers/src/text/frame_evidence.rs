@@ -11,8 +11,22 @@ use modlens_protocol::recognize::valid_rtu_bytes;
 /// Some devices announce, and send, so many bytes more in a frame of Modbus/TCP than its PDU has.
 const MAX_TRAILING_BYTES: usize = 2;
 
+/// The header of an MBAP frame, with the unit, and the function code.
+const MBAP_BYTES: usize = PREFIX_BYTES + 2;
+
+/// The longest MBAP frame (Modbus messaging on TCP/IP, 4.1).
+const MAX_MBAP_FRAME: usize = 260;
+
 /// The shortest RTU frame: unit, function code and CRC.
 const MIN_RTU_BYTES: usize = 4;
+
+/// Whether an MBAP frame ends with a function code whose request has no data, such as Report Server ID.
+pub(super) fn is_bare_request(bytes: &[u8]) -> bool {
+    let functions = Functions::embedded();
+    bytes.len() == MBAP_BYTES
+        && functions.row(bytes[MBAP_BYTES - 1], &[]).is_some()
+        && possible_directions(functions, &bytes[MBAP_BYTES - 1..]).0
+}
 
 /// Whether the bytes are a whole frame in any framing: they end with a valid checksum, or have the length that their MBAP
 /// header announces.
@@ -35,7 +49,9 @@ pub(super) fn check_frame(bytes: &[u8]) -> (bool, Option<Mode>) {
 pub(super) fn check_first(bytes: &[u8], length: usize) -> (bool, Option<Mode>) {
     let is_rtu = length >= MIN_RTU_BYTES && crc_valid_at(bytes, length);
     let bytes = &bytes[..length];
-    let is_tcp = announced_length(bytes) == Some(bytes.len()) && bytes.len() > 8;
+    // A request for two registers from 0 may look like a header and a function code: 01 03 00 00 00 02 C4 0B.
+    let is_bare = || !is_rtu && is_bare_request(bytes);
+    let is_tcp = announced_length(bytes) == Some(bytes.len()) && (bytes.len() > MBAP_BYTES || is_bare());
     match (is_rtu, is_tcp) {
         (true, false) => (true, Some(Mode::Rtu)),
         (false, true) => (true, Some(Mode::Tcp)),
@@ -74,7 +90,20 @@ pub(super) fn proven_bytes(bytes: &[u8]) -> usize {
         Some(Mode::Ascii) => return bytes.len(),
         _ => {}
     }
-    valid_rtu_bytes(Functions::embedded(), bytes)
+    match valid_rtu_bytes(Functions::embedded(), bytes) {
+        0 => last_mbap_frame(bytes),
+        proven => proven,
+    }
+}
+
+/// How many bytes the MBAP frame has with which the bytes end, such as one behind the headers of its packet; 0 without one.
+fn last_mbap_frame(bytes: &[u8]) -> usize {
+    let rest = |start: usize| &bytes[start..];
+    let is_frame = |frame: &[u8]| {
+        frame.len() > MBAP_BYTES && announced_length(frame) == Some(frame.len()) && has_known_function(&frame[PREFIX_BYTES + 1..])
+    };
+    let first = bytes.len().saturating_sub(MAX_MBAP_FRAME);
+    (first..bytes.len().saturating_sub(MBAP_BYTES)).map(rest).find(|frame| is_frame(frame)).map_or(0, <[u8]>::len)
 }
 
 /// Whether a PDU has the layout of a known function. Two zeros and a length that fits are in packets of other protocols,

@@ -1,6 +1,6 @@
 //! What a text without a proven frame says all the same: what is odd about its bytes, or what the program itself reports.
 
-use crate::text::proved::{longest_hex, single_bytes, single_digits};
+use crate::text::proved::{hex_front, longest_hex, sender, single_bytes, single_digits};
 use modlens_protocol::annotate::spaced_hex;
 use modlens_protocol::checksum::{crc16, crc_valid, CRC_BYTES};
 use modlens_protocol::direction::possible_directions;
@@ -137,18 +137,23 @@ pub(super) fn named_lines<'a>(lines: impl Iterator<Item = UnreadLine<'a>> + Clon
 /// What the bytes of the first line show whose bytes are odd by themselves, or beside those of the line before.
 fn odd_bytes<'a>(lines: impl Iterator<Item = UnreadLine<'a>>) -> Option<String> {
     let mut before = Vec::new();
+    let mut side_before = None;
     for UnreadLine { number, text, before: read } in lines {
         let line = without_emphasis(text);
         let Some(bytes) = single_digits(&line).or_else(|| longest_hex(&line)) else { continue };
         if bytes.len() < LEAST_BYTES {
             continue;
         }
-        let beside = |before: &[u8]| Oddity::of_answer(before, &bytes).or_else(|| Oddity::of_copy(before, &bytes));
+        // Where the words say that both were sent, the second is no answer to the first.
+        let side = hex_front(&line).and_then(sender);
+        let is_of_other = side.is_none() || side != side_before;
+        let of_answer = |before: &[u8]| Oddity::of_answer(before, &bytes).filter(|_| is_of_other);
+        let beside = |before: &[u8]| of_answer(before).or_else(|| Oddity::of_copy(before, &bytes));
         let own = || Oddity::of(&bytes);
         if let Some(oddity) = Oddity::of_copy(read, &bytes).or_else(own).or_else(|| beside(&before)) {
             return Some(format!("in line {number} {}", oddity.words()));
         }
-        before = bytes;
+        (before, side_before) = (bytes, side);
     }
     None
 }

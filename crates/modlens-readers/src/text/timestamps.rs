@@ -156,6 +156,11 @@ impl TimestampParser {
         self.state.delta_sum_ns
     }
 
+    /// Lets the sum of the differences begin again.
+    pub fn restart_deltas(&mut self) {
+        self.state.delta_sum_ns = 0;
+    }
+
     /// Parses a timestamp at the start of the line, in brackets or not; returns it and the rest of the line.
     pub fn take_leading<'a>(&mut self, line: &'a [u8]) -> (Option<Ns>, &'a [u8]) {
         if !line.first().is_some_and(|b| b.is_ascii_digit() || *b == b'[') {
@@ -219,6 +224,7 @@ impl TimestampParser {
         }
         let text = front.trim_ascii_start();
         let text = text.strip_prefix(b"[").or_else(|| text.strip_prefix(b"(")).unwrap_or(text).trim_ascii_start();
+        let text = text.strip_prefix(b"+").unwrap_or(text);
         self.seconds_stamp(text).or_else(|| self.count_stamp(text)).map(|(time, _)| time)
     }
 

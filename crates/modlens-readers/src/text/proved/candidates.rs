@@ -17,6 +17,42 @@ pub(in crate::text) fn other_hex(line: &[u8], start: usize) -> Vec<Found> {
     runs.map(|run| found(line, start..run.text.start, run.bytes, None, Worth::Beside)).collect()
 }
 
+/// Fewer bytes are a number of other meaning.
+pub(in crate::text) const MIN_REST_BYTES: usize = 4;
+
+/// The hex in a line that is not among the bytes which are known of it, each of which stands for one place in the line.
+pub(in crate::text) fn rest_of(line: &[u8], known: &[Vec<u8>]) -> Vec<(Range<usize>, Vec<u8>)> {
+    let mut known: Vec<&[u8]> = known.iter().map(Vec::as_slice).filter(|bytes| !bytes.is_empty()).collect();
+    known.sort_by_key(|bytes| std::cmp::Reverse(bytes.len()));
+    let runs = hex_runs(&line[..part_end(line, 0)]);
+    let runs = runs.into_iter().filter(|run| hex_bytes(&line[run.text.clone()]) > 0 && !is_other_text(line, &run.text));
+    let mut rest = Vec::new();
+    for run in runs {
+        let mut parts = vec![run.bytes];
+        known.retain(|bytes| !take_out(&mut parts, bytes));
+        rest.extend(parts.into_iter().filter(|part| part.len() >= MIN_REST_BYTES).map(|part| (run.text.clone(), part)));
+    }
+    rest
+}
+
+/// Takes bytes out of the part that holds them, or that they hold. Returns whether there is one.
+fn take_out(parts: &mut Vec<Vec<u8>>, bytes: &[u8]) -> bool {
+    let found = parts.iter().enumerate().find_map(|(i, part)| Some((i, memchr::memmem::find(part, bytes)?)));
+    if let Some((i, at)) = found {
+        let part = parts.swap_remove(i);
+        parts.extend([part[..at].to_vec(), part[at + bytes.len()..].to_vec()]);
+        return true;
+    }
+    let before = parts.len();
+    parts.retain(|part| part.len() < MIN_REST_BYTES || memchr::memmem::find(bytes, part).is_none());
+    parts.len() < before
+}
+
+/// Whether this text is that of bytes as characters, as dumps have it beside them.
+pub(in crate::text) fn is_column(text: &[u8], bytes: &[u8]) -> bool {
+    memchr::memmem::find(bytes, text).is_some()
+}
+
 /// The runs of a line with the text in front of each, which begins at the run before unless that is a short one.
 pub(super) fn fronts(line: &[u8], start: usize, runs: Vec<Run>) -> impl Iterator<Item = (Range<usize>, Run)> + '_ {
     let mut from = start;

@@ -15,6 +15,9 @@ pub(super) const MIN_LISTED_BYTES: usize = 3;
 /// So many bytes in front of a frame or after it, which nothing but the notation ties to it, were on the line as well.
 pub(super) const MIN_NEIGHBOUR_BYTES: usize = 4;
 
+/// A date and a time with a fraction of a second have at most so many pairs of digits.
+const MAX_DATE_BYTES: usize = 10;
+
 /// What the bytes found in a line are worth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::text) enum Worth {
@@ -91,10 +94,16 @@ fn parts(run: &Run, frames: &[Range<usize>]) -> Vec<(Range<usize>, Worth)> {
         }
         _ => parts.push((gap.clone(), gap_worth(&run.bytes[gap.clone()], is_glued(gap.start), false))),
     }
-    // What has decimal digits only may be a date.
-    let is_listed = |bytes: &[u8]| bytes.len() >= MIN_LISTED_BYTES && bytes.iter().any(|b| b >> 4 > 9 || b & 15 > 9);
+    let is_listed = |bytes: &[u8]| bytes.len() >= MIN_LISTED_BYTES && !may_be_date(bytes);
     parts.retain(|(range, worth)| !range.is_empty() && (*worth != Worth::Beside || is_listed(&run.bytes[range.clone()])));
     parts
+}
+
+/// Whether so few decimal digits may be a date and a time.
+fn may_be_date(bytes: &[u8]) -> bool {
+    let is_decimal = bytes.iter().all(|b| b >> 4 < 10 && b & 15 < 10);
+    let has_year = |at: usize| bytes.get(at).is_some_and(|century| matches!(century, 0x19 | 0x20));
+    is_decimal && (bytes.len() < MIN_NEIGHBOUR_BYTES || (bytes.len() <= MAX_DATE_BYTES && (has_year(0) || has_year(2))))
 }
 
 /// What bytes beside a frame are worth. They were on the line if the separators are the same, unless they are so few that they

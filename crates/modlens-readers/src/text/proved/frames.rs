@@ -7,7 +7,7 @@
 use std::ops::Range;
 
 use crate::text::encapsulation::solarman_rtu_frame;
-use crate::text::frame_evidence::is_ascii_frame;
+use crate::text::frame_evidence::{is_ascii_frame, is_bare_request};
 use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::mbap::{announced_length, layout_fits, PREFIX_BYTES};
@@ -97,7 +97,7 @@ pub(super) fn is_checked_frame(bytes: &[u8]) -> bool {
 
 /// Whether the PDU after an MBAP header of the right length has the layout of its function.
 fn is_tcp_frame(bytes: &[u8]) -> bool {
-    bytes.len() > PREFIX_BYTES + 2 && fits_known_function(&bytes[PREFIX_BYTES + 1..])
+    (bytes.len() > PREFIX_BYTES + 2 || is_bare_request(bytes)) && fits_known_function(&bytes[PREFIX_BYTES + 1..])
 }
 
 /// Whether a PDU has the layout of a function that the specification has.

@@ -44,6 +44,12 @@ pub(in crate::text) fn longest_hex(line: &[u8]) -> Option<Vec<u8>> {
     runs.map(Run::without_number).map(|run| run.bytes).max_by_key(Vec::len)
 }
 
+/// The text of a line in front of its longest run of hex.
+pub(in crate::text) fn hex_front(line: &[u8]) -> Option<&[u8]> {
+    let run = hex_runs(&line[..part_end(line, 0)]).into_iter().max_by_key(|run| run.bytes.len())?;
+    Some(&line[..run.text.start])
+}
+
 /// Characters that make an escape sequence after a backslash.
 const ESCAPES: &[u8] = b"\\'\"0123456789abefnrtuvxX";
 

@@ -37,10 +37,10 @@ use runs::{hex_runs, number_runs, Run, Style};
 use shapes::{any_shape, shape, Shape, Shapes};
 use statements::Statements;
 
-pub(super) use candidates::other_hex;
+pub(super) use candidates::{is_column, other_hex, rest_of, MIN_REST_BYTES};
 pub(super) use found::{Found, Worth};
 pub(super) use items::is_byte_line;
-pub(super) use line_runs::{hex_bytes, is_words, longest_hex, single_bytes, single_digits};
+pub(super) use line_runs::{hex_bytes, hex_front, is_words, longest_hex, single_bytes, single_digits};
 pub(super) use sender::{denies, ends_with_index, sender, sender_below};
 
 /// What the lines so far have shown.

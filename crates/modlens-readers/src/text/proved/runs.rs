@@ -6,6 +6,7 @@
 
 use std::ops::Range;
 
+use crate::text::date::stamp_length;
 use modlens_protocol::hex::{decode_pairs, digit_at, INVALID_DIGIT};
 
 /// The most characters that may separate two bytes of a run.
@@ -111,6 +112,11 @@ fn runs(line: &[u8], read: impl Fn(&[u8], Range<usize>, &mut Vec<u8>) -> Option<
     while let Some(word) = next_word(line, at) {
         let separator = at..word.start;
         at = word.end;
+        let stamp = stamp_length(line, word.start);
+        if stamp > 0 {
+            (at, is_open) = (word.start + stamp, false);
+            continue;
+        }
         bytes.clear();
         let style = read(line, word.clone(), &mut bytes);
         is_open &= style.is_some() && all.last().map(|run| run.style) == style && may_separate(&line[separator.clone()]);

@@ -1,5 +1,6 @@
 //! Numbers around the bytes of a line that a dialect of any program takes for bytes as well.
 
+use crate::text::date::time_of_day;
 use crate::text::frame_evidence;
 use crate::text::proved::is_words;
 use crate::text::template::LineMatch;
@@ -7,8 +8,20 @@ use crate::text::template::LineMatch;
 /// The fewest bytes that a number in front of them may count.
 const MIN_COUNTED: usize = 3;
 
+/// Hours, minutes and seconds.
+const TIME_NUMBERS: usize = 3;
+
 /// Fewer bytes than these in a line of words are numbers.
 const MIN_BYTES_IN_WORDS: usize = 4;
+
+/// Whether what was found is a time of day, such as `10:00:05`, which is never bytes.
+pub(super) fn are_time(line: &[u8], found: &LineMatch, bytes: &[u8]) -> bool {
+    bytes.len() == TIME_NUMBERS
+        && line.get(found.bytes_start..).is_some_and(|text| {
+            let start = text.iter().take_while(|b| !b.is_ascii_alphanumeric()).count();
+            time_of_day(&text[start..]).is_some_and(|(_, rest)| rest.first().is_none_or(|b| !b.is_ascii_hexdigit()))
+        })
+}
 
 /// Whether the first of the bytes that were found in the line is a number which counts the others, as in `TX [8] 01 03 ..`: what
 /// separates it from them is not what separates those, and with it the bytes are no frame.

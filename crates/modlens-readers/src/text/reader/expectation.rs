@@ -5,7 +5,7 @@
 
 use crate::chunk::Side;
 use crate::text::direction_words::{meaning, words, Rank};
-use crate::text::proved::Found;
+use crate::text::proved::{hex_bytes, hex_front, Found};
 use crate::text::reader::Reader;
 use crate::text::role::LineRole;
 
@@ -108,6 +108,9 @@ const SHOULD_ALONE: &[&str] = &["true", "right", "correct", "expected", "good", 
 /// Such a word right in front of bytes, perhaps as the name of an array.
 const SHOULD_LAST: &[&str] = &["expected", "expect", "expectation", "ideal", "soll"];
 
+/// Such a word for bytes that did come.
+const CAME_LAST: &[&str] = &["actual", "got", "received", "wrong", "real"];
+
 /// Whether the words of a text announce bytes that should have come (`Some(true)`), or that did; `None` without any.
 fn announces(text: &[u8]) -> Option<bool> {
     if text.len() > MAX_CHARS {
@@ -127,19 +130,48 @@ fn announces(text: &[u8]) -> Option<bool> {
     }
 }
 
+/// Whether a text has bytes of which its words say that they did come, perhaps as the name of a variable. What a test of a
+/// program expects is else the only print of a frame.
+pub(super) fn tells_what_came(line: &[u8]) -> bool {
+    line.len() <= MAX_CHARS
+        && hex_front(line).is_some_and(|front| {
+            let text = String::from_utf8_lossy(front).to_lowercase();
+            hex_bytes(line) > 0 && !names_expected(&text) && (announces(front) == Some(false) || names(&text, CAME_LAST))
+        })
+}
+
+/// Whether the last word of this text in lower case is one of these.
+fn names(text: &str, known: &[&str]) -> bool {
+    let mut words = text.split(|c: char| !c.is_alphanumeric()).filter(|word| word.chars().any(char::is_alphabetic));
+    words.next_back().is_some_and(|word| known.contains(&word))
+}
+
+fn names_expected(text: &str) -> bool {
+    names(text, SHOULD_LAST)
+}
+
+/// Whether this text right in front of bytes is that of a variable in a program, which has what they should be.
+fn is_variable(front: &[u8]) -> bool {
+    let text = String::from_utf8_lossy(front).to_lowercase();
+    text.contains('=') && names_expected(&text)
+}
+
 /// Whether this text right in front of bytes, or right after the last ones, says that they should have come.
 fn are_expected(front: &[u8], behind: Option<&[u8]>) -> bool {
     let front_text = String::from_utf8_lossy(front).to_lowercase();
     let says_instead = || front_text.trim_end().ends_with("instead of");
-    let mut words = front_text.split(|c: char| !c.is_alphanumeric()).filter(|word| word.chars().any(char::is_alphabetic));
-    let names_them = words.next_back().is_some_and(|word| SHOULD_LAST.contains(&word));
-    announces(front) == Some(true) || says_instead() || names_them || behind.is_some_and(|text| announces(text) == Some(true))
+    announces(front) == Some(true) || says_instead() || names_expected(&front_text) || behind.is_some_and(|text| announces(text) == Some(true))
 }
 
 impl Reader {
     /// Whether frames of the current line may be ones that only should have come: in a short text, after others that did.
     fn may_be_expected(&self) -> bool {
         self.number <= LAST_LINE && self.assembler.records > 0 && !self.is_counting()
+    }
+
+    /// Whether this text in front of bytes is that of a variable for what a test expects, in a text that shows nothing else.
+    fn is_only_print(&self, front: &[u8]) -> bool {
+        !self.tells_what_came && is_variable(front)
     }
 
     /// Whether prose announces the bytes of the next lines, so that they are left out.
@@ -163,10 +195,11 @@ impl Reader {
         let start = self.matches.first().map_or(0, |(_, found, _)| found.start);
         let (front, behind) = (&line[..start], line.get(self.tail..).unwrap_or(&[]));
         self.expects_what_follows &= announces(front) != Some(false);
-        let is_expected = self.expects_what_follows || are_expected(front, Some(behind));
+        let is_expected = self.expects_what_follows || (are_expected(front, Some(behind)) && !self.is_only_print(front));
         if is_expected {
             let found = std::mem::take(&mut self.found);
             self.assembler.skip(self.number, &found, EXPECTED);
+            self.account_for(&found);
             self.found = found;
         }
         is_expected
@@ -181,12 +214,13 @@ impl Reader {
         self.expects_what_follows &= fronts.iter().all(|front| announces(front) != Some(false));
         let expects = self.expects_what_follows;
         let last = all.len().saturating_sub(1);
-        let expected: Vec<bool> = fronts.iter().map(|front| expects || are_expected(front, None)).collect();
+        let expected: Vec<bool> = fronts.iter().map(|front| expects || (are_expected(front, None) && !self.is_only_print(front))).collect();
         let mut kept = Vec::new();
         for (at, (one, is_expected)) in all.into_iter().zip(expected).enumerate() {
             let is_behind = at == last && announces(behind(line, &one)) == Some(true);
             if is_expected || is_behind {
                 self.assembler.skip(self.number, &one.bytes, EXPECTED);
+                self.account_for(&one.bytes);
             } else {
                 kept.push(one);
             }

@@ -1,6 +1,7 @@
 //! Reads a text line by line with the dialects that it needs.
 
 mod counts;
+mod deltas;
 mod expectation;
 mod fallback;
 mod label;
@@ -9,6 +10,7 @@ mod look_ahead;
 mod prose;
 mod proved_lines;
 mod regular_lines;
+mod rest;
 mod unread_lines;
 
 use std::collections::VecDeque;
@@ -25,7 +27,7 @@ use crate::text::notation::Notation;
 use crate::text::proved::{ends_with_index, hex_bytes, sender, ProvedHex};
 use crate::text::role::LineRole;
 use crate::text::template::{LineMatch, MatchContext, Template};
-use crate::text::timestamps::{delta, TimestampParser};
+use crate::text::timestamps::TimestampParser;
 use crate::text::LogEntry;
 use label::Label;
 pub(super) use look_ahead::Marks;
@@ -99,14 +101,24 @@ pub struct Reader {
     proved: Option<Box<ProvedHex>>,
     /// Which statement of the program has printed the last bytes: the shape of its lines, or the dialect that has read them.
     last_voice: Option<u64>,
+    /// The same for the bytes before these.
+    voice_before: Option<u64>,
+    /// The last frame of the text repeated the last one that was read.
+    repeats: bool,
     /// In front of bytes that a dialect has read, so many characters held no frame.
     plain_front: usize,
     unread_lines: UnreadLines,
+    /// Bytes of the current line that were read or are listed.
+    accounted: Vec<Vec<u8>>,
     prose: Prose,
     /// The last line that may be a label for the bytes below it.
     label: Option<Label>,
     /// The last line of prose says that the bytes below should have come, not that they did.
     expects_what_follows: bool,
+    /// A line has bytes of which its words say that they came.
+    tells_what_came: bool,
+    /// The program was started again since the last printed difference of times.
+    is_new_run: bool,
     /// The next line may be a regular one.
     expects_regular_lines: bool,
     /// All lines are read in the general way; only tests ask for that.
@@ -148,11 +160,16 @@ impl Reader {
             proved: proved_row.is_some().then(Box::default),
             proved_row,
             last_voice: None,
+            voice_before: None,
+            repeats: false,
             plain_front: 0,
             unread_lines: UnreadLines::default(),
+            accounted: Vec::new(),
             prose: Prose::default(),
             label: None,
             expects_what_follows: false,
+            tells_what_came: false,
+            is_new_run: false,
             expects_regular_lines: false,
             is_general: false,
             frame: Box::new([0; FRAME_ROOM]),
@@ -279,15 +296,18 @@ impl Reader {
         {
             self.leave_unread(text, has_deltas);
         }
-        if let Some(delta) = delta(text).filter(|_| has_deltas) {
-            let time = self.timestamps.add_delta(delta);
-            self.assembler.end_frame_at(time, &self.timestamps);
+        self.list_rest(line);
+        if has_deltas {
+            self.add_delta(text);
         }
     }
 
     /// Counts a line that nothing reads. A comment counts only if it holds hex, and ends nothing that was announced.
     fn leave_unread(&mut self, text: &[u8], has_deltas: bool) {
         self.note_label(text);
+        if has_deltas {
+            self.note_run(text);
+        }
         if is_comment(text) && hex_bytes(text) == 0 {
             return;
         }
@@ -317,6 +337,9 @@ impl Reader {
                 found.time = self.prose.take_time_before(self.number);
             }
             from = *end;
+            if *role != LineRole::Ignored {
+                self.accounted.push(bytes.to_vec());
+            }
             // What two dialects print of one frame is one frame: ESPHome's modbus says what it writes, and its uart does as well.
             if let (LineRole::Bytes(side), true) = (*role, self.last_voice.is_some_and(|last| Some(last) != voice)) {
                 if self.assembler.is_copy(bytes, found.side.or(side)) {
@@ -325,7 +348,7 @@ impl Reader {
                 }
             }
             self.assembler.take(dialect, *role, found, bytes, &self.timestamps);
-            self.last_voice = voice;
+            (self.voice_before, self.last_voice, self.repeats) = (self.last_voice, voice, false);
             if dialect.generic && self.may_be_quoted() {
                 self.prose.remember(bytes);
             }
@@ -367,7 +390,7 @@ impl Reader {
     fn collect_matches(&mut self, dialect: &Dialect, line: &[u8]) -> bool {
         self.matches.clear();
         self.found.clear();
-        let (mut from, mut must_reach_line_end) = (0, false);
+        let (mut from, mut front, mut must_reach_line_end) = (0, 0, false);
         let saved_state = self.timestamps.state;
         while from < line.len() && self.matches.len() < MAX_MATCHES_PER_LINE {
             let Some((role, mut found, to_line_end)) = self.next_match(dialect, line, from) else { break };
@@ -381,7 +404,8 @@ impl Reader {
                 self.timestamps.state = saved_state;
                 return false;
             }
-            if dialect.is_plain_hex && found.side.is_none() && counts::are_numbers(line, &self.bytes) {
+            let are_numbers = dialect.is_plain_hex && found.side.is_none() && counts::are_numbers(line, &self.bytes);
+            if are_numbers || counts::are_time(line, &found, &self.bytes) {
                 (from, must_reach_line_end) = (found.end.max(from + 1), to_line_end);
                 continue;
             }
@@ -390,10 +414,11 @@ impl Reader {
             if let Some((start, end)) = found.key {
                 found.key = Some((self.assembler.key(line[start..end].trim_ascii()), 0));
             }
-            if found.time.is_none() && found.start > from {
-                found.time = self.timestamps.find(&line[from..found.start]);
+            if found.time.is_none() && found.start > front {
+                found.time = self.timestamps.find(&line[front..found.start]);
             }
             (from, must_reach_line_end) = (found.end.max(from + 1), to_line_end);
+            front = from;
             self.matches.push((role, found, self.found.len()));
         }
         self.tail = self.matches.last().map_or(from, |(_, found, _)| if found.bytes_end > 0 { found.bytes_end } else { from });

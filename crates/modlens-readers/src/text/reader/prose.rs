@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use crate::text::date::time_of_day;
 use modlens_protocol::Ns;
 
 /// A line with so many words is a sentence.
@@ -13,6 +14,9 @@ const MAX_REMEMBERED: usize = 64;
 /// A line with a time and nothing else has at most so many letters and characters.
 const MAX_LABEL_LETTERS: usize = 16;
 const MAX_TIME_LINE_CHARS: usize = 64;
+
+/// A line that begins with a time, and has bytes below it, has at most so many characters.
+const MAX_STAMPED_CHARS: usize = 120;
 
 /// The fewest digits of a time of day with seconds.
 const MIN_TIME_DIGITS: usize = 6;
@@ -70,11 +74,18 @@ pub(super) fn is_sentence(line: &[u8]) -> bool {
     words.take(MIN_SENTENCE_WORDS).count() == MIN_SENTENCE_WORDS
 }
 
+/// Whether a line begins with a time of day in brackets, as a program prints it in front of words, and of bytes below them.
+fn begins_with_time(text: &[u8]) -> bool {
+    let inner = text.strip_prefix(b"[");
+    text.len() <= MAX_STAMPED_CHARS && inner.is_some_and(|text| time_of_day(text).is_some())
+}
+
 /// Whether a line may hold a time, a name for it, and nothing else.
 pub(super) fn may_be_time(text: &[u8]) -> bool {
     let count = |is: fn(&u8) -> bool| text.iter().filter(|b| is(b)).count();
-    text.len() <= MAX_TIME_LINE_CHARS
-        && text.contains(&b':')
+    begins_with_time(text)
+        || text.len() <= MAX_TIME_LINE_CHARS
+            && text.contains(&b':')
         && count(u8::is_ascii_alphabetic) <= MAX_LABEL_LETTERS
         && count(u8::is_ascii_digit) >= MIN_TIME_DIGITS
 }

@@ -13,7 +13,7 @@ use crate::text::template::LineMatch;
 use modlens_protocol::Ns;
 
 /// The reason reported for bytes that are beside a frame in a line.
-const BESIDE: &str = "hex beside a frame that no checksum proves";
+pub(super) const BESIDE: &str = "hex beside a frame that no checksum proves";
 
 /// A line has at least so many letters and digits after its bytes, if these hold a further frame.
 const MIN_TAIL_CHARS: usize = 10;
@@ -136,6 +136,7 @@ impl Reader {
             } else if i > 0 {
                 time = self.timestamps.find(&line[one.front.clone()]).or(time);
             }
+            self.account_for(&one.bytes);
             for (number, text) in &one.earlier {
                 self.unread_lines.remove(*number, text);
             }
@@ -176,17 +177,24 @@ impl Reader {
             self.assembler.skip_copy(&one.bytes);
         } else if one.worth == Worth::Beside {
             self.assembler.skip(self.assembler.number, &one.bytes, BESIDE);
-        } else if one.worth == Worth::Frame && is_other_voice && self.assembler.is_copy(&one.bytes, side) {
+        } else if one.worth == Worth::Frame && is_other_voice && self.is_repeated(&one.bytes, side, voice) {
             self.assembler.skip_copy(&one.bytes);
+            self.repeats = true;
         } else {
             let flags = NotationFlags { no_checksum: one.lacks_checksum };
             let found = LineMatch { time, side, flags, ..LineMatch::default() };
             self.assembler.take(&row, LineRole::Bytes(side), &found, &one.bytes, &self.timestamps);
-            self.last_voice = voice;
+            (self.voice_before, self.last_voice, self.repeats) = (self.last_voice, voice, false);
             if self.may_be_quoted() {
                 self.prose.remember(&one.bytes);
             }
         }
+    }
+
+    /// Whether a statement of the program repeats the frame that another one printed last, or after such a one the frame before.
+    fn is_repeated(&self, bytes: &[u8], side: Option<Side>, voice: Option<u64>) -> bool {
+        let is_other = self.voice_before.is_some() && self.voice_before != voice;
+        self.assembler.is_copy(bytes, side) || (self.repeats && is_other && self.assembler.is_earlier_copy(bytes))
     }
 }
 

@@ -1,0 +1,90 @@
+//! Lists the hex of a line that is neither read nor skipped, so that nothing of a line which was read is lost silently.
+
+use crate::text::date::stamp_length;
+use crate::text::proved::{is_column, rest_of, MIN_REST_BYTES};
+use crate::text::reader::proved_lines::BESIDE;
+use crate::text::reader::Reader;
+
+/// What the words of a line are, as far as a short look at it shows.
+struct Words<'a> {
+    line: &'a [u8],
+    at: usize,
+}
+
+impl Words<'_> {
+    /// How many bytes of hex the next word holds; dates and times hold none. `None` at the end of the line.
+    fn next_bytes(&mut self) -> Option<usize> {
+        let rest = &self.line[self.at..];
+        self.at += rest.iter().position(u8::is_ascii_alphanumeric)?;
+        let rest = &self.line[self.at..];
+        let stamp = stamp_length(self.line, self.at);
+        if stamp > 0 {
+            self.at += stamp;
+            return Some(0);
+        }
+        let length = rest.iter().take_while(|b| b.is_ascii_alphanumeric()).count();
+        self.at += length;
+        let word = &rest[..length];
+        let digits = word.strip_prefix(b"0x").unwrap_or(word);
+        let is_byte = digits.iter().all(u8::is_ascii_hexdigit) && (digits.len() < word.len() || digits.len() % 2 == 0);
+        Some(if is_byte { digits.len().div_ceil(2) } else { 0 })
+    }
+}
+
+/// Whether a line holds so many bytes of hex more than were read of it that some of them may be lost.
+fn may_hold_more(line: &[u8], read: usize) -> bool {
+    let mut words = Words { line, at: 0 };
+    let mut bytes = 0;
+    while let Some(more) = words.next_bytes() {
+        bytes += more;
+        if bytes >= read + MIN_REST_BYTES {
+            return true;
+        }
+    }
+    false
+}
+
+impl Reader {
+    /// Remembers bytes of the current line that were read or are listed.
+    pub(super) fn account_for(&mut self, bytes: &[u8]) {
+        if self.proved.is_some() {
+            self.accounted.push(bytes.to_vec());
+        }
+    }
+
+    /// Lists the hex of the line that was neither read nor listed.
+    pub(super) fn list_rest(&mut self, line: &[u8]) {
+        let accounted = std::mem::take(&mut self.accounted);
+        let read = accounted.iter().map(Vec::len).sum();
+        if !accounted.is_empty() && may_hold_more(line, read) {
+            for (place, bytes) in rest_of(line, &accounted) {
+                let is_copy = accounted.iter().any(|known| known.windows(bytes.len()).any(|part| part == bytes));
+                if is_copy || self.assembler.has_printed(&bytes) {
+                    self.assembler.skip_copy(&bytes);
+                } else if !accounted.iter().any(|known| is_column(&line[place.clone()], known)) {
+                    self.assembler.skip(self.number, &bytes, BESIDE);
+                }
+            }
+        }
+        self.accounted = accounted;
+        self.accounted.clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_short_look_shows_whether_a_line_holds_more() {
+        for (line, read, more) in [
+            ("2026-11-21 12:30:05.250 TX: 07 03 00 10", 4, false),
+            ("2026-11-21 12:30:05.250 TX: 07 03 00 10", 0, true),
+            ("21.11.2026 12:30:05 TX 0x7 0x3 0x0 0x10", 4, false),
+            ("07:03:00:10 07 03", 2, true),
+            ("12:30:05", 0, false),
+        ] {
+            assert_eq!(may_hold_more(line.as_bytes(), read), more, "{line}");
+        }
+    }
+}
