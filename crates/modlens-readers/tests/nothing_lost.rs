@@ -18,9 +18,28 @@ const FRAMES: [&str; 6] = [
 
 /// What may be in front of bytes, and behind them.
 const FRONTS: [&str; 22] = [
-    "", "TX: ", "RX: ", "sent (8): ", "Gesendet: ", "-> ", "<- ", "[12:30:05.250] ", "12:30:05 answer ", "// ", "# got ", "/* ",
-    "* D (123) mb: rx ", "data = \"", "uint8_t reply[] = {", "the meter then sends ", "[I] foo: TX(8) -> ", "> ", "  | ", "0000: ",
-    "x[3]=", "logs << \"[10:00:05] RX: ",
+    "",
+    "TX: ",
+    "RX: ",
+    "sent (8): ",
+    "Gesendet: ",
+    "-> ",
+    "<- ",
+    "[12:30:05.250] ",
+    "12:30:05 answer ",
+    "// ",
+    "# got ",
+    "/* ",
+    "* D (123) mb: rx ",
+    "data = \"",
+    "uint8_t reply[] = {",
+    "the meter then sends ",
+    "[I] foo: TX(8) -> ",
+    "> ",
+    "  | ",
+    "0000: ",
+    "x[3]=",
+    "logs << \"[10:00:05] RX: ",
 ];
 const BEHINDS: [&str; 12] =
     ["", " // good", "  |........|", " (8 bytes)", "\";", " };", " ...", ", crc wrong", "]", " */", " = 300 V", " | ok"];

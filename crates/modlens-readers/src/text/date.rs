@@ -137,7 +137,11 @@ pub(super) fn stamp_length(line: &[u8], at: usize) -> usize {
     }
     let length = text.len() - date(text, &mut DateOrder::default()).map_or(text.len(), |(_, rest)| rest.len());
     let length = text[..length].trim_ascii_end().len();
-    if length >= DATE_CHARS && !goes_on(length) && ends(length) { length } else { 0 }
+    if length >= DATE_CHARS && !goes_on(length) && ends(length) {
+        length
+    } else {
+        0
+    }
 }
 
 /// The length of a number with a fraction at the start of the text, such as a time in seconds; 0 for two bytes with a point
@@ -151,7 +155,11 @@ fn number_length(text: &[u8]) -> usize {
     let decimals = digits(&text[whole + 1..]);
     let length = whole + 1 + decimals;
     let is_end = text.get(length).is_none_or(|b| !b.is_ascii_alphanumeric() && *b != b'.');
-    if is_end && decimals > 0 && (whole, decimals) != (2, 2) { length } else { 0 }
+    if is_end && decimals > 0 && (whole, decimals) != (2, 2) {
+        length
+    } else {
+        0
+    }
 }
 
 /// A date has at least so many characters: a day, a month and a year of four digits.

@@ -239,9 +239,8 @@ fn unproved(scored: &[(Arc<Dialect>, RowScore)], text: &[u8]) -> Option<FormatGu
     let why = foreign.or(odd).map_or_else(String::new, |kind| format!("; {kind}"));
     match scored.iter().max_by_key(|(row, score)| (score.bytes, !row.generic)) {
         Some((row, score)) => {
-            let left = hex_left(text).map_or_else(String::new, |(lines, bytes, _)| {
-                format!("; {lines} {bytes} bytes of hex in all")
-            });
+            let left =
+                hex_left(text).map_or_else(String::new, |(lines, bytes, _)| format!("; {lines} {bytes} bytes of hex in all"));
             let reason = format!("no valid checksum in {} byte string{}{why}{left}", score.records, plural(score.records));
             Some((row.name.clone(), UNPROVED / 2.0, reason))
         }

@@ -160,7 +160,10 @@ fn is_variable(front: &[u8]) -> bool {
 fn are_expected(front: &[u8], behind: Option<&[u8]>) -> bool {
     let front_text = String::from_utf8_lossy(front).to_lowercase();
     let says_instead = || front_text.trim_end().ends_with("instead of");
-    announces(front) == Some(true) || says_instead() || names_expected(&front_text) || behind.is_some_and(|text| announces(text) == Some(true))
+    announces(front) == Some(true)
+        || says_instead()
+        || names_expected(&front_text)
+        || behind.is_some_and(|text| announces(text) == Some(true))
 }
 
 impl Reader {
@@ -214,7 +217,8 @@ impl Reader {
         self.expects_what_follows &= fronts.iter().all(|front| announces(front) != Some(false));
         let expects = self.expects_what_follows;
         let last = all.len().saturating_sub(1);
-        let expected: Vec<bool> = fronts.iter().map(|front| expects || (are_expected(front, None) && !self.is_only_print(front))).collect();
+        let expected: Vec<bool> =
+            fronts.iter().map(|front| expects || (are_expected(front, None) && !self.is_only_print(front))).collect();
         let mut kept = Vec::new();
         for (at, (one, is_expected)) in all.into_iter().zip(expected).enumerate() {
             let is_behind = at == last && announces(behind(line, &one)) == Some(true);

@@ -342,8 +342,9 @@ impl Reader {
             }
             // What two dialects print of one frame is one frame: ESPHome's modbus says what it writes, and its uart does as well.
             if let (LineRole::Bytes(side), true) = (*role, self.last_voice.is_some_and(|last| Some(last) != voice)) {
-                if self.assembler.is_copy(bytes, found.side.or(side)) {
+                if self.is_repeated(bytes, found.side.or(side), voice) {
                     self.assembler.skip_copy(bytes);
+                    self.repeats = true;
                     continue;
                 }
             }

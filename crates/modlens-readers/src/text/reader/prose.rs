@@ -86,6 +86,6 @@ pub(super) fn may_be_time(text: &[u8]) -> bool {
     begins_with_time(text)
         || text.len() <= MAX_TIME_LINE_CHARS
             && text.contains(&b':')
-        && count(u8::is_ascii_alphabetic) <= MAX_LABEL_LETTERS
-        && count(u8::is_ascii_digit) >= MIN_TIME_DIGITS
+            && count(u8::is_ascii_alphabetic) <= MAX_LABEL_LETTERS
+            && count(u8::is_ascii_digit) >= MIN_TIME_DIGITS
 }

@@ -192,7 +192,7 @@ impl Reader {
     }
 
     /// Whether a statement of the program repeats the frame that another one printed last, or after such a one the frame before.
-    fn is_repeated(&self, bytes: &[u8], side: Option<Side>, voice: Option<u64>) -> bool {
+    pub(super) fn is_repeated(&self, bytes: &[u8], side: Option<Side>, voice: Option<u64>) -> bool {
         let is_other = self.voice_before.is_some() && self.voice_before != voice;
         self.assembler.is_copy(bytes, side) || (self.repeats && is_other && self.assembler.is_earlier_copy(bytes))
     }
