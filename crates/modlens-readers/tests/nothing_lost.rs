@@ -16,7 +16,7 @@ const FRAMES: [&str; 6] = [
     "07 83 02 61 31",
 ];
 
-/// What may be in front of bytes, and behind them.
+/// What may be in front of bytes, and after them.
 const FRONTS: [&str; 22] = [
     "",
     "TX: ",

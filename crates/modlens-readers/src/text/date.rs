@@ -108,7 +108,7 @@ pub(super) fn time_of_day(line: &[u8]) -> Option<(Ns, &[u8])> {
 }
 
 /// The length of a date, a time of day or a number with a fraction in the line at this place, with the fraction of a second after it; 0 if there is none,
-/// or if a list of bytes goes on in front of it or behind it, as in `07:03:00:10`.
+/// or if it is inside a list of bytes, as in `07:03:00:10`.
 pub(super) fn stamp_length(line: &[u8], at: usize) -> usize {
     let text = &line[at..];
     if text.first().is_none_or(|b| !b.is_ascii_digit()) {

@@ -96,7 +96,7 @@ pub(super) fn proven_bytes(bytes: &[u8]) -> usize {
     }
 }
 
-/// How many bytes the MBAP frame has with which the bytes end, such as one behind the headers of its packet; 0 without one.
+/// How many bytes the MBAP frame has with which the bytes end, such as one after the headers of its packet; 0 without one.
 fn last_mbap_frame(bytes: &[u8]) -> usize {
     let rest = |start: usize| &bytes[start..];
     let is_frame = |frame: &[u8]| {

@@ -1,7 +1,7 @@
 //! Times as differences to the line before: their sum, as long as it is one run of the program.
 
-use crate::text::reader::Reader;
-use crate::text::timestamps::delta;
+use crate::text::timestamps::{delta, TimestampParser};
+use modlens_protocol::Ns;
 
 /// Commands that start a program of Node, which prints such differences.
 const COMMANDS: [&str; 8] = ["node ", "nodemon", "npm ", "npx ", "yarn ", "ts-node", "pm2 ", "node-red"];
@@ -15,20 +15,27 @@ fn is_start(text: &[u8]) -> bool {
     text.starts_with("^C") || is_restart || command.is_some_and(|command| COMMANDS.iter().any(|known| command.starts_with(known)))
 }
 
-impl Reader {
-    /// Remembers that a line without bytes ends the run of a program.
-    pub(super) fn note_run(&mut self, text: &[u8]) {
-        self.is_new_run |= is_start(text);
+/// The runs of the program that printed a text.
+#[derive(Debug, Default)]
+pub(super) struct Runs {
+    /// It was started again since the last printed difference.
+    is_new: bool,
+}
+
+impl Runs {
+    /// Notes a line without bytes.
+    pub fn note(&mut self, text: &[u8]) {
+        self.is_new |= is_start(text);
     }
 
-    /// Adds the difference at the end of a line. The first one of a run, which is 0, says nothing about the time since the last.
-    pub(super) fn add_delta(&mut self, text: &[u8]) {
-        let Some(delta) = delta(text) else { return };
-        if std::mem::take(&mut self.is_new_run) && delta == 0 {
-            self.timestamps.restart_deltas();
+    /// The time at the end of a line with such a difference. The first difference of a run, which is 0, says nothing about the
+    /// time since the last one.
+    pub fn time(&mut self, text: &[u8], timestamps: &mut TimestampParser) -> Option<Ns> {
+        let delta = delta(text)?;
+        if std::mem::take(&mut self.is_new) && delta == 0 {
+            timestamps.restart_deltas();
         }
-        let time = self.timestamps.add_delta(delta);
-        self.assembler.end_frame_at(time, &self.timestamps);
+        Some(timestamps.add_delta(delta))
     }
 }
 

@@ -3,7 +3,6 @@
 use crate::chunk::Side;
 use crate::text::clean::{clean, is_quoted};
 use crate::text::frame_evidence;
-use crate::text::reader::expectation::tells_what_came;
 use crate::text::reader::Reader;
 use crate::text::timestamps::TimestampParser;
 
@@ -15,9 +14,6 @@ pub(in crate::text) struct Marks {
     is_quoted_mail: bool,
     timestamps: TimestampParser,
 }
-
-/// So many lines are searched for words about what came.
-const MAX_PROSE_LINES: usize = 500;
 
 /// A side has requests and responses if those of the rarer kind are at least one of so many.
 const MIN_SHARE_OF_MIXED: u32 = 6;
@@ -113,7 +109,7 @@ impl Reader {
             clean(line, false, self.is_quoted_mail, &mut scratch).to_vec()
         });
         proved.learn_statements(cleaned);
-        self.tells_what_came = sample.split(|&b| b == b'\n').take(MAX_PROSE_LINES).any(tells_what_came);
+        self.expectation.look_ahead(sample);
     }
 
     /// Learns the order of dates, and whether the text is quoted.

@@ -1,17 +1,22 @@
 //! Reads a text line by line with the dialects that it needs.
 
+mod announcements;
 mod counts;
+mod delivery;
 mod deltas;
 mod expectation;
 mod fallback;
+mod known_bytes;
 mod label;
 mod labelled;
 mod look_ahead;
+mod matching;
 mod prose;
 mod proved_lines;
 mod regular_lines;
 mod rest;
 mod unread_lines;
+mod voices;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -22,19 +27,22 @@ use crate::text::clean::clean;
 use crate::text::clock::{ClockKind, ClockSettings};
 use crate::text::dialect::{Dialect, Dialects};
 use crate::text::entries::{EntryAssembler, SkippedBytes};
-use crate::text::frame_evidence;
 use crate::text::notation::Notation;
-use crate::text::proved::{ends_with_index, hex_bytes, sender, ProvedHex};
+use crate::text::proved::{hex_bytes, ProvedHex};
 use crate::text::role::LineRole;
-use crate::text::template::{LineMatch, MatchContext, Template};
+use crate::text::template::LineMatch;
 use crate::text::timestamps::TimestampParser;
 use crate::text::LogEntry;
+use announcements::Expectation;
+use deltas::Runs;
+use known_bytes::KnownBytes;
 use label::Label;
 pub(super) use look_ahead::Marks;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 use prose::{may_be_time, Prose};
 pub use unread_lines::UnreadLines;
+use voices::Voices;
 
 /// A longer line is read in blocks of at most so many bytes, so that a dump without any line end takes no more memory than
 /// one with line ends.
@@ -42,9 +50,6 @@ const MAX_LINE_BYTES: usize = 1 << 20;
 
 /// A block of a long line ends at a space or comma if there is one in its last bytes.
 const PIECE_END_BYTES: usize = 4096;
-
-/// The most matches that are taken from one line.
-const MAX_MATCHES_PER_LINE: usize = 64;
 
 /// Room for the bytes of a line, and some more, which the check of their CRC may read.
 const FRAME_ROOM: usize = 368;
@@ -99,26 +104,16 @@ pub struct Reader {
     /// The row that stands for bytes which checksums prove, and what finds them; `None` where other rows were named.
     proved_row: Option<Arc<Dialect>>,
     proved: Option<Box<ProvedHex>>,
-    /// Which statement of the program has printed the last bytes: the shape of its lines, or the dialect that has read them.
-    last_voice: Option<u64>,
-    /// The same for the bytes before these.
-    voice_before: Option<u64>,
-    /// The last frame of the text repeated the last one that was read.
-    repeats: bool,
+    voices: Voices,
     /// In front of bytes that a dialect has read, so many characters held no frame.
     plain_front: usize,
     unread_lines: UnreadLines,
-    /// Bytes of the current line that were read or are listed.
-    accounted: Vec<Vec<u8>>,
+    known_bytes: KnownBytes,
     prose: Prose,
     /// The last line that may be a label for the bytes below it.
     label: Option<Label>,
-    /// The last line of prose says that the bytes below should have come, not that they did.
-    expects_what_follows: bool,
-    /// A line has bytes of which its words say that they came.
-    tells_what_came: bool,
-    /// The program was started again since the last printed difference of times.
-    is_new_run: bool,
+    expectation: Expectation,
+    runs: Runs,
     /// The next line may be a regular one.
     expects_regular_lines: bool,
     /// All lines are read in the general way; only tests ask for that.
@@ -159,17 +154,14 @@ impl Reader {
             assembler: EntryAssembler::default(),
             proved: proved_row.is_some().then(Box::default),
             proved_row,
-            last_voice: None,
-            voice_before: None,
-            repeats: false,
+            voices: Voices::default(),
             plain_front: 0,
             unread_lines: UnreadLines::default(),
-            accounted: Vec::new(),
+            known_bytes: KnownBytes::default(),
             prose: Prose::default(),
             label: None,
-            expects_what_follows: false,
-            tells_what_came: false,
-            is_new_run: false,
+            expectation: Expectation::default(),
+            runs: Runs::default(),
             expects_regular_lines: false,
             is_general: false,
             frame: Box::new([0; FRAME_ROOM]),
@@ -289,7 +281,7 @@ impl Reader {
             // A label that has not named the bytes of this line names none.
             self.label = self.label.take().filter(|label| label.number == self.number);
             self.expects_regular_lines =
-                !self.is_general && !self.leaves_out_what_follows() && self.may_expect_regular_lines(&row);
+                !self.is_general && !self.expectation.leaves_out(self.number) && self.may_expect_regular_lines(&row);
         } else if !self.read_with_another_dialect(line)
             && (is_comment(text) || !self.read_with_unread_lines(line))
             && !self.read_proved(line)
@@ -297,8 +289,8 @@ impl Reader {
             self.leave_unread(text, has_deltas);
         }
         self.list_rest(line);
-        if has_deltas {
-            self.add_delta(text);
+        if let Some(time) = has_deltas.then(|| self.runs.time(text, &mut self.timestamps)).flatten() {
+            self.assembler.end_frame_at(time, &self.timestamps);
         }
     }
 
@@ -306,13 +298,13 @@ impl Reader {
     fn leave_unread(&mut self, text: &[u8], has_deltas: bool) {
         self.note_label(text);
         if has_deltas {
-            self.note_run(text);
+            self.runs.note(text);
         }
         if is_comment(text) && hex_bytes(text) == 0 {
             return;
         }
         if !is_comment(text) {
-            self.note_announcement(text);
+            self.expectation.note(self.number, text);
         }
         if !has_deltas && !is_comment(text) {
             self.assembler.end_announcement(&self.timestamps);
@@ -322,175 +314,6 @@ impl Reader {
             self.prose.note_time(self.number, time);
         }
         self.note_unparsed(text);
-    }
-
-    /// Passes the matches of the current line to `deliver`, which makes entries of them.
-    fn deliver_matches(&mut self, dialect: &Arc<Dialect>) {
-        let mut matches = std::mem::take(&mut self.matches);
-        self.let_label_decide(&mut matches);
-        let voice = Some(Arc::as_ptr(dialect).addr() as u64);
-        let mut from = 0;
-        for (role, found, end) in &mut matches {
-            let bytes = &self.found[from..*end];
-            // A time on a line of its own, or in a label, is that of the bytes below it.
-            if found.time.is_none() && matches!(role, LineRole::Header(_) | LineRole::Bytes(_)) {
-                found.time = self.prose.take_time_before(self.number);
-            }
-            from = *end;
-            if *role != LineRole::Ignored {
-                self.accounted.push(bytes.to_vec());
-            }
-            // What two dialects print of one frame is one frame: ESPHome's modbus says what it writes, and its uart does as well.
-            if let (LineRole::Bytes(side), true) = (*role, self.last_voice.is_some_and(|last| Some(last) != voice)) {
-                if self.is_repeated(bytes, found.side.or(side), voice) {
-                    self.assembler.skip_copy(bytes);
-                    self.repeats = true;
-                    continue;
-                }
-            }
-            self.assembler.take(dialect, *role, found, bytes, &self.timestamps);
-            (self.voice_before, self.last_voice, self.repeats) = (self.last_voice, voice, false);
-            if dialect.generic && self.may_be_quoted() {
-                self.prose.remember(bytes);
-            }
-        }
-        self.matches = matches;
-    }
-
-    /// Lets words in front of bytes in brackets say who sent them: libmodbus gives the two kinds of brackets a meaning, other
-    /// programs do not. Where a row of any program knows no word, what was learned of the text counts.
-    fn let_words_decide(&mut self, line: &[u8], row: &Dialect) {
-        let learned = |front: &[u8]| self.proved.as_ref().and_then(|proved| proved.learned_sender(front));
-        let has_label = self.side_of_label().is_some();
-        for (role, found, _) in &mut self.matches {
-            let brackets = line.get(found.start..found.start + 4);
-            let is_in_brackets = matches!(brackets, Some([b'[', _, _, b']'] | [b'<', _, _, b'>']));
-            match role {
-                LineRole::Bytes(Some(side)) if is_in_brackets && found.start > 0 => {
-                    let front = &line[..found.start];
-                    let may_mean_brackets = self.has_angles || !ProvedHex::is_label(front);
-                    let said = sender(front).or_else(|| learned(&line[..=found.start]));
-                    *role = LineRole::Bytes(said.or(Some(*side).filter(|_| may_mean_brackets)));
-                }
-                LineRole::Bytes(side @ Some(_)) if is_in_brackets && !self.has_angles && has_label => *side = None,
-                LineRole::Bytes(side @ Some(_)) if row.generic && ends_with_index(&line[..line.len().min(found.start + 2)]) => {
-                    *side = None;
-                }
-                LineRole::Bytes(side @ None) if row.generic && found.side.is_none() && found.start > 0 => {
-                    // In a table the words in front name a byte.
-                    let front = &line[..found.start];
-                    *side = learned(front).or_else(|| sender(front).filter(|_| !row.is_table()));
-                }
-                _ => {}
-            }
-        }
-    }
-
-    /// Collects all matches of a row in the line. Returns false, and forgets what the timestamps of the line have shown, if
-    /// there is none or if the row cannot read the line to its end.
-    fn collect_matches(&mut self, dialect: &Dialect, line: &[u8]) -> bool {
-        self.matches.clear();
-        self.found.clear();
-        let (mut from, mut front, mut must_reach_line_end) = (0, 0, false);
-        let saved_state = self.timestamps.state;
-        while from < line.len() && self.matches.len() < MAX_MATCHES_PER_LINE {
-            let Some((role, mut found, to_line_end)) = self.next_match(dialect, line, from) else { break };
-            // Plain bytes count as announced only if a header line announced them or they prove themselves.
-            if role == LineRole::Continuation
-                && dialect.has_headers
-                && found.offset.is_none()
-                && !self.assembler.expects_continuation()
-                && !frame_evidence::is_whole_frame(&self.bytes)
-            {
-                self.timestamps.state = saved_state;
-                return false;
-            }
-            let are_numbers = dialect.is_plain_hex && found.side.is_none() && counts::are_numbers(line, &self.bytes);
-            if are_numbers || counts::are_time(line, &found, &self.bytes) {
-                (from, must_reach_line_end) = (found.end.max(from + 1), to_line_end);
-                continue;
-            }
-            let skipped = usize::from(dialect.generic && counts::begins_with_count(line, &found, &self.bytes));
-            self.found.extend_from_slice(&self.bytes[skipped..]);
-            if let Some((start, end)) = found.key {
-                found.key = Some((self.assembler.key(line[start..end].trim_ascii()), 0));
-            }
-            if found.time.is_none() && found.start > front {
-                found.time = self.timestamps.find(&line[front..found.start]);
-            }
-            (from, must_reach_line_end) = (found.end.max(from + 1), to_line_end);
-            front = from;
-            self.matches.push((role, found, self.found.len()));
-        }
-        self.tail = self.matches.last().map_or(from, |(_, found, _)| if found.bytes_end > 0 { found.bytes_end } else { from });
-        let tail = line.get(from..).unwrap_or(&[]);
-        let is_read_to_end =
-            if must_reach_line_end { tail.iter().all(|b| b" \t\r.,;*`_|]}\"'".contains(b)) } else { may_follow(tail) };
-        let is_read = is_read_to_end && !self.matches.is_empty();
-        if !is_read {
-            self.timestamps.state = saved_state;
-        }
-        is_read
-    }
-
-    /// The match to be taken next: that of the first rule without bytes that matches, or else the match with bytes that
-    /// begins first, where the earlier rule wins a tie. Its bytes are in `self.bytes`. The boolean says that the match has
-    /// to reach the end of the line.
-    fn next_match(&mut self, dialect: &Dialect, line: &[u8], from: usize) -> Option<(LineRole, LineMatch, bool)> {
-        let anchors = &dialect.anchors;
-        for i in 0..anchors.first_rule_with_bytes {
-            let found = self.try_rule(dialect, i, |template, scratch| template.find(line, from, scratch));
-            if found.is_some() {
-                return found;
-            }
-        }
-        let mut unanchored = None;
-        for &i in &anchors.unanchored {
-            unanchored =
-                self.try_rule(dialect, i, |template, scratch| template.find(line, from, scratch)).map(|found| (i, found));
-            if unanchored.is_some() {
-                break;
-            }
-        }
-        let mut at = from;
-        while let Some(start) = anchors.next(line, at) {
-            let before = |i: usize| unanchored.as_ref().is_none_or(|(rule, (_, found, _))| (start, i) < (found.start, *rule));
-            for i in anchors.rules(line, start, dialect.rules.len()).take_while(|&i| before(i)) {
-                if !dialect.rules[i].1.may_begin(line, start) {
-                    continue;
-                }
-                let found = self.try_rule(dialect, i, |template, scratch| template.match_at(line, start, scratch));
-                if found.is_some() {
-                    return found;
-                }
-            }
-            if !before(0) {
-                break;
-            }
-            at = start + 1;
-        }
-        let (i, found) = unanchored?;
-        // The attempts at later positions have overwritten `self.bytes`, so the match is repeated.
-        if at > from {
-            return self.try_rule(dialect, i, |template, scratch| template.find(line, from, scratch));
-        }
-        Some(found)
-    }
-
-    /// Tries one rule. If it does not match, what its timestamps have shown is forgotten.
-    fn try_rule(
-        &mut self,
-        dialect: &Dialect,
-        index: usize,
-        find: impl FnOnce(&Template, &mut MatchContext<'_>) -> Option<LineMatch>,
-    ) -> Option<(LineRole, LineMatch, bool)> {
-        let (role, template) = &dialect.rules[index];
-        let saved_state = self.timestamps.state;
-        let found = find(template, &mut MatchContext::new(&mut self.timestamps, &mut self.bytes, &mut self.preferred));
-        if found.is_none() {
-            self.timestamps.state = saved_state;
-        }
-        found.map(|found| (*role, found, template.must_reach_line_end))
     }
 
     /// Counts the current line as unparsed.
@@ -584,14 +407,6 @@ fn piece_of_line(beginning: &[u8]) -> usize {
     }
     let digits = beginning.iter().rev().take_while(|byte| byte.is_ascii_hexdigit()).count();
     beginning.len() - digits % 2
-}
-
-/// Whether `tail` may follow the last bytes of a line: nothing, text in a column of its own, or text that begins with
-/// punctuation, such as the bytes as characters, their count, or a comment.
-fn may_follow(tail: &[u8]) -> bool {
-    let text = tail.trim_ascii();
-    let is_own_column = tail.len() - tail.trim_ascii_start().len() >= 2 || tail.starts_with(b"\t");
-    is_own_column || text.first().is_none_or(|b| !b.is_ascii() || b"([{|<>\"',.;)]}*#".contains(b))
 }
 
 /// Whether the line is a comment or a code fence, as people write them into files of their own.

@@ -7,13 +7,11 @@ use crate::text::dialect::Dialect;
 use crate::text::frame_evidence;
 use crate::text::notation::NotationFlags;
 use crate::text::proved::{other_hex, read_frames, Found, Worth};
+use crate::text::reader::known_bytes::BESIDE;
 use crate::text::reader::Reader;
 use crate::text::role::LineRole;
 use crate::text::template::LineMatch;
 use modlens_protocol::Ns;
-
-/// The reason reported for bytes that are beside a frame in a line.
-pub(super) const BESIDE: &str = "hex beside a frame that no checksum proves";
 
 /// A line has at least so many letters and digits after its bytes, if these hold a further frame.
 const MIN_TAIL_CHARS: usize = 10;
@@ -136,7 +134,7 @@ impl Reader {
             } else if i > 0 {
                 time = self.timestamps.find(&line[one.front.clone()]).or(time);
             }
-            self.account_for(&one.bytes);
+            self.known_bytes.add(&one.bytes);
             for (number, text) in &one.earlier {
                 self.unread_lines.remove(*number, text);
             }
@@ -172,29 +170,23 @@ impl Reader {
     fn deliver_one(&mut self, one: &Found, side: Option<Side>, time: Option<Ns>) {
         let Some(row) = self.proved_row.as_ref().map(Arc::clone) else { return };
         let voice = Some(one.shape.unwrap_or(0));
-        let is_other_voice = self.last_voice != voice;
+        let is_other_voice = self.voices.last != voice;
         if one.worth == Worth::Beside && self.assembler.has_printed(&one.bytes) {
             self.assembler.skip_copy(&one.bytes);
         } else if one.worth == Worth::Beside {
             self.assembler.skip(self.assembler.number, &one.bytes, BESIDE);
-        } else if one.worth == Worth::Frame && is_other_voice && self.is_repeated(&one.bytes, side, voice) {
+        } else if one.worth == Worth::Frame && is_other_voice && self.voices.repeats(voice, &one.bytes, side, &self.assembler) {
             self.assembler.skip_copy(&one.bytes);
-            self.repeats = true;
+            self.voices.repeats = true;
         } else {
             let flags = NotationFlags { no_checksum: one.lacks_checksum };
             let found = LineMatch { time, side, flags, ..LineMatch::default() };
             self.assembler.take(&row, LineRole::Bytes(side), &found, &one.bytes, &self.timestamps);
-            (self.voice_before, self.last_voice, self.repeats) = (self.last_voice, voice, false);
+            self.voices.note(voice);
             if self.may_be_quoted() {
                 self.prose.remember(&one.bytes);
             }
         }
-    }
-
-    /// Whether a statement of the program repeats the frame that another one printed last, or after such a one the frame before.
-    pub(super) fn is_repeated(&self, bytes: &[u8], side: Option<Side>, voice: Option<u64>) -> bool {
-        let is_other = self.voice_before.is_some() && self.voice_before != voice;
-        self.assembler.is_copy(bytes, side) || (self.repeats && is_other && self.assembler.is_earlier_copy(bytes))
     }
 }
 

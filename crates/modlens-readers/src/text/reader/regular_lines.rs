@@ -25,7 +25,7 @@ impl Reader {
         row.is_plain_hex
             && self.dialects.first().is_some_and(|first| Arc::ptr_eq(first, row))
             && self.dialects.iter().all(|row| !row.has_deltas)
-            && self.last_voice == Some(Arc::as_ptr(row).addr() as u64)
+            && self.voices.last == Some(Arc::as_ptr(row).addr() as u64)
             && self.unread.is_empty()
             && self.label.is_none()
             && !self.is_quoted_mail

@@ -2,7 +2,7 @@
 
 use crate::text::date::stamp_length;
 use crate::text::proved::{is_column, rest_of, MIN_REST_BYTES};
-use crate::text::reader::proved_lines::BESIDE;
+use crate::text::reader::known_bytes::BESIDE;
 use crate::text::reader::Reader;
 
 /// What the words of a line are, as far as a short look at it shows.
@@ -26,7 +26,7 @@ impl Words<'_> {
         self.at += length;
         let word = &rest[..length];
         let digits = word.strip_prefix(b"0x").unwrap_or(word);
-        let is_byte = digits.iter().all(u8::is_ascii_hexdigit) && (digits.len() < word.len() || digits.len() % 2 == 0);
+        let is_byte = digits.iter().all(u8::is_ascii_hexdigit) && (digits.len() < word.len() || digits.len().is_multiple_of(2));
         Some(if is_byte { digits.len().div_ceil(2) } else { 0 })
     }
 }
@@ -45,29 +45,22 @@ fn may_hold_more(line: &[u8], read: usize) -> bool {
 }
 
 impl Reader {
-    /// Remembers bytes of the current line that were read or are listed.
-    pub(super) fn account_for(&mut self, bytes: &[u8]) {
-        if self.proved.is_some() {
-            self.accounted.push(bytes.to_vec());
-        }
-    }
-
     /// Lists the hex of the line that was neither read nor listed.
     pub(super) fn list_rest(&mut self, line: &[u8]) {
-        let accounted = std::mem::take(&mut self.accounted);
-        let read = accounted.iter().map(Vec::len).sum();
-        if !accounted.is_empty() && may_hold_more(line, read) {
-            for (place, bytes) in rest_of(line, &accounted) {
-                let is_copy = accounted.iter().any(|known| known.windows(bytes.len()).any(|part| part == bytes));
+        let known = std::mem::take(&mut self.known_bytes.all);
+        let read = known.iter().map(Vec::len).sum();
+        if self.proved.is_some() && !known.is_empty() && may_hold_more(line, read) {
+            for (place, bytes) in rest_of(line, &known) {
+                let is_copy = known.iter().any(|known| known.windows(bytes.len()).any(|part| part == bytes));
                 if is_copy || self.assembler.has_printed(&bytes) {
                     self.assembler.skip_copy(&bytes);
-                } else if !accounted.iter().any(|known| is_column(&line[place.clone()], known)) {
+                } else if !known.iter().any(|known| is_column(&line[place.clone()], known)) {
                     self.assembler.skip(self.number, &bytes, BESIDE);
                 }
             }
         }
-        self.accounted = accounted;
-        self.accounted.clear();
+        self.known_bytes.all = known;
+        self.known_bytes.all.clear();
     }
 }
 
