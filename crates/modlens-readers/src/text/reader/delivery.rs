@@ -22,7 +22,7 @@ impl Reader {
             }
             from = *end;
             if *role != LineRole::Ignored {
-                self.known_bytes.add(bytes);
+                self.line_bytes.add(bytes);
             }
             // What two dialects print of one frame is one frame: ESPHome's modbus says what it writes, and its uart does as well.
             if let (LineRole::Bytes(side), true) = (*role, self.voices.last.is_some_and(|last| Some(last) != voice)) {

@@ -30,7 +30,7 @@ impl Reader {
         if is_expected {
             let found = std::mem::take(&mut self.found);
             self.assembler.skip(self.number, &found, EXPECTED);
-            self.known_bytes.add(&found);
+            self.line_bytes.add(&found);
             self.found = found;
         }
         is_expected
@@ -50,7 +50,7 @@ impl Reader {
             let is_behind = at == last && announces(behind(line, &one)) == Some(true);
             if is_expected || is_behind {
                 self.assembler.skip(self.number, &one.bytes, EXPECTED);
-                self.known_bytes.add(&one.bytes);
+                self.line_bytes.add(&one.bytes);
             } else {
                 kept.push(one);
             }

@@ -6,9 +6,9 @@ mod delivery;
 mod deltas;
 mod expectation;
 mod fallback;
-mod known_bytes;
 mod label;
 mod labelled;
+mod line_bytes;
 mod look_ahead;
 mod matching;
 mod prose;
@@ -35,8 +35,8 @@ use crate::text::timestamps::TimestampParser;
 use crate::text::LogEntry;
 use announcements::Expectation;
 use deltas::Runs;
-use known_bytes::KnownBytes;
 use label::Label;
+use line_bytes::LineBytes;
 pub(super) use look_ahead::Marks;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
@@ -108,7 +108,7 @@ pub struct Reader {
     /// In front of bytes that a dialect has read, so many characters held no frame.
     plain_front: usize,
     unread_lines: UnreadLines,
-    known_bytes: KnownBytes,
+    line_bytes: LineBytes,
     prose: Prose,
     /// The last line that may be a label for the bytes below it.
     label: Option<Label>,
@@ -157,7 +157,7 @@ impl Reader {
             voices: Voices::default(),
             plain_front: 0,
             unread_lines: UnreadLines::default(),
-            known_bytes: KnownBytes::default(),
+            line_bytes: LineBytes::default(),
             prose: Prose::default(),
             label: None,
             expectation: Expectation::default(),

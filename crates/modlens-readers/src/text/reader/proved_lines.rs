@@ -7,7 +7,7 @@ use crate::text::dialect::Dialect;
 use crate::text::frame_evidence;
 use crate::text::notation::NotationFlags;
 use crate::text::proved::{other_hex, read_frames, Found, Worth};
-use crate::text::reader::known_bytes::BESIDE;
+use crate::text::reader::line_bytes::BESIDE;
 use crate::text::reader::Reader;
 use crate::text::role::LineRole;
 use crate::text::template::LineMatch;
@@ -134,7 +134,7 @@ impl Reader {
             } else if i > 0 {
                 time = self.timestamps.find(&line[one.front.clone()]).or(time);
             }
-            self.known_bytes.add(&one.bytes);
+            self.line_bytes.add(&one.bytes);
             for (number, text) in &one.earlier {
                 self.unread_lines.remove(*number, text);
             }

@@ -2,7 +2,7 @@
 
 use crate::text::date::stamp_length;
 use crate::text::proved::{is_column, rest_of, MIN_REST_BYTES};
-use crate::text::reader::known_bytes::BESIDE;
+use crate::text::reader::line_bytes::BESIDE;
 use crate::text::reader::Reader;
 
 /// What the words of a line are, as far as a short look at it shows.
@@ -47,7 +47,7 @@ fn may_hold_more(line: &[u8], read: usize) -> bool {
 impl Reader {
     /// Lists the hex of the line that was neither read nor listed.
     pub(super) fn list_rest(&mut self, line: &[u8]) {
-        let known = std::mem::take(&mut self.known_bytes.all);
+        let known = std::mem::take(&mut self.line_bytes.all);
         let read = known.iter().map(Vec::len).sum();
         if self.proved.is_some() && !known.is_empty() && may_hold_more(line, read) {
             for (place, bytes) in rest_of(line, &known) {
@@ -59,8 +59,8 @@ impl Reader {
                 }
             }
         }
-        self.known_bytes.all = known;
-        self.known_bytes.all.clear();
+        self.line_bytes.all = known;
+        self.line_bytes.all.clear();
     }
 }
 

@@ -5,11 +5,11 @@ pub(super) const BESIDE: &str = "hex beside a frame that no checksum proves";
 
 /// Bytes of the current line that were read or are listed.
 #[derive(Debug, Default)]
-pub(super) struct KnownBytes {
+pub(super) struct LineBytes {
     pub all: Vec<Vec<u8>>,
 }
 
-impl KnownBytes {
+impl LineBytes {
     pub fn add(&mut self, bytes: &[u8]) {
         self.all.push(bytes.to_vec());
     }
