@@ -5,6 +5,7 @@ mod bus;
 mod clean_run;
 mod clean_units;
 mod context;
+mod cycles;
 mod epochs;
 pub mod gaps;
 mod known_requests;

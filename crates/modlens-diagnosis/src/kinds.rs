@@ -6,6 +6,7 @@
 mod answers;
 mod damage;
 mod exceptions;
+mod interleaved;
 mod layouts;
 mod masters;
 mod meetings;

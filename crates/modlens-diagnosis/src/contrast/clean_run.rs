@@ -211,7 +211,7 @@ impl BusContrast {
         self.units.entry(seen.key.unit).or_default().count_clean_times(&seen, unit_before);
         let slot = found.and_then(|index| self.known.at(index).slot);
         if let Some(counts) = slot.and_then(|slot| self.requests.at(slot.into(), &seen.key)) {
-            counts.count_period(seen.starts[0]);
+            counts.count_clean_start(seen.starts[0]);
         }
         if let Some((unit, place, waited, needed)) = self.context.overtaken(seen.starts[0]) {
             self.units.entry(unit).or_default().overtaken.count(place, waited, needed);

@@ -3,6 +3,7 @@
 use modlens_protocol::Ns;
 
 use super::before::Before;
+use super::cycles::Cycles;
 use super::known_requests::PendingExchanges;
 use super::sample::Sample;
 use super::tally::{Place, Tally};
@@ -67,6 +68,8 @@ pub struct RequestCounts {
     pub writes: bool,
     /// Times from the start of one such request to the start of the next.
     pub period: Durations,
+    /// The same of those that went well.
+    pub cycles: Cycles,
     /// Answers of all FFFF, alone between others.
     pub all_ones: Lonely,
     /// Answers of all 0000, alone between others.
@@ -164,6 +167,9 @@ impl RequestCounts {
         if seen.outcome == Outcome::Good && seen.data.is_present {
             self.count_data(seen.data, seen.is_of_another, seen.place);
         }
+        if let Some(start) = seen.starts[0] {
+            self.cycles.count(start, seen.outcome == Outcome::Good && !seen.is_retry);
+        }
         if !seen.is_retry {
             self.count_period(seen.starts[0]);
             self.count_written(seen.written, seen.place);
@@ -205,7 +211,15 @@ impl RequestCounts {
         self.of_another.count(is_of_another, place);
     }
 
-    pub(super) fn count_period(&mut self, start: Option<Ns>) {
+    /// Counts when a request was sent that went well.
+    pub(super) fn count_clean_start(&mut self, start: Option<Ns>) {
+        self.count_period(start);
+        if let Some(start) = start {
+            self.cycles.count(start, true);
+        }
+    }
+
+    fn count_period(&mut self, start: Option<Ns>) {
         let Some(start) = start else { return };
         self.count_pause(self.last_start, start);
         self.first_start.get_or_insert(start);
@@ -267,6 +281,7 @@ impl RequestCounts {
             self.longest_pause = later.longest_pause;
         }
         self.period.merge(&later.period);
+        self.cycles.merge(&later.cycles);
         self.first_start = self.first_start.or(later.first_start);
         self.last_start = later.last_start.or(self.last_start);
         if self.first_written == 0 {

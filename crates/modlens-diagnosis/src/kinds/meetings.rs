@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::interleaved::Interleaved;
 use crate::claim::{were, Claim, View};
 use crate::contrast::tally::Tally;
 use crate::contrast::{Pair, UnitCounts};
@@ -33,11 +34,17 @@ pub(super) fn two_masters(view: &View<'_>) -> Vec<Claim> {
     let met = crossings.failed + if is_foreign { 0 } else { hasty(view) };
     let crossed = at_least(Share { failed: met, total: met + failed }, CROSSED_BY_NOISE);
     let is_hasty = met > 1 && (crossed <= MAX_CHANCE || both(crossed, superimposed(view)) <= MAX_CHANCE);
-    let is_certain = has_one_list_twice(view) || (crossings.failed > 0 && by_noise(odd) <= MAX_CHANCE) || is_hasty;
+    let twice = super::interleaved::interleaved(view);
+    let drifts = twice.as_ref().is_some_and(|twice| twice.chance() <= DECIDES);
+    let is_refuted = !drifts && twice.as_ref().is_some_and(Interleaved::is_refuted);
+    let has_one_list = drifts || (!is_refuted && has_one_list_twice(view));
+    let is_certain = has_one_list || (crossings.failed > 0 && by_noise(odd) <= MAX_CHANCE) || is_hasty;
     let met = by_noise(crossings.failed + view.bus.frames.collisions.failed);
     // A late answer meets the next request, too: who asks it is one master.
     let is_slow = || !super::answers::slow_answers(view).is_empty();
-    if !is_certain && (is_foreign || is_slow() || !order(view).is_some_and(|order| order.tells(both(met, superimposed(view))))) {
+    if !is_certain
+        && (is_refuted || is_foreign || is_slow() || !order(view).is_some_and(|order| order.tells(both(met, superimposed(view)))))
+    {
         return Vec::new();
     }
     // What is said has to be countable in the transactions: those that failed, and those that met another one.

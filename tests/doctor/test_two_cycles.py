@@ -1,0 +1,50 @@
+"""One list of requests in two cycles that drift: two masters, or two clients of one gateway."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from random import Random
+
+from tests.doctor.frames import read_request, rtu
+from tests.doctor.test_joint import Tape
+
+CYCLES_S = (1.0, 1.012)
+REQUESTS = 400
+MEETING_S = 0.09
+
+
+def record(is_damaged: Callable[[float], bool]) -> Tape:
+    """Two clients ask units 3 and 4; `is_damaged` is asked with the time since the other began."""
+    starts = sorted(
+        0.4 * client + cycle * number
+        for client, cycle in enumerate(CYCLES_S)
+        for number in range(REQUESTS)
+    )
+    tape, rng = Tape(), Random(5)
+    begin = tape.now
+    for before, start in pairwise([-1.0, *starts]):
+        # An exchange begins 40 ms after the end of the one before.
+        tape.now = max(tape.now, begin + int(start * 1e9) - 40_000_000)
+        for unit in (3, 4):
+            tape.add(rtu(unit, read_request(3, 0, 4)), 40)
+            answer = bytearray(rtu(unit, bytes([3, 8, 0, rng.randrange(256), 1, 44, 0, 20, 8, 2])))
+            if is_damaged(start - before):
+                answer[rng.randrange(3, len(answer))] ^= 1 << rng.randrange(8)
+            tape.add(bytes(answer), 8)
+    return tape
+
+
+def test_damage_where_the_two_meet_is_that_of_two_masters(tmp_path: Path) -> None:
+    assert record(lambda apart: apart < MEETING_S).codes(tmp_path) == ["two_masters"]
+
+
+def test_damage_at_any_time_is_not(tmp_path: Path) -> None:
+    """A gateway sends the requests of its clients one after the other: they never meet."""
+    rng = Random(8)
+    assert record(lambda _: rng.random() < 0.1).codes(tmp_path) == ["line_noise"]
+
+
+def test_two_cycles_are_no_trouble(tmp_path: Path) -> None:
+    assert record(lambda _: False).codes(tmp_path) == []
