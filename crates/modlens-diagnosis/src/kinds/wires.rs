@@ -123,15 +123,21 @@ pub(super) fn swapped_wires(view: &View<'_>) -> Vec<Claim> {
             claim.fact("what", format!("{} of {} bytes that it receives are 00, FF or their like", share.failed, share.total))
         ];
     }
-    let chance = view.corrected(at_least(ends.share(), ENDS_IN_ZERO));
-    let (zeros, ended) = (percent(inverted_share(view)), ends.share());
-    let what = format!(
-        "no frame is valid, {zeros} of the bytes are 00, FF or their like, and {} of {} bursts end in 00{}",
-        ended.failed,
-        ended.total,
-        read.as_ref().map_or(String::new(), proved)
-    );
-    vec![Claim::new("swapped_wires", ends, chance).fact("where", "at the tap").fact("what", what)]
+    let zeros = format!("no frame is valid, {} of the bytes are 00, FF or their like", percent(inverted_share(view)));
+    let claim = match read {
+        Some(read) => {
+            let (good, other) = bytes(view);
+            let share = Share { failed: other, total: good + other };
+            let claim = Claim::new("swapped_wires", ends, view.corrected(at_least(share, 0.5))).with_share(share);
+            claim.fact("what", format!("{zeros}{}", proved(&read)))
+        }
+        None => {
+            let (chance, ended) = (view.corrected(at_least(ends.share(), ENDS_IN_ZERO)), ends.share());
+            let what = format!("{zeros}, and {} of {} bursts end in 00", ended.failed, ended.total);
+            Claim::new("swapped_wires", ends, chance).fact("what", what)
+        }
+    };
+    vec![claim.fact("where", "at the tap")]
 }
 
 /// No valid frame at all, or no valid answer of one unit and a wrong length throughout.

@@ -26,7 +26,7 @@ const LEAST_BYTES: usize = 24;
 const LEAST_FRAMES: usize = 3;
 /// One burst of so many, of those tried, has to become a valid frame.
 const BURSTS_PER_FRAME: usize = 2;
-/// As above, where the frames have the lengths that their headers announce: long responses take more steps than are tried.
+/// As above, of different frames with the lengths that their headers announce: long responses take more steps than are tried.
 const BURSTS_PER_ANNOUNCED_FRAME: usize = 4;
 /// Bursts that are tried.
 const MOST_BURSTS: usize = 64;
@@ -34,8 +34,12 @@ const MOST_BURSTS: usize = 64;
 const MOST_STEPS: u32 = 20_000;
 /// Idle bits after the last character that was received: the rest of the frame's last character is among them.
 const IDLE_BITS: u32 = 12;
-/// The shortest RTU frame.
+/// The shortest RTU frame, that of most requests, and the longest.
 const SHORTEST: usize = 4;
+const REQUEST: usize = 8;
+const LONGEST: usize = 256;
+/// The greatest unit.
+const LAST_UNIT: u8 = 247;
 
 /// The readings that fit bursts of bytes, each received between two silences with this parity.
 ///
@@ -52,17 +56,25 @@ pub fn readings(bursts: &[Vec<u8>], parity: Parity) -> Vec<Reading> {
         return Vec::new();
     }
     let tried: Vec<&[u8]> = bursts.iter().filter(|burst| burst.len() >= SHORTEST).take(MOST_BURSTS).map(Vec::as_slice).collect();
+    let reading = |what, is_swapped, count| Reading {
+        what,
+        is_swapped,
+        evidence: format!("{count} of {} bursts become valid frames", tried.len()),
+    };
     let frames = |what, fits: &dyn Fn(&[u8]) -> bool| {
         let count = tried.iter().filter(|burst| fits(burst)).count();
-        let evidence = format!("{count} of {} bursts become valid frames", tried.len());
-        let is_swapped = what == SWAPPED;
-        let least = tried.len().div_ceil(if is_swapped { BURSTS_PER_ANNOUNCED_FRAME } else { BURSTS_PER_FRAME });
-        (count >= LEAST_FRAMES.max(least)).then_some(Reading { what, is_swapped, evidence })
+        (count >= LEAST_FRAMES.max(tried.len().div_ceil(BURSTS_PER_FRAME))).then(|| reading(what, false, count))
+    };
+    let swapped = |receiver| {
+        let found: Vec<Vec<u8>> = tried.iter().filter_map(|burst| uninverted(burst, parity, receiver)).collect();
+        // One accident may come again and again, as the burst does.
+        let is_same = found.iter().all(|frame| *frame == found[0]);
+        let per_frame = if is_same { BURSTS_PER_FRAME } else { BURSTS_PER_ANNOUNCED_FRAME };
+        let least = LEAST_FRAMES.max(tried.len().div_ceil(per_frame));
+        (found.len() >= least).then(|| reading(SWAPPED, true, found.len()))
     };
     let found = [
-        [Receiver::Resyncs, Receiver::Waits]
-            .into_iter()
-            .find_map(|receiver| frames(SWAPPED, &|burst| uninverted(burst, parity, receiver).is_some())),
+        [Receiver::Resyncs, Receiver::Waits].into_iter().find_map(swapped),
         frames("all bits are inverted", &|burst| crc_valid(&burst.iter().map(|byte| !byte).collect::<Vec<u8>>())),
         frames("the receiver was set to 7 data bits: the highest bit of each byte is lost", &fits_in_seven_bits),
         dropped(&bytes),
@@ -105,8 +117,11 @@ enum Receiver {
 /// waits while bits are 0. How many those were is not in its bytes, nor how many bits of 1 it waited for. Start, parity and stop
 /// bits of the frame, which have to be where they belong, leave few possibilities, and the checksum one.
 fn uninverted(burst: &[u8], parity: Parity, receiver: Receiver) -> Option<Vec<u8>> {
-    let mut search = Reinversion { burst, parity, receiver, steps: MOST_STEPS };
-    search.zeros_then_character(0, Sent::default(), 1)
+    // Short frames first: behind a wrong beginning, a long one has many possible ends.
+    [(REQUEST, true), (REQUEST, false), (LONGEST, true)].into_iter().find_map(|(longest, is_whole)| {
+        let mut search = Reinversion { burst, parity, receiver, longest, is_whole, steps: MOST_STEPS };
+        search.zeros_then_character(0, Sent::default(), 1)
+    })
 }
 
 /// The frame so far, bit by bit.
@@ -164,6 +179,9 @@ struct Reinversion<'a> {
     burst: &'a [u8],
     parity: Parity,
     receiver: Receiver,
+    longest: usize,
+    /// Nothing comes after it in the burst.
+    is_whole: bool,
     steps: u32,
 }
 
@@ -184,10 +202,20 @@ impl Reinversion<'_> {
         }
     }
 
+    /// Whether a frame may begin like this, if it is no longer than it may be.
+    fn is_plausible(&self, sent: &Sent) -> bool {
+        match sent.bytes[..] {
+            [] => true,
+            [unit] => unit <= LAST_UNIT,
+            [unit, code] => unit <= LAST_UNIT && Functions::embedded().row(code & !EXCEPTION_BIT, &[]).is_some(),
+            _ => sent.bytes.len() < self.longest || (sent.bytes.len() == self.longest && sent.bits == 0),
+        }
+    }
+
     /// The received character at `index`: its start bit was a 1, its data bits are inverted, its parity bit is not known.
     fn character(&mut self, index: usize, mut sent: Sent) -> Option<Vec<u8>> {
         self.steps = self.steps.checked_sub(1)?;
-        let byte = self.burst.get(index)?;
+        let byte = self.burst.get(index).filter(|_| self.is_plausible(&sent))?;
         let bits = (0..8).map(|place| byte >> place & 1 == 0);
         if !sent.push(true, self.parity) || !bits.into_iter().all(|bit| sent.push(bit, self.parity)) {
             return None;
@@ -201,10 +229,13 @@ impl Reinversion<'_> {
         })
     }
 
-    /// The stop bit: high, a 0 of the frame; or low, and then the start bit of the next character, a wait or the idle line.
+    /// The stop bit: high, a 0 of the frame; or low, and then the start bit of the next character, a wait or the idle line. Behind
+    /// that there may be another frame: an answer that followed its request soon.
     fn stop_bit(&mut self, index: usize, sent: Sent) -> Option<Vec<u8>> {
-        if index + 1 == self.burst.len() {
-            return self.idle(sent);
+        let is_last = index + 1 == self.burst.len();
+        let ended = if is_last || !self.is_whole { self.idle(sent.clone()) } else { None };
+        if ended.is_some() || is_last {
+            return ended;
         }
         let missing = match self.receiver {
             Receiver::Resyncs => self.character(index + 1, sent.clone()),
@@ -268,6 +299,23 @@ mod tests {
             }
         }
         heard
+    }
+
+    #[test]
+    fn a_request_is_read_back_whatever_follows_it_at_once() {
+        // 01 03 00 00 00 0A C5 CD and the beginning of its answer, on swapped wires to a receiver that waits.
+        let burst = [0x7F, 0x7E, 0xFF, 0xFF, 0xEB, 0x75, 0x19, 0x7F, 0x7E, 0x5D, 0x47, 0x7E, 0xC1, 0x6F];
+        let frame = uninverted(&burst, Parity::None, Receiver::Waits);
+        assert_eq!(frame.as_deref(), Some(&[1, 3, 0, 0, 0, 0x0A, 0xC5, 0xCD][..]));
+    }
+
+    #[test]
+    fn one_accident_that_comes_again_is_no_evidence() {
+        let request = vec![0x7F, 0x7E, 0xFF, 0xFF, 0xEB, 0x75, 0x19];
+        let others = (0..30).map(|number| vec![0x41, number, 0x13, 0x57]);
+        let of = |count: usize| others.clone().chain(vec![request.clone(); count]).collect::<Vec<_>>();
+        let is_swapped = |bursts: &[Vec<u8>]| readings(bursts, Parity::None).iter().any(|one| one.is_swapped);
+        assert!(!is_swapped(&of(20)) && is_swapped(&of(32)));
     }
 
     #[test]
