@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from random import Random
+from typing import Any
 
 from analyzer import decode
 from tests.doctor.frames import read_request, rtu
@@ -25,11 +26,15 @@ class Tape:
         self.lines.append(f'{{"t": {end / 1e9:.6f}, "hex": "{frame.hex()}"}}\n')
         self.now = end
 
-    def codes(self, folder: Path) -> list[str]:
-        """What the doctor reports for it."""
+    def doctor(self, folder: Path) -> dict[str, Any]:
+        """The report of the doctor on it."""
         path = folder / "tape.jsonl"
         path.write_text("".join(self.lines), "utf-8")
-        return [row["code"] for row in decode(path, line="19200-8E1").doctor()["diagnoses"]]
+        return decode(path, line="19200-8E1").doctor()
+
+    def codes(self, folder: Path) -> list[str]:
+        """What the doctor reports for it."""
+        return [row["code"] for row in self.doctor(folder)["diagnoses"]]
 
 
 def exchange(tape: Tape, unit: int, damage: bytes | None, number: int) -> None:

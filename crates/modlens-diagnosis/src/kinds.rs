@@ -6,6 +6,7 @@
 mod answers;
 mod damage;
 mod exceptions;
+mod foreign;
 mod interleaved;
 mod layouts;
 mod masters;
@@ -13,6 +14,7 @@ mod meetings;
 mod network;
 mod pace;
 mod together;
+mod unreadable;
 mod values;
 mod wires;
 mod writes;
@@ -51,7 +53,7 @@ pub const KINDS: &[Kind] = &[
     ("wrong_function", exceptions::wrong_function),
     ("gaps_in_frames", pace::gaps_in_frames),
     ("duplicate_address", damage::duplicate_address),
-    ("foreign_protocol", wires::foreign_protocol),
+    ("foreign_protocol", foreign::foreign_protocol),
     ("unexpected_writer", masters::unexpected_writer),
     ("device_absent", answers::device_absent),
     ("bus_saturated", pace::bus_saturated),

@@ -176,7 +176,8 @@ fn claims(view: &View<'_>) -> (Vec<Claim>, Rest) {
 
 /// How certain a contrast is: a few requests suggest a cause, however clear they are.
 fn certainty(bus: &BusContrast, claim: &Claim) -> Certainty {
-    let is_small = (1..FEW).contains(&bus.requests_seen.total);
+    // Where there is no Modbus, accident makes a request or two of bytes; of these, a hundred are many.
+    let is_small = (1..FEW).contains(&bus.requests_seen.total) && claim.share.failed < 10 * FEW;
     match claim.share.failed {
         _ if !is_small => claim.certainty,
         0..crate::sight::LIKELY_EXAMPLES => Certainty::Suspected,

@@ -1,11 +1,14 @@
 //! Bytes that are no frame: how they look, and whether the same runs come again.
 
+use std::collections::BTreeMap;
+
 use modlens_protocol::framing::Verdict;
 use modlens_protocol::Ns;
 
 use super::sample::Sample;
 use super::tally::{mix_bytes, Tally};
 use crate::observation::FrameObservation;
+use crate::protocols;
 use modlens_engine::durations::Durations;
 
 /// Different runs that are counted one by one.
@@ -48,6 +51,8 @@ pub struct NoiseRuns {
     pub compared: u64,
     /// These by how they begin.
     pub runs: Sample<NoiseKey, NoiseCounts, MAX_RUNS>,
+    /// These by the place of their protocol among those that are known by more than their beginning.
+    pub protocols: BTreeMap<usize, NoiseCounts>,
     /// The first bursts between two silences.
     pub bursts: Bursts,
     /// Between how many good frames there was more than strays: elsewhere, and after writes.
@@ -130,6 +135,9 @@ impl NoiseRuns {
         }
         if seen.length >= 4 && !is_answer {
             self.compared += 1;
+            if let Some(protocol) = protocols::known(&seen.bytes) {
+                self.protocols.entry(protocol).or_default().count(seen);
+            }
             let key = seen.bytes[..seen.bytes.len().min(KEY_BYTES)].to_vec();
             if let Some(counts) = self.runs.entry(mix_bytes(&key), key) {
                 counts.count(seen);
@@ -143,6 +151,9 @@ impl NoiseRuns {
         self.kinds.iter_mut().zip(later.kinds).for_each(|(own, more)| *own += more);
         self.compared += later.compared;
         self.runs.merge(&later.runs, NoiseCounts::merge);
+        for (protocol, more) in &later.protocols {
+            self.protocols.entry(*protocol).or_default().merge(more);
+        }
         self.bursts.merge(&later.bursts);
         self.by_write.iter_mut().zip(later.by_write).for_each(|(own, more)| *own += more);
     }

@@ -33,7 +33,7 @@ pub(super) fn no_bias(view: &View<'_>) -> Vec<Claim> {
     let mut strays = view.bus.noise.strays.clone();
     let turns = view.bus.frames.frames[Verdict::Ok as usize];
     // Strays of other bytes than a driver leaves speak against it.
-    if strays.failed * 10 < strays.total * 8 || turns == 0 || super::wires::have_preamble(view) {
+    if strays.failed * 10 < strays.total * 8 || turns == 0 || super::foreign::have_preamble(view) {
         return Vec::new();
     }
     if let Some(claim) = strays_of_one_unit(view) {
@@ -100,7 +100,7 @@ pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
         return Vec::new();
     };
     // Noise does not repeat itself: another protocol on the wires hits as many frames as it has runs.
-    if super::wires::foreign_protocol(view).iter().any(|foreign| foreign.share.failed >= damaged) {
+    if super::foreign::foreign_protocol(view).iter().any(|foreign| foreign.share.failed >= damaged) {
         return Vec::new();
     }
     let inside = parts(view, DamagedPart::Bit) + parts(view, DamagedPart::Inside);

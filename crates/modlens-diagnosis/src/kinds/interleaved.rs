@@ -19,7 +19,7 @@ pub(super) struct Interleaved {
 }
 
 impl Interleaved {
-    /// The chance that failures are so near the meetings by accident.
+    /// The chance that failures are so near the meetings by chance.
     pub fn chance(&self) -> f64 {
         let chances = self.near.iter().map(|(beside, others)| {
             // The time before a failure and the one after it make one cycle: the two say the same.

@@ -30,7 +30,7 @@ pub(super) fn two_masters(view: &View<'_>) -> Vec<Claim> {
     };
     let by_noise = |odd: u64| at_least(Share { failed: odd, total: odd + failed }, ODD_BY_NOISE);
     // Another protocol spoils answers, after which the master asks on without having waited.
-    let is_foreign = super::wires::is_surely_foreign(view);
+    let is_foreign = super::foreign::is_surely_foreign(view);
     let met = crossings.failed + if is_foreign { 0 } else { hasty(view) };
     let crossed = at_least(Share { failed: met, total: met + failed }, CROSSED_BY_NOISE);
     let is_hasty = met > 1 && (crossed <= MAX_CHANCE || both(crossed, superimposed(view)) <= MAX_CHANCE);

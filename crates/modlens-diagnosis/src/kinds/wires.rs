@@ -1,58 +1,17 @@
 //! What is not Modbus: inverted bits, another rate, another protocol.
 
-use std::cmp::Reverse;
-
+use super::foreign::{is_foreign_alone, is_text, known};
+use super::unreadable::{bytes, is_of_slower_line, is_unreadable, only_requests_are_valid, LEAST_BYTES};
 use crate::claim::{duration, percent, Claim, View};
 use crate::contrast::tally::Tally;
 use crate::contrast::UnitCounts;
 use crate::observation::DamagedPart;
 use crate::statistics::{at_least, fisher, least_rate, Share};
 use modlens_engine::line_search::{readings, Reading};
-use modlens_protocol::framing::{Mode, Verdict};
+use modlens_protocol::framing::Verdict;
 use modlens_protocol::line::Parity;
 
 use crate::MAX_CHANCE;
-
-/// Fewer bytes of noise say nothing.
-const LEAST_BYTES: u64 = 50;
-
-/// Bytes of the recording by frame: those of good frames, and those of all others. A frame that may be an accident of noise is
-/// none of the good ones: among bytes that are no Modbus there is one now and then, and it may be long.
-fn bytes(view: &View<'_>) -> (u64, u64) {
-    let bytes = &view.bus.frames.bytes;
-    let good = bytes[Verdict::Ok as usize] + bytes[Verdict::NoChecksum as usize] - view.bus.frames.unconfirmed_bytes;
-    (good, bytes.iter().sum::<u64>() - good)
-}
-
-/// Whether nothing on the line can be read.
-fn is_unreadable(view: &View<'_>) -> bool {
-    let (good, other) = bytes(view);
-    let serial = !view.bus.facts.is_network && view.bus.facts.mode != Some(Mode::Tcp);
-    let is_lost = good * 20 < other && !fit_but_for_their_edge(view);
-    serial && other >= LEAST_BYTES && (is_lost || only_requests_are_valid(view))
-}
-
-/// Whether every request was sent well and none was answered in bytes that make sense: the log of a client.
-fn only_requests_are_valid(view: &View<'_>) -> bool {
-    let requests = view.bus.requests_seen.share();
-    let came = view.bus.noise.ends_in_zero.total + view.bus.noise.strays.total;
-    let echoes: u64 = view.bus.units.values().map(|counts| counts.echoes.failed).sum();
-    requests.total >= 5
-        && requests.failed * 10 >= requests.total * 9
-        && came * 10 > requests.total * 8
-        && echoes * 2 < came
-        && !fit_but_for_their_edge(view)
-}
-
-/// Whether most bad answers fit their checksum but for the first or the last byte: whoever recorded them reads the line well.
-fn fit_but_for_their_edge(view: &View<'_>) -> bool {
-    let edges = |counts: &UnitCounts| {
-        let at = |part: DamagedPart| counts.damaged_parts[part as usize].failed;
-        Share { failed: at(DamagedPart::Start) + at(DamagedPart::End), total: counts.garbled.failed }
-    };
-    let sum = view.units().fold(Share::default(), |sum, (_, counts)| sum.with(edges(counts)));
-    sum.failed * 2 > sum.total
-}
 
 /// Share of the noise whose bytes are 00, FF or a run of equal bits at one end.
 fn inverted_share(view: &View<'_>) -> f64 {
@@ -83,6 +42,9 @@ fn is_inverted(view: &View<'_>) -> bool {
     if only_requests_are_valid(view) && bytes >= LEAST_BYTES && inverted_share(view) > 0.95 {
         return true;
     }
+    if is_of_slower_line(view) {
+        return false;
+    }
     let ends = view.bus.noise.ends_in_zero.share();
     ends.total >= 5 && view.significant(at_least(ends, ENDS_IN_ZERO)).is_some() && ends.rate() > 0.6
 }
@@ -110,7 +72,7 @@ pub(super) fn swapped_wires(view: &View<'_>) -> Vec<Claim> {
         return Vec::new();
     }
     let read = swapped(view);
-    if read.is_none() && !is_inverted(view) {
+    if read.is_none() && (known(view).is_some() || !is_inverted(view)) {
         return Vec::new();
     }
     let ends = &view.bus.noise.ends_in_zero;
@@ -124,18 +86,15 @@ pub(super) fn swapped_wires(view: &View<'_>) -> Vec<Claim> {
         ];
     }
     let zeros = format!("no frame is valid, {} of the bytes are 00, FF or their like", percent(inverted_share(view)));
-    let claim = match read {
-        Some(read) => {
-            let (good, other) = bytes(view);
-            let share = Share { failed: other, total: good + other };
-            let claim = Claim::new("swapped_wires", ends, view.corrected(at_least(share, 0.5))).with_share(share);
-            claim.fact("what", format!("{zeros}{}", proved(&read)))
-        }
-        None => {
-            let (chance, ended) = (view.corrected(at_least(ends.share(), ENDS_IN_ZERO)), ends.share());
-            let what = format!("{zeros}, and {} of {} bursts end in 00", ended.failed, ended.total);
-            Claim::new("swapped_wires", ends, chance).fact("what", what)
-        }
+    let claim = if let Some(read) = read {
+        let (good, other) = bytes(view);
+        let share = Share { failed: other, total: good + other };
+        let claim = Claim::new("swapped_wires", ends, view.corrected(at_least(share, 0.5))).with_share(share);
+        claim.fact("what", format!("{zeros}{}", proved(&read)))
+    } else {
+        let (chance, ended) = (view.corrected(at_least(ends.share(), ENDS_IN_ZERO)), ends.share());
+        let what = format!("{zeros}, and {} of {} bursts end in 00", ended.failed, ended.total);
+        Claim::new("swapped_wires", ends, chance).fact("what", what)
     };
     vec![claim.fact("where", "at the tap")]
 }
@@ -277,81 +236,3 @@ fn at_another_rate(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Cla
     let what = format!("answers are garbled, with {} of the bytes expected", percent(ratio));
     Some(Claim::new("wrong_line_settings", &counts.garbled, chance).of_unit(unit).fact("what", what))
 }
-
-fn is_text(view: &View<'_>) -> bool {
-    let kinds = &view.bus.noise.kinds;
-    kinds[3] * 10 > kinds.iter().sum::<u64>() * 9
-}
-
-/// Whether nearly all runs begin alike and go on differently. Requests at a wrong rate are the same from the first byte to the
-/// last, and answers begin otherwise than requests.
-fn is_foreign_alone(view: &View<'_>) -> bool {
-    let noise = &view.bus.noise;
-    let most = noise.runs.sorted().into_iter().max_by_key(|(_, counts)| counts.seen.failed);
-    most.is_some_and(|(_, counts)| counts.seen.failed * 5 >= noise.compared * 4 && counts.wholes.sorted().len() > 2)
-}
-
-/// Runs that are no Modbus and come again.
-pub(super) fn foreign_protocol(view: &View<'_>) -> Vec<Claim> {
-    foreign_runs(view).or_else(|| foreign_bursts(view)).into_iter().collect()
-}
-
-/// Whether most runs of other bytes begin alike, and not as a frame to or from a unit of this line: where the requests of two
-/// masters meet, what remains of them begins with a unit and its function.
-pub(super) fn is_surely_foreign(view: &View<'_>) -> bool {
-    let noise = &view.bus.noise;
-    let repeated = noise.runs.sorted().into_iter().max_by_key(|(key, counts)| (counts.seen.failed, (*key).clone()));
-    let is_most = repeated.is_some_and(|(_, counts)| counts.seen.failed * 5 >= noise.compared * 2);
-    is_most && foreign_runs(view).is_some()
-}
-
-/// Whether a run begins with a unit that is asked on this line and its function: it is what remains of a frame.
-fn begins_as_frame(view: &View<'_>, head: &[u8]) -> bool {
-    view.bus.requests.sorted().iter().any(|(key, _)| head.starts_with(&[key.unit, key.function]))
-}
-
-/// Runs that begin alike.
-fn foreign_runs(view: &View<'_>) -> Option<Claim> {
-    let noise = &view.bus.noise;
-    let repeated = noise.runs.sorted().into_iter().max_by_key(|(key, counts)| (counts.seen.failed, (*key).clone()));
-    let (key, counts) = repeated.filter(|(_, counts)| counts.seen.failed >= LEAST_ALIKE)?;
-    // How likely is it that so many runs begin with these very bytes, if bytes are 00 or FF every third time?
-    let chance = at_least(Share { failed: counts.seen.failed, total: noise.compared }, (1.0f64 / 3.0).powi(key.len() as i32));
-    let chance = view.significant(chance)?;
-    if key.iter().all(|byte| matches!(byte, 0 | 0xFF)) || begins_as_frame(view, key) || counts.seen.failed * 4 < noise.compared {
-        return None;
-    }
-    let share = Share { failed: counts.seen.failed, total: noise.compared };
-    let text = if is_text(view) { ", and are text" } else { "" };
-    let period = counts.period.percentile(0.5).map_or(String::new(), |period| format!(", one each {}", duration(period)));
-    Some(Claim::new("foreign_protocol", &counts.seen, chance).with_share(share).fact("text", text).fact("period", period))
-}
-
-/// Whole bursts that begin alike, a preamble of FE included, which looks like strays of its own; those right after a request are
-/// its damaged answers.
-fn foreign_bursts(view: &View<'_>) -> Option<Claim> {
-    let bursts = &view.bus.noise.bursts;
-    let compared = bursts.kept.iter().zip(&bursts.answers).filter(|(burst, is_answer)| burst.len() > HEAD && !**is_answer);
-    let mut heads: Vec<&[u8]> = compared.map(|(burst, _)| &burst[..HEAD]).collect();
-    heads.sort_unstable();
-    let most = heads.chunk_by(|one, other| one == other).max_by_key(|alike| (alike.len(), Reverse(alike[0])))?;
-    let share = Share { failed: most.len() as u64, total: heads.len() as u64 };
-    let chance = view.significant(at_least(share, (1.0f64 / 3.0).powi(HEAD as i32)))?;
-    let is_plain = most[0].iter().all(|byte| matches!(byte, 0 | 0xFF));
-    if is_plain || begins_as_frame(view, most[0]) || share.failed < LEAST_ALIKE || share.failed * 2 < share.total {
-        return None;
-    }
-    Some(Claim::new("foreign_protocol", &view.bus.noise.strays, chance).with_share(share).fact("text", "").fact("period", ""))
-}
-
-/// Whether the strays are a preamble of another protocol: bursts begin alike, and with such a byte.
-pub(super) fn have_preamble(view: &View<'_>) -> bool {
-    let begins_so = |burst: &&Vec<u8>| burst.len() > HEAD && burst[0] >= 0xFE && burst[1] >= 0xFE && burst[2] < 0xFE;
-    let kept = &view.bus.noise.bursts.kept;
-    kept.iter().filter(begins_so).count() * 2 > kept.len() && foreign_bursts(view).is_some()
-}
-
-/// Fewer runs that begin alike say nothing.
-const LEAST_ALIKE: u64 = 4;
-/// Bytes by which bursts are compared.
-const HEAD: usize = 3;

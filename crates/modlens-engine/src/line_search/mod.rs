@@ -35,7 +35,7 @@ pub use check::LineCheck;
 pub use evidence::proof_in;
 pub use offline::{readings, Reading};
 pub use options::SearchOptions;
-pub use rates::{likely_rates, RATES};
+pub use rates::{is_slower, likely_rates, RATES};
 pub use read::SearchRead;
 
 /// The first rate is a high one: a slower line shows its bit time in the bytes received at it.

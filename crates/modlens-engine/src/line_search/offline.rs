@@ -117,7 +117,7 @@ enum Receiver {
 /// waits while bits are 0. How many those were is not in its bytes, nor how many bits of 1 it waited for. Start, parity and stop
 /// bits of the frame, which have to be where they belong, leave few possibilities, and the checksum one.
 fn uninverted(burst: &[u8], parity: Parity, receiver: Receiver) -> Option<Vec<u8>> {
-    // Short frames first: behind a wrong beginning, a long one has many possible ends.
+    // Short frames first: after a wrong beginning, a long one has many possible ends.
     [(REQUEST, true), (REQUEST, false), (LONGEST, true)].into_iter().find_map(|(longest, is_whole)| {
         let mut search = Reinversion { burst, parity, receiver, longest, is_whole, steps: MOST_STEPS };
         search.zeros_then_character(0, Sent::default(), 1)
@@ -229,7 +229,7 @@ impl Reinversion<'_> {
         })
     }
 
-    /// The stop bit: high, a 0 of the frame; or low, and then the start bit of the next character, a wait or the idle line. Behind
+    /// The stop bit: high, a 0 of the frame; or low, and then the start bit of the next character, a wait or the idle line. After
     /// that there may be another frame: an answer that followed its request soon.
     fn stop_bit(&mut self, index: usize, sent: Sent) -> Option<Vec<u8>> {
         let is_last = index + 1 == self.burst.len();

@@ -80,6 +80,27 @@ pub fn likely_rates(bytes: &[u8], receiver: u32) -> Vec<u32> {
     found.into_iter().take_while(|one| one.1 - best > MIN_LOG_ODDS).map(|one| one.0).collect()
 }
 
+/// How many times as long as those of the receiver the bits of a slower line are that are looked for in a recording.
+const SLOWER: [f64; 4] = [1.5, 2.0, 3.0, 4.0];
+/// Fewer characters say nothing of a recording; the logarithm of the odds from which on they do.
+const LEAST_CHARACTERS: usize = 50;
+const SURE_LOG_ODDS: f64 = 10.0;
+
+/// Whether recorded bytes look like those of a line that is slower than the receiver: hardly any pulse is one bit long. Characters
+/// that are low throughout are left out: they may have other reasons.
+///
+/// ```
+/// use modlens_engine::line_search::is_slower;
+/// assert!(is_slower(&[0xFE, 0xF8, 0xE6, 0x80, 0x1E, 0x66].repeat(10)));
+/// assert!(!is_slower(&[0x55, 0xFF, 0x01, 0x03, 0x07, 0x0C].repeat(10)));
+/// ```
+pub fn is_slower(bytes: &[u8]) -> bool {
+    let bytes: Vec<u8> = bytes.iter().copied().filter(|byte| *byte != 0).collect();
+    let counts = pulse_lengths(&bytes);
+    let own = log_likelihood(&counts, 1.0);
+    bytes.len() >= LEAST_CHARACTERS && SLOWER.iter().any(|ratio| log_likelihood(&counts, *ratio) - own > SURE_LOG_ODDS)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

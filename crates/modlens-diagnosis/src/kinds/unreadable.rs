@@ -1,0 +1,56 @@
+//! Lines on which nothing can be read.
+
+use modlens_engine::line_search::is_slower;
+use modlens_protocol::framing::{Mode, Verdict};
+
+use crate::claim::View;
+use crate::contrast::UnitCounts;
+use crate::observation::DamagedPart;
+use crate::statistics::Share;
+
+/// Fewer bytes of noise say nothing.
+pub(super) const LEAST_BYTES: u64 = 50;
+
+/// Bytes of the recording by frame: those of good frames, and those of all others. A frame that may be an accident of noise is
+/// none of the good ones: among bytes that are no Modbus there is one now and then, and it may be long.
+pub(super) fn bytes(view: &View<'_>) -> (u64, u64) {
+    let bytes = &view.bus.frames.bytes;
+    let good = bytes[Verdict::Ok as usize] + bytes[Verdict::NoChecksum as usize] - view.bus.frames.unconfirmed_bytes;
+    (good, bytes.iter().sum::<u64>() - good)
+}
+
+/// Whether nothing on the line can be read.
+pub(super) fn is_unreadable(view: &View<'_>) -> bool {
+    let (good, other) = bytes(view);
+    let serial = !view.bus.facts.is_network && view.bus.facts.mode != Some(Mode::Tcp);
+    let is_lost = good * 20 < other && !fit_but_for_their_edge(view);
+    serial && other >= LEAST_BYTES && (is_lost || only_requests_are_valid(view))
+}
+
+/// Whether every request was sent well and none was answered in bytes that make sense: the log of a client.
+pub(super) fn only_requests_are_valid(view: &View<'_>) -> bool {
+    let requests = view.bus.requests_seen.share();
+    let came = view.bus.noise.ends_in_zero.total + view.bus.noise.strays.total;
+    let echoes: u64 = view.bus.units.values().map(|counts| counts.echoes.failed).sum();
+    requests.total >= 5
+        && requests.failed * 10 >= requests.total * 9
+        && came * 10 > requests.total * 8
+        && echoes * 2 < came
+        && !fit_but_for_their_edge(view)
+}
+
+/// Whether most bad answers fit their checksum but for the first or the last byte: whoever recorded them reads the line well.
+fn fit_but_for_their_edge(view: &View<'_>) -> bool {
+    let edges = |counts: &UnitCounts| {
+        let at = |part: DamagedPart| counts.damaged_parts[part as usize].failed;
+        Share { failed: at(DamagedPart::Start) + at(DamagedPart::End), total: counts.garbled.failed }
+    };
+    let sum = view.units().fold(Share::default(), |sum, (_, counts)| sum.with(edges(counts)));
+    sum.failed * 2 > sum.total
+}
+
+/// Whether nothing can be read, and the bytes look like those of a line that is slower than the receiver.
+pub(super) fn is_of_slower_line(view: &View<'_>) -> bool {
+    let bytes: Vec<u8> = view.bus.noise.bursts.kept.iter().flatten().copied().collect();
+    is_unreadable(view) && !only_requests_are_valid(view) && is_slower(&bytes)
+}

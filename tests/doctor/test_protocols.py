@@ -1,0 +1,86 @@
+"""Lines without Modbus: protocols that are known by their checksums, and lines of another rate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from tests.doctor.frames import read_request, rtu
+from tests.doctor.test_joint import Tape
+
+RUNS = 120
+
+
+def mstp(rng: Random) -> bytes:
+    """A token of BACnet MS/TP; the CRC of ANSI/ASHRAE 135, annex G, by its equations."""
+    header = bytes([0, rng.randrange(12), rng.randrange(12), 0, 0])
+    crc = 0xFF
+    for byte in header:
+        crc ^= byte
+        crc ^= crc << 1 ^ crc << 2 ^ crc << 3 ^ crc << 4 ^ crc << 5 ^ crc << 6 ^ crc << 7
+        crc = (crc & 0xFE) ^ (crc >> 8 & 1)
+    return b"\x55\xff" + header + bytes([~crc & 0xFF])
+
+
+def mbus(rng: Random) -> bytes:
+    """An answer of an M-Bus meter."""
+    data = bytes([8, rng.randrange(4), 0x72]) + rng.randbytes(14)
+    return bytes([0x68, len(data), len(data), 0x68]) + data + bytes([sum(data) % 256, 0x16])
+
+
+def dlt645(rng: Random) -> bytes:
+    """A request to a meter of DL/T 645."""
+    frame = b"\x68\x12\x34\x56\x78\x90\x12\x68\x11\x04" + rng.randbytes(4)
+    return b"\xfe\xfe\xfe\xfe" + frame + bytes([sum(frame) % 256, 0x16])
+
+
+@pytest.mark.parametrize(
+    ("frame", "name"), [(mstp, "BACnet MS/TP"), (mbus, "M-Bus"), (dlt645, "DL/T 645")]
+)
+def test_a_line_of_another_protocol_is_named(
+    tmp_path: Path, frame: Callable[[Random], bytes], name: str
+) -> None:
+    tape, rng = Tape(), Random(3)
+    for _ in range(RUNS):
+        tape.add(frame(rng), 30)
+    (found,) = tape.doctor(tmp_path)["diagnoses"]
+    assert found["code"] == "foreign_protocol"
+    assert name in found["sentence"]
+
+
+def test_it_is_named_beside_modbus(tmp_path: Path) -> None:
+    tape, rng = Tape(), Random(3)
+    for number in range(RUNS):
+        tape.add(rtu(1, read_request(3, 0, 1)), 30)
+        tape.add(rtu(1, bytes([3, 2, number, 7])), 8)
+        tape.add(mstp(rng), 30)
+    (found,) = tape.doctor(tmp_path)["diagnoses"]
+    assert found["code"] == "foreign_protocol"
+    assert "BACnet MS/TP" in found["sentence"]
+
+
+def slower(frame: bytes, times: int) -> bytes:
+    """What a receiver makes of the frame that is so many times as fast as the line, 8N1."""
+    line = "".join(f"0{byte:08b}"[0] + f"{byte:08b}"[::-1] + "1" for byte in frame)
+    bits = "".join(bit * times for bit in line) + "1" * 20
+    received, at = bytearray(), 0
+    while (at := bits.find("0", at)) >= 0:
+        received.append(int(bits[at + 1 : at + 9][::-1], 2))
+        at += 9
+        at += 0 if bits[at] == "1" else max(0, bits[at:].find("1"))
+    return bytes(received)
+
+
+@pytest.mark.parametrize("times", [2, 4])
+def test_a_slower_line_is_no_other_protocol(tmp_path: Path, times: int) -> None:
+    """All its frames begin alike, with the unit, and go on differently."""
+    tape, rng = Tape(), Random(4)
+    for number in range(RUNS):
+        address = (0, 16, 300, 1000)[number % 4]
+        tape.add(slower(rtu(17, read_request(3, address, 2)), times), 40)
+        tape.add(slower(rtu(17, bytes([3, 4, 1, rng.randrange(256), 2, 9])), times), 20)
+    (found,) = tape.doctor(tmp_path)["diagnoses"]
+    assert found["code"] == "wrong_line_settings"
