@@ -88,7 +88,7 @@ fn nmea(bytes: &[u8]) -> bool {
     name.iter().all(|byte| byte.is_ascii_uppercase() || byte.is_ascii_digit())
 }
 
-/// Cameras: FF, five bytes, and their sum. The same command again and again is told by its header alone.
+/// Cameras: FF, five bytes, and their sum.
 fn pelco(bytes: &[u8]) -> bool {
     matches!(bytes, [0xFF, data @ .., check] if data.len() == 5 && data[0] > 0 && data[0] < 0xFF && sum(data) == *check)
 }
@@ -126,7 +126,7 @@ fn jbd(bytes: &[u8]) -> bool {
     let &[0xDD, _, _, length, ..] = bytes else { return false };
     let length = usize::from(length);
     let Some(&[high, low, 0x77]) = bytes.get(4 + length..7 + length) else { return false };
-    // Of a request, the register counts as well; of an answer, its status: both stand in the same place.
+    // Of a request, the register counts as well; of an answer, its status: both have the same place.
     let all = bytes[2..4 + length].iter().fold(0u16, |sum, byte| sum.wrapping_add(u16::from(*byte)));
     u16::from_be_bytes([high, low]) == all.wrapping_neg()
 }
