@@ -228,3 +228,16 @@ def test_who_is_polled_has_sent_nothing(tmp_path: Path) -> None:
     assert "no answer came in time" in said(
         [*lines, "ERROR Connection timed out: select"], tmp_path
     )
+
+
+def test_a_damaged_frame_that_was_received_is_no_whole_answer(tmp_path: Path) -> None:
+    lines = [*pair(ASK, ANSWER), "RX: 11 03 00 E0 9E 00 1E 7E", "ERROR CRC mismatch"]
+    assert "have right ones" not in said(lines, tmp_path)
+
+
+def test_a_refusal_is_named_before_a_silence(tmp_path: Path) -> None:
+    asked = rtu(1, read_request(3, 0, 10)).hex(" ")
+    busy = rtu(1, bytes([0x83, 6])).hex(" ")
+    times = ["08:44:13.640 TX: ", "08:44:18.641 TX: ", "08:44:18.656 RX: ", "08:44:23.635 TX: "]
+    lines = [time + text for time, text in zip(times, [asked, asked, busy, asked], strict=True)]
+    assert "it is busy (exception 6)" in said(lines, tmp_path)

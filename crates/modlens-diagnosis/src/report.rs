@@ -76,8 +76,10 @@ impl Report {
             verdict::verdict(&buses, contrast.is_selection(), &rows, without_cause.first().map(|(row, _)| row));
         let requests = buses.iter().fold(Share::default(), |sum, (_, bus)| sum.with(bus.requests_seen.share()));
         let has_broadcasts_only = verdict::broadcasts_only(&buses).is_some();
-        let is_checked =
-            |bus: &BusContrast| bus.facts.mode != Some(Mode::Tcp) && bus.frames.frames[FrameVerdict::NoChecksum as usize] == 0;
+        let is_checked = |bus: &BusContrast| {
+            let has_checksums = bus.frames.frames[FrameVerdict::NoChecksum as usize] == 0;
+            has_checksums && bus.received_damage == 0 && bus.facts.mode != Some(Mode::Tcp)
+        };
         let answers: u64 = buses.iter().map(|(_, bus)| bus.answers_alone()).sum::<u64>() + requests.total - requests.failed;
         let has_whole_answers = answers > 0 && buses.iter().all(|(_, bus)| is_checked(bus));
         let unexplained = rest.iter().filter(|(_, rest)| rest.odd.total() > 0);

@@ -163,14 +163,18 @@ pub(crate) fn with_figures(words: &str, figures: Option<Figures>) -> String {
 fn best(seen: &[Seen]) -> Option<(Claim, &'static Diagnosis)> {
     let mut ranked: Vec<(f64, &Diagnosis)> = diagnoses().iter().map(|cause| (fit(cause, seen), cause)).collect();
     ranked.sort_by(|one, other| other.0.total_cmp(&one.0));
-    let has_words = |cause: &Diagnosis| seen.iter().any(|(symptom, ..)| cause.sight(*symptom).is_some());
+    // That no answer came may have any reason: what else was seen is named before it.
+    let is_named = |symptom: Symptom| diagnoses().iter().any(|cause| cause.sight(symptom).is_some());
+    let has_others = seen.iter().any(|(symptom, ..)| *symptom != Symptom::NoAnswer && is_named(*symptom));
+    let says = |symptom: Symptom| symptom != Symptom::NoAnswer || !has_others;
+    let has_words = |cause: &Diagnosis| seen.iter().any(|(symptom, ..)| says(*symptom) && cause.sight(*symptom).is_some());
     let at = ranked.iter().position(|(_, cause)| has_words(cause))?;
     let (score, cause) = ranked[at];
     let rival = ranked.iter().enumerate().find(|(other, _)| *other != at).map(|(_, one)| *one)?;
     let with_words = seen.iter().filter_map(|one| Some((one, cause.sight(one.0)?)));
     // That no answer came may have any reason; what else was seen says more.
-    let says = |(symptom, all, ..): &Seen| (*symptom != Symptom::NoAnswer, all.failed);
-    let ((symptom, all, unit, figures), words) = with_words.max_by_key(|(one, _)| says(one))?;
+    let weight = |(symptom, all, ..): &Seen| (*symptom != Symptom::NoAnswer, all.failed);
+    let ((symptom, all, unit, figures), words) = with_words.max_by_key(|(one, _)| weight(one))?;
     let odds = (score - rival.0).exp();
     let is_likely = all.failed >= LIKELY_EXAMPLES && odds >= LIKELY_ODDS;
     let mut all = all.clone();

@@ -117,6 +117,8 @@ pub struct BusContrast {
     pub broadcasts: u64,
     /// A short recording is two lists one after the other.
     pub lists: Option<Lists>,
+    /// Damaged frames that the program says it has received.
+    pub received_damage: u64,
     /// A short recording holds nothing but requests to this unit that its program has received.
     pub heard: Option<u8>,
     pub(super) context: Context,
@@ -347,6 +349,7 @@ impl BusContrast {
         self.frames.merge(&later.frames);
         self.noise.merge(&later.noise);
         self.strays.merge(&later.strays);
+        self.received_damage += later.received_damage;
         self.connections.merge(&later.connections);
         self.requests_seen.merge(&later.requests_seen);
         self.symptoms.merge(&later.symptoms);
@@ -386,6 +389,7 @@ impl BusContrast {
             self.count_pause(seen);
             return;
         }
+        self.received_damage += u64::from(seen.side == Some(Side::Received) && seen.length >= LEAST_ANSWER_BYTES);
         self.noise.count(seen, attached.is_some_and(|(direction, _)| direction == Direction::Request));
         let is_answer =
             seen.length >= LEAST_ANSWER_BYTES && attached.is_some_and(|(direction, _)| direction == Direction::Request);
