@@ -241,3 +241,9 @@ def test_a_refusal_is_named_before_a_silence(tmp_path: Path) -> None:
     times = ["08:44:13.640 TX: ", "08:44:18.641 TX: ", "08:44:18.656 RX: ", "08:44:23.635 TX: "]
     lines = [time + text for time, text in zip(times, [asked, asked, busy, asked], strict=True)]
     assert "it is busy (exception 6)" in said(lines, tmp_path)
+
+
+def test_the_byte_count_of_a_report_of_the_unit_is_checked(tmp_path: Path) -> None:
+    """Application protocol, 6.13: the count is that of the bytes after it, here six."""
+    lines = pair(rtu(32, b"\x11"), rtu(32, bytes([0x11, 9, 0xFF, *b"v1.02"])))
+    assert "it says 9, and 6 follow" in said(lines, tmp_path)

@@ -45,7 +45,7 @@ pub(super) fn layout_fault(batch: &Batch, row: &Transaction, has: impl Fn(Findin
         let is_right = figures::of_header(odd).is_some_and(|[announced, present]| announced == present);
         return Some(match odd.get(PREFIX_BYTES + 1..) {
             Some([function]) if is_right && function & EXCEPTION_BIT != 0 => LayoutFault::NoExceptionCode,
-            Some([function, ..]) if is_right && is_read_code(*function) => LayoutFault::WrongCount,
+            Some([function, ..]) if is_right && counts_bytes(*function) => LayoutFault::WrongCount,
             _ if is_right => LayoutFault::Other,
             _ => LayoutFault::HeaderLength,
         });
@@ -65,7 +65,7 @@ pub(super) fn layout_fault(batch: &Batch, row: &Transaction, has: impl Fn(Findin
             Some(count_fault(answer)).filter(|fault| *fault != LayoutFault::Other)
         }
         Status::Ok | Status::Exception => None,
-        _ if has(Finding::LengthMismatch) && crc_valid(answer) && !is_read_code(answer[1]) => Some(LayoutFault::Other),
+        _ if has(Finding::LengthMismatch) && crc_valid(answer) && !counts_bytes(answer[1]) => Some(LayoutFault::Other),
         _ if has(Finding::LengthMismatch) && crc_valid(answer) => Some(count_fault(answer)),
         // An answer with a wide byte count and one register looks like a request for far too many.
         _ if has(Finding::QuantityLimit) && crc_valid(request) && has_wide_count(request) => Some(LayoutFault::WideCount),
@@ -93,8 +93,8 @@ fn count_fault(answer: &[u8]) -> LayoutFault {
 }
 
 /// Whether an answer of this function begins with a byte count.
-fn is_read_code(function: u8) -> bool {
-    matches!(function, 1..=4 | 0x17)
+fn counts_bytes(function: u8) -> bool {
+    matches!(function, 1..=4 | 0x0C | 0x11 | 0x14 | 0x15 | 0x17)
 }
 
 /// The layout of a function that reads coils or registers.
