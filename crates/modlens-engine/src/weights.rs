@@ -348,6 +348,10 @@ weights! {
         TWO_SIDES_ODDS_BITS: f32 = 4.8;
         /// ... or by the frames after its first request nothing is known.
         ONE_SIDE_ODDS_BITS: f32 = 1.0;
+        /// So many requests left for others without a response leave open which side is heard ...
+        MIN_LEFT_FRAMES: f32 = 1.0;
+        /// ... where so few were answered for each of them: then not even their direction is reported.
+        UNKNOWN_SIDE_ANSWERED_SHARE: f32 = 1.0 / 16.0;
         /// What a frame loses in the middle of noise.
         NOISE_ODDS_BITS: f32 = 2.0;
         /// The most for an unconfirmed frame.

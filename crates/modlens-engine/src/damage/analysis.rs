@@ -60,7 +60,7 @@ impl UnframedRegion<'_, '_> {
             let head = [request.unit, request.pdu[0] | EXCEPTION_BIT];
             let mut exception_starts =
                 free_starts.filter(|&start| is_nearly_exception(head, &self.bytes()[start..][..EXCEPTION_RESPONSE_BYTES]));
-            if let Some(start) = exception_starts.next().filter(|_| frame.is_short && frame.direction != Direction::Request) {
+            if let Some(start) = exception_starts.next().filter(|_| frame.is_short) {
                 let end = start + EXCEPTION_RESPONSE_BYTES;
                 *frame = DamagedFrame {
                     start,

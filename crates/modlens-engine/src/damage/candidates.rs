@@ -12,6 +12,7 @@ use crate::rtu_model::prefix_index::{FrameSet, MAX_LOST_BYTES};
 use crate::rtu_model::score;
 use crate::rtu_model::side::{self, REQUEST, RESPONSE};
 use crate::weights::{self, FRAME_END_BITS, MAX_STRAY_BITS, MIN_DAMAGED_FRAME_BITS, POLL_REQUEST_BITS, ROUNDING_BITS};
+use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::MAX_RTU_FRAME_BYTES;
 use modlens_protocol::functions::{Extent, FunctionRow, EXCEPTION_BIT};
 
@@ -212,14 +213,27 @@ impl UnframedRegion<'_, '_> {
     }
 }
 
-/// Cost in bits of a frame at `start` that is not of the direction which the recording declares; what a line of one direction
-/// may carry is for `may_be_header`.
+/// Cost in bits of a frame at `start` that is not of the direction which the recording declares, or is a request in the place and at
+/// the time of a response; what a line of one direction may carry is for `may_be_header`.
 fn contradiction_cost(region: &UnframedRegion<'_, '_>, start: usize, direction: usize) -> f32 {
     let context = region.context;
-    match context.declared_direction_at(region.input, start).filter(|_| context.line_direction.is_none()) {
-        Some(declared) if declared != side::direction_of(direction) => weights::WRONG_LINE_BITS,
-        _ => 0.0,
+    let too_soon = if direction == REQUEST && start == 0 { request_too_soon_cost(region) } else { 0.0 };
+    too_soon
+        + match context.declared_direction_at(region.input, start).filter(|_| context.line_direction.is_none()) {
+            Some(declared) if declared != side::direction_of(direction) => weights::WRONG_LINE_BITS,
+            _ => 0.0,
+        }
+}
+
+/// Cost in bits of a request that begins the region, for coming as soon after the outstanding one as responses do, where another
+/// request follows. 0 without a clock, and where the line carries one direction only.
+fn request_too_soon_cost(region: &UnframedRegion<'_, '_>) -> f32 {
+    let is_between_requests = region.next_frame.is_some_and(|(_, direction)| direction == Direction::Request);
+    if !is_between_requests || region.context.outstanding_request.is_none() || region.context.line_direction.is_some() {
+        return 0.0;
     }
+    let most = weights::TOO_SOON_BITS + weights::UNANSWERED_BITS;
+    (-(region.context.timeout_log_odds)(region.input.pause_before(0))).clamp(0.0, most)
 }
 
 /// The lowest score in bits at which a candidate can change the result.

@@ -228,7 +228,10 @@ impl Pairing {
             (true, Direction::Request) => self.add_request(functions, frame, next_txn, done),
             (true, Direction::Response) if frame.lacks_request => PairingResult::default(),
             (true, Direction::Response) => self.add_response(functions, frame, next_txn, done),
-            (true, Direction::Unknown) => PairingResult::default(),
+            (true, Direction::Unknown) => {
+                note_undirected(self.open.back_mut(), frame);
+                PairingResult::default()
+            }
             (false, _) => self.add_damaged(functions, frame, next_txn, done),
         }
     }
@@ -326,5 +329,13 @@ impl Pairing {
         }
         let unproven = self.masters.take_undecided().into_iter().filter(|overlap| !overlap.timeout_excluded);
         self.delayed_findings.extend(unproven.map(|overlap| order::unproven_overlap(&overlap)));
+    }
+}
+
+/// A frame of which nobody knows who sent it opens nothing and answers nothing. But where it has the unit of the last open request, it may
+/// be the response to that, whose silence proves nothing then.
+fn note_undirected(open: Option<&mut Box<PendingTransaction>>, frame: &ObservedFrame<'_>) {
+    if let Some(open) = open.filter(|open| open.unit == frame.unit()) {
+        open.silence_is_inconclusive = true;
     }
 }

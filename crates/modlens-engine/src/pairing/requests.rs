@@ -18,6 +18,10 @@ use modlens_protocol::functions::{Functions, Layout};
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
+/// A master that asks again after exactly its usual interval has given up no sooner than others by so much: most timeouts are far
+/// longer than the cycle of so fast a master.
+const CYCLE_FACTOR: Ns = 2;
+
 /// Requests that may be open at once on a TCP connection. A serial line has one or two.
 const MAX_OPEN_REQUESTS: usize = 1024;
 
@@ -290,7 +294,7 @@ impl Pairing {
     /// after a response, and sooner than any master gives up.
     fn is_missed_in_cycle(&mut self, open: &PendingTransaction, waited: Option<Ns>) -> bool {
         let is_silent = !open.response.is_present() && !open.expects_no_response && open.status != Status::BadRequest;
-        let is_soon = waited.is_some_and(|waited| self.is_before_timeout(waited));
+        let is_soon = waited.is_some_and(|waited| self.is_before_timeout(waited / CYCLE_FACTOR));
         is_silent && is_soon && self.usual_interval.is_missed_response(waited)
     }
 

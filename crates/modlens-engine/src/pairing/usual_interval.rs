@@ -16,6 +16,9 @@ const MIN_INTERVALS: u32 = 3;
 /// A tap that misses a third of the responses misses so many in a row about once in 1000 requests.
 const MAX_MISSED_IN_A_ROW: u32 = 5;
 
+/// A tap that has heard so many responses in a row misses none: of one that misses one in twenty, one in 200 has such a row.
+const HEARD_BY_GOOD_TAP: u32 = 100;
+
 /// The intervals from answered requests to the next ones.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct UsualInterval {
@@ -27,6 +30,8 @@ pub(crate) struct UsualInterval {
     seen: u32,
     /// How many requests in a row had no response and were followed after the usual interval.
     missed: u32,
+    /// How many requests in a row had a response, up to now.
+    heard: u32,
 }
 
 impl UsualInterval {
@@ -35,6 +40,7 @@ impl UsualInterval {
     pub fn add_request(&mut self, start: Option<Ns>, end: Option<Ns>, follows_response: bool) {
         if follows_response {
             self.missed = 0;
+            self.heard = self.heard.saturating_add(1);
             if let Some(interval) = interval(self.last_request_end, start) {
                 self.count = if self.is_about(interval) { self.count + 1 } else { 1 };
                 self.seen = self.seen.saturating_add(1);
@@ -48,7 +54,8 @@ impl UsualInterval {
     /// to the start of the next one, sooner than a master gives up.
     pub fn is_missed_response(&mut self, waited: Option<Ns>) -> bool {
         self.missed += 1;
-        let is_cycle = self.count >= MIN_INTERVALS && self.missed <= MAX_MISSED_IN_A_ROW;
+        let hears_all = std::mem::take(&mut self.heard) >= HEARD_BY_GOOD_TAP;
+        let is_cycle = self.count >= MIN_INTERVALS && self.missed <= MAX_MISSED_IN_A_ROW && !hears_all;
         waited.is_some_and(|waited| is_cycle && self.is_about(waited))
     }
 

@@ -4,6 +4,7 @@
 //! in a pool, and paths refer to them by number. Room of requests that no path refers to any more is used again: nothing is
 //! allocated while a line talks.
 
+use crate::rtu_model::frame_bytes::FrameBytes;
 use crate::rtu_model::side::REQUEST;
 use modlens_protocol::direction::{expected_data_bytes, RequestRef};
 use modlens_protocol::framing::BROADCAST_UNIT;
@@ -54,6 +55,11 @@ impl AnswerableRequest {
         head[0] = self.unit;
         head[1..].iter_mut().zip(&self.pdu).for_each(|(to, byte)| *to = *byte);
         head
+    }
+
+    /// Whether this frame has its unit and its PDU.
+    pub fn matches_frame(&self, frame: FrameBytes<'_>) -> bool {
+        self.unit == frame.unit() && self.pdu == frame.pdu()
     }
 
     /// Whether it is addressed to this unit and has this function code.

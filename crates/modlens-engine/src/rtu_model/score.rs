@@ -83,7 +83,7 @@ fn crc_score(model: &TrafficModel, frame: FrameBytes<'_>) -> f32 {
 /// Whether a frame ends in a pattern of one to `MAX_PERIOD_BYTES` bytes that its CRC continues: for one of these periods, the
 /// CRC and the two periods before it are equal to what stands one period further in front. Runs of one byte and slow square
 /// waves are such patterns. A frame shorter than CRC and two periods does not count for that period.
-fn continues_pattern(frame: &[u8]) -> bool {
+pub fn continues_pattern(frame: &[u8]) -> bool {
     (1..=MAX_PERIOD_BYTES).any(|period| {
         let length = CRC_BYTES + 2 * period;
         frame.len() >= length && frame[frame.len() - length..].windows(period + 1).all(|bytes| bytes[0] == bytes[period])

@@ -6,6 +6,7 @@
 
 mod byte_information;
 mod frame_costs;
+pub mod heard_sides;
 mod learning_run;
 
 pub use frame_costs::{EchoCosts, SilenceCosts};
@@ -69,6 +70,8 @@ pub struct TrafficModel {
     unsolicited: [LearnedShare; 2],
     /// Frames while a request is outstanding, without and with unframed bytes before them: requests among all frames.
     unanswered: [LearnedShare; 2],
+    /// Which sides of the line are heard.
+    heard_sides: HeardSides,
     /// Share of the answered requests that are sent again next.
     same_again: f32,
     /// Length and CRC of the last request.
@@ -118,6 +121,17 @@ impl LearnedShare {
         let rest = (missed + PRIOR_WEIGHT_FRAMES * (1.0 - prior)) / (self.all + PRIOR_WEIGHT_FRAMES);
         (2.0 * rest / (1.0 - prior)).min(1.0)
     }
+}
+
+/// What shows which sides of a line are heard.
+#[derive(Default)]
+struct HeardSides {
+    /// Requests without response that were left for another one.
+    left: f32,
+    /// Responses that did not fit the request that was outstanding.
+    unfit_responses: f32,
+    /// At least half of the requests had a response, so that both sides of the line are heard.
+    are_both: bool,
 }
 
 /// Where a frame stands among others.
@@ -176,6 +190,7 @@ impl Default for TrafficModel {
             noise_due: weights::NOISE_UPDATE_BYTES,
             unsolicited: [LearnedShare::default(); 2],
             unanswered: [LearnedShare::default(); 2],
+            heard_sides: HeardSides::default(),
             same_again: weights::PRIOR_SAME_AGAIN_SHARE,
             last_request: None,
             silences: Box::new([LearnedShare::default(); 256]),
@@ -362,6 +377,8 @@ impl TrafficModel {
             &mut self.frames_with_inner_pause,
             &mut self.requests,
             &mut self.repeated_requests,
+            &mut self.heard_sides.left,
+            &mut self.heard_sides.unfit_responses,
         ] {
             *count /= 2.0;
         }

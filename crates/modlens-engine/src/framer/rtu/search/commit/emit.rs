@@ -2,6 +2,7 @@
 
 use crate::confidence::{self, Likeness, Standing};
 use crate::framer::rtu::lone_frames::{key_of, SURROUNDING_BYTES};
+use crate::framer::rtu::search::commit::one_side::{answers_fully, hears_unknown_side, is_next_write};
 use crate::framer::rtu::search::commit::state::Decision;
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::state::Search;
@@ -11,9 +12,9 @@ use crate::rtu_model::answerable::{fingerprint, AnswerableRequest, AnswerableReq
 use crate::rtu_model::frame_bytes::FrameBytes;
 use crate::rtu_model::score;
 use crate::rtu_model::side::{self, REQUEST, RESPONSE};
-use crate::rtu_model::traffic_model::{FramePosition, RequestCopy, TrafficModel};
+use crate::rtu_model::traffic_model::{heard_sides, FramePosition, RequestCopy, TrafficModel};
 use crate::weights;
-use modlens_protocol::direction::{self, Direction, ResponseMatch};
+use modlens_protocol::direction::Direction;
 use modlens_protocol::functions::{Layout, EXCEPTION_BIT};
 
 // The surroundings by which a lone frame is known again all are before it.
@@ -38,6 +39,10 @@ struct Winner<'a> {
     /// Score of its path less that of the best path without it, in bits. The root counts as such a path: all bytes are unframed
     /// there.
     lead: f32,
+    /// The same without paths that begin with the same bytes: how sure it is where the frame begins and ends.
+    lead_of_bounds: f32,
+    /// Nothing shows which side of the line has sent it (`hears_unknown_side`).
+    is_of_unknown_side: bool,
 }
 
 impl Winner<'_> {
@@ -69,19 +74,20 @@ impl Search {
         self.commit_unframed(to)
     }
 
-    /// Commits the first frame of the best path: it becomes the root. `first` is its index in the lattice, `score` that of its path
-    /// in bits, as it is at the last byte scanned. Its confidence comes from its lead over the best path without it.
+    /// Commits the first frame of the best path: it becomes the root. `path_end` is the index of the last frame of that path in the
+    /// lattice, `score` the path's in bits, as it is at the last byte scanned. Its confidence comes from its lead over the best path without it.
     ///
     /// With a valid CRC it teaches the model, as do the unframed bytes before it. An unconfirmed frame teaches no unit or
     /// function, and the request that is outstanding after it becomes unconfirmed as well. Nothing is learned from a damaged
     /// frame here: the framer does that when it emits the frame.
-    pub(super) fn commit_frame(&mut self, input: &Input, context: &FramerContext<'_>, first: usize, score: f32) -> Decision {
+    pub(super) fn commit_frame(&mut self, input: &Input, context: &FramerContext<'_>, path_end: usize, score: f32) -> Decision {
+        let first = self.lattice[path_end].first_on_path;
         let Hypothesis { start, end, direction, is_crc_valid, .. } = self.lattice[first];
         if !is_crc_valid {
             self.set_root(first);
             return Decision::Damaged { start, end, direction: side::direction_of(direction) };
         }
-        let winner = self.winner(input, first, score);
+        let winner = self.winner(input, context, path_end, score);
         let evidence = self.weigh(input, context, &winner);
         self.learn_winner(context, &winner, evidence.is_unconfirmed);
         let direction = self.decided_direction(&winner);
@@ -96,20 +102,31 @@ impl Search {
         Decision::Frame { start, end, direction, confidence, unconfirmed }
     }
 
-    /// What is known of the frame `first` (an index of the lattice), the first one of the best path, whose score is given.
-    fn winner<'a>(&self, input: &'a Input, first: usize, score: f32) -> Winner<'a> {
+    /// What is known of the first frame of the best path, which ends with the frame `path_end` (an index of the lattice) and whose
+    /// score is given.
+    fn winner<'a>(&self, input: &'a Input, context: &FramerContext<'_>, path_end: usize, score: f32) -> Winner<'a> {
+        let first = self.lattice[path_end].first_on_path;
         let Hypothesis { start, end, direction, answers_outstanding, .. } = self.lattice[first];
         let index = |offset: u64| (offset - input.offset()) as usize;
-        let rivals = self.lattice.iter().filter(|path| path.first_on_path != first);
+        let frame = FrameBytes(&input.bytes()[index(start)..index(end)]);
+        let rivals = || self.lattice.iter().filter(|path| path.first_on_path != first);
+        let is_declared = context.declared_direction_at(input, index(start)).is_some();
+        let has_other_bounds = |path: &&Hypothesis| {
+            let other = &self.lattice[path.first_on_path];
+            (other.start, other.end) != (start, end)
+        };
         Winner {
             first,
             start_index: index(start),
             start,
-            frame: FrameBytes(&input.bytes()[index(start)..index(end)]),
+            frame,
             unframed: &input.bytes()[index(self.committed_offset())..index(start)],
             direction,
             answers_outstanding,
-            lead: score - rivals.map(|rival| self.current_score(rival)).fold(f32::MIN, f32::max),
+            lead: score - rivals().map(|rival| self.current_score(rival)).fold(f32::MIN, f32::max),
+            lead_of_bounds: score
+                - rivals().filter(has_other_bounds).map(|rival| self.current_score(rival)).fold(f32::MIN, f32::max),
+            is_of_unknown_side: direction == REQUEST && !is_declared && hears_unknown_side(self, input, context, frame, path_end),
         }
     }
 
@@ -199,11 +216,14 @@ impl Search {
         // Right after a chance match there may be another one, but neither its response nor a chain of frames.
         let is_chain = self.adjacent_frames >= weights::CHAIN_FRAMES;
         let follows_doubt = self.last_was_doubtful && !is_vouched && !is_chain;
-        let follows_firm_frame = winner.unframed.is_empty() && !follows_doubt && (is_chain || !is_repetition);
+        // A checksum that goes on with the pattern in front of it is no evidence, and neither is a length that nothing explains.
+        let is_pattern = score::continues_pattern(winner.frame.0)
+            && !score::is_understood(&self.model, context, winner.frame.0, winner.direction);
+        let follows_firm_frame = winner.unframed.is_empty() && !follows_doubt && !is_pattern && (is_chain || !is_repetition);
         if follows_firm_frame || self.answers_sound_request(winner, is_vouched) {
             return false;
         }
-        let is_in_noise = winner.is_lone() || follows_doubt;
+        let is_in_noise = winner.is_lone() || follows_doubt || is_pattern;
         let is_unlikely = || recurs || !self.is_likely_in_noise(context, winner);
         !context.paired_units[usize::from(winner.frame.unit())] || (is_in_noise && is_unlikely())
     }
@@ -229,18 +249,29 @@ impl Search {
         if is_unconfirmed {
             self.model.count_frame_after_stray_bytes(winner.unframed.len() as u64);
         } else {
-            self.learn_turn(winner);
+            self.learn_turn(context, winner);
             self.learn_frame(context, winner);
         }
     }
 
-    /// Learns what a frame says about the outstanding request: a request leaves it unanswered, and a response to it ends the unit's
-    /// silence.
-    fn learn_turn(&mut self, winner: &Winner<'_>) {
+    /// Learns what a frame says about the outstanding request: a request leaves it unanswered, a response to it ends the unit's
+    /// silence, and one that does not fit answers nothing.
+    fn learn_turn(&mut self, context: &FramerContext<'_>, winner: &Winner<'_>) {
         if winner.direction == REQUEST {
+            let is_left = self.outstanding_request().is_some_and(|request| !request.matches_frame(winner.frame));
+            if is_left && !winner.is_lone() {
+                heard_sides::learn_left(&mut self.model);
+            }
             self.learn_request(winner.frame.0);
-        } else if winner.answers_outstanding {
+            return;
+        }
+        if winner.answers_outstanding {
             self.model.learn_silence(winner.frame.unit(), false);
+        }
+        let Some(request) = self.outstanding_request() else { return };
+        let is_left = winner.answers_outstanding && is_next_write(context, request, winner.frame);
+        if !answers_fully(context, request, winner.frame) {
+            heard_sides::learn_unfit_response(&mut self.model, is_left);
         }
     }
 
@@ -260,9 +291,11 @@ impl Search {
         self.model.update_costs();
     }
 
-    /// The direction of a frame; unknown where its lead is small and a rival reads the same bytes in the other direction.
+    /// The direction of a frame; unknown where its lead is small and a rival reads the same bytes in the other direction, or where
+    /// nothing shows which side of the line is heard.
     fn decided_direction(&self, winner: &Winner<'_>) -> Direction {
-        if winner.lead < weights::UNDECIDED_DIRECTION_BITS && self.has_opposite_rival(winner.first, f32::MIN) {
+        let is_tie = || winner.lead < weights::UNDECIDED_DIRECTION_BITS && self.has_opposite_rival(winner.first, f32::MIN);
+        if winner.is_of_unknown_side || is_tie() {
             Direction::Unknown
         } else {
             side::direction_of(winner.direction)
@@ -283,7 +316,7 @@ impl Search {
     pub(in crate::framer::rtu::search) fn learn_request(&mut self, frame: &[u8]) {
         self.model.learn_same_again(frame, self.outstanding_request().is_some());
         let Some(outstanding) = self.outstanding_request() else { return };
-        let is_same = outstanding.unit == frame[0] && outstanding.pdu == FrameBytes(frame).pdu();
+        let is_same = outstanding.matches_frame(FrameBytes(frame));
         let may_be_echo = is_same && !outstanding.is_repeated && self.model.has_echo();
         let unit = outstanding.unit;
         if !may_be_echo {
@@ -315,14 +348,8 @@ impl Search {
     }
 }
 
-/// Whether a response fits this request in full.
-fn answers_fully(context: &FramerContext<'_>, request: &AnswerableRequest, response: FrameBytes<'_>) -> bool {
-    let (unit, pdu) = (response.unit(), response.pdu());
-    direction::match_response(context.functions, request.as_request_ref(), unit, pdu) == ResponseMatch::Fully
-}
-
 /// The log2 odds that a frame is right: by its lead, what it looks like and where it stands, but no more than the odds of its
-/// direction, nor than an unconfirmed frame may have.
+/// direction, nor than an unconfirmed frame may have. Where no direction is reported, only its bounds can be wrong.
 fn confidence_of(context: &FramerContext<'_>, winner: &Winner<'_>, evidence: &Evidence) -> u8 {
     let standing = match winner.is_lone() {
         true if evidence.recurs => Standing::Recurring,
@@ -330,8 +357,11 @@ fn confidence_of(context: &FramerContext<'_>, winner: &Winner<'_>, evidence: &Ev
         false => Standing::Among,
     };
     let likeness = Likeness::of_frame(context.functions, winner.frame.0);
-    let confidence =
-        confidence::of_rtu_frame(winner.lead, likeness, standing).min(confidence::of_direction(evidence.direction_odds));
+    let confidence = if winner.is_of_unknown_side {
+        confidence::of_rtu_frame(winner.lead_of_bounds, likeness, standing)
+    } else {
+        confidence::of_rtu_frame(winner.lead, likeness, standing).min(confidence::of_direction(evidence.direction_odds))
+    };
     if evidence.is_unconfirmed {
         confidence.min(weights::UNCONFIRMED_ODDS_BITS)
     } else {

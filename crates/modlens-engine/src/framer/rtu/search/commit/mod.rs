@@ -41,6 +41,7 @@ mod decide;
 mod emit;
 mod frame_ahead;
 mod lookahead;
+mod one_side;
 mod rival;
 mod state;
 

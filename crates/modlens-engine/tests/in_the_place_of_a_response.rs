@@ -1,0 +1,121 @@
+//! What stands where a response is due: a damaged one, of whatever sort, one that the tap has missed, or none.
+//!
+//! Expected values follow from how each line is built here.
+
+mod wire;
+
+use modlens_engine::records::Batch;
+use modlens_engine::session::Session;
+use modlens_protocol::direction::Direction;
+use modlens_protocol::finding::Finding;
+use modlens_protocol::framing::Verdict;
+use modlens_protocol::source::Clock;
+use modlens_protocol::status::Status;
+use modlens_readers::chunk::{Chunk, Times};
+
+use wire::{frame, read_request, read_response, session, MS};
+
+/// A character at 9600 baud, 8N1.
+const CHAR: i64 = 1_041_667;
+
+/// A tap that times every character.
+struct Tap {
+    session: Session,
+    bus: usize,
+    now: i64,
+}
+
+impl Tap {
+    fn new() -> Self {
+        let (session, bus) = session(false, Clock::Utc);
+        Self { session, bus, now: 1_700_000_000_000_000_000 }
+    }
+
+    /// Bytes after so many milliseconds of silence.
+    fn send(&mut self, silence_ms: i64, bytes: &[u8]) {
+        let times: Vec<i64> = (1..=bytes.len() as i64).map(|at| self.now + silence_ms * MS + at * CHAR).collect();
+        self.unheard(silence_ms, bytes.len());
+        self.session.feed(self.bus, &Chunk { bytes, times: Times::Bytes(&times), ..Chunk::default() });
+    }
+
+    /// So many bytes that the tap misses.
+    fn unheard(&mut self, silence_ms: i64, bytes: usize) {
+        self.now += silence_ms * MS + bytes as i64 * CHAR;
+    }
+
+    fn finish(mut self) -> Batch {
+        self.session.flush();
+        self.session.take()
+    }
+}
+
+fn count(batch: &Batch, status: Status) -> usize {
+    batch.transactions.iter().filter(|row| row.status == status).count()
+}
+
+#[test]
+fn a_damaged_exception_that_looks_like_a_request_without_its_end_has_a_bad_checksum() {
+    let mut tap = Tap::new();
+    let exchange = |tap: &mut Tap, i: u16| {
+        tap.send(20, &read_request(18, 0, 4));
+        tap.send(7, &read_response(18, &[i, 700, 3, 9]));
+    };
+    (0..20).for_each(|i| exchange(&mut tap, i));
+    tap.send(20, &read_request(18, 900, 1));
+    // The exception bit is lost, and another bit of the checksum.
+    let mut exception = frame(18, &[0x83, 1]);
+    (exception[1], exception[4]) = (3, exception[4] ^ 0x20);
+    tap.send(7, &exception);
+    (0..3).for_each(|i| exchange(&mut tap, i));
+    let batch = tap.finish();
+    assert_eq!((count(&batch, Status::BadResponse), count(&batch, Status::Ok)), (1, 23));
+    let damaged: Vec<_> = batch.frames.iter().filter(|row| row.verdict != Verdict::Ok).collect();
+    assert_eq!(damaged.len(), 1);
+    assert_eq!((damaged[0].verdict, damaged[0].direction), (Verdict::BadChecksum, Direction::Response));
+}
+
+#[test]
+fn what_comes_as_soon_as_a_response_is_no_damaged_request() {
+    // Two units with one address: what arrives are the bits that both have set, of the second one a byte later.
+    let mut tap = Tap::new();
+    for i in 0..30u16 {
+        tap.send(20, &read_request(9, 0, 2));
+        let [one, other] = [read_response(9, &[0x1234 + 77 * i, 0x0F00]), read_response(9, &[0xA5C3 ^ (i << 5), 0x7177])];
+        let both: Vec<u8> =
+            (0..=one.len()).map(|at| one.get(at).unwrap_or(&0xFF) & if at > 0 { other[at - 1] } else { 0xFF }).collect();
+        tap.send(6, if i % 3 == 0 { &one } else { &both });
+    }
+    let batch = tap.finish();
+    assert_eq!((count(&batch, Status::Ok), count(&batch, Status::BadResponse)), (10, 20));
+    assert_eq!(batch.transactions.len(), 30);
+}
+
+/// Polls of one register every 70 ms, of which those of `is_heard` have a response that the tap hears.
+fn cycle(polls: usize, is_heard: impl Fn(usize) -> bool) -> Batch {
+    let mut tap = Tap::new();
+    for at in 0..polls {
+        let response = read_response(1, &[at as u16]);
+        tap.send(46, &read_request(1, 0, 1));
+        if is_heard(at) {
+            tap.send(8, &response);
+        } else {
+            tap.unheard(8, response.len());
+        }
+    }
+    tap.finish()
+}
+
+#[test]
+fn a_master_that_never_waits_longer_has_its_responses_whatever_the_tap_misses() {
+    let batch = cycle(100, |at| at < 4 || at % 3 != 0);
+    assert_eq!(count(&batch, Status::NoResponse), 0);
+    assert_eq!(count(&batch, Status::Ok), 100 - 32);
+    assert!(!batch.findings.iter().any(|row| row.finding == Finding::Retry));
+}
+
+#[test]
+fn a_tap_that_has_heard_all_responses_so_far_has_missed_none() {
+    let batch = cycle(400, |at| at != 200);
+    assert_eq!((count(&batch, Status::NoResponse), count(&batch, Status::NotObserved)), (1, 0));
+    assert!(batch.findings.iter().any(|row| row.finding == Finding::Retry));
+}
