@@ -35,6 +35,10 @@ pub struct Connections {
     pub lockstep: u64,
     /// When the first connection with such answers began.
     pub lockstep_since: Option<Place>,
+    /// Connections with answers that begin before one with answers is over.
+    pub side_by_side: u64,
+    /// When the last connection with answers is over; never where it is open at the end.
+    last_closed: Option<Ns>,
     /// Requests that were answered.
     pub answered: u64,
     /// Answers, those to no request among them.
@@ -133,6 +137,10 @@ impl Connections {
                 self.idle.add(idle);
             }
         }
+        if seen.answered > 0 {
+            self.side_by_side += u64::from(seen.begun.zip(self.last_closed).is_some_and(|(begun, closed)| begun < closed));
+            self.last_closed = self.last_closed.max(Some(seen.closed.unwrap_or(Ns::MAX)));
+        }
         if seen.answered > 0 && seen.opened.is_some() {
             self.first_lost.count(seen.first_status == Some(Status::NoResponse), place);
         }
@@ -171,6 +179,8 @@ impl Connections {
         self.short.merge(&later.short);
         self.closed_by_server.merge(&later.closed_by_server);
         self.idle.merge(&later.idle);
+        self.side_by_side += later.side_by_side;
+        self.last_closed = self.last_closed.max(later.last_closed);
         self.first_lost.merge(&later.first_lost);
         self.lockstep += later.lockstep;
         self.lockstep_since = self.lockstep_since.or(later.lockstep_since);

@@ -25,7 +25,7 @@ pub(super) fn lockstep(view: &View<'_>) -> Vec<Claim> {
     }
     let counts = &view.bus.connections;
     let share = Share { failed: counts.lockstep.min(counts.answers), total: counts.answers };
-    let Some(chance) = view.beyond_accident(share) else { return Vec::new() };
+    let Some(chance) = view.beyond_accident(share).filter(|_| !mixes_clients_up(view)) else { return Vec::new() };
     let place = counts.lockstep_since;
     let tally = Tally { failed: share.failed, total: share.total, first: place, last: place, ..Tally::default() };
     vec![Claim::new("lockstep", &tally, chance).with_share(share).fact("subject", "the client")]
@@ -53,6 +53,18 @@ fn by_length<'a>(view: &'a View<'_>) -> impl Iterator<Item = Claim> + 'a {
         let claim = Claim::new("lockstep", &seen.all, chance).of_unit(unit).with_share(all);
         Some(claim.fact("subject", format!("the master of unit {unit}")))
     })
+}
+
+/// Whether several clients get answers that are not theirs, at least half as often as one that belongs to the request before.
+fn mixes_clients_up(view: &View<'_>) -> bool {
+    let lockstep = view.bus.connections.lockstep;
+    has_several_clients(view) && gateway_mixup(view).iter().any(|mixed| mixed.harm * 2 > lockstep)
+}
+
+/// Whether several clients ask at the same time, of one address or more.
+fn has_several_clients(view: &View<'_>) -> bool {
+    let connections = &view.bus.connections;
+    connections.clients.sorted().len() > 1 || connections.side_by_side > 0
 }
 
 /// A shorter run of answers that come after the next request may be that of a slow unit.
@@ -269,7 +281,7 @@ pub(super) fn gateway_mixup(view: &View<'_>) -> Vec<Claim> {
     };
     // Answers that nobody on this connection has asked for, while another client waits for one.
     let second = sum(|counts| counts.second_answers.clone());
-    let several = view.bus.connections.clients.sorted().len() > 1;
+    let several = has_several_clients(view);
     let kinds = kinds.into_iter().chain([("the unit", sum(for_others))]).chain(several.then_some(("the data", second)));
     // Only messages of Modbus/TCP have an identifier, in a log as well; all else has other causes on a line.
     let kinds = kinds.take(if view.bus.facts.is_network { usize::MAX } else { 1 });
