@@ -31,6 +31,9 @@ const MAX_GROUP_BYTES: usize = 1024;
 /// The most bytes of a frame that is printed over several lines.
 const MAX_MULTI_LINE_BYTES: usize = 1 << 16;
 
+/// Without a line of a dump before it, an offset from here on may be bytes.
+const FIRST_OFFSET_OF_BYTES: u64 = 0x1000;
+
 /// A copy of a frame is at most so many lines after it.
 const MAX_LINES_TO_COPY: u64 = 10;
 
@@ -370,6 +373,14 @@ impl EntryAssembler {
         let record = self.place(&entry_bytes, (true, framing))?;
         self.records += 1;
         Some(LogEntry { clock: timestamps.clock(), ..record })
+    }
+
+    /// Whether a line of a dump with this offset and no bytes may be its last one.
+    pub fn ends_dump_at(&self, offset: u64) -> bool {
+        let expected = self.dump_state.expected_offset;
+        // The last of 16-bit words may be half of one.
+        expected.is_none_or(|expected| offset == expected || offset + 1 == expected || self.dump_state.has_repeat_mark)
+            && (expected.is_some() || offset < FIRST_OFFSET_OF_BYTES)
     }
 
     /// Whether no line before says anything about the next one but in the streams of devices.

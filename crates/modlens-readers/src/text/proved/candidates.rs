@@ -4,7 +4,9 @@ use std::ops::Range;
 
 use crate::text::proved::found::{found, with_fronts, Found, Worth, MIN_LISTED_BYTES};
 use crate::text::proved::kinds::Mention;
-use crate::text::proved::line_runs::{escaped_runs, hex_bytes, is_other_text, part_end, proved_runs, shifted, style_of_frames};
+use crate::text::proved::line_runs::{
+    decimal_lists, escaped_runs, escaped_strings, hex_bytes, is_other_text, part_end, proved_runs, shifted, style_of_frames,
+};
 use crate::text::proved::runs::{hex_runs, number_runs, Run, Style};
 use crate::text::proved::sender::sender;
 use crate::text::proved::shapes::{any_shape, label};
@@ -24,8 +26,11 @@ pub(in crate::text) const MIN_REST_BYTES: usize = 4;
 pub(in crate::text) fn rest_of(line: &[u8], known: &[Vec<u8>]) -> Vec<(Range<usize>, Vec<u8>)> {
     let mut known: Vec<&[u8]> = known.iter().map(Vec::as_slice).filter(|bytes| !bytes.is_empty()).collect();
     known.sort_by_key(|bytes| std::cmp::Reverse(bytes.len()));
-    let runs = hex_runs(&line[..part_end(line, 0)]);
-    let runs = runs.into_iter().filter(|run| hex_bytes(&line[run.text.clone()]) > 0 && !is_other_text(line, &run.text));
+    let part = &line[..part_end(line, 0)];
+    let is_hex = |run: &Run| hex_bytes(&line[run.text.clone()]) > 0 && !is_other_text(line, &run.text);
+    let hex = hex_runs(part).into_iter().filter(is_hex);
+    let runs =
+        hex.chain(decimal_lists(part)).chain(escaped_strings(part).filter(|run| has_escaped_byte(&line[run.text.clone()])));
     let mut rest = Vec::new();
     for run in runs {
         let mut parts = vec![run.bytes];
@@ -33,6 +38,11 @@ pub(in crate::text) fn rest_of(line: &[u8], known: &[Vec<u8>]) -> Vec<(Range<usi
         rest.extend(parts.into_iter().filter(|part| part.len() >= MIN_REST_BYTES).map(|part| (run.text.clone(), part)));
     }
     rest
+}
+
+/// Whether a string holds a byte as an escape sequence, such as `\x07`.
+fn has_escaped_byte(text: &[u8]) -> bool {
+    memchr::memmem::find(text, b"\\x").is_some()
 }
 
 /// Takes bytes out of the part that holds them, or that they hold. Returns whether there is one.
@@ -69,7 +79,16 @@ pub(super) fn fronts(line: &[u8], start: usize, runs: Vec<Run>) -> impl Iterator
 /// The runs in a line from `start` on whose bytes other lines may prove, by notation.
 pub(super) fn candidates(line: &[u8], start: usize) -> [Vec<Run>; 4] {
     let part = &line[start..];
-    let all = [hex_runs(part), escaped_runs(part), number_runs(part, Style::Loose), number_runs(part, Style::Decimal)];
+    let hex = hex_runs(part);
+    // Numbers that are the beginning or the end of pairs of hex digits are none.
+    let is_of_hex = |run: &Run| {
+        hex.iter().any(|hex| {
+            let is_inside = hex.text.start <= run.text.start && run.text.end <= hex.text.end;
+            is_inside && hex.bytes.len() > run.bytes.len()
+        })
+    };
+    let decimal = number_runs(part, Style::Decimal).into_iter().filter(|run| !is_of_hex(run)).collect();
+    let all = [hex.clone(), escaped_runs(part), number_runs(part, Style::Loose), decimal];
     all.map(|runs| shifted(runs, start))
 }
 

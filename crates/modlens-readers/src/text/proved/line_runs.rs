@@ -24,6 +24,12 @@ const MIN_ESCAPED_BYTES: usize = 4;
 /// A word of so many hex digits is more than a number.
 const MIN_ODD_DIGITS: usize = 7;
 
+/// After a word that says who sent them, so few bytes count although other words follow.
+const MIN_NAMED_BYTES: usize = 3;
+
+/// A list of so many decimal numbers in brackets may be bytes.
+const MIN_LIST_BYTES: usize = 4;
+
 /// So many words of two hex digits in a line are bytes, whatever stands between them.
 const MIN_SCATTERED_BYTES: usize = 8;
 
@@ -170,20 +176,37 @@ pub(super) fn escaped_runs(line: &[u8]) -> Vec<Run> {
 pub(in crate::text) fn hex_bytes(line: &[u8]) -> usize {
     let part = &line[..part_end(line, 0)];
     let counts = |run: &Run| run.bytes.len() >= 4 && !is_other_text(part, &run.text);
-    let count = hex_runs(part).iter().filter(|run| counts(run)).map(|run| run.bytes.len()).sum();
+    let count: usize = hex_runs(part).iter().filter(|run| counts(run)).map(|run| run.bytes.len()).sum();
+    let lists: usize = decimal_lists(part).iter().map(|run| run.bytes.len()).sum();
     if count > 0 {
-        return count;
+        return count.max(lists);
     }
     // Bytes with other text between them, such as `00: 02, 01: 02`.
     let words = part.split(u8::is_ascii_whitespace).map(without_marks);
     let words = words.filter(|word| word.len() == 2 && word.iter().all(u8::is_ascii_hexdigit));
     let numbers = number_runs(part, Style::Decimal).into_iter().map(|run| run.bytes.len()).max();
-    let escaped = || escaped_runs(part).into_iter().filter(|run| !is_path(part, run)).map(|run| run.bytes.len()).max();
     let scattered = words.count().max(numbers.unwrap_or(0));
-    if scattered >= MIN_SCATTERED_BYTES {
-        return scattered;
+    if scattered.max(lists) >= MIN_SCATTERED_BYTES {
+        return scattered.max(lists);
     }
-    digits_without_zeros(part).max(escaped().filter(|bytes| *bytes >= MIN_ESCAPED_BYTES).unwrap_or(0)).max(labelled_bytes(part))
+    let escaped = escaped_strings(part).map(|run| run.bytes.len()).sum();
+    digits_without_zeros(part).max(lists).max(escaped).max(labelled_bytes(part))
+}
+
+/// The strings of a line with escape sequences that hold more than a few bytes.
+pub(super) fn escaped_strings(line: &[u8]) -> impl Iterator<Item = Run> + '_ {
+    escaped_runs(line).into_iter().filter(|run| run.bytes.len() >= MIN_ESCAPED_BYTES && !is_path(line, run))
+}
+
+/// The lists of decimal numbers in a line that may be bytes: `[7, 131, 2, 97, 49]`.
+pub(super) fn decimal_lists(line: &[u8]) -> Vec<Run> {
+    let is_list = |run: &Run| {
+        let text = &line[run.text.clone()];
+        let is_open = line[..run.text.start].trim_ascii_end().last().is_some_and(|b| matches!(b, b'[' | b'(' | b'{'));
+        let as_hex: usize = hex_runs(text).iter().map(|run| run.bytes.len()).sum();
+        is_open && run.bytes.len() >= MIN_LIST_BYTES && text.contains(&b',') && 2 * as_hex < run.bytes.len()
+    };
+    number_runs(line, Style::Decimal).into_iter().filter(is_list).collect()
 }
 
 /// About how many bytes are in a line that is a single word of hex without leading zeros, as `114BA4134`: an odd number of digits.
@@ -212,7 +235,9 @@ fn labelled_bytes(line: &[u8]) -> usize {
     let hex = hex_runs(line).into_iter().filter(are_pairs);
     let decimal = number_runs(line, Style::Decimal).into_iter().filter(|run| run.bytes.len() > 1);
     let all = hex.chain(decimal).filter(|run| !is_other_text(line, &run.text));
-    all.filter(|run| is_last(run) && is_labelled(run)).map(|run| run.bytes.len()).max().unwrap_or(0)
+    // After three bytes and more there may be names for those that the program puts in.
+    let is_end = |run: &Run| is_last(run) || (run.style == Style::Pairs && run.bytes.len() >= MIN_NAMED_BYTES);
+    all.filter(|run| is_end(run) && is_labelled(run)).map(|run| run.bytes.len()).max().unwrap_or(0)
 }
 
 /// Whether a line has words that are no hex, several of them.

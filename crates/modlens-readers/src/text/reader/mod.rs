@@ -277,6 +277,11 @@ impl Reader {
             self.unread.clear();
             if self.matches.iter().all(|(role, ..)| *role == LineRole::Ignored) {
                 self.note_label(text);
+                // The last line of a dump has its length; another number of so many digits may be bytes.
+                let offset = self.matches.first().and_then(|(_, found, _)| found.offset);
+                if offset.is_some_and(|offset| !self.assembler.ends_dump_at(offset)) {
+                    self.note_unparsed(text);
+                }
             }
             // A label that has not named the bytes of this line names none.
             self.label = self.label.take().filter(|label| label.number == self.number);

@@ -25,7 +25,11 @@ impl Words<'_> {
         let length = rest.iter().take_while(|b| b.is_ascii_alphanumeric()).count();
         self.at += length;
         let word = &rest[..length];
-        let digits = word.strip_prefix(b"0x").unwrap_or(word);
+        // A decimal number may be a byte as well.
+        if length != 2 && length < 4 && word.iter().all(u8::is_ascii_digit) {
+            return Some(1);
+        }
+        let digits = word.strip_prefix(b"0x").or_else(|| word.strip_prefix(b"x")).unwrap_or(word);
         let is_byte = digits.iter().all(u8::is_ascii_hexdigit) && (digits.len() < word.len() || digits.len().is_multiple_of(2));
         Some(if is_byte { digits.len().div_ceil(2) } else { 0 })
     }
