@@ -202,7 +202,7 @@ pub(super) fn escaped_strings(line: &[u8]) -> impl Iterator<Item = Run> + '_ {
 pub(super) fn decimal_lists(line: &[u8]) -> Vec<Run> {
     let is_list = |run: &Run| {
         let text = &line[run.text.clone()];
-        let is_open = line[..run.text.start].trim_ascii_end().last().is_some_and(|b| matches!(b, b'[' | b'(' | b'{'));
+        let is_open = line[..run.text.start].trim_ascii_end().last().is_some_and(|b| matches!(b, b'[' | b'{'));
         let as_hex: usize = hex_runs(text).iter().map(|run| run.bytes.len()).sum();
         is_open && run.bytes.len() >= MIN_LIST_BYTES && text.contains(&b',') && 2 * as_hex < run.bytes.len()
     };
