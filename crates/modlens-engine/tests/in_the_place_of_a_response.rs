@@ -119,3 +119,37 @@ fn a_tap_that_has_heard_all_responses_so_far_has_missed_none() {
     assert_eq!((count(&batch, Status::NoResponse), count(&batch, Status::NotObserved)), (1, 0));
     assert!(batch.findings.iter().any(|row| row.finding == Finding::Retry));
 }
+
+/// Each of two requests of equal length is answered only after both were sent. The bytes come in blocks of this many.
+fn late_by_one(block: usize) -> Batch {
+    let bytes: Vec<u8> = (0..20u16)
+        .flat_map(|at| {
+            let polls = [read_request(1, 10, 2), read_response(1, &[at, 5])];
+            let late =
+                [read_request(1, 0, 2), read_request(1, 20, 2), read_response(1, &[700, at]), read_response(1, &[at, 800])];
+            polls.into_iter().cycle().take(6).chain(late).flatten().collect::<Vec<u8>>()
+        })
+        .collect();
+    let (mut session, bus) = session(false, Clock::None);
+    bytes.chunks(block).for_each(|bytes| session.feed(bus, &Chunk { bytes, ..Chunk::default() }));
+    session.flush();
+    session.take()
+}
+
+#[test]
+fn of_two_late_responses_the_first_belongs_to_the_first_request() {
+    for block in [1, 5, 13, 64, 10_000] {
+        let batch = late_by_one(block);
+        let late: Vec<_> = batch.all_transactions().into_iter().filter(|row| row.status == Status::Unsolicited).collect();
+        assert_eq!(late.len(), 20, "in blocks of {block}");
+        for row in late {
+            let all = batch.all_transactions();
+            let of = |number: u64| all.iter().find(|row| row.number == number).unwrap();
+            let first = of(row.late_response_to.expect("a late response"));
+            assert_eq!(first.request.pdu.of(&batch.arena)[..3], [3, 0, 0]);
+            assert_eq!(row.response.pdu.of(&batch.arena)[2..4], 700u16.to_be_bytes());
+            assert_eq!(of(first.number + 1).response.pdu.of(&batch.arena)[4..6], 800u16.to_be_bytes());
+        }
+        assert_eq!(batch.findings.iter().filter(|row| row.finding == Finding::LateResponse).count(), 20);
+    }
+}

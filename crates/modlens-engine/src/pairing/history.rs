@@ -94,6 +94,8 @@ impl Share {
 pub(crate) struct History {
     /// Requests without any response, the oldest first.
     unanswered: VecDeque<PastRequest>,
+    /// The last request without any response, whatever was concluded from that.
+    last_unanswered: Option<PastRequest>,
     /// Requests without a good response, one of which the next request may repeat.
     retry_candidates: Vec<PastRequest>,
     last_response: Option<LastResponse>,
@@ -125,6 +127,7 @@ impl History {
     /// kept).
     pub(super) fn add_unanswered(&mut self, transaction: &PendingTransaction, was_silent: bool) {
         let request = PastRequest::of(transaction);
+        self.last_unanswered = Some(request.clone()).filter(|_| !transaction.response.is_present());
         if was_silent {
             if self.unanswered.len() == MAX_UNANSWERED_REQUESTS {
                 self.unanswered.pop_front();
@@ -184,6 +187,24 @@ impl History {
     /// Whether this response to transaction `txn` would also be that to the one before, which had none.
     pub(super) fn may_answer_unanswered(&self, functions: &Functions, frame: &ObservedFrame<'_>, txn: u64) -> bool {
         self.unanswered.back().is_some_and(|old| old.txn + 1 == txn && old.is_answered_by(functions, frame))
+    }
+
+    /// Whether this response (unit and PDU) would also be that to the request before the open one, which had none and asked for something
+    /// else.
+    pub(crate) fn may_be_late(&self, functions: &Functions, open: &PendingTransaction, adu: &[u8]) -> bool {
+        self.last_unanswered.as_ref().is_some_and(|old| {
+            let request = RequestRef { unit: old.unit, pdu: &old.pdu };
+            let is_other = old.txn + 1 == open.txn && old.pdu != open.request.pdu();
+            is_other && match_response(functions, request, adu[0], &adu[1..]) == ResponseMatch::Fully
+        })
+    }
+
+    /// Notes that the response to the last request without any comes late.
+    pub(super) fn await_late(&mut self) {
+        let is_known = |last: &PastRequest| self.unanswered.back().is_some_and(|old| old.txn == last.txn);
+        if let Some(last) = self.last_unanswered.take().filter(|last| !is_known(last)) {
+            self.unanswered.push_back(last);
+        }
     }
 
     /// The unit of the last response.

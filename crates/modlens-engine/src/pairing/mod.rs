@@ -122,6 +122,8 @@ pub struct Pairing {
     id_habit: IdHabit,
     /// On a connection, a response came after a further request: that one was no retry.
     is_pipelined: bool,
+    /// The next frame is a response to the request before the open one, by what comes after it.
+    pub(crate) next_answers_previous: bool,
 }
 
 impl Pairing {
@@ -155,6 +157,7 @@ impl Pairing {
             now: None,
             id_habit: IdHabit::default(),
             is_pipelined: false,
+            next_answers_previous: false,
         }
     }
 

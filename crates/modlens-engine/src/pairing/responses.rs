@@ -50,7 +50,12 @@ impl Pairing {
         done: &mut Vec<Box<PendingTransaction>>,
     ) -> PairingResult {
         let truncated = self.truncated_request.take();
-        let at = self.find_request(functions, frame);
+        let at = if std::mem::take(&mut self.next_answers_previous) {
+            self.history.await_late();
+            None
+        } else {
+            self.find_request(functions, frame)
+        };
         let at = at.or_else(|| self.open_truncated_if_answered(functions, truncated, frame, next_txn, done));
         let Some(at) = at else { return self.add_unrequested(functions, frame, next_txn, done) };
         self.early_response = None;

@@ -11,6 +11,7 @@ use crate::framer::{FrameResult, Framer, FramerContext};
 use crate::input::Input;
 use crate::pairing::{ObservedFrame, Pairing};
 use crate::records::Bus;
+use crate::session::answer_order::WaitingFrame;
 use crate::session::connection_tally::ConnectionTally;
 use crate::session::frame_timing::TimingConfig;
 use crate::session::inner_pauses::InnerPauses;
@@ -97,6 +98,8 @@ pub(crate) struct BusState {
     pub(crate) stamps_resolution: Option<Ns>,
     /// The lines of the next frames, where their order is inferred from their content.
     pub(super) merged_order: VecDeque<usize>,
+    /// A response of a recording that may belong to either of two requests.
+    pub(super) waiting: Option<WaitingFrame>,
 }
 
 impl BusOptions {
@@ -135,6 +138,7 @@ impl BusState {
             devices: Vec::new(),
             stamps_resolution: None,
             merged_order: VecDeque::new(),
+            waiting: None,
             profiles,
             memo: RequestMemo::default(),
             connection: ConnectionTally::default(),

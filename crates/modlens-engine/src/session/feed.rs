@@ -1,5 +1,6 @@
 //! The input of a session, bytes and time, and when it decides what they are.
 
+use crate::session::answer_order::answers_previous;
 use crate::session::decoder::Decoder;
 use modlens_protocol::Ns;
 use modlens_readers::chunk::Chunk;
@@ -165,8 +166,26 @@ impl Decoder {
     pub(super) fn emit_frames(&mut self, bus: usize) {
         let mut adu = std::mem::take(&mut self.adu);
         loop {
-            self.emit_exchanges(bus);
-            let Some((at, framed)) = self.buses[bus].next_frame(&self.functions, self.live, &mut adu) else { break };
+            let (at, framed) = match self.buses[bus].waiting.take() {
+                Some((at, framed, waiting)) => {
+                    adu = waiting;
+                    (at, framed)
+                }
+                None => {
+                    self.emit_exchanges(bus);
+                    let Some(next) = self.buses[bus].next_frame(&self.functions, self.live, &mut adu) else { break };
+                    next
+                }
+            };
+            if !self.live && self.buses[bus].lines.len() == 1 {
+                let state = &mut self.buses[bus];
+                let input = &state.lines[at].1.input;
+                let Some(answers_previous) = answers_previous(&self.functions, &state.pairing, input, (&framed, &adu)) else {
+                    state.waiting = Some((at, framed, adu.clone()));
+                    break;
+                };
+                state.pairing.next_answers_previous = answers_previous;
+            }
             self.emit_frame(bus, at, &framed, &adu);
         }
         self.adu = adu;

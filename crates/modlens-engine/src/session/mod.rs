@@ -21,6 +21,7 @@
 // A transaction is large and changes hands three times; moving its box is cheaper than moving it.
 #![allow(clippy::vec_box)]
 
+pub(crate) mod answer_order;
 pub(crate) mod bus;
 mod capture;
 mod closing;
