@@ -247,3 +247,45 @@ def test_the_byte_count_of_a_report_of_the_unit_is_checked(tmp_path: Path) -> No
     """Application protocol, 6.13: the count is that of the bytes after it, here six."""
     lines = pair(rtu(32, b"\x11"), rtu(32, bytes([0x11, 9, 0xFF, *b"v1.02"])))
     assert "it says 9, and 6 follow" in said(lines, tmp_path)
+
+
+def test_one_refusal_without_a_checksum_holds_the_unit_and_the_function(tmp_path: Path) -> None:
+    sentence = said(pair(ASK, bytes([4, 0x83, 2])), tmp_path)
+    assert "Unit 4 refuses without a checksum (exception 2)" in sentence
+
+
+def test_another_value_that_is_confirmed_is_named(tmp_path: Path) -> None:
+    """Application protocol, 6.6: the answer is an echo of the request."""
+    written, confirmed = (rtu(1, bytes([6, 0, 1, 0, value])) for value in (5, 0))
+    assert "confirms another address or value" in said(pair(written, confirmed), tmp_path)
+
+
+def test_a_value_that_a_coil_does_not_have_is_no_quantity(tmp_path: Path) -> None:
+    """Application protocol, 6.5: FF00 or 0000."""
+    written = rtu(1, bytes([5, 0, 1, 0, 1]))
+    assert "quantity" not in said(pair(written, rtu(1, bytes([0x85, 3]))), tmp_path)
+
+
+def test_a_checksum_after_a_frame_over_tcp_is_named(tmp_path: Path) -> None:
+    asked = mbap(5, 1, read_request(3, 0, 1))
+    answer = mbap(5, 1, read_answer(3, [7])) + rtu(1, read_answer(3, [7]))[-2:]
+    assert "or something was added, such as the checksum of RTU" in said(
+        pair(asked, answer), tmp_path
+    )
+
+
+def test_a_server_with_another_unit_number_is_no_second_master(tmp_path: Path) -> None:
+    lines = pair(mbap(5, 1, read_request(3, 0, 1)), mbap(5, 0, read_answer(3, [7])))
+    sentence = said(lines, tmp_path)
+    assert "unit 0 in place of 1" in sentence
+    assert "another master" not in sentence
+
+
+def test_an_answer_that_fits_the_request_before_is_that(tmp_path: Path) -> None:
+    later = rtu(4, read_request(3, 100, 40))
+    lines = [f"TX: {ASK.hex(' ')}", "Timeout", *pair(later, ANSWER)]
+    assert "The answer belongs to the request before" in said(lines, tmp_path)
+
+
+def test_a_request_that_a_text_shows_without_its_checksum(tmp_path: Path) -> None:
+    assert "has no checksum" in said(pair(ASK[:-2], ANSWER), tmp_path)

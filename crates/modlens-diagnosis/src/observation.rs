@@ -7,7 +7,7 @@ mod layout;
 
 use modlens_engine::records::{Batch, Exchange, Frame, InnerPauses, Side, Transaction};
 use modlens_protocol::direction::Direction;
-use modlens_protocol::finding::Finding;
+use modlens_protocol::finding::{Finding, Severity};
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::{Functions, Operation};
 use modlens_protocol::register_type::Space;
@@ -16,8 +16,8 @@ use modlens_protocol::Ns;
 
 pub(crate) use damage::response_part;
 pub use damage::{DamagedPart, DAMAGED_PARTS};
-pub(crate) use figures::of_header as figures_of_header;
 pub use figures::Figures;
+pub(crate) use figures::{added, of_header as figures_of_header};
 pub use layout::LayoutFault;
 pub(crate) use layout::{answer_length, data_length, lacks_count};
 
@@ -35,6 +35,11 @@ impl FindingSet {
     /// Whether there is none.
     fn is_empty(self) -> bool {
         self.0 == 0
+    }
+
+    /// Whether one of them is more than worth knowing.
+    pub fn has_trouble(self) -> bool {
+        !self.is_empty() && Finding::ALL.iter().any(|finding| self.has(*finding) && finding.doc().severity != Severity::Info)
     }
 
     /// Whether a finding is among them.

@@ -117,6 +117,8 @@ pub struct BusContrast {
     pub broadcasts: u64,
     /// A short recording is two lists one after the other.
     pub lists: Option<Lists>,
+    /// Frames and transactions with a finding that is more than worth knowing.
+    pub troubles: u64,
     /// Damaged frames that the program says it has received.
     pub received_damage: u64,
     /// A short recording holds nothing but requests to this unit that its program has received.
@@ -350,6 +352,7 @@ impl BusContrast {
         self.noise.merge(&later.noise);
         self.strays.merge(&later.strays);
         self.received_damage += later.received_damage;
+        self.troubles += later.troubles;
         self.connections.merge(&later.connections);
         self.requests_seen.merge(&later.requests_seen);
         self.symptoms.merge(&later.symptoms);
@@ -367,6 +370,7 @@ impl BusContrast {
 
     fn count_frame(&mut self, seen: &FrameObservation, around: Around) {
         let attached = around.attached;
+        self.troubles += u64::from(seen.findings.has_trouble());
         self.facts.mode = Some(seen.mode);
         self.frames.count(seen);
         self.count_line_errors(seen);
@@ -431,6 +435,7 @@ impl BusContrast {
 
     fn count_transaction(&mut self, seen: &Observation, before: Before) {
         self.symptoms.transaction(seen, before);
+        self.troubles += u64::from(seen.findings.has_trouble());
         // Requests without any silence between them were read late, both at once: no second master hits the very end of a frame.
         let least = HALF_CHARACTERS_APART * self.facts.char_ns.unwrap_or(0) / 2;
         if let Some(after) = before.hasty.filter(|after| *after > least) {

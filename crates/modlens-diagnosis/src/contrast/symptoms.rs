@@ -5,15 +5,15 @@ use std::collections::BTreeMap;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Verdict;
 use modlens_protocol::functions::{Functions, StandardLayout, EXCEPTION_BIT};
-use modlens_protocol::mbap::PREFIX_BYTES;
+use modlens_protocol::mbap::{layout_lengths, PREFIX_BYTES};
 use modlens_protocol::oddity::{bare_refusals, is_of_driver, is_swapped, is_text, Oddity};
 use modlens_protocol::Ns;
 
 use super::before::Before;
 use super::tally::{Place, Tally};
 use crate::observation::{
-    answer_length, data_length, figures_of_header, lacks_count, DamagedPart, Figures, FrameObservation, LayoutFault, Observation,
-    Outcome, RequestKey,
+    added, answer_length, data_length, figures_of_header, lacks_count, DamagedPart, Figures, FrameObservation, LayoutFault,
+    Observation, Outcome, RequestKey,
 };
 
 macro_rules! symptoms {
@@ -55,6 +55,8 @@ symptoms! {
     OtherHead = "other_head",
     /// Another unit answered.
     OtherUnit = "other_unit",
+    /// The answer carries the identifier of the request and another unit.
+    OtherUnitNumber = "other_unit_number",
     /// Another function was answered.
     OtherFunction = "other_function",
     /// The answer has another length than asked for, and a right checksum.
@@ -71,9 +73,15 @@ symptoms! {
     HeaderLength = "header_length",
     /// The checksum is right but for the order of its two bytes.
     ChecksumSwapped = "checksum_swapped",
+    /// Bytes follow a frame over Modbus/TCP whose header announces no more.
+    BytesAfter = "bytes_after",
+    /// A write is confirmed with another address or value.
+    OtherValue = "other_value",
+    /// A request without a checksum.
+    RequestBare = "request_bare",
     /// The byte count, the quantity and the data of a request do not agree.
     RequestLayout = "request_layout",
-    /// A refusal without a checksum, more than once.
+    /// A refusal without a checksum.
     RefusalBare = "refusal_bare",
     /// A refusal without its code, and with a right checksum.
     RefusalShort = "refusal_short",
@@ -101,6 +109,8 @@ symptoms! {
     AnswerInside = "answer_inside",
     /// The answer is damaged from its first byte on.
     AnswerWhole = "answer_whole",
+    /// The answer begins with the unit, and is damaged after it.
+    AnswerUnit = "answer_unit",
     /// The answer begins one or two bytes late: strays came before it.
     AnswerShifted = "answer_shifted",
     /// What came as the answer is text.
@@ -218,12 +228,13 @@ impl Symptoms {
     pub(super) fn frame(&mut self, seen: &FrameObservation, unit: Option<u8>, is_behind_header: bool) {
         if let Some((unit, code, times)) = bare_refusals(&seen.bytes) {
             for _ in 0..times {
-                self.count(Symptom::RefusalBare, Some(unit), seen.place).figures = Some([code.into(), times]);
+                self.count(Symptom::RefusalBare, Some(unit), seen.place).figures = Some([code.into(), 0]);
             }
             return;
         }
         let symptom = match seen.bytes.as_slice() {
-            _ if is_behind_header => Symptom::HeaderLength,
+            bytes if is_behind_header && is_header(bytes) && added(bytes).is_none() => Symptom::HeaderLength,
+            _ if is_behind_header => Symptom::BytesAfter,
             [byte] if Some(*byte) == unit => Symptom::NextStart,
             bytes if matches!(Oddity::of(bytes), Some(Oddity::Digits(_))) => Symptom::AnswerDigits,
             bytes if is_swapped(bytes) => Symptom::ChecksumSwapped,
@@ -232,8 +243,12 @@ impl Symptoms {
             _ => Symptom::Noise,
         };
         let counted = self.count(symptom, unit, seen.place);
-        if symptom == Symptom::HeaderLength && seen.bytes.len() == seen.length as usize {
+        let is_whole = || layout_lengths(Functions::embedded(), &seen.bytes).contains(&Some(seen.length as usize));
+        if symptom == Symptom::HeaderLength && seen.bytes.len() == seen.length as usize && is_whole() {
             counted.figures = counted.figures.or(figures_of_header(&seen.bytes));
+        }
+        if symptom == Symptom::BytesAfter {
+            counted.figures = counted.figures.or(Some([added(&seen.bytes).unwrap_or(seen.length), 0]));
         }
     }
 
@@ -257,6 +272,11 @@ impl Symptoms {
     }
 }
 
+/// Whether bytes begin as a frame over Modbus/TCP.
+fn is_header(bytes: &[u8]) -> bool {
+    figures_of_header(bytes).is_some_and(|[_, present]| present > 2)
+}
+
 /// The symptom of a transaction; `None` of one that is as it should be.
 fn of_transaction(seen: &Observation, before: Before) -> Option<Symptom> {
     let has = |finding| seen.findings.has(finding);
@@ -265,17 +285,21 @@ fn of_transaction(seen: &Observation, before: Before) -> Option<Symptom> {
         Outcome::Silent => Symptom::NoAnswer,
         _ if seen.is_altered_echo => Symptom::AlteredEcho,
         _ if seen.is_own_echo || has(Finding::LocalEcho) => Symptom::Echo,
+        Outcome::Garbled if has(Finding::ResponseLength) && fits_before(seen, before) => Symptom::StepBehind,
         Outcome::Garbled if has(Finding::ResponseLength) => Symptom::OtherLength,
         Outcome::Garbled if seen.is_cut && seen.damage.is_none() => cut(seen),
         Outcome::Garbled | Outcome::NotSeen if seen.damage.is_some() => return garbled(seen, before),
         Outcome::BadRequest if seen.damage == Some(DamagedPart::End) => Symptom::RequestEnd,
+        Outcome::BadRequest if lacks_checksum(seen) => Symptom::RequestBare,
         Outcome::BadRequest => Symptom::RequestInside,
         Outcome::Refused => refusal(seen),
         Outcome::Unasked if seen.late_response_to.is_some() => Symptom::LateAnswer,
         Outcome::Unasked => unasked(seen, before)?,
         _ if has(Finding::TwoMasters) => Symptom::RequestCrossed,
+        _ if seen.answered_by.is_some() && seen.id.is_some() => Symptom::OtherUnitNumber,
         _ if seen.answered_by.is_some() => Symptom::OtherUnit,
         _ if has(Finding::WrongFunction) => Symptom::OtherFunction,
+        _ if has(Finding::EchoMismatch) => Symptom::OtherValue,
         _ if has(Finding::TransactionId) => Symptom::OtherId,
         _ if has(Finding::ResponseLength) => Symptom::OtherLength,
         _ if seen.is_step_behind && is_crossed(seen, before) => Symptom::RequestCrossed,
@@ -315,8 +339,8 @@ fn refusal(seen: &Observation) -> Symptom {
         Some(1) => Symptom::RefusedFunction,
         Some(2) if of_reference(seen).is_some() => Symptom::RefusedReference,
         Some(2) => Symptom::RefusedAddress,
-        Some(3) if seen.findings.has(Finding::QuantityLimit) => Symptom::RefusedQuantity,
         Some(3) if writes_one() => Symptom::RefusedOneValue,
+        Some(3) if seen.findings.has(Finding::QuantityLimit) => Symptom::RefusedQuantity,
         Some(3) => Symptom::RefusedValue,
         Some(4) => Symptom::RefusedFailure,
         Some(5 | 6) => Symptom::RefusedBusy,
@@ -339,16 +363,35 @@ fn of_reference(seen: &Observation) -> Option<Figures> {
 /// The numbers that show a symptom.
 fn figures(symptom: Symptom, seen: &Observation, before: Before) -> Option<Figures> {
     match symptom {
-        Symptom::HeaderLength | Symptom::CountWrong | Symptom::OtherLength => seen.figures,
+        Symptom::HeaderLength | Symptom::BytesAfter | Symptom::CountWrong | Symptom::OtherLength => seen.figures,
         Symptom::RefusedReference => of_reference(seen),
-        Symptom::RefusalBare => bare_refusals(&seen.answer_head).map(|(_, code, times)| [code.into(), times]),
+        Symptom::RefusalBare => Some([(*seen.answer_head.last()?).into(), 0]),
         Symptom::OtherUnit if seen.outcome == Outcome::Unasked => Some([seen.unit, before.asked?.unit].map(u32::from)),
-        Symptom::OtherUnit => Some([seen.answered_by?, seen.unit].map(u32::from)),
+        Symptom::OtherUnit | Symptom::OtherUnitNumber => Some([seen.answered_by?, seen.unit].map(u32::from)),
         Symptom::AnswerShort => Some([seen.lengths[1], due(seen)?]),
         Symptom::AnswerInside | Symptom::AnswerBit | Symptom::RequestInside => seen.checksum,
         _ if symptom.is_refusal() => Some([seen.exception?.into(), 0]),
         _ => None,
     }
+}
+
+/// Whether the answer has the length that the request before asks for, to which none came.
+fn fits_before(seen: &Observation, before: Before) -> bool {
+    let is_of = |asked: &RequestKey| {
+        let is_alike = (asked.unit, asked.function) == (seen.unit, seen.function) && seen.key() != Some(*asked);
+        is_alike && answer_length(asked.function, asked.quantity) == Some(seen.lengths[1])
+    };
+    before.is_open && before.asked.as_ref().is_some_and(is_of)
+}
+
+/// Whether a request of six bytes has no room for a checksum (application protocol, 6.1 to 6.6).
+fn lacks_checksum(seen: &Observation) -> bool {
+    seen.lengths[0] == 6 && (1..=6).contains(&seen.function)
+}
+
+/// Whether the answer is an exception response without a checksum.
+fn is_bare_refusal(seen: &Observation) -> bool {
+    matches!(seen.answer_head[..], [unit, function, 1..=11] if unit == seen.unit && function == seen.function | EXCEPTION_BIT)
 }
 
 /// The length of the answer to the request on a serial line.
@@ -382,6 +425,7 @@ fn layout(seen: &Observation, before: Before) -> Option<Symptom> {
         LayoutFault::WideCount => Symptom::CountWide,
         LayoutFault::WrongCount => Symptom::CountWrong,
         LayoutFault::HeaderLength => Symptom::HeaderLength,
+        LayoutFault::BytesAfter => Symptom::BytesAfter,
         LayoutFault::SwappedChecksum => Symptom::ChecksumSwapped,
         LayoutFault::Request => Symptom::RequestLayout,
         LayoutFault::NoExceptionCode => Symptom::RefusalShort,
@@ -393,7 +437,7 @@ fn garbled(seen: &Observation, before: Before) -> Option<Symptom> {
     let head = [seen.unit, seen.function];
     let bytes = &seen.answer_head;
     let symptom = match seen.damage? {
-        _ if bare_refusals(bytes).is_some() => Symptom::RefusalBare,
+        _ if bare_refusals(bytes).is_some() || is_bare_refusal(seen) => Symptom::RefusalBare,
         _ if seen.findings.has(Finding::Collision) => Symptom::Collision,
         DamagedPart::Start => Symptom::AnswerStart,
         DamagedPart::End => Symptom::AnswerEnd,
@@ -408,6 +452,7 @@ fn garbled(seen: &Observation, before: Before) -> Option<Symptom> {
         DamagedPart::Whole if bytes.len() >= 3 && bytes.iter().all(|byte| is_of_driver(*byte)) => Symptom::AnswerInverted,
         DamagedPart::Whole if is_rest(seen, before) => Symptom::AnswerRest,
         DamagedPart::Whole if lacks_bytes(seen) => Symptom::AnswerShort,
+        DamagedPart::Whole if bytes.first() == Some(&seen.unit) => Symptom::AnswerUnit,
         DamagedPart::Whole => Symptom::AnswerWhole,
     };
     Some(symptom)

@@ -5,7 +5,7 @@ use modlens_protocol::checksum::{crc16, crc_valid, CRC_BYTES};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
-use modlens_protocol::mbap::PREFIX_BYTES;
+use modlens_protocol::mbap::{layout_lengths, PREFIX_BYTES};
 use modlens_protocol::status::Status;
 
 /// What a frame says, and what is there or belongs there.
@@ -20,6 +20,9 @@ pub(super) fn of(batch: &Batch, row: &Transaction, has: impl Fn(Finding) -> bool
     let odd = if answer.is_empty() { request } else { answer };
     if has(Finding::MbapLength) {
         let header = of_header(odd)?;
+        if let Some(more) = added(odd) {
+            return Some([more, 0]);
+        }
         return if header[0] == header[1] { of_count(odd, PREFIX_BYTES, 0) } else { Some(header) };
     }
     if has(Finding::ResponseLength) {
@@ -45,6 +48,14 @@ pub(super) fn checksum(batch: &Batch, row: &Transaction) -> Option<Figures> {
 pub(crate) fn of_header(frame: &[u8]) -> Option<Figures> {
     let field = frame.get(PREFIX_BYTES - 2..PREFIX_BYTES).filter(|_| frame[2..4] == [0, 0])?;
     Some([u16::from_be_bytes([field[0], field[1]]).into(), (frame.len() - PREFIX_BYTES) as u32])
+}
+
+/// How many bytes follow a frame over Modbus/TCP whose header is right by the layout of its function.
+pub(crate) fn added(bytes: &[u8]) -> Option<u32> {
+    let [announced, present] = of_header(bytes)?;
+    let whole = PREFIX_BYTES + announced as usize;
+    let is_right = present > announced && layout_lengths(Functions::embedded(), bytes).contains(&Some(whole));
+    is_right.then(|| present - announced)
 }
 
 /// A byte count, and the bytes that follow it.

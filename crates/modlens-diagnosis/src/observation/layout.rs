@@ -23,6 +23,8 @@ pub enum LayoutFault {
     HeaderLength,
     /// The two bytes of the checksum are swapped.
     SwappedChecksum,
+    /// Bytes follow the frame that the MBAP header announces.
+    BytesAfter,
     /// An exception response without its code.
     NoExceptionCode,
     /// The request: its byte count, quantity and data do not agree.
@@ -47,6 +49,7 @@ pub(super) fn layout_fault(batch: &Batch, row: &Transaction, has: impl Fn(Findin
             Some([function]) if is_right && function & EXCEPTION_BIT != 0 => LayoutFault::NoExceptionCode,
             Some([function, ..]) if is_right && counts_bytes(*function) => LayoutFault::WrongCount,
             _ if is_right => LayoutFault::Other,
+            _ if figures::added(odd).is_some() => LayoutFault::BytesAfter,
             _ => LayoutFault::HeaderLength,
         });
     }

@@ -161,7 +161,8 @@ pub(super) fn verdict(
             buses.iter().all(|(_, bus)| (bytes_of_frames(bus), bus.symptoms.all().count()) == (bytes_of_good_frames(bus), 0));
         let open =
             buses.iter().flat_map(|(_, bus)| bus.units.values()).map(|unit| unit.not_seen.failed - unit.silent.failed).sum();
-        if is_whole && share.total > 0 && refused.failed == 0 {
+        let troubles: u64 = buses.iter().map(|(_, bus)| bus.troubles).sum();
+        if is_whole && share.total > 0 && refused.failed == 0 && troubles == 0 {
             return (Verdict::Unknown, format!("{}{}.", nothing_wrong(share.total), beside(share, open)));
         }
         let why = too_few(share, refused, is_whole, bytes(FrameVerdict::Noise));

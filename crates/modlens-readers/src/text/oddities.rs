@@ -165,8 +165,8 @@ fn no_frame(number: u64, line: &[u8]) -> Option<String> {
     let is_only_bytes = line.len() <= 4 * bytes.len() + MOST_WORDS && !crc_valid(&bytes);
     let shown = spaced_hex(&bytes[..bytes.len().min(MOST_SHOWN)]);
     let more = if bytes.len() > MOST_SHOWN { " \u{2026}" } else { "" };
-    let why =
-        wrong_checksum(&bytes).unwrap_or_else(|| String::from("are no frame: they are damaged, cut, or of another protocol"));
+    let usual = || String::from("are no frame: they are damaged, cut, or of another protocol");
+    let why = wrong_checksum(&bytes).or_else(|| lacks_checksum(&bytes)).unwrap_or_else(usual);
     is_only_bytes.then(|| format!("in line {number} the bytes {shown}{more} {why}"))
 }
 
@@ -184,6 +184,17 @@ fn wrong_checksum(bytes: &[u8]) -> Option<String> {
             "have the layout of a frame, and its checksum is wrong: {} is there, and {right} belongs there; {who}",
             spaced_hex(there)
         )
+    })
+}
+
+/// What is said of bytes that are a whole frame but for its checksum.
+fn lacks_checksum(bytes: &[u8]) -> Option<String> {
+    let [_, pdu @ ..] = bytes else { return None };
+    let functions = Functions::embedded();
+    let is_known = pdu.len() > 1 && functions.name(pdu[0] & !EXCEPTION_BIT).is_some();
+    let right = spaced_hex(&crc16(bytes).to_le_bytes());
+    (is_known && layout_fits(functions, pdu)).then(|| {
+        format!("have the layout of a frame without its checksum ({right}): where they were sent so on a serial line, no unit answers them")
     })
 }
 
