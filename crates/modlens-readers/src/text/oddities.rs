@@ -29,19 +29,19 @@ const LEAST_BYTES: usize = 3;
 const EXCEPTIONS: [(u8, &[&str], &str); 5] = [
     (
         1,
-        &["illegal function"],
+        &["illegal function", "illegalfunction"],
         "the unit does not know the function; try input registers (4) for holding registers (3), or a write by another function",
     ),
     (
         2,
-        &["illegal data address"],
+        &["illegal data address", "illegaladdress", "illegaldataaddress"],
         "the unit does not have the address, or not the whole block; check whether the address counts from 0 or 1, and the function",
     ),
-    (3, &["illegal data value"], "the unit does not take this quantity or this value; read fewer registers, or write another value"),
-    (4, &["server device failure", "slave device failure"], "the unit, or a gateway that cannot reach it, has failed"),
+    (3, &["illegal data value", "illegalvalue", "illegaldatavalue"], "the unit does not take this quantity or this value; read fewer registers, or write another value"),
+    (4, &["server device failure", "slave device failure", "slavefailure", "slavedevicefailure"], "the unit, or a gateway that cannot reach it, has failed"),
     (
         11,
-        &["target device failed to respond"],
+        &["target device failed to respond", "gatewaynoresponse"],
         "the gateway gets no answer of the unit; check its wires, rate and address",
     ),
 ];
@@ -60,7 +60,7 @@ const REPORTS: [(&[&str], &str, Beside); 4] = [
         Beside::Nothing,
     ),
     (
-        &["checksum error", "crc error", "crc check error", "crccheckerror", "crc mismatch", "crcmismatch", "invalid crc", "wrong crc", "crc check failed", "bad crc"],
+        &["checksum error", "crc error", "crc check error", "crccheckerror", "crc mismatch", "crcmismatch", "crc received", "invalid crc", "wrong crc", "crc check failed", "bad crc"],
         "a wrong checksum: bits changed on the line, other line settings, or bytes lost by a program; a recording of the bytes shows which",
         Beside::WholeAnswers(
             "a wrong checksum, and the answers that are printed here have right ones: they are whole, so that the program checks \
@@ -240,7 +240,8 @@ fn report_in(line: &str) -> Option<usize> {
 fn exception_codes(line: &str) -> impl Iterator<Item = u8> + '_ {
     line.match_indices("exception").filter_map(|(at, word)| {
         let rest = &line[at + word.len()..];
-        let rest = rest.strip_prefix(" code").unwrap_or(rest).strip_prefix([' ', ':'])?.trim_start_matches([' ', '=']);
+        let rest = rest.strip_prefix([' ', '_']).and_then(|rest| rest.strip_prefix("code")).unwrap_or(rest);
+        let rest = rest.strip_prefix([' ', ':', '='])?.trim_start_matches([' ', '=']);
         rest.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok()
     })
 }
@@ -320,12 +321,14 @@ mod tests {
 
     #[test]
     fn an_exception_is_known_by_its_name_and_by_its_number() {
-        let all: [&[u8]; 6] = [
+        let all: [&[u8]; 8] = [
             b"Exception 4",
             b"exception: 4",
             b"Exception Code 4",
             b"exception code: 4",
             b"exception = 4",
+            b"ExceptionResponse(dev_id=1, function_code=131, exception_code=4)",
+            b"Exception Response(131, 3, SlaveFailure)",
             b"Slave Device Failure",
         ];
         let said = named(b"exception 4").expect("a reason");
