@@ -166,17 +166,15 @@ impl Decoder {
     pub(super) fn emit_frames(&mut self, bus: usize) {
         let mut adu = std::mem::take(&mut self.adu);
         loop {
-            let (at, framed) = match self.buses[bus].waiting.take() {
-                Some((at, framed, waiting)) => {
-                    adu = waiting;
-                    (at, framed)
-                }
-                None => {
-                    self.emit_exchanges(bus);
-                    let Some(next) = self.buses[bus].next_frame(&self.functions, self.live, &mut adu) else { break };
-                    next
-                }
-            };
+            let waiting = self.buses[bus].waiting.take().map(|(at, framed, waiting)| {
+                adu = waiting;
+                (at, framed)
+            });
+            if waiting.is_none() {
+                self.emit_exchanges(bus);
+            }
+            let next = waiting.or_else(|| self.buses[bus].next_frame(&self.functions, self.live, &mut adu));
+            let Some((at, framed)) = next else { break };
             if !self.live && self.buses[bus].lines.len() == 1 {
                 let state = &mut self.buses[bus];
                 let input = &state.lines[at].1.input;
