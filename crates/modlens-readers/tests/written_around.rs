@@ -122,3 +122,41 @@ fn a_command_that_the_next_line_repeats_as_sent_counts_once() {
     let sides: Vec<_> = entries.iter().map(|(_, side, _)| *side).collect();
     assert_eq!(sides, [Some(Side::Sent), Some(Side::Received)]);
 }
+
+#[test]
+fn the_rest_of_a_frame_may_stand_in_the_next_comment() {
+    // Three registers, with the CRC of another program.
+    let text = "//received: 07 03 06 00 01 00\n//02 00 03 D6 D4\n";
+    let whole = read(text).0.into_iter().flat_map(|(.., bytes)| bytes).collect::<Vec<_>>();
+    assert_eq!(whole, bytes("07 03 06 00 01 00 02 00 03 D6 D4"));
+}
+
+#[test]
+fn a_frame_of_ascii_may_have_a_blank_in_front_of_its_lrc() {
+    // 01 + 06 + 05 + A1 + A1 = 1 4E, of which B2 is the complement.
+    assert_eq!(frames("2026-11-21 12:30:05 send \":01060005A1A1 B2\\r\\n\"\n"), [b":01060005A1A1B2\r\n".to_vec()]);
+}
+
+#[test]
+fn an_hour_may_have_one_digit() {
+    let (entries, ..) = read(&format!("66\t9:25:13\ttool.exe\tTX {REQUEST}\n67\t9:25:14\ttool.exe\tRX {RESPONSE}\n"));
+    let times: Vec<i64> = entries.iter().filter_map(|(time, ..)| *time).collect();
+    assert_eq!(times[1] - times[0], 1_000_000_000);
+}
+
+#[test]
+fn the_hour_in_a_string_is_no_byte() {
+    let (entries, ..) =
+        read(&format!("    logs << \"[10:00:05] TX: {REQUEST}\";\n    logs << \"[10:00:06] RX: 07 03 14 00 64 00...\";\n"));
+    assert_eq!(entries.iter().map(|(.., bytes)| bytes.clone()).collect::<Vec<_>>(), [bytes(REQUEST), bytes("07 03 14 00 64 00")]);
+    assert!(entries.iter().all(|(time, ..)| time.is_some()));
+}
+
+#[test]
+fn a_request_without_data_is_proved_by_its_header() {
+    // Report Server ID (application protocol, 6.13).
+    assert_eq!(
+        frames("00000000  00 00 00 00 00 02 01 11                            ........\n"),
+        [bytes("00 00 00 00 00 02 01 11")]
+    );
+}

@@ -108,10 +108,11 @@ fn escape_length(text: &[u8]) -> usize {
 
 /// How programs write the escape character in front of a colour where the text itself may not hold it: syslog in octal, `cat -v`
 /// as a caret, programs that print strings as an escape sequence, and what shows control characters as pictures.
-const WRITTEN_ESCAPES: [&[u8]; 7] = [b"#033", b"^[", b"\\x1b", b"\\x1B", b"\\033", b"\\u001b", "\u{241B}".as_bytes()];
+const WRITTEN_ESCAPES: [&[u8]; 8] =
+    [b"#033", b"^[", b"\\x1b", b"\\x1B", b"\\033", b"\\u001b", "\u{241B}".as_bytes(), "\u{FFFD}".as_bytes()];
 
 /// The first bytes of these.
-const ESCAPE_STARTS: [u8; 4] = [b'#', b'^', b'\\', 0xE2];
+const ESCAPE_STARTS: [u8; 5] = [b'#', b'^', b'\\', 0xE2, 0xEF];
 
 /// The length of a colour at the start of the text whose escape character is written out; `None` if there is none.
 fn written_colour_length(text: &[u8]) -> Option<usize> {

@@ -97,6 +97,12 @@ fn month(word: &[u8]) -> Option<i64> {
 
 /// Parses a time of day such as `16:20:34`: nanoseconds since midnight, and the rest of the line.
 pub(super) fn time_of_day(line: &[u8]) -> Option<(Ns, &[u8])> {
+    if line.get(1) == Some(&b':') && line.get(4) == Some(&b':') && line[0].is_ascii_digit() {
+        // The hour may have one digit.
+        let (minute, second) = (two_digits(line, 2)?, two_digits(line, 5)?);
+        let hour = i64::from(line[0] - b'0');
+        return (minute < 60 && second < 61).then(|| ((hour * 3600 + minute * 60 + second) * SECOND, &line[7..]));
+    }
     if line.get(2) != Some(&b':') || line.get(5) != Some(&b':') {
         return None;
     }

@@ -5,6 +5,7 @@ use std::cell::RefCell;
 use std::cmp::Reverse;
 use std::sync::Arc;
 
+use crate::text::clean::clean;
 use crate::text::dialect::{Dialect, Dialects};
 use crate::text::header_run::HeaderRun;
 use crate::text::notation::{Notation, NotationFlags};
@@ -260,8 +261,8 @@ fn unproved_hex(text: &[u8]) -> Option<String> {
 
 /// How many lines hold hex, in words, how many bytes, and which is the first.
 fn hex_left(text: &[u8]) -> Option<(String, usize, usize)> {
-    let found: Vec<(usize, usize)> =
-        text.split(|&b| b == b'\n').map(hex_bytes).zip(1..).filter(|(bytes, _)| *bytes > 0).collect();
+    let bytes = |line: &[u8]| hex_bytes(clean(line, false, false, &mut Vec::new()));
+    let found: Vec<(usize, usize)> = text.split(|&b| b == b'\n').map(bytes).zip(1..).filter(|(bytes, _)| *bytes > 0).collect();
     let lines = if found.len() == 1 { String::from("1 line holds") } else { format!("{} lines hold", found.len()) };
     let (_, first) = *found.first()?;
     Some((lines, found.iter().map(|(bytes, _)| bytes).sum(), first))

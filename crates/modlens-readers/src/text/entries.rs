@@ -383,6 +383,18 @@ impl EntryAssembler {
             && (expected.is_some() || offset < FIRST_OFFSET_OF_BYTES)
     }
 
+    /// Whether these bytes complete the frame that the line before has begun.
+    pub fn completes(&self, bytes: &[u8]) -> bool {
+        let is_open = |stream: &&DeviceStream| stream.is_mid_frame && stream.number + 1 == self.number;
+        let stream = self.streams.first().filter(is_open);
+        stream.is_some_and(|stream| check_frame(&[&stream.group[..], bytes].concat()).0)
+    }
+
+    /// Who sent the last bytes.
+    pub fn last_side(&self) -> Option<Side> {
+        self.streams.first().and_then(|stream| stream.side)
+    }
+
     /// Whether no line before says anything about the next one but in the streams of devices.
     pub fn expects_nothing(&self) -> bool {
         self.header.is_none() && self.multi_line_frame.is_none() && self.pending_dump_line.is_none() && self.is_generic

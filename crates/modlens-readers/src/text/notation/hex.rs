@@ -2,7 +2,7 @@
 
 use memchr::memchr_iter;
 
-use crate::text::notation::tokens::{word, NotationFlags, CHARS_PER_STEP};
+use crate::text::notation::tokens::{counts_what_follows, word, NotationFlags, CHARS_PER_STEP};
 use modlens_protocol::hex::{
     byte_at, decode_pairs, digit_at, DIGIT_VALUES, HIGH_DIGIT_VALUES, INVALID, INVALID_DIGIT, LOW_DIGIT_VALUES,
 };
@@ -139,6 +139,7 @@ const MAX_OFFSET_DIGITS: usize = 16;
 /// be read as bytes.
 fn begins_with_offset(text: &[u8]) -> bool {
     let text = text.trim_ascii_start();
+    let text = text.strip_prefix(b"| ").unwrap_or(text);
     let text = text.strip_prefix(b"[").unwrap_or(text);
     let (prefixed, text) = text.strip_prefix(b"0x").map_or((false, text), |rest| (true, rest));
     // Most text begins with a pair of digits, which settles the question at once.
@@ -205,6 +206,9 @@ pub(super) fn hex(text: &[u8], allow_single_digits: bool, out: &mut Vec<u8>, fla
         // Nor is a letter that ends a label, as in `[D] A: 0503`.
         let is_letter = allow_single_digits && matches!(token, [letter] if letter.is_ascii_alphabetic());
         if is_letter && matches!(text.get(at + 1..at + 3), Some([b':' | b']' | b')', b' '])) {
+            return end;
+        }
+        if !out.is_empty() && counts_what_follows(text, &(at..at + token.len())) {
             return end;
         }
         let read = !flags.no_checksum && hex_token(token, allow_single_digits, out);

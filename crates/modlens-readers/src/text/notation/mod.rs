@@ -9,7 +9,7 @@ use hex::{bracketed, byte, groups, hex, pairs, prefixed, prefixed_value};
 use other::{ascii, base64, cell, decimal, decimal_one, escaped, named, words};
 
 pub(super) use hex::spaced_pairs;
-pub(super) use tokens::NotationFlags;
+pub(super) use tokens::{counts_what_follows, NotationFlags};
 
 /// A way of printing bytes. `PLACEHOLDERS` has the placeholder that names it in templates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

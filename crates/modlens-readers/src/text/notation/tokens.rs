@@ -1,5 +1,7 @@
 //! Splits text into words, for all notations.
 
+use std::ops::Range;
+
 /// What a notation has found beside the bytes.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::text) struct NotationFlags {
@@ -19,4 +21,10 @@ pub(super) fn word(text: &[u8], from: usize) -> &[u8] {
     let length = CHARS_PER_STEP * blocks.count();
     let more = rest[length..].iter().take_while(|&&b| within(b)).count();
     &rest[..length + more]
+}
+
+/// Whether the number at this place in a text is in a bracket and counts bytes, as in `[16 bytes of data]`.
+pub(in crate::text) fn counts_what_follows(text: &[u8], place: &Range<usize>) -> bool {
+    let is_in_bracket = text[..place.start].last().is_some_and(|b| matches!(b, b'[' | b'('));
+    is_in_bracket && text[place.end..].get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b" byte"))
 }

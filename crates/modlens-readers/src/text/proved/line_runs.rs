@@ -50,6 +50,15 @@ pub(in crate::text) fn longest_hex(line: &[u8]) -> Option<Vec<u8>> {
     runs.map(Run::without_number).map(|run| run.bytes).max_by_key(Vec::len)
 }
 
+/// The bytes of a line that holds nothing else but the mark of a comment in front of them.
+pub(in crate::text) fn only_hex(line: &[u8]) -> Option<Vec<u8>> {
+    let is_mark = |b: &u8| matches!(b, b' ' | b'\t' | b'/' | b'#' | b'*' | b';');
+    let start = line.iter().position(|b| !is_mark(b))?;
+    let text = line[start..].trim_ascii_end();
+    let [run] = <[Run; 1]>::try_from(hex_runs(text)).ok()?;
+    (run.text == (0..text.len())).then_some(run.bytes)
+}
+
 /// The text of a line in front of its longest run of hex.
 pub(in crate::text) fn hex_front(line: &[u8]) -> Option<&[u8]> {
     let run = hex_runs(&line[..part_end(line, 0)]).into_iter().max_by_key(|run| run.bytes.len())?;
@@ -142,13 +151,19 @@ fn is_decimal(line: &[u8], run: &Run) -> bool {
 fn ascii_runs(line: &[u8]) -> Vec<Run> {
     let mut runs = Vec::new();
     for colon in memchr::memchr_iter(b':', line) {
-        let digits = line[colon + 1..].iter().take_while(|b| b.is_ascii_hexdigit()).count();
-        let end = colon + 1 + digits;
+        // People put a blank in front of the LRC, or between all bytes.
+        let may_stand = |at: usize| {
+            let is_between =
+                line[at] == b' ' && line[at - 1].is_ascii_hexdigit() && line.get(at + 1).is_some_and(u8::is_ascii_hexdigit);
+            line[at].is_ascii_hexdigit() || is_between
+        };
+        let end = (colon + 1..line.len()).find(|&at| !may_stand(at)).unwrap_or(line.len());
+        let digits: Vec<u8> = line[colon + 1..end].iter().copied().filter(u8::is_ascii_hexdigit).collect();
         let mut bytes = Vec::new();
         let is_word = !line.get(end).is_some_and(u8::is_ascii_alphanumeric);
-        let are_bytes = digits >= 8 && digits.is_multiple_of(2) && decode_pairs(&line[colon + 1..end], &mut bytes);
+        let are_bytes = digits.len() >= 8 && digits.len().is_multiple_of(2) && decode_pairs(&digits, &mut bytes);
         if is_word && are_bytes && lrc(&bytes) == 0 && frames::fits_known_function(&bytes[1..bytes.len() - 1]) {
-            let bytes = [&line[colon..end], b"\r\n"].concat();
+            let bytes = [b":", &digits[..], b"\r\n"].concat();
             runs.push(Run::whole(Style::Ascii, colon..end, bytes));
         }
     }

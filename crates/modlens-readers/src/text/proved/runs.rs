@@ -7,6 +7,7 @@
 use std::ops::Range;
 
 use crate::text::date::stamp_length;
+use crate::text::notation::counts_what_follows;
 use modlens_protocol::hex::{decode_pairs, digit_at, INVALID_DIGIT};
 
 /// The most characters that may separate two bytes of a run.
@@ -120,7 +121,10 @@ fn runs(line: &[u8], read: impl Fn(&[u8], Range<usize>, &mut Vec<u8>) -> Option<
         bytes.clear();
         let style = read(line, word.clone(), &mut bytes);
         is_open &= style.is_some() && all.last().map(|run| run.style) == style && may_separate(&line[separator.clone()]);
-        let Some(style) = style else { continue };
+        // `[16 bytes of data]` is a count.
+        let is_count = is_open && counts_what_follows(line, &word);
+        is_open &= !is_count;
+        let Some(style) = style.filter(|_| !is_count) else { continue };
         if !is_open {
             close(line, all.last_mut(), &mut words);
             all.push(Run {
