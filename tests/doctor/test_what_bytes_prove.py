@@ -289,3 +289,9 @@ def test_an_answer_that_fits_the_request_before_is_that(tmp_path: Path) -> None:
 
 def test_a_request_that_a_text_shows_without_its_checksum(tmp_path: Path) -> None:
     assert "has no checksum" in said(pair(ASK[:-2], ANSWER), tmp_path)
+
+
+def test_an_exception_in_words_gives_way_to_a_whole_answer(tmp_path: Path) -> None:
+    """A library reports its own error beside the answer that the device has sent."""
+    sentence = said([f"Response: {ANSWER.hex(' ')}", "Error: IllegalDataValue"], tmp_path)
+    assert "no answer that is printed here is one" in sentence

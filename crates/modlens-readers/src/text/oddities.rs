@@ -215,7 +215,12 @@ fn reported<'a>(lines: impl Iterator<Item = &'a [u8]>) -> Option<Said> {
         return None;
     }
     if let Some((code, [name, ..], advice)) = EXCEPTIONS.get(most) {
-        return Some(format!("{lines} exception {code} ({name}): {advice}").into());
+        let beside = format!(
+            "{lines} exception {code} ({name}), and no answer that is printed here is one: it is that of another request, or the \
+             program has made it; of a unit it means that {advice}"
+        );
+        let words = format!("{lines} exception {code} ({name}): {advice}");
+        return Some(Said { words, beside_answers: None, beside_whole: Some(beside) });
     }
     let (_, meaning, beside) = REPORTS[most - EXCEPTIONS.len()];
     let said = |meaning: &str| format!("{lines} {meaning}");
