@@ -140,7 +140,7 @@ fn late_by_one(block: usize) -> Batch {
 fn of_two_late_responses_the_first_belongs_to_the_first_request() {
     for block in [1, 5, 13, 64, 10_000] {
         let batch = late_by_one(block);
-        let late: Vec<_> = batch.all_transactions().into_iter().filter(|row| row.status == Status::Unsolicited).collect();
+        let late: Vec<_> = batch.all_transactions().iter().filter(|row| row.status == Status::Unsolicited).collect();
         assert_eq!(late.len(), 20, "in blocks of {block}");
         for row in late {
             let all = batch.all_transactions();
