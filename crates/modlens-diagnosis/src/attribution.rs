@@ -60,7 +60,7 @@ pub fn attribute(view: &View<'_>, claims: &mut [Claim], all: &[Claim]) -> Rest {
             continue;
         }
         claim.explains = Some(sum(cells.iter().zip(share.iter().copied())));
-        if claim.certainty == Certainty::Diagnosed {
+        if claim.certainty == Certainty::Diagnosed || claim.undecided.is_some() {
             let seen: Vec<(Symptom, f64)> = cells.iter().zip(share).map(|(cell, count)| (cell.symptom, count)).collect();
             claim.odds = odds(claim, cause, &seen, all);
         }
@@ -114,6 +114,12 @@ fn odds(claim: &Claim, cause: &Diagnosis, seen: &[(Symptom, f64)], all: &[Claim]
     let fit = |cause: &Diagnosis| -> f64 {
         cause.met.ln() + seen.iter().map(|(symptom, count)| count.min(MOST_COUNTED) * cause.rate(*symptom).ln()).sum::<f64>()
     };
+    if let Some(rival) = claim.undecided.and_then(diagnosis) {
+        // All its failures have one reason: the most frequent symptom counts once.
+        let (symptom, _) = seen.iter().max_by(|one, other| one.1.total_cmp(&other.1))?;
+        let fit = |cause: &Diagnosis| cause.met * cause.rate(*symptom);
+        return Some((fit(cause) / fit(rival), rival.code.as_str()));
+    }
     let is_rival = |other: &&Claim, code: &str| {
         other.code == code && (other.unit.is_none() || claim.unit.is_none() || other.unit == claim.unit)
     };

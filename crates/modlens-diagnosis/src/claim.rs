@@ -121,6 +121,8 @@ pub struct Claim {
     pub certainty: Certainty,
     /// The odds against the best rival, and its code, where they were weighed.
     pub odds: Option<(f64, &'static str)>,
+    /// Another cause that would show the very same.
+    pub undecided: Option<&'static str>,
     /// How many of the odd transactions and bytes of the bus it explains; `None` where no symptom shows it.
     pub explains: Option<Odd>,
     /// Transactions that show it.
@@ -165,6 +167,7 @@ impl Claim {
             chance,
             certainty: Certainty::Diagnosed,
             odds: None,
+            undecided: None,
             explains: None,
             examples: tally.examples.numbers(),
             at_most: severity_of(tally.share()),
@@ -207,6 +210,16 @@ impl Claim {
         self.share = share;
         self.harm = share.failed;
         self.at_most = severity_of(share);
+        self
+    }
+
+    /// Names another cause that would show the very same.
+    #[must_use]
+    pub fn undecided_from(mut self, code: Option<&'static str>) -> Self {
+        self.undecided = code;
+        if code.is_some() {
+            self.certainty = Certainty::Likely;
+        }
         self
     }
 

@@ -4,6 +4,7 @@
 //! better gives way to it: that is `claims`' last step, so that no kind has to know the others.
 
 mod answers;
+mod blocks;
 mod damage;
 mod exceptions;
 mod foreign;

@@ -125,6 +125,9 @@ pub struct RequestKey {
     pub quantity: u16,
 }
 
+/// The first number of the registers that a function reads, as manuals count them.
+const REFERENCES: [(u8, u16); 3] = [(2, 10_001), (4, 30_001), (3, 40_001)];
+
 impl RequestKey {
     /// Its addresses in words.
     pub(crate) fn block(self) -> String {
@@ -132,6 +135,12 @@ impl RequestKey {
             0 | 1 => format!("address {}", self.address),
             quantity => format!("addresses {} to {}", self.address, u32::from(self.address) + u32::from(quantity) - 1),
         }
+    }
+
+    /// The address on the wire that manuals mean by its address, if that is one of their numbers.
+    pub(crate) fn meant_by_manuals(self) -> Option<u16> {
+        let (_, first) = REFERENCES.into_iter().find(|(function, _)| *function == self.function)?;
+        (first..first + 9999).contains(&self.address).then(|| self.address - first)
     }
 
     /// All of it as one number.

@@ -350,14 +350,10 @@ fn refusal(seen: &Observation) -> Symptom {
     }
 }
 
-/// The first number of the registers that a function reads, as manuals count them.
-const REFERENCES: [(u8, u32); 3] = [(2, 10_001), (4, 30_001), (3, 40_001)];
-
 /// The address of a request that is a number of manuals, and the address that such a number stands for.
 fn of_reference(seen: &Observation) -> Option<Figures> {
-    let address = seen.key()?.address.into();
-    let (_, first) = REFERENCES.into_iter().find(|(function, _)| *function == seen.function)?;
-    (first..first + 9999).contains(&address).then(|| [address, address - first])
+    let key = seen.key()?;
+    Some([key.address.into(), key.meant_by_manuals()?.into()])
 }
 
 /// The numbers that show a symptom.

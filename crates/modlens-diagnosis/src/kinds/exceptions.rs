@@ -1,6 +1,7 @@
 //! Refusals: which requests are refused, and which ones beside them are answered.
 #![allow(clippy::trivially_copy_pass_by_ref)] // Keys stay in their map.
 
+use super::blocks::{covered, end, range_in_words, uncovered};
 use super::writes::is_of_value;
 use crate::claim::{Claim, View};
 use crate::contrast::RequestCounts;
@@ -38,10 +39,6 @@ fn answered<'a>(all: &[Request<'a>], key: &RequestKey) -> Vec<&'a RequestKey> {
     all.iter().filter(|(other, counts)| is_like(other, counts)).map(|(other, _)| *other).collect()
 }
 
-fn end(key: &RequestKey) -> u32 {
-    u32::from(key.address) + u32::from(key.quantity)
-}
-
 fn claim(view: &View<'_>, code: &'static str, request: Request<'_>) -> Option<Claim> {
     let (key, counts) = request;
     let share = Share { failed: counts.refusals() + counts.silent, total: counts.sent() };
@@ -60,7 +57,14 @@ fn claim(view: &View<'_>, code: &'static str, request: Request<'_>) -> Option<Cl
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Reason {
     OffByOne(u16),
-    TooLong { good: u16 },
+    /// It begins one after a block that is answered, and its last registers are answered nowhere: it is off by one, or they do not
+    /// exist.
+    OffByOneOrHole(u16),
+    /// Its address is a number of manuals, which stands for this one.
+    OfManuals(u16),
+    TooLong {
+        good: u16,
+    },
     Hole,
     Unknown,
 }
@@ -86,24 +90,18 @@ fn reason(all: &[Request<'_>], request: Request<'_>) -> Reason {
     if let (true, Some(longest)) = (is_limit && (no_hole || request.1.refused[2] > request.1.refused[1]), longest) {
         return Reason::TooLong { good: longest };
     }
-    if covered > 0 {
-        return Reason::Hole;
+    if let (Some(first), 1) = (key.address.checked_sub(1), key.address % 10) {
+        // Who counts from 1 begins at 1, 11 or 101.
+        let begins = good.iter().any(|other| other.address == first);
+        if begins && uncovered(key, &good).first().is_some_and(|(_, to)| *to == end(key)) {
+            return Reason::OffByOneOrHole(first);
+        }
     }
-    Reason::Unknown
-}
-
-/// How many addresses of a block others cover.
-fn covered(key: &RequestKey, others: &[&RequestKey]) -> u32 {
-    let (first, last) = (u32::from(key.address), end(key));
-    let mut ranges: Vec<(u32, u32)> =
-        others.iter().map(|other| (u32::from(other.address).max(first), end(other).min(last))).collect();
-    ranges.sort_unstable();
-    let (mut sum, mut at) = (0, first);
-    for (from, to) in ranges {
-        sum += to.saturating_sub(from.max(at));
-        at = at.max(to);
+    match key.meant_by_manuals() {
+        _ if covered > 0 => Reason::Hole,
+        Some(meant) if good.iter().all(|other| other.meant_by_manuals().is_none()) => Reason::OfManuals(meant),
+        _ => Reason::Unknown,
     }
-    sum
 }
 
 /// Whether one register that is missing cannot explain all refusals of the function: all of those blocks have in common none,
@@ -132,17 +130,29 @@ pub(super) fn address_off_by_one(view: &View<'_>) -> Vec<Claim> {
     let few = || all.iter().filter(|(_, counts)| view.is_small() && counts.good == 0 && counts.refused[1] > 0).copied();
     let refused = refused(&all);
     let claims = if refused.is_empty() { few().collect() } else { refused }.into_iter().filter_map(|request| {
-        match reason(&all, request) {
+        let shifted = |address| RequestKey { address, ..*request.0 }.block();
+        let (neighbour, how, why, rival) = match reason(&all, request) {
             Reason::OffByOne(neighbour) => {
-                let shifted = RequestKey { address: neighbour, ..*request.0 }.block();
                 let why = match request.1.aligned_at {
-                    Some(_) => format!("values of the profile are at {shifted}"),
-                    None => format!("those for {shifted} were answered"),
+                    Some(_) => format!("values of the profile are at {}", shifted(neighbour)),
+                    None => format!("those for {} were answered", shifted(neighbour)),
                 };
-                Some(claim(view, "address_off_by_one", request)?.fact("neighbour", shifted).fact("why", why))
+                (neighbour, "that are off by one", why, None)
             }
-            _ => None,
-        }
+            Reason::OffByOneOrHole(neighbour) => {
+                let left = uncovered(request.0, &answered(&all, request.0));
+                let left = left.first().map_or(String::new(), |range| range_in_words(*range));
+                let why = format!("blocks from {neighbour} on were answered; or of {left} some do not exist");
+                (neighbour, "that are off by one", why, Some("register_hole"))
+            }
+            Reason::OfManuals(meant) => {
+                let why = format!("{} is how manuals number address {meant} of the wire", request.0.address);
+                (meant, "as manuals number them", why, Some("register_hole"))
+            }
+            _ => return None,
+        };
+        let claim = claim(view, "address_off_by_one", request)?.fact("neighbour", shifted(neighbour));
+        Some(claim.fact("how", how).fact("why", why).undecided_from(rival))
     });
     claims.collect()
 }
@@ -157,9 +167,9 @@ pub(super) fn register_hole(view: &View<'_>) -> Vec<Claim> {
             return None;
         }
         let parts = match reason(&all, request) {
-            Reason::Hole => ", and parts of it were answered",
+            Reason::Hole => parts_in_words(&all, request.0),
             // Refusals of a value tell nothing about addresses.
-            Reason::Unknown if request.1.refused[1] > 0 => "",
+            Reason::Unknown if request.1.refused[1] > 0 => String::new(),
             _ => return None,
         };
         let (missing, what_to_check, experiment) = hole_in_words(request.0);
@@ -167,6 +177,17 @@ pub(super) fn register_hole(view: &View<'_>) -> Vec<Claim> {
         Some(claim.fact("what_to_check", what_to_check).fact("experiment", experiment))
     });
     claims.chain(lost.iter().map(|(_, claim)| claim.clone())).collect()
+}
+
+/// Which parts of a block were answered: all but a few, where other blocks tell that.
+fn parts_in_words(all: &[Request<'_>], key: &RequestKey) -> String {
+    let left = uncovered(key, &answered(all, key));
+    match left[..] {
+        [range] if range.1 - range.0 < u32::from(key.quantity) / 2 => {
+            format!(", and all but {} of them were answered in other blocks", range_in_words(range))
+        }
+        _ => String::from(", and parts of it were answered"),
+    }
 }
 
 /// A unit that answered several blocks and refuses the addresses of all that it is asked for from then on: one thing has

@@ -11,6 +11,9 @@ use crate::contrast::tally::Place;
 use crate::contrast::BusContrast;
 use crate::odd::Odd;
 
+/// Smaller odds are not stated as a number.
+const EVEN_ODDS: f64 = 2.0;
+
 /// When the failures of a diagnosis were, on any clock, and which of all it explains.
 #[derive(Clone, Debug)]
 pub struct Course {
@@ -53,6 +56,9 @@ impl Course {
     pub(super) fn evidence(&self) -> Option<String> {
         let explains = self.explains?;
         let odds = match (self.odds, self.rival) {
+            (Some(odds), Some(rival)) if (1.0..EVEN_ODDS).contains(&odds) => {
+                Some(format!("hardly likelier from this than from {rival}."))
+            }
             (Some(odds), Some(rival)) if odds >= 1.0 => {
                 let more = if odds >= MOST_ODDS { "over " } else { "" };
                 Some(format!("{more}{} times likelier from this than from {rival}.", thousands(odds.round() as u64)))
@@ -60,7 +66,7 @@ impl Course {
             _ => None,
         };
         if !self.is_diagnosed {
-            return odds.map(|odds| odds.replacen('o', "O", usize::from(odds.starts_with("over"))));
+            return odds.map(|odds| odds.replacen("over", "Over", 1).replacen("hardly", "Hardly", 1));
         }
         let said = format!("Explains {}", in_words(explains, self.odd));
         Some(odds.map_or(format!("{said}."), |odds| format!("{said}: {odds}")))
