@@ -28,6 +28,8 @@ pub(crate) struct Clean {
     pub request: Span,
     /// What was read.
     pub data: Data,
+    /// The registers that were read, in the arena of the batch, where the request has a time.
+    pub registers: Span,
     /// From the end of the request to the start of the answer.
     pub response_time: Option<Ns>,
     /// Silence before the request.
@@ -64,6 +66,7 @@ impl Clean {
             writes: shape.writes,
             request: row.request.pdu,
             data: shape.data(response.get(shape.block as usize..)),
+            registers: shape.registers(row),
             response_time: row.response_time,
             gap: row.gap,
             starts: [row.request.start, row.response.start],
@@ -88,6 +91,16 @@ impl Shape {
         let writes = matches!(row.operation, Operation::Write | Operation::ReadWrite);
         let (at, reads_bits) = row.offsets.response_block.unwrap_or_default();
         Self { writes, reads: row.offsets.response_block.is_some(), reads_bits, block: at as u32 + 1 }
+    }
+
+    /// The registers that an answer reads, if its request has a time.
+    #[inline]
+    fn registers(self, row: &Transaction) -> Span {
+        let Span { start, length } = row.response.pdu;
+        if !self.reads || self.reads_bits || row.request.start.is_none() || length < self.block {
+            return Span::default();
+        }
+        Span { start: start + self.block, length: length - self.block }
     }
 
     /// What an answer reads that ends with this block.
@@ -146,6 +159,7 @@ impl<'a> Exchanges<'a> {
             writes: shape.writes,
             request: pdu,
             data,
+            registers: Span::default(),
             response_time: None,
             gap: None,
             starts: [None; 2],

@@ -16,6 +16,7 @@ mod noise;
 mod one_by_one;
 mod place;
 mod recent;
+pub mod registers;
 mod request;
 pub mod sample;
 mod symptoms;

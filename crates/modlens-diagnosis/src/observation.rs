@@ -185,6 +185,8 @@ pub struct Observation {
     pub written: u64,
     /// What was read.
     pub data: Data,
+    /// The registers that were read, as bytes, where the request has a time.
+    pub registers: Vec<u8>,
     /// From the end of the request to the start of the answer.
     pub response_time: Option<Ns>,
     /// How long the master waited for nothing.
@@ -273,10 +275,10 @@ impl Observation {
         });
         let writes = matches!(operation, Operation::Write | Operation::ReadWrite);
         let findings = FindingSet::of(row.findings.of(&batch.codes));
-        let data = match shape.and_then(|shape| shape.offsets.response_block) {
-            Some((at, bits)) if row.status == Status::Ok => data(response.get(1 + at..).unwrap_or(&[]), bits),
-            _ => Data::default(),
-        };
+        let block = shape.and_then(|shape| shape.offsets.response_block).filter(|_| row.status == Status::Ok);
+        let block = block.map(|(at, bits)| (response.get(1 + at..).unwrap_or(&[]), bits));
+        let registers = block.filter(|(_, bits)| !bits && row.request.start.is_some()).map_or(&[][..], |(block, _)| block);
+        let data = block.map_or(Data::default(), |(block, bits)| data(block, bits));
         Self {
             place: Place { number: row.number, elapsed: row.elapsed, time: row.start },
             unit: row.unit,
@@ -288,6 +290,7 @@ impl Observation {
             writes,
             written: if writes && is_intact { fingerprint(request) } else { 0 },
             data,
+            registers: registers.to_vec(),
             response_time: row.response_time,
             waited: row.waited,
             late: row.late_response,

@@ -114,7 +114,7 @@ impl BusContrast {
             self.context.note_write();
         }
         if seen.starts[0].is_some() || seen.starts[1].is_some() || seen.gap.is_some() || seen.response_time.is_some() {
-            self.note_times(found, seen, RequestKey::of_number(before).unit);
+            self.note_times(exchanges, found, seen, RequestKey::of_number(before).unit);
         } else {
             self.context.previous_answer = None;
         }
@@ -207,11 +207,14 @@ impl BusContrast {
 
     /// Notes what the times of an exchange tell.
     #[inline(never)]
-    fn note_times(&mut self, found: Option<usize>, seen: Clean, unit_before: u8) {
+    fn note_times(&mut self, exchanges: &Exchanges<'_>, found: Option<usize>, seen: Clean, unit_before: u8) {
         self.units.entry(seen.key.unit).or_default().count_clean_times(&seen, unit_before);
         let slot = found.and_then(|index| self.known.at(index).slot);
         if let Some(counts) = slot.and_then(|slot| self.requests.at(slot.into(), &seen.key)) {
             counts.count_clean_start(seen.starts[0]);
+            if seen.registers.length > 0 {
+                counts.registers.count(seen.registers.of(&exchanges.batch.arena), seen.place);
+            }
         }
         if let Some((unit, place, waited, needed)) = self.context.overtaken(seen.starts[0]) {
             self.units.entry(unit).or_default().overtaken.count(place, waited, needed);

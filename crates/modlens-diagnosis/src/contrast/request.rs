@@ -5,6 +5,7 @@ use modlens_protocol::Ns;
 use super::before::Before;
 use super::cycles::Cycles;
 use super::known_requests::PendingExchanges;
+use super::registers::Registers;
 use super::sample::Sample;
 use super::tally::{Place, Tally};
 use super::unit::Runs;
@@ -76,6 +77,8 @@ pub struct RequestCounts {
     pub all_zeros: Lonely,
     /// Answers with the data of another request, alone between others.
     pub of_another: Lonely,
+    /// What its registers hold, where answers have times.
+    pub registers: Registers,
     /// Answers that begin or end with FFFF and are not all FFFF.
     pub near_ones: u64,
     /// The same with 0000.
@@ -166,6 +169,9 @@ impl RequestCounts {
         self.bad.count(seen.outcome.is_failure() || seen.outcome == Outcome::Refused, seen.place);
         if seen.outcome == Outcome::Good && seen.data.is_present {
             self.count_data(seen.data, seen.is_of_another, seen.place);
+            if !seen.registers.is_empty() {
+                self.registers.count(&seen.registers, seen.place);
+            }
         }
         if let Some(start) = seen.starts[0] {
             self.cycles.count(start, seen.outcome == Outcome::Good && !seen.is_retry);
@@ -282,6 +288,7 @@ impl RequestCounts {
         }
         self.period.merge(&later.period);
         self.cycles.merge(&later.cycles);
+        self.registers.merge(&later.registers);
         self.first_start = self.first_start.or(later.first_start);
         self.last_start = later.last_start.or(self.last_start);
         if self.first_written == 0 {

@@ -3,7 +3,7 @@
 use crate::claim::{severity_of, Claim, View};
 use crate::contrast::tally::Tally;
 use crate::contrast::{Symptom, UnitCounts};
-use crate::observation::DamagedPart;
+use crate::observation::{DamagedPart, RequestKey};
 use crate::statistics::{at_least, at_most, both, fisher, Share};
 use modlens_protocol::decimal::thousands;
 use modlens_protocol::finding::Severity;
@@ -114,7 +114,10 @@ pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
     if is_of_late_answers(view) {
         return Vec::new();
     }
-    let units: Vec<u8> = view.units().filter(|(_, counts)| damage(counts).failed > 0).map(|(unit, _)| unit).collect();
+    // One that never answered may be the damaged address of another one.
+    let has_answered = |counts: &UnitCounts| counts.failures.total > counts.failures.failed;
+    let is_hit = |counts: &UnitCounts| damage(counts).failed > 0 && has_answered(counts);
+    let units: Vec<u8> = view.units().filter(|(_, counts)| is_hit(counts)).map(|(unit, _)| unit).collect();
     let requests: u64 = view.units().map(|(_, counts)| counts.bad_requests.failed).sum();
     // Of one unit alone, single bits are noise near it; what else it may be has kinds of its own.
     let is_of_one = units.len() < 2 && requests == 0 && view.units().count() > 1;
@@ -177,9 +180,22 @@ pub(super) fn noise_of_writes(view: &View<'_>) -> Option<Claim> {
     Some(
         claim
             .at_most(if written.failed > 0 { Severity::Error } else { Severity::Warning })
-            .fact("what", format!("{behind} of {} bursts of noise come right after writes", bursts.total))
-            .fact("event_advice", "; what the write switches (a contactor, a pump, an inverter)"),
+            .fact("what", format!("{behind} of {} bursts of noise come right after writes{}", bursts.total, of_writes(view)))
+            .fact("event_check", "What the write switches (a contactor, a pump, an inverter): a suppressor at its coil, and its cables beside the line. Then: ")
+            .fact("event_proof", "Disconnect what the write switches, and write: the noise is gone. Otherwise: "),
     )
+}
+
+/// Which writes there are, if they are those of one unit.
+fn of_writes(view: &View<'_>) -> String {
+    let requests = view.bus.requests.sorted();
+    let mut written: Vec<RequestKey> = requests.iter().filter(|(_, counts)| counts.writes).map(|(key, _)| **key).collect();
+    written.dedup();
+    match written[..] {
+        [one] => format!(" to unit {}, {} by function {}", one.unit, one.block(), one.function),
+        [first, ..] if written.iter().all(|one| one.unit == first.unit) => format!(" to unit {}", first.unit),
+        _ => String::new(),
+    }
 }
 
 /// Whether requests and answers are damaged, more than once each. Where answers only are, it is their sender, or the recorder.

@@ -52,6 +52,8 @@ fn of_unit(view: &View<'_>, unit: Option<u8>) -> Option<Claim> {
     let words = diagnosis("wrong_layout").and_then(|row| row.sight(main)).unwrap_or_default();
     let subject = unit.map_or_else(|| String::from("the line"), |unit| format!("unit {unit}"));
     let what = crate::sight::with_figures(words, view.bus.symptoms.figures(main, unit)).replace("{unit}", &subject);
+    let later = if is_habit { "; later frames of this kind are taken as they are, and not counted" } else { "" };
+    let what = format!("{what}{later}");
     let mut claim = Claim::new("wrong_layout", &all, chance).with_share(share).fact("what", what);
     claim.unit = unit;
     Some(claim)

@@ -2,7 +2,9 @@
 
 use crate::claim::{duration, Claim, View};
 use crate::contrast::tally::Tally;
+use crate::contrast::RequestCounts;
 use crate::contrast::{Pauses, UnitCounts};
+use crate::observation::RequestKey;
 use crate::statistics::{fisher, Share};
 use modlens_protocol::finding::Severity;
 
@@ -140,8 +142,12 @@ pub(super) fn bus_saturated(view: &View<'_>) -> Vec<Claim> {
         return Vec::new();
     }
     let share = Share { failed: (busy.min(span) / 1e6) as u64, total: (span / 1e6) as u64 };
-    let heaviest =
-        view.bus.requests.sorted().into_iter().max_by_key(|(key, counts)| (counts.sent() * u64::from(key.quantity), **key));
+    let weight = |key: &RequestKey, counts: &RequestCounts| counts.sent() * u64::from(key.quantity);
+    let requests = view.bus.requests.sorted();
+    let all: u64 = requests.iter().map(|(key, counts)| weight(key, counts)).sum();
+    let heaviest = requests.iter().max_by_key(|(key, counts)| (weight(key, counts), **key));
+    // One of several that are alike is no reason.
+    let heaviest = heaviest.filter(|(key, counts)| weight(key, counts) * 2 > all);
     let most = heaviest.map_or(String::new(), |(key, counts)| {
         format!("; most of it is unit {}, {} registers from {} on, {} times", key.unit, key.quantity, key.address, counts.sent())
     });

@@ -1,17 +1,16 @@
 //! Trouble with values whose checksum is right.
 
 use crate::claim::{Claim, View};
-use crate::contrast::Lonely;
+use crate::contrast::{Lonely, RequestCounts};
 use crate::observation::RequestKey;
-use crate::statistics::in_runs_at_most;
+use crate::statistics::{at_least, in_runs_at_most};
+use modlens_protocol::finding::Severity;
 
 /// Values that make sense in another order only.
 pub(super) fn word_order(view: &View<'_>) -> Vec<Claim> {
     let claims = view.units().filter(|(_, counts)| counts.order_mismatches.failed > 0).map(|(unit, counts)| {
         // The engine names an order only where it is sure of it.
-        Claim::new("word_order", &counts.order_mismatches, 0.0)
-            .of_unit(unit)
-            .at_most(modlens_protocol::finding::Severity::Warning)
+        Claim::new("word_order", &counts.order_mismatches, 0.0).of_unit(unit).at_most(Severity::Warning)
     });
     claims.collect()
 }
@@ -31,10 +30,33 @@ pub(super) fn value_spike(view: &View<'_>) -> Vec<Claim> {
         let zeros = key.quantity > 1 && counts.near_zeros == 0;
         let zeros = zeros.then(|| spike(view, *key, &counts.all_zeros, "all 0000")).flatten();
         let other = spike(view, *key, &counts.of_another, "those of another request");
-        [ones, zeros, other].into_iter().flatten()
+        let whole = [ones, zeros, other];
+        let single = if whole.iter().all(Option::is_none) { registers(view, *key, counts) } else { Vec::new() };
+        whole.into_iter().flatten().chain(single)
     });
     claims.collect()
 }
+
+/// Single registers that jump to a number without a meaning while the others of their block do not.
+fn registers(view: &View<'_>, key: RequestKey, counts: &RequestCounts) -> Vec<Claim> {
+    let claims = counts.registers.jumps().filter_map(|jump| {
+        let share = jump.odd.share();
+        let is_rare = share.rate() <= MOST && share.total >= FEWEST && share.failed >= LEAST_JUMPS;
+        if !is_rare || view.significant(in_runs_at_most(share, jump.runs)).is_some() {
+            return None;
+        }
+        // That a register holds just this number by chance, of all that are so far from what it holds otherwise.
+        let chance = view.corrected(at_least(share, 1.0 / 32_768.0));
+        let address = key.address.saturating_add(jump.register);
+        let value = format!("{} ({:04X}) where it is {} to {} else", jump.value, jump.value, jump.others.0, jump.others.1);
+        let claim = Claim::new("value_spike", &jump.odd, chance).of_unit(key.unit).at(key.function, address);
+        Some(claim.fact("block", format!("address {address}")).fact("value", value).at_most(Severity::Warning))
+    });
+    claims.collect()
+}
+
+/// One jump may be anything.
+const LEAST_JUMPS: u64 = 2;
 
 fn spike(view: &View<'_>, key: RequestKey, series: &Lonely, value: &'static str) -> Option<Claim> {
     let share = series.odd.share();
@@ -48,5 +70,5 @@ fn spike(view: &View<'_>, key: RequestKey, series: &Lonely, value: &'static str)
     // Registers that are not of the device hold anything: the chance that all of them are just this.
     let chance = share.total as f64 * (-16.0 * f64::from(key.quantity) * std::f64::consts::LN_2).exp();
     let claim = Claim::new("value_spike", &series.odd, chance.min(1.0)).of_unit(key.unit).at(key.function, key.address);
-    Some(claim.fact("block", key.block()).fact("value", value).at_most(modlens_protocol::finding::Severity::Warning))
+    Some(claim.fact("block", key.block()).fact("value", value).at_most(Severity::Warning))
 }

@@ -288,6 +288,10 @@ fn all_answered(total: u64, rows: &[DiagnosisRow], worst: &DiagnosisRow) -> Stri
         1 => String::from("The only request was answered"),
         count => format!("All {} requests were answered", thousands(count)),
     };
+    let answered = match worst.code {
+        "wrong_layout" if total > 1 => format!("{answered}, {} of them wrongly", thousands(worst.failed)),
+        _ => answered,
+    };
     match rest(rows) {
         ONE_CAUSE => format!("{answered}, but something is wrong: {}", worst.sentence),
         several => format!("{answered}, but something is wrong. {several}: {}", worst.sentence),
