@@ -93,7 +93,7 @@ impl Registers {
         self.jumps.iter().filter_map(|((register, value), jumps)| {
             let others @ (least, most) = *self.ranges.get(usize::from(*register))?;
             let odd = Tally { total: self.answers, ..jumps.odd.clone() };
-            (least <= most && is_far(*value, others)).then(|| Jump {
+            (least <= most && is_far(*value, others)).then_some(Jump {
                 register: *register,
                 value: *value,
                 others,

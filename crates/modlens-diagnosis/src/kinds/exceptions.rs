@@ -145,7 +145,8 @@ pub(super) fn address_off_by_one(view: &View<'_>) -> Vec<Claim> {
                 let why = format!("blocks from {neighbour} on were answered; or of {left} some do not exist");
                 (neighbour, "that are off by one", why, Some("register_hole"))
             }
-            Reason::OfManuals(meant) => {
+            // Of a few requests the first sight says it; of many blocks, that none exists.
+            Reason::OfManuals(meant) if !view.is_small() && no_address(view, &all, request.0.unit).is_none() => {
                 let why = format!("{} is how manuals number address {meant} of the wire", request.0.address);
                 (meant, "as manuals number them", why, Some("register_hole"))
             }
@@ -170,6 +171,7 @@ pub(super) fn register_hole(view: &View<'_>) -> Vec<Claim> {
             Reason::Hole => parts_in_words(&all, request.0),
             // Refusals of a value tell nothing about addresses.
             Reason::Unknown if request.1.refused[1] > 0 => String::new(),
+            Reason::OfManuals(_) if view.is_small() => String::new(),
             _ => return None,
         };
         let (missing, what_to_check, experiment) = hole_in_words(request.0);
