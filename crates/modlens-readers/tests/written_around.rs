@@ -160,3 +160,17 @@ fn a_request_without_data_is_proved_by_its_header() {
         [bytes("00 00 00 00 00 02 01 11")]
     );
 }
+
+#[test]
+fn the_fields_of_a_frame_below_it_repeat_it() {
+    let fields = "Address : 07\nFunction : 03\nRegister : 0010\nNumber : 0001\nChecksum : 85A9\n";
+    let text = format!("I am receiving wrong data from it.\nI send this to the meter : {}\n{fields}", REQUEST.replace(' ', ""));
+    let (entries, skipped, _) = read(&text);
+    assert_eq!((entries.len(), skipped.len()), (1, 1), "{entries:?}");
+}
+
+#[test]
+fn a_few_bytes_in_front_of_the_time_since_the_last_line_are_counted() {
+    let text = format!("x send <Buffer {}> +0ms\nx payload <Buffer 83 02> +2ms\n", REQUEST.to_lowercase());
+    assert_eq!(read(&text).2, 2);
+}

@@ -6,6 +6,7 @@ use crate::text::notation::{Notation, NotationFlags};
 use crate::text::proved::frames;
 use crate::text::proved::runs::{hex_runs, number_runs, Run, Style};
 use crate::text::proved::sender::sender;
+use crate::text::timestamps::delta;
 use modlens_protocol::checksum::lrc;
 use modlens_protocol::hex::decode_pairs;
 
@@ -239,6 +240,9 @@ fn digits_without_zeros(line: &[u8]) -> usize {
 /// How many bytes are at the end of a line after a colon, an arrow or `Buffer` and a word that says who sent them, be they ever
 /// so few: `<--129-4`, `rx buffer <Buffer 01>`.
 fn labelled_bytes(line: &[u8]) -> usize {
+    // The time since the line before may follow: `<Buffer 01> +2ms`.
+    let end = delta(line).and_then(|_| memchr::memrchr(b' ', line)).unwrap_or(line.len());
+    let line = &line[..end];
     let is_last = |run: &Run| !line[run.text.end..].iter().any(u8::is_ascii_alphanumeric);
     let is_labelled = |run: &Run| {
         let front = line[..run.text.start].trim_ascii_end();

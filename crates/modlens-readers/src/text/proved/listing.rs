@@ -9,7 +9,7 @@ use crate::text::proved::frames::{is_checked_frame, is_frame};
 use crate::text::proved::line_runs::without_marks;
 use crate::text::proved::pieces::Piece;
 use crate::text::proved::runs::{hex_runs, Style};
-use crate::text::proved::sender::sender_below;
+use crate::text::proved::sender::{sender, sender_below};
 use modlens_protocol::hex::decode_pairs;
 use modlens_protocol::mbap::{announced_length, PREFIX_BYTES};
 
@@ -39,6 +39,11 @@ impl Listing {
             }
             return None;
         };
+        // A whole frame after a label: fields that follow repeat it.
+        if is_checked_frame(&bytes) {
+            *self = Self { fields: Vec::new(), side: sender(&line[..start]) };
+            return None;
+        }
         if self.fields.last().is_some_and(|last| last.number + MAX_LINES_BETWEEN < number) || self.fields.len() == MAX_FIELDS {
             *self = Self::default();
         }
