@@ -174,3 +174,11 @@ fn a_few_bytes_in_front_of_the_time_since_the_last_line_are_counted() {
     let text = format!("x send <Buffer {}> +0ms\nx payload <Buffer 83 02> +2ms\n", REQUEST.to_lowercase());
     assert_eq!(read(&text).2, 2);
 }
+
+#[test]
+fn the_offset_of_a_dump_is_no_byte() {
+    let text = format!("00000000  {REQUEST}  {RESPONSE} 07  |........,0..|\n00000010  03 00 10 00 01 85 A9\n");
+    let (entries, skipped, hex_bytes) = read(&text);
+    assert_eq!(entries.iter().map(|(.., bytes)| bytes.len()).sum::<usize>(), 23);
+    assert_eq!((skipped, hex_bytes), (Vec::new(), 0));
+}

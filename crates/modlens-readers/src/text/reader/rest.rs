@@ -5,6 +5,9 @@ use crate::text::proved::{is_column, rest_of, MIN_REST_BYTES};
 use crate::text::reader::line_bytes::BESIDE;
 use crate::text::reader::Reader;
 
+/// The most digits of an offset.
+const MAX_OFFSET_DIGITS: usize = 8;
+
 /// What the words of a line are, as far as a short look at it shows.
 struct Words<'a> {
     line: &'a [u8],
@@ -35,6 +38,21 @@ impl Words<'_> {
     }
 }
 
+/// The length of the offset at the start of a line of a dump; 0 if there is none.
+fn offset_length(line: &[u8]) -> usize {
+    let start = line.len() - line.trim_ascii_start().len();
+    let digits = line[start..].iter().take_while(|b| b.is_ascii_hexdigit()).count();
+    let end = start + digits;
+    let is_offset = (4..=MAX_OFFSET_DIGITS).contains(&digits) && line[..end].ends_with(b"0");
+    let rest = &line[end..];
+    let is_apart = rest.starts_with(b": ") || rest.starts_with(b"  ") || rest.starts_with(b" | ");
+    if is_offset && is_apart {
+        end
+    } else {
+        0
+    }
+}
+
 /// Whether a line holds so many bytes of hex more than were read of it that some of them may be lost.
 fn may_hold_more(line: &[u8], read: usize) -> bool {
     let mut words = Words { line, at: 0 };
@@ -51,6 +69,7 @@ fn may_hold_more(line: &[u8], read: usize) -> bool {
 impl Reader {
     /// Lists the hex of the line that was neither read nor listed.
     pub(super) fn list_rest(&mut self, line: &[u8]) {
+        let line = &line[offset_length(line)..];
         let known = std::mem::take(&mut self.line_bytes.all);
         let read = known.iter().map(Vec::len).sum();
         if self.proved.is_some() && !known.is_empty() && may_hold_more(line, read) {
