@@ -7,6 +7,7 @@ use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::line::LineSettings;
+use modlens_protocol::oddity::is_of_driver;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 
@@ -134,6 +135,13 @@ pub struct BusContrast {
     pub(super) clean_units: CleanUnits,
     pub(super) known: RequestMemory,
 }
+
+/// A request begins after a silence of 3.5 characters (serial line, 2.5.1.1), rounded down for the clock.
+const SILENCE_CHARACTERS: Ns = 3;
+/// A character at 115200 baud.
+const LEAST_CHAR_NS: Ns = 95_000;
+/// A request to read has so many bytes.
+const REQUEST_BYTES: u32 = 8;
 
 /// From the beginning of a request to that of one of another master, in halves of a character: its own eight, and a silence.
 const HALF_CHARACTERS_APART: i64 = 17;
@@ -401,6 +409,9 @@ impl BusContrast {
         if seen.txn.is_none() && (!is_answer || seen.mode == Mode::Tcp) {
             self.symptoms.frame(seen, attached.and_then(|(_, unit)| unit), around.is_behind_header);
         }
+        if let (Some((Direction::Response, Some(unit))), true) = (attached, self.may_be_spoiled_request(seen)) {
+            self.units.entry(unit).or_default().spoiled_after.count(true, seen.place);
+        }
         if seen.length < LEAST_ANSWER_BYTES && seen.txn.is_none() {
             match attached {
                 Some((direction, Some(unit))) => {
@@ -410,6 +421,14 @@ impl BusContrast {
                 _ => self.strays.count(true, seen.place),
             }
         }
+    }
+
+    /// Whether these are a few bytes of no transaction, after a silence, and no more than a request has: what is left of one.
+    fn may_be_spoiled_request(&self, seen: &FrameObservation) -> bool {
+        let silence = SILENCE_CHARACTERS * self.facts.char_ns.unwrap_or(LEAST_CHAR_NS);
+        let is_apart = seen.gap.is_some_and(|gap| gap >= silence);
+        let is_of_driver = seen.bytes.iter().all(|byte| is_of_driver(*byte));
+        seen.mode == Mode::Rtu && seen.txn.is_none() && is_apart && seen.length <= REQUEST_BYTES && !is_of_driver
     }
 
     /// Counts a frame with parity or framing errors.

@@ -165,7 +165,7 @@ impl Connections {
         self.answers += new.answers;
         if new.lockstep > 0 {
             self.lockstep += new.lockstep;
-            self.lockstep_since.get_or_insert(place);
+            self.lockstep_since.get_or_insert(Place { time: seen.lockstep_since.or(place.time), ..place });
         }
         if let Some(client) = self.clients.entry(mix_bytes(seen.client.as_bytes()), seen.client.clone()) {
             client.count(seen, new, place);

@@ -102,6 +102,8 @@ pub struct UnitCounts {
     pub odd_lengths: Tally,
     /// Answers one step late.
     pub epochs: Epochs,
+    /// Runs of bytes of no transaction some time after its answers, as a request leaves that is damaged from the beginning on.
+    pub spoiled_after: Tally,
     /// Answers shorter, and longer, than asked for right after another request to the unit: those as long as that one asks for.
     pub as_long_as_before: [Tally; 2],
     /// Reads from unit 0, that is: from all units.
@@ -562,6 +564,7 @@ impl UnitCounts {
         self.not_seen_runs.merge(&later.not_seen_runs);
         self.by_gap_after_others.merge(&later.by_gap_after_others);
         self.epochs.merge(&later.epochs);
+        self.spoiled_after.merge(&later.spoiled_after);
         self.as_long_as_before.iter_mut().zip(&later.as_long_as_before).for_each(|(own, more)| own.merge(more));
         self.overtaken.merge(&later.overtaken);
         self.pauses.iter_mut().zip(&later.pauses).for_each(|(own, more)| own.merge(more));

@@ -1,6 +1,6 @@
 //! Damage, told apart by where in the frame it is and whose frames it hits.
 
-use crate::claim::{severity_of, Claim, View};
+use crate::claim::{severity_of, Claim, View, FEW};
 use crate::contrast::tally::Tally;
 use crate::contrast::{Symptom, UnitCounts};
 use crate::observation::{DamagedPart, RequestKey};
@@ -279,7 +279,33 @@ pub(super) fn driver_enable(view: &View<'_>) -> Vec<Claim> {
             .fact("experiment", "Use an adapter that switches by itself: the requests are whole.")
             .at_most(crate::claim::severity_of(requests.1))
     });
-    answers.chain(ends_of_answers(view)).chain(from_master).collect()
+    answers.chain(ends_of_answers(view)).chain(after_answers(view)).chain(from_master).collect()
+}
+
+/// A unit that holds the line after its answers: what begins there is damaged, after those of others it is whole. Such a request is
+/// no transaction, so that hardly any transaction fails; noise, or another device, spoils answers as well.
+fn after_answers<'a>(view: &'a View<'_>) -> impl Iterator<Item = Claim> + 'a {
+    let answers = |counts: &UnitCounts| counts.failures.total - counts.failures.failed;
+    let share =
+        move |counts: &UnitCounts| Share { failed: counts.spoiled_after.failed.min(answers(counts)), total: answers(counts) };
+    view.units().filter_map(move |(unit, counts)| {
+        let (own, others) = (share(counts), view.others(unit, share));
+        // One request is due after each answer.
+        let spoils_others = view.bus.requests_seen.failed * 5 > own.failed || counts.spoiled_after.failed > own.total;
+        if spoils_others || own.failed < FEW || own.rate() < 0.1 || others.rate() * 10.0 > own.rate() || others.total < FEW {
+            return None;
+        }
+        let chance = view.significant(fisher(own, others))?;
+        let damaged = Share { failed: own.failed, total: own.failed + others.failed };
+        let claim = Claim::new("driver_enable", &counts.spoiled_after, chance).of_unit(unit).with_share(damaged);
+        let held = "how long it holds its driver after an answer: what the master sends meanwhile is damaged; a delay before each request helps";
+        Some(
+            claim
+                .fact("where", "where a request is due, right after its answers")
+                .fact("what_to_check", format!("Unit {unit}: {held}."))
+                .fact("experiment", format!("Let the master wait 50 ms after each answer of unit {unit}: its requests are whole.")),
+        )
+    })
 }
 
 /// Units whose answers lack their last byte, and are whole otherwise.

@@ -7,6 +7,7 @@ use crate::observation::RequestKey;
 use crate::statistics::{fisher, Share};
 use modlens_protocol::decimal::thousands;
 use modlens_protocol::framing::Mode;
+use modlens_protocol::functions::{Functions, StandardLayout};
 
 /// Requests that are heard twice.
 pub(super) fn own_echo(view: &View<'_>) -> Vec<Claim> {
@@ -119,7 +120,12 @@ fn best_by_request(view: &View<'_>, unit: u8) -> f64 {
 /// Writes that never change anything.
 pub(super) fn unexpected_writer(view: &View<'_>) -> Vec<Claim> {
     let requests = view.bus.requests.sorted();
-    let writes = requests.into_iter().filter(|(_, counts)| counts.writes && counts.written.failed >= 10 && counts.changes == 0);
+    // The addresses of function 23 are those that it reads.
+    let kind = |key: &RequestKey| Functions::embedded().standard_request(key.function).map(|request| request.kind);
+    let is_known = |key: &RequestKey| kind(key) != Some(StandardLayout::ReadWriteRegisters);
+    let writes = requests.into_iter().filter(|(key, counts)| {
+        counts.writes && is_known(key) && counts.written.failed >= 10 && counts.good >= 10 && counts.changes == 0
+    });
     let claims = writes.map(|(key, counts)| {
         let period = counts.period.percentile(0.5).map_or(String::new(), |period| format!(", one each {}", duration(period)));
         Claim::new("unexpected_writer", &counts.written, 0.0)

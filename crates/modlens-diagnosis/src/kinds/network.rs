@@ -28,7 +28,10 @@ pub(super) fn lockstep(view: &View<'_>) -> Vec<Claim> {
     let Some(chance) = view.beyond_accident(share).filter(|_| !mixes_clients_up(view)) else { return Vec::new() };
     let place = counts.lockstep_since;
     let tally = Tally { failed: share.failed, total: share.total, first: place, last: place, ..Tally::default() };
-    vec![Claim::new("lockstep", &tally, chance).with_share(share).fact("subject", "the client")]
+    let mut claim = Claim::new("lockstep", &tally, chance).with_share(share).fact("subject", "the client");
+    (claim.has_begun, claim.last) = (true, None);
+    claim.episodes.clear();
+    vec![claim]
 }
 
 /// Answers of another length than asked for that are as long as the request before asks for, some of them longer and some shorter
@@ -149,7 +152,15 @@ pub(super) fn connection_churn(view: &View<'_>) -> Vec<Claim> {
     let closed = view.significant(at_least(counts.closed_by_server.share(), SOME)).map(|chance| {
         let after = counts.idle.percentile(0.5).filter(|idle| *idle > 100_000_000);
         let after = after.map_or(String::new(), |idle| format!(", after {} of silence", crate::claim::duration(idle)));
-        let claim = Claim::new("connection_churn", &counts.closed_by_server, chance);
+        let mut claim = Claim::new("connection_churn", &counts.closed_by_server, chance);
+        if let Some((unit, function)) = fatal_function(view) {
+            (claim.unit, claim.function) = (Some(unit), Some(function));
+            let words = format!("are closed by the server at a request with function {function}, without an answer");
+            return claim
+                .fact("what", words)
+                .fact("what_to_check", "Whether the server knows this function, with these addresses: one that does not has to refuse it with exception 1, and this one closes the connection instead.")
+                .fact("experiment", "Leave this request out: the connection stays open.");
+        }
         claim
             .fact("what", format!("are closed by the server{after}"))
             .fact("what_to_check", "The server's idle timeout, and a client that asks more often than that, or opens a new connection before it asks.")
@@ -167,6 +178,21 @@ pub(super) fn connection_churn(view: &View<'_>) -> Vec<Claim> {
             .fact("experiment", "Keep one connection open: the cycle gets shorter.")
     });
     lost.or(closed).or(short).into_iter().collect()
+}
+
+/// The unit and function of all requests that fail, where none of these was ever answered and the server closes about as many
+/// connections.
+fn fatal_function(view: &View<'_>) -> Option<(u8, u8)> {
+    let requests = view.bus.requests.sorted();
+    let mut failing = requests.iter().filter(|(_, counts)| counts.failures().failed > 0).map(|(key, _)| (key.unit, key.function));
+    let one = failing.next().filter(|one| failing.all(|other| other == *one))?;
+    let of_it = requests.iter().filter(|(key, _)| (key.unit, key.function) == one);
+    let (failed, total) = of_it.fold((0, 0), |(failed, total), (_, counts)| {
+        let share = counts.failures();
+        (failed + share.failed, total + share.total)
+    });
+    let closed = view.bus.connections.closed_by_server.failed;
+    (failed == total && closed * 10 <= failed * 12 && failed * 10 <= closed * 12).then_some(one)
 }
 
 /// Two sides that speak in different framings.

@@ -6,7 +6,7 @@ use modlens_protocol::finding::Severity;
 use modlens_protocol::framing::Verdict as FrameVerdict;
 
 use crate::claim::{percent, were, Certainty, ACCIDENT, FEW};
-use crate::contrast::BusContrast;
+use crate::contrast::{BusContrast, Symptom};
 use crate::statistics::{at_least, least_rate, Share};
 use crate::MAX_CHANCE;
 
@@ -39,6 +39,10 @@ const MANY_REFUSED: f64 = 0.2;
 
 /// A line is not healthy where surely more than this share of its bytes belongs to no frame.
 const MUCH_OF_NO_FRAME: f64 = 0.1;
+
+/// A line is not healthy where surely more runs of bytes than this share of its requests belong to no frame: requests may be among
+/// them.
+const MANY_RUNS: f64 = 0.05;
 
 /// What exception responses come of. Of others it is not said that they are the cause where nothing but exceptions came.
 const EXPLAIN_REFUSALS: &[&str] = &[
@@ -198,7 +202,24 @@ pub(super) fn verdict(
             format!("{text}, and {some} of {all} bytes belong to no frame. No known cause explains them."),
         );
     }
+    let runs = runs_of_no_frame(buses);
+    if least_rate(Share { failed: runs, total: share.total + runs }) > MANY_RUNS {
+        let text = judged.problems(&answered);
+        return (
+            Verdict::Trouble,
+            format!("{text}, and {} runs of bytes belong to no frame. No known cause explains them.", thousands(runs)),
+        );
+    }
     (Verdict::Healthy, judged.state("is healthy", &(answered + ".")))
+}
+
+/// Runs of bytes between frames that are neither a frame nor what a driver leaves when it is switched.
+fn runs_of_no_frame(buses: &[(&str, BusContrast)]) -> u64 {
+    let is_run = |symptom| matches!(symptom, Symptom::Noise | Symptom::Text);
+    let of_bus = |bus: &BusContrast| -> u64 {
+        bus.symptoms.all().filter(|(symptom, _, _)| is_run(*symptom)).map(|(_, _, seen)| seen.all.failed).sum()
+    };
+    buses.iter().map(|(_, bus)| of_bus(bus)).sum()
 }
 
 /// The requests of a recording that has no others than those to all units.

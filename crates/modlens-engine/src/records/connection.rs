@@ -69,6 +69,8 @@ pub struct Connection {
     pub in_flight_max: u32,
     /// Answers that came in the place of those to the request after theirs.
     pub lockstep: u64,
+    /// When the first of these came, or the request that followed it.
+    pub lockstep_since: Option<Ns>,
     /// The framing in which the client writes: a framing of Modbus, or `other`; `None` where it has sent nothing.
     pub client_framing: Option<&'static str>,
     /// The framing in which the server writes.

@@ -115,6 +115,7 @@ fn counted(tally: &ConnectionTally, (source, clock): (Arc<str>, Clock)) -> Conne
         first_status: tally.first.map(|(_, status)| status),
         in_flight_max: tally.in_flight.most,
         lockstep: tally.in_flight.lockstep,
+        lockstep_since: tally.in_flight.lockstep_since,
         ..Connection::default()
     }
 }

@@ -10,6 +10,7 @@
 //!
 //! A gateway that keeps an answer back gives each answer the identifier of the request after its own. Then identifiers show
 //! nothing, but what was asked does: the answer has unit, function and length of the request before, and not those of its own.
+//! The unit shows it only where answers have come from several: some gateways answer with one number whatever was asked.
 
 use std::collections::VecDeque;
 
@@ -42,9 +43,9 @@ impl AnswerShape {
         Self { unit: exchange.unit, function: exchange.code, length }
     }
 
-    fn fits(self, asked: Self) -> bool {
+    fn fits(self, asked: Self, by_unit: bool) -> bool {
         let is_length = self.length.zip(asked.length).is_none_or(|(own, other)| own == other);
-        (self.unit, self.function) == (asked.unit, asked.function) && is_length
+        (self.unit == asked.unit || !by_unit) && self.function == asked.function && is_length
     }
 }
 
@@ -76,6 +77,10 @@ pub(crate) struct InFlight {
     asked: [Option<AnswerShape>; 2],
     /// The last answer that fitted one of these two requests alone fitted the one before.
     is_behind: bool,
+    /// The unit of the answers, and whether some have come from another one.
+    answering: Option<(u8, bool)>,
+    /// When the first answer came in the place of that to the request after its own.
+    pub(crate) lockstep_since: Option<Ns>,
     /// Answers.
     pub(crate) answers: u64,
     /// When the last one came.
@@ -98,6 +103,7 @@ impl InFlight {
         self.most = self.most.max(1);
         self.longest = self.longest.max(longest);
         self.asked[0] = Some(last);
+        self.note_unit(last.unit);
         self.answers += exchanges;
         self.last_answer = Some(last_answer);
     }
@@ -131,6 +137,7 @@ impl InFlight {
         let goes_on = waited.zip(self.patience).is_some_and(|(waited, limit)| waited < limit);
         if self.stale_answer.take().is_some_and(|delay| goes_on || delay < SOON * self.longest) {
             self.lockstep += 1;
+            self.lockstep_since = self.lockstep_since.or(time);
             self.give_up();
         } else if has_given_up {
             self.patience = waited;
@@ -152,7 +159,7 @@ impl InFlight {
         let at = self.waiting.iter().rposition(|sent| sent.id == id).unwrap_or(newest);
         let Some(sent) = self.waiting.remove(at) else { return };
         if at == newest {
-            self.compare(shape);
+            self.compare(shape, time);
             self.stale_answer = None;
             if let Some(took) = time.zip(sent.time).map(|(answered, asked)| answered - asked).filter(|_| self.waiting.is_empty())
             {
@@ -165,13 +172,24 @@ impl InFlight {
     }
 
     /// Compares an answer that by its identifier belongs to the newest request with what was asked.
-    fn compare(&mut self, answer: AnswerShape) {
-        let [own, before] = self.asked.map(|asked| asked.is_some_and(|asked| answer.fits(asked)));
+    fn compare(&mut self, answer: AnswerShape, time: Option<Ns>) {
+        self.note_unit(answer.unit);
+        let by_unit = self.answering.is_some_and(|(_, several)| several);
+        let [own, before] = self.asked.map(|asked| asked.is_some_and(|asked| answer.fits(asked, by_unit)));
         // Of one request after another of the same kind, each answer fits both: it is as those around it.
         if own != before {
             self.is_behind = before;
         }
-        self.lockstep += u64::from(before && self.is_behind);
+        if before && self.is_behind {
+            self.lockstep += 1;
+            self.lockstep_since = self.lockstep_since.or(time);
+        }
+    }
+
+    #[inline]
+    fn note_unit(&mut self, unit: u8) {
+        let (first, several) = self.answering.unwrap_or((unit, false));
+        self.answering = Some((first, several || first != unit));
     }
 
     fn give_up(&mut self) {
