@@ -60,6 +60,9 @@ pub fn valid_rtu_bytes(functions: &Functions, bytes: &[u8]) -> usize {
     valid
 }
 
+/// Where no field gives the length, at most so many more bytes are tried than the layout needs: a loopback has two, mostly.
+const MAX_OPEN_BYTES: usize = 8;
+
 /// The length of the valid RTU frame at the start of these bytes; 0 if there is none.
 pub fn valid_rtu_frame(functions: &Functions, bytes: &[u8]) -> usize {
     if bytes.len() < 4 {
@@ -75,6 +78,7 @@ pub fn valid_rtu_frame(functions: &Functions, bytes: &[u8]) -> usize {
         .into_iter()
         .filter_map(|layout| match layout.extent(body) {
             Extent::Exactly(length) if fits(length) => Some(length + 4),
+            Extent::Open(least) => (least..=least + MAX_OPEN_BYTES).find(|length| fits(*length)).map(|length| length + 4),
             _ => None,
         })
         // The CRC of a frame and a zero after it is valid, too.

@@ -138,10 +138,11 @@ fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<FormatGuess> {
     };
     let best = scored.iter().map(|(_, score)| score.worth()).fold(0.0, f64::max);
     if best == 0.0 {
-        if let Some((row, score)) = proved() {
+        let is_certain = |row: &Dialect, score: &RowScore| row.has_unique_syntax && score.unparsed < score.records;
+        let is_all_certain = scored.iter().any(|(row, score)| is_certain(row, score) && score.unparsed == 0);
+        if let Some((row, score)) = (!is_all_certain).then(proved).flatten() {
             return Some(guess(&[row], score));
         }
-        let is_certain = |row: &Dialect, score: &RowScore| row.has_unique_syntax && score.unparsed < score.records;
         if let Some((row, score)) = scored.iter().find(|(row, score)| is_certain(row, score)) {
             return Some((row.name.clone(), 0.9, format!("{} records in its syntax", score.records)));
         }
