@@ -295,3 +295,24 @@ def test_an_exception_in_words_gives_way_to_a_whole_answer(tmp_path: Path) -> No
     """A library reports its own error beside the answer that the device has sent."""
     sentence = said([f"Response: {ANSWER.hex(' ')}", "Error: IllegalDataValue"], tmp_path)
     assert "no answer that is printed here is one" in sentence
+
+
+def test_a_request_that_comes_back_altered_and_cut_is_no_answer(tmp_path: Path) -> None:
+    """The first byte is another one, and the last one is missing."""
+    back = bytes([ASK[0] ^ 0xB1]) + ASK[1:-1]
+    assert said(pair(ASK, back), tmp_path).startswith(
+        "Suspected: What came is the request itself with some bits changed"
+    )
+
+
+def test_a_part_of_a_frame_that_is_printed_again_is_not_damaged(tmp_path: Path) -> None:
+    lines = [
+        "received <Buffer " + ANSWER.hex(" ") + ">",
+        "payload <Buffer " + ANSWER[1:].hex(" ") + ">",
+    ]
+    assert "are no frame" not in said(lines, tmp_path)
+
+
+def test_requests_to_read_from_all_units_are_valid_requests(tmp_path: Path) -> None:
+    lines = [f"TX: {rtu(0, read_request(3, 16, 2)).hex(' ')}" for _ in range(12)]
+    assert "No valid request" not in said(lines, tmp_path)

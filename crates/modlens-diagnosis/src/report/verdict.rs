@@ -125,7 +125,10 @@ pub(super) fn verdict(
         let is_aside = share.failed == 0 && refused.failed > 0 && !EXPLAIN_REFUSALS.contains(&worst.code);
         let cause = format!("{}: {}", if is_aside { "What else was found" } else { rest(rows) }, worst.sentence);
         if share.total == 0 {
-            return (Verdict::Broken, format!("No valid request was found. {cause}"));
+            // Requests to all units have no outcome.
+            let is_empty = buses.iter().all(|(_, bus)| bus.broadcasts == 0);
+            let text = if is_empty { format!("No valid request was found. {cause}") } else { worst.sentence.clone() };
+            return (Verdict::Broken, text);
         }
         if least_rate(share) > 0.3 {
             return (Verdict::Broken, format!("{}. {cause}", judged.state("is broken", &numbers)));

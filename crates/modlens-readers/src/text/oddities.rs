@@ -130,7 +130,7 @@ pub(super) fn named(text: &[u8]) -> Option<String> {
 /// The same of lines that nothing could read.
 pub(super) fn named_lines<'a>(lines: impl Iterator<Item = UnreadLine<'a>> + Clone) -> Option<Said> {
     let words = || reported(lines.clone().map(|line| line.text));
-    let bytes = || lines.clone().find_map(|line| no_frame(line.number, line.text));
+    let bytes = || lines.clone().find_map(no_frame);
     odd_bytes(lines.clone()).map(Said::from).or_else(words).or_else(|| bytes().map(Said::from))
 }
 
@@ -158,11 +158,12 @@ fn odd_bytes<'a>(lines: impl Iterator<Item = UnreadLine<'a>>) -> Option<String> 
     None
 }
 
-/// A line that is little more than bytes, which are no frame.
-fn no_frame(number: u64, line: &[u8]) -> Option<String> {
-    let line = without_emphasis(line);
+/// A line that is little more than bytes, which are no frame, and no part of the one that was read before.
+fn no_frame(UnreadLine { number, text, before }: UnreadLine<'_>) -> Option<String> {
+    let line = without_emphasis(text);
     let bytes = single_bytes(&line).filter(|bytes| (MIN_DAMAGED..=MAX_FRAME).contains(&bytes.len()))?;
-    let is_only_bytes = line.len() <= 4 * bytes.len() + MOST_WORDS && !crc_valid(&bytes);
+    let is_part = before.windows(bytes.len()).any(|part| part == bytes);
+    let is_only_bytes = line.len() <= 4 * bytes.len() + MOST_WORDS && !crc_valid(&bytes) && !is_part;
     let shown = spaced_hex(&bytes[..bytes.len().min(MOST_SHOWN)]);
     let more = if bytes.len() > MOST_SHOWN { " \u{2026}" } else { "" };
     let usual = || String::from("are no frame: they are damaged, cut, or of another protocol");
