@@ -356,6 +356,6 @@ fn every_column_of_a_connection_is_written() {
     assert_eq!(
         String::from_utf8(csv).unwrap().trim_end(),
         "1,10.0.0.2:502,10.0.0.1,50000,10.0.0.2:502,2023-11-14T22:13:20.000000Z,2023-11-14T22:13:21.015000Z,server,\
-         false,true,1,1,ok,1,0,tcp,tcp,0,0,1000000,,x.pcap#1"
+         false,true,1,0,1,ok,1,0,tcp,tcp,0,0,1000000,,x.pcap#1"
     );
 }
