@@ -44,14 +44,21 @@ def press(browser: Browser, key: str) -> None:
         )
 
 
+def examples() -> list[int]:
+    """The transactions that the diagnoses of the longer recording name."""
+    rows = api.decode(LONGER).doctor()["diagnoses"]
+    return sorted(number for row in rows for number in row["examples"])
+
+
 def test_an_example_is_in_view_and_walked_on_from(sized: Browser) -> None:
     """Its row stays in sight below what is open; arrows move on, and what is open follows."""
     show(sized, LONGER)
-    sized.run("document.querySelector('#verdict a[href=\"#txn-320\"]').focus()")
+    number = examples()[-1]
+    sized.run(f"document.querySelector('#verdict a[href=\"#txn-{number}\"]').focus()")
     press(sized, "Enter")
-    sized.wait(f"{DETAIL} === '319' && {CHOSEN}?.dataset.row === '319' && {IN_VIEW}")
-    press(sized, "ArrowDown")
-    sized.wait(f"{DETAIL} === '320' && {CHOSEN}?.dataset.row === '320' && {IN_VIEW}")
+    for row in (number - 1, number):
+        sized.wait(f"{DETAIL} === '{row}' && {CHOSEN}?.dataset.row === '{row}' && {IN_VIEW}")
+        press(sized, "ArrowDown")
 
 
 def test_the_last_row_of_a_window_stays_in_view(sized: Browser) -> None:
@@ -110,12 +117,10 @@ def test_the_bytes_of_a_row_are_read_on_a_phone(opened: Browser) -> None:
 def test_times_of_a_row_have_their_unit(opened: Browser) -> None:
     """Of a row whose request was not answered; the table of the library has microseconds."""
     rows = api.decode(LONGER).transactions
-    row = rows[319]
-    assert row.elapsed_us is not None
-    assert row.waited_us is not None
+    row = next(row for number in examples() if (row := rows[number - 1]).waited_us is not None)
     show(opened, LONGER)
-    opened.run("document.querySelector('#verdict a[href=\"#txn-320\"]').click()")
-    opened.wait(f"{DETAIL} === '319'")
+    opened.run(f"document.querySelector('#verdict a[href=\"#txn-{row.txn}\"]').click()")
+    opened.wait(f"{DETAIL} === '{row.txn - 1}'")
     text = opened.run("return document.getElementById('detail').innerText")
     times = dict(re.findall(r"(elapsed|waited)\s+([\d.,]+ m?s)\b", text))
     assert times == {

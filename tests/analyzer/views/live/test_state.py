@@ -36,7 +36,7 @@ def framed(body: str) -> bytes:
 
 
 class Line:
-    """A bus with a clock of its own; requests every 100 ms."""
+    """A bus with a clock of its own; requests every 100 ms, 300 ms after one without answer."""
 
     def __init__(self) -> None:
         self.core = _modlens.Session(_modlens.Functions(), live=True)
@@ -62,7 +62,7 @@ class Line:
         self._send(framed(f"{unit:02x}03{address:04x}0001"), 20)
         if value is not None:
             self._send(framed(f"{unit:02x}0302{value:04x}"), 0)
-        self.now_ms += 80
+        self.now_ms += 80 if value is not None else 280
         self.core.poll(self.now_ms * MS)
         return self.core.take()
 
