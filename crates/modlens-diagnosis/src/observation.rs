@@ -532,7 +532,15 @@ impl FrameObservation {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use modlens_protocol::functions::EXCEPTION_BIT;
     use proptest::prelude::*;
+
+    #[test]
+    fn writes_are_those_of_the_table() {
+        for code in 0..EXCEPTION_BIT {
+            assert_eq!(is_write(code), Functions::embedded().writes(code), "function {code}");
+        }
+    }
 
     proptest! {
         // As the words of `Data` say it, register by register.

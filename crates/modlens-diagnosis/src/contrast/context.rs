@@ -6,6 +6,7 @@ use modlens_engine::records::{Frame, Side};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
+use modlens_protocol::functions::EXCEPTION_BIT;
 use modlens_protocol::oddity::{bare_refusals, is_altered};
 use modlens_protocol::Ns;
 
@@ -79,7 +80,7 @@ impl GoodFrame {
     /// Whether this frame in another framing is the answer to it, or asks something else. The log of a gateway has both framings,
     /// too, and prints each message in the one and then in the other.
     fn is_followed_in_another_framing(&self, next: &FrameObservation) -> bool {
-        let is_same = (self.unit, self.function) == (next.unit, next.code.map(|code| code & EXCEPTION_BIT_OFF));
+        let is_same = (self.unit, self.function) == (next.unit, next.code.map(|code| code & !EXCEPTION_BIT));
         let is_answer = self.direction == Direction::Request && next.direction == Direction::Response && is_same;
         self.mode != next.mode && (is_answer || (next.direction == Direction::Request && !is_same))
     }
@@ -133,9 +134,6 @@ pub(super) struct PreviousAnswer {
     pub requested: Ns,
     pub came: Ns,
 }
-
-/// A function code without the bit that makes it one of an exception.
-const EXCEPTION_BIT_OFF: u8 = 0x7F;
 
 /// After so many requests that cannot be read, the one before is forgotten.
 const MAX_AGE: usize = 8;
