@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from analyzer import decode
+from tests.doctor.frames import mbap
 from tests.doctor.plant import Poll
 from tests.doctor.tcp_model import CLIENTS, Client, Reply, Request, Server, Site
 
@@ -98,3 +99,54 @@ def test_short_connections_do_not_explain_slow_answers(seed: int, tmp_path: Path
     client.disconnect()
     _, rows = judged(site, tmp_path)
     assert [row["code"] for row in rows][:1] == ["slow_answers"]
+
+
+class Fatal(Server):
+    """Closes the connection at a write of registers, without an answer."""
+
+    def replies(self, request: Request) -> list[Reply]:
+        """Nothing to function 16."""
+        return [] if request.poll.function == 16 else super().replies(request)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_function_that_ends_connections_is_named(seed: int, tmp_path: Path) -> None:
+    site = Site(Random(seed), units=1)
+    client = site.client(0, Fatal(site.plant, site.rng))
+    [poll, *_] = reader(site).polls
+    write = Poll(poll.unit, 16, 40, 2, lambda _: [1, 2])
+    for _ in range(25):
+        for _ in range(8):
+            client.ask(poll)
+        client.ask(write)
+        client.connect().close(client.now_s, by_client=False)
+        client.flow, client.now_s = None, client.now_s + 0.1
+    _, [row, *_] = judged(site, tmp_path)
+    assert (row["code"], row["function"]) == ("connection_churn", 16)
+    assert "at a request with function 16" in row["sentence"]
+
+
+class OneNumber(Server):
+    """A gateway whose answers all bear the number of its first unit, whatever was asked."""
+
+    def replies(self, request: Request) -> list[Reply]:
+        """The right answer, with that number."""
+        first = self.plant.units[0].address
+        data = mbap(request.transaction, first, self.answer(request))
+        return [Reply(data, self.delay(request))]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_gateway_that_answers_with_one_number_is_not_one_step_late(
+    seed: int, tmp_path: Path
+) -> None:
+    site = Site(Random(seed), units=3)
+    client = site.client(0, OneNumber(site.plant, site.rng))
+    tables = [unit.tables.setdefault(3, {}) for unit in site.plant.units]
+    for table in tables:
+        table.update({address: lambda _: 7 for address in range(10)})
+    client.polls = [Poll(unit.address, 3, 0, 10) for unit in site.plant.units]
+    client.run(200)
+    _, rows = judged(site, tmp_path)
+    assert "lockstep" not in [row["code"] for row in rows]
+    assert rows

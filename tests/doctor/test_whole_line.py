@@ -5,10 +5,13 @@ The recordings are raw bytes without times, so that nothing but the frames can t
 
 from __future__ import annotations
 
+import json
 import random
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+import pytest
 
 from analyzer import decode
 from tests.doctor.frames import exception, read_answer, read_request, rtu
@@ -195,3 +198,36 @@ def test_a_unit_with_its_own_idea_of_lengths_is_not_one_step_late(tmp_path: Path
 
     _, rows = judged(line(), tmp_path)
     assert "lockstep" not in [row["code"] for row in rows]
+
+
+def held_line(seed: int, harm: bool) -> str:
+    """A chunk log at 19200: after unit 3's answers, the request to unit 4 is mostly spoiled."""
+    chance = random.Random(seed)
+    now, lines = 1_790_000_000.0, []
+
+    def send(data: bytes, pause: float) -> None:
+        nonlocal now
+        lines.append(json.dumps({"t": round(now, 6), "hex": data.hex()}))
+        now += len(data) * 10 / 19200 + pause
+
+    for turn in range(120):
+        for unit in (5, 3, 4):
+            request = rtu(unit, read_request(3, 10 * unit, 2))
+            if unit == 4 and harm and chance.random() < 0.7:
+                spoiled = bytes(chance.randrange(0x20, 0xF0) for _ in range(chance.randint(2, 5)))
+                send(spoiled, 0.4)
+                continue
+            send(request, 0.012 + chance.random() * 0.004)
+            send(rtu(unit, read_answer(3, [turn, unit])), 0.015 + chance.random() * 0.004)
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("seed", [21, 22, 23])
+def test_a_unit_that_holds_the_line_is_named(seed: int, tmp_path: Path) -> None:
+    """No transaction fails: the requests that are lost are none."""
+    path = tmp_path / "tap.jsonl"
+    path.write_text(held_line(seed, harm=True))
+    rows = decode(path, line="19200-8N1").doctor()["diagnoses"]
+    assert [(row["code"], row["unit"]) for row in rows][:1] == [("driver_enable", 3)]
+    path.write_text(held_line(seed, harm=False))
+    assert decode(path, line="19200-8N1").doctor()["diagnoses"] == []
