@@ -16,9 +16,10 @@ impl Reader {
         let mut from = 0;
         for (role, found, end) in &mut matches {
             let bytes = &self.found[from..*end];
-            // A time on a line of its own, or in a label, is that of the bytes below it.
-            if found.time.is_none() && matches!(role, LineRole::Header(_) | LineRole::Bytes(_)) {
-                found.time = self.prose.take_time_before(self.number);
+            // A time on a line of its own, or in a label, is that of the next bytes below it, unless they have their own.
+            if matches!(role, LineRole::Header(_) | LineRole::Bytes(_)) {
+                let above = self.prose.take_time_before(self.number);
+                found.time = found.time.or(above);
             }
             from = *end;
             if *role != LineRole::Ignored {

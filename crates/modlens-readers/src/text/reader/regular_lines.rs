@@ -64,6 +64,7 @@ impl Reader {
         self.assembler.number = self.number;
         self.frame_length = length;
         let entry = self.assembler.take_frame(&self.frame[..length], framing, (time, side), &self.timestamps);
+        self.voices.note(self.voices.last);
         if self.may_be_quoted() {
             self.prose.remember(&self.frame[..length]);
         }
