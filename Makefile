@@ -112,9 +112,10 @@ false-alarms: $(VENV)/.installed
 try-gateway: $(VENV)/.release $(VENV)/.installed
 	$(BIN)/python -m release.try_gateway $(MACHINE)
 
-# Generated files that are checked in: licences of the crates, completion, manual pages.
+# Generated files that are checked in: licences of the crates and the list of them, completion, manual pages.
 licences:
 	$(PYTHON) -m release.licences
+	$(PYTHON) -m release.sbom
 
 shell-files: $(VENV)/.tested
 	$(BIN)/python -m release.shell_files

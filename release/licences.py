@@ -13,6 +13,7 @@ import argparse
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -113,19 +114,20 @@ def document() -> str:
     return "\n".join([HEAD, *parts])
 
 
-def main() -> int:
-    """Write or check the file; gives the exit status."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def write_or_check(output: Path, document: Callable[[], str], description: str) -> int:
+    """Write a generated file, or with `--check` compare it; gives the exit status."""
+    parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--check", action="store_true", help="compare instead of writing")
+    is_check = parser.parse_args().check
     text = document()
-    if parser.parse_args().check:
-        same = OUTPUT.is_file() and OUTPUT.read_text("utf-8") == text
+    if is_check:
+        same = output.is_file() and output.read_text("utf-8") == text
         if not same:
-            sys.stderr.write(f"{OUTPUT.name} is not up to date: make licences\n")
+            sys.stderr.write(f"{output.name} is not up to date: make licences\n")
         return int(not same)
-    OUTPUT.write_text(text, "utf-8")
+    output.write_text(text, "utf-8")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(write_or_check(OUTPUT, document, __doc__))

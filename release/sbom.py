@@ -9,14 +9,12 @@ time in it, so that no two are alike.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import tomllib
-from pathlib import Path
 from typing import Any
 
-from release.licences import ROOT, SYSTEMS, cargo
+from release.licences import ROOT, SYSTEMS, cargo, write_or_check
 
 OUTPUT = ROOT / "release" / "modlens.cyclonedx.json"
 PACKAGE = "modlens-py"
@@ -89,19 +87,5 @@ def document() -> str:
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
 
-def main() -> int:
-    """Write or check the file; gives the exit status."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--check", action="store_true", help="compare instead of writing")
-    text = document()
-    if parser.parse_args().check:
-        same = Path(OUTPUT).is_file() and OUTPUT.read_text("utf-8") == text
-        if not same:
-            sys.stderr.write(f"{OUTPUT.name} is not up to date: make licences\n")
-        return int(not same)
-    OUTPUT.write_text(text, "utf-8")
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(write_or_check(OUTPUT, document, __doc__))

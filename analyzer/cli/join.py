@@ -12,7 +12,7 @@ import _modlens
 from analyzer.cli.chosen_settings import settings
 from analyzer.cli.file_input import file_run
 from analyzer.cli.messages import Messages
-from analyzer.cli.parser import add_decoding, add_input, add_line
+from analyzer.cli.parser import add_decoding, add_input, add_line, add_list
 from analyzer.cli.stop_signals import StopSignals
 from analyzer.columns import Column
 from analyzer.exports.joined import JOINED_FORMATS, JoinedEncoder, encoder
@@ -60,9 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=[name for name in JOINED_FORMATS if name != "parquet"],
         help="write to standard output, instead of the table",
     )
-    parser.add_argument(
-        "--list", action=_List, nargs=0, help="print the outcomes and the columns, and exit"
-    )
+    add_list(parser, _list, "print the outcomes and the columns")
     add_decoding(parser)
     add_line(parser)
     parser.epilog = EPILOG
@@ -172,21 +170,10 @@ class _File:
         self._output.rollback()
 
 
-class _List(argparse.Action):
-    """Prints the outcomes and the columns; no other argument is needed then, as with `--help`."""
-
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        _namespace: argparse.Namespace,
-        _values: object,
-        _option: str | None = None,
-    ) -> None:
-        """Print a line for each, and exit."""
-        screen = stdout()
-        for word, meaning in outcomes().items():
-            screen.line(f"{word:<16} {meaning}")
-        screen.line("")
-        for column in joined_columns():
-            screen.line(f"{column.key:<16} {column.help}")
-        parser.exit()
+def _list(screen: Screen) -> None:
+    """Show each outcome and each column in a line."""
+    for word, meaning in outcomes().items():
+        screen.line(f"{word:<16} {meaning}")
+    screen.line("")
+    for column in joined_columns():
+        screen.line(f"{column.key:<16} {column.help}")

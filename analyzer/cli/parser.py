@@ -6,6 +6,7 @@ Errors of use are one line without the usage text.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from typing import NoReturn
 
 from analyzer.addresses import BASES
@@ -14,6 +15,7 @@ from analyzer.cli.segmentation import add_segmentation
 from analyzer.columns import TABLES
 from analyzer.line import EXAMPLE
 from analyzer.settings import MODES
+from analyzer.views.screen import Screen, stdout
 from dissectors.errors import UsageError
 
 __all__ = [
@@ -24,6 +26,7 @@ __all__ = [
     "add_functions",
     "add_input",
     "add_line",
+    "add_list",
     "add_rows",
     "add_strict",
 ]
@@ -296,3 +299,20 @@ def add_strict(parser: argparse._ActionsContainer) -> None:
         help="exit with status 1 if any frame was damaged or any line of a text recording could not"
         " be parsed",
     )
+
+
+def add_list(parser: argparse.ArgumentParser, show: Callable[[Screen], None], what: str) -> None:
+    """Add `--list`, which shows `what` and exits; no other argument is needed then."""
+
+    class List(argparse.Action):
+        def __call__(
+            self,
+            parser: argparse.ArgumentParser,
+            _namespace: argparse.Namespace,
+            _values: object,
+            _option: str | None = None,
+        ) -> None:
+            show(stdout())
+            parser.exit()
+
+    parser.add_argument("--list", action=List, nargs=0, help=f"{what}, and exit")

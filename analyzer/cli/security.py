@@ -9,12 +9,12 @@ from analyzer.cli.import_ import write_text
 from analyzer.cli.live_watch import check_codes
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import DAMAGED
-from analyzer.cli.parser import add_decoding, add_input, add_line
+from analyzer.cli.parser import add_decoding, add_input, add_line, add_list
 from analyzer.cli.selection import add_selection
 from analyzer.cli.standard_streams import print_text
 from analyzer.cli.watched_files import read_baseline, watched
 from analyzer.security import SEVERITIES, Finding, Rule, load_rules, rules
-from analyzer.views.screen import stdout
+from analyzer.views.screen import Screen, stdout
 from analyzer.views.security import FORMATS, render, show_findings
 from dissectors.errors import ProfileError, SourceError, UsageError
 
@@ -47,12 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--rules", action="append", default=[], metavar="TOML", help="further rules; repeatable"
     )
-    parser.add_argument(
-        "--list",
-        action=_List,
-        nargs=0,
-        help="list the rules of modlens with their limits, and exit",
-    )
+    add_list(parser, _list, "list the rules of modlens with their limits")
     parser.add_argument("--to", choices=FORMATS, help="write to standard output, instead of text")
     parser.add_argument(
         "--strict",
@@ -114,22 +109,11 @@ def _show(form: str | None, found: list[Finding], not_judged: list[str]) -> None
         )
 
 
-class _List(argparse.Action):
-    """Lists the rules; no other argument is needed then, as with `--help`."""
-
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        _namespace: argparse.Namespace,
-        _values: object,
-        _option: str | None = None,
-    ) -> None:
-        """Print a line for each rule, and exit."""
-        screen = stdout()
-        for rule in rules():
-            limit = ""
-            if "count" in rule.condition:
-                limit = f" ({rule.condition['count']} within {rule.condition['within_s']:g} s)"
-            kind = "" if rule.condition else " (with --baseline)"
-            screen.line(f"{rule.severity:<6} {rule.code:<22} {rule.title}{limit}{kind}")
-        parser.exit()
+def _list(screen: Screen) -> None:
+    """Show each rule in a line."""
+    for rule in rules():
+        limit = ""
+        if "count" in rule.condition:
+            limit = f" ({rule.condition['count']} within {rule.condition['within_s']:g} s)"
+        kind = "" if rule.condition else " (with --baseline)"
+        screen.line(f"{rule.severity:<6} {rule.code:<22} {rule.title}{limit}{kind}")
