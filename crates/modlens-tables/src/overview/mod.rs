@@ -6,6 +6,7 @@
 //!
 //! **Parts merge.** Parts of a recording, observed apart and merged in order, give what one pass gives.
 
+mod bus;
 mod examples;
 mod line;
 mod registers;
@@ -16,19 +17,18 @@ mod times;
 use std::borrow::Borrow;
 use std::collections::{BTreeMap, BTreeSet};
 
-use modlens_engine::records::{Batch, Bus, Connection, End, Exchange, ExchangeRun, Frame, Part, Transaction};
-use modlens_protocol::line::LineSettings;
+use modlens_engine::records::{Batch, Connection, End, ExchangeRun, Part, Transaction};
 use modlens_protocol::source::Clock;
 use modlens_protocol::timestamp::time_text;
 use modlens_protocol::Ns;
 use serde_json::{json, Value as Json};
 
 use crate::columns::each_value;
+use bus::{Axis, BusOverview, RowKind};
 use examples::Examples;
-use line::{bus_columns, p95_column, request_columns, us, BusBucket, RequestBucket};
-use registers::{Place, Registers, MAX_VALUES};
-use requests::{Requests, RequestsOfBus};
-use series::{resolution, Bucket, Range, Series};
+use line::{bus_columns, request_columns};
+use registers::{Place, MAX_VALUES};
+use series::resolution;
 
 /// Buses that have series.
 pub const MAX_BUSES: usize = 64;
@@ -38,9 +38,6 @@ pub const MAX_REQUESTS: usize = 1024;
 
 /// Connections that are listed.
 const MAX_CONNECTIONS: usize = 200;
-
-/// The finest bucket of time is two to the power of this wide: a millisecond.
-const TIME_SHIFT: u32 = 20;
 
 /// Collects what happened over a whole recording.
 ///
@@ -77,36 +74,6 @@ struct LeftOut {
     values: u64,
     /// Parts whose clock was of another kind than the part before.
     parts: u64,
-}
-
-/// By what a bus's series go.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Axis {
-    /// Time since 1970.
-    Utc,
-    /// Time since the beginning of the recording.
-    Relative,
-    /// The number of the transaction, where there is no clock.
-    Transactions,
-}
-
-#[derive(Clone, Copy)]
-enum RowKind {
-    Frame,
-    Transaction,
-}
-
-#[derive(Clone, Debug, PartialEq)]
-struct BusOverview {
-    name: String,
-    source: String,
-    settings: Option<LineSettings>,
-    axis: Axis,
-    /// Where the last frame and the last transaction were, for rows without a time.
-    last: [i64; 2],
-    line: Series<BusBucket>,
-    requests: RequestsOfBus,
-    registers: Registers,
 }
 
 impl Overview {
@@ -383,175 +350,6 @@ impl LeftOut {
             self.buses.insert(modlens_protocol::mix::mix(
                 name.bytes().fold(0, |hash, byte| modlens_protocol::mix::mix(hash ^ u64::from(byte))),
             ));
-        }
-    }
-}
-
-impl BusOverview {
-    fn new(row: &Bus, has_time: bool) -> Self {
-        let axis = match row.clock {
-            Clock::Utc if has_time => Axis::Utc,
-            Clock::Relative if has_time => Axis::Relative,
-            _ => Axis::Transactions,
-        };
-        Self {
-            name: row.name.clone(),
-            source: row.source.clone(),
-            settings: row.line,
-            axis,
-            last: [0; 2],
-            line: Series::new(axis.shift()),
-            requests: RequestsOfBus::default(),
-            registers: Registers::default(),
-        }
-    }
-
-    /// Where a row is: by its time, or by its number where the bus has no clock. A row that has neither is where the last one
-    /// was.
-    #[inline]
-    fn place(&mut self, rows: RowKind, time: Option<Ns>, number: Option<u64>) -> i64 {
-        let position = match self.axis {
-            Axis::Transactions => number.map(|number| number as i64),
-            _ => time,
-        };
-        let last = &mut self.last[rows as usize];
-        *last = position.unwrap_or(*last);
-        *last
-    }
-
-    /// The requests of one function to one unit; `None` if there is no room for them. `count` is how many there are of all buses.
-    #[inline]
-    fn requests_of(&mut self, unit_and_function: (u8, u8), count: &mut usize) -> Option<&mut Requests> {
-        let index = self.requests.find(unit_and_function).or_else(|| self.add_requests(unit_and_function, count))?;
-        Some(self.requests.at(index))
-    }
-
-    #[cold]
-    fn add_requests(&mut self, unit_and_function: (u8, u8), count: &mut usize) -> Option<usize> {
-        (*count < MAX_REQUESTS).then(|| {
-            *count += 1;
-            self.requests.add(Requests::new(unit_and_function, self.axis.shift()))
-        })
-    }
-
-    #[inline]
-    fn frame(&mut self, row: &Frame, most: usize) {
-        let time = if self.axis == Axis::Utc { row.start } else { row.elapsed };
-        let position = self.place(RowKind::Frame, time, row.txn);
-        self.line.at(position, most).frame(row);
-        self.busy(position, row.wire.length, most);
-    }
-
-    /// Adds the frames of compact exchanges.
-    fn compact_frames(&mut self, batch: &Batch, run: &ExchangeRun, most: usize) {
-        let exchanges = run.exchanges.of(&batch.exchanges);
-        self.each_bucket(RowKind::Frame, run.number, exchanges, most, BusBucket::good_frames);
-        if self.axis == Axis::Transactions || self.settings.is_none() {
-            return;
-        }
-        let position = self.last[RowKind::Frame as usize];
-        for length in exchanges.iter().flat_map(|exchange| exchange.lengths) {
-            self.busy(position, length.into(), most);
-        }
-    }
-
-    /// Adds consecutive exchanges without times, the first of which has this number, to the buckets of the line: as many at a
-    /// time as lie in one.
-    fn each_bucket(
-        &mut self,
-        rows: RowKind,
-        number: u64,
-        exchanges: &[Exchange],
-        most: usize,
-        add: impl Fn(&mut BusBucket, &[Exchange]),
-    ) {
-        let (mut number, mut rest) = (number, exchanges);
-        while !rest.is_empty() {
-            let position = self.place(rows, None, Some(number));
-            // Room is made before it is known where the bucket ends: it may become wider.
-            self.line.at(position, most);
-            // Without numbers, all of them are where the last row was.
-            let count = match self.axis {
-                Axis::Transactions => rest.len().min((self.line.bucket_end(position) - position) as usize),
-                _ => rest.len(),
-            };
-            let (own, others) = rest.split_at(count);
-            add(self.line.at(position, most), own);
-            self.place(rows, None, Some(number + count as u64 - 1));
-            (number, rest) = (number + count as u64, others);
-        }
-    }
-
-    /// Adds the time that a frame of this length takes, where there is a clock.
-    #[inline]
-    fn busy(&mut self, position: i64, length: u32, most: usize) {
-        if let Some(line) = self.settings.filter(|_| self.axis != Axis::Transactions) {
-            let busy = line.char_ns() * i64::from(length);
-            let width = self.line.width();
-            if position & (width - 1) <= width - busy {
-                self.line.at(position, most).busy += busy;
-            } else {
-                self.add_busy(position, busy, most);
-            }
-        }
-    }
-
-    /// Shares the time that a frame took among the buckets that it lies in.
-    #[cold]
-    fn add_busy(&mut self, start: i64, busy: Ns, most: usize) {
-        // The last bucket first: it may make all others wider.
-        self.line.at(start + busy - 1, most);
-        let width = self.line.width();
-        let (mut from, end) = (start, start + busy);
-        while from < end {
-            let until = ((from & !(width - 1)) + width).min(end);
-            self.line.at(from, most).busy += until - from;
-            from = until;
-        }
-    }
-
-    /// The 95th percentile of each unit's response times, all functions taken together.
-    fn units_json(&self, range: Range) -> Json {
-        let mut units: BTreeMap<u8, Vec<RequestBucket>> = BTreeMap::new();
-        for ((unit, _), counts) in self.requests.sorted() {
-            let more = counts.series.cut_to(range);
-            match units.get_mut(&unit) {
-                Some(own) => own.iter_mut().zip(&more).for_each(|(own, more)| own.merge(more)),
-                None => drop(units.insert(unit, more)),
-            }
-        }
-        units.iter().map(|(unit, buckets)| json!({"unit": unit, "p95_us": p95_column(buckets)})).collect()
-    }
-
-    /// The range of the bus in buckets that are wide enough for all these series.
-    fn common(&self, series: impl Iterator<Item = Range>, most: usize) -> Range {
-        self.line.range().into_iter().chain(series).reduce(Range::with).expect("the bus has rows").within(most)
-    }
-}
-
-impl Axis {
-    fn text(self) -> &'static str {
-        match self {
-            Self::Utc => "utc",
-            Self::Relative => "relative",
-            Self::Transactions => "transactions",
-        }
-    }
-
-    fn shift(self) -> u32 {
-        match self {
-            Self::Transactions => 0,
-            _ => TIME_SHIFT,
-        }
-    }
-
-    /// Where the buckets of a range begin, and how wide each is: in microseconds, or in transactions.
-    fn steps(self, range: Range) -> Json {
-        let (start, step) = (range.first << range.shift, 1i64 << range.shift);
-        let count = range.last - range.first + 1;
-        match self {
-            Self::Transactions => json!({"start": start, "step": step, "count": count}),
-            _ => json!({"start": us(start), "step": us(step), "count": count}),
         }
     }
 }
