@@ -90,6 +90,45 @@ fn what_comes_as_soon_as_a_response_is_no_damaged_request() {
     assert_eq!(batch.transactions.len(), 30);
 }
 
+/// Bursts of the length of the response to this request, which all are damaged answers: wrong bytes follow each of these heads.
+fn whole_answers(request: &[u8], registers: usize, heads: &[Vec<u8>]) {
+    for (seed, head) in heads.iter().enumerate() {
+        let mut tap = Tap::new();
+        let unit = request[0];
+        let poll = |tap: &mut Tap, value: usize| {
+            tap.send(20, request);
+            let values: Vec<u16> = (0..registers).map(|at| (257 * value + 31 * at) as u16).collect();
+            tap.send(6, &frame(unit, &[&[request[1]], &read_response(unit, &values)[2..3 + 2 * registers]].concat()));
+        };
+        (0..10).for_each(|value| poll(&mut tap, value));
+        tap.send(20, request);
+        let mut bytes = head.clone();
+        bytes.extend((head.len()..5 + 2 * registers).map(|at| (0x59 + 0x35 * at + 0x4D * seed) as u8));
+        tap.send(6, &bytes);
+        (0..5).for_each(|value| poll(&mut tap, value));
+        let batch = tap.finish();
+        let damaged: Vec<_> = batch.frames.iter().filter(|row| row.verdict != Verdict::Ok).collect();
+        let lengths: Vec<_> = damaged.iter().map(|row| row.wire.of(&batch.arena).len()).collect();
+        assert_eq!(lengths, [bytes.len()], "{bytes:02x?}");
+        assert_eq!((damaged[0].verdict, damaged[0].direction), (Verdict::BadChecksum, Direction::Response), "{bytes:02x?}");
+        assert_eq!((count(&batch, Status::BadResponse), count(&batch, Status::Ok)), (1, 15), "{bytes:02x?}");
+    }
+}
+
+#[test]
+fn as_many_bytes_as_are_due_between_two_silences_are_one_response_whatever_they_look_like() {
+    // With one byte of the count wrong, the head is that of the poll; by another one, of an exception and strays.
+    for (unit, code, address, quantity) in [(0x13, 3, 0x0B3E_u16, 5), (0x69, 3, 100, 2), (0x11, 4, 62, 2), (9, 4, 0x0AEE, 4)] {
+        let [high, low] = address.to_be_bytes();
+        let request = frame(unit, &[code, high, low, 0, quantity]);
+        let mut heads = vec![vec![unit, code | 0x80, 2 * quantity, 0xA8, 0xB4]];
+        heads.extend((0..40).map(|other: u8| vec![unit, code, high, low ^ other.wrapping_mul(7), other]));
+        heads.extend((0..8).map(|bit| vec![unit, code, (2 * quantity) ^ 1 << bit]));
+        heads.extend((0..8).map(|bit| vec![unit ^ 1 << bit, code, 2 * quantity, 0]));
+        whole_answers(&request, quantity.into(), &heads);
+    }
+}
+
 /// Polls of one register every 70 ms, of which those of `is_heard` have a response that the tap hears.
 fn cycle(polls: usize, is_heard: impl Fn(usize) -> bool) -> Batch {
     let mut tap = Tap::new();

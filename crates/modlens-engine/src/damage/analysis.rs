@@ -4,6 +4,7 @@ use crate::damage::candidates::Candidate;
 use crate::damage::expected_frame::expected_frames;
 use crate::damage::glitch::is_glitch;
 use crate::damage::region::{DamagedFrame, UnframedRegion};
+use crate::damage::whole_answer::keep_answer_whole;
 use crate::rtu_model::announced_length::EXCEPTION_RESPONSE_BYTES;
 use crate::rtu_model::damage_kind::DamageKind;
 use crate::rtu_model::prefix_index::PrefixFilter;
@@ -41,6 +42,9 @@ impl UnframedRegion<'_, '_> {
             self.add_leading_fragment(&mut frames);
         }
         self.find_damaged_exceptions(&mut frames);
+        if !self.follows_damaged_frame {
+            keep_answer_whole(self, &mut frames);
+        }
         frames
     }
 

@@ -24,6 +24,8 @@
 //!    (`due_burst`), because line noise seldom comes in a row. All other bytes are noise, `Glitch` if they are the few equal
 //!    bytes that a switched line driver leaves (`glitch`).
 //!
+//! A burst of just the length of the response that is due is that response, whatever its bytes (`whole_answer`).
+//!
 //! A byte that a serial driver has taken out as software flow control is tried at every place (`flow_control`).
 //!
 //! # Example
@@ -60,3 +62,4 @@ pub(crate) mod glitch;
 pub(crate) mod recovery;
 pub(crate) mod region;
 pub(crate) mod truncation;
+mod whole_answer;

@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use crate::damage::glitch::is_glitch;
 use crate::damage::region::{DamagedFrame, UnframedRegion};
 use crate::damage::truncation::TruncationLearner;
+use crate::damage::whole_answer::length_of_whole_answer;
 use crate::frame_result::{FrameResult, FramerContext, MAX_NOISE_ROW_BYTES};
 use crate::input::Input;
 use crate::rtu_model::announced_length::{announced_lengths, ENVELOPE_BYTES};
@@ -116,7 +117,7 @@ fn row_without_frame(at: &Surroundings<'_, '_>, length: usize, adu: &mut Vec<u8>
 /// bytes, a bad checksum, the `direction` that the search found, and no explanation.
 ///
 /// `None` if the analysis recognises the beginning of a longer frame: its end was not lost here, but is among the bytes that
-/// follow.
+/// follow. So it is for a request at the head of a burst that has just the length of the response that is due.
 pub fn damaged_hypothesis(
     model: &mut TrafficModel,
     at: &Surroundings<'_, '_>,
@@ -125,7 +126,11 @@ pub fn damaged_hypothesis(
     adu: &mut Vec<u8>,
 ) -> Option<FrameResult> {
     let wire = &at.input.bytes()[..length];
-    let frames = at.region(model, length, true).damaged_frames();
+    let region = at.region(model, length, true);
+    if direction == Direction::Request && length_of_whole_answer(&region).is_some_and(|whole| whole > length) {
+        return None;
+    }
+    let frames = region.damaged_frames();
     let is_this = |frame: &&DamagedFrame| frame.start == 0 && (frame.end == length || is_glitch(&wire[frame.end..]));
     if let Some(frame) = frames.iter().find(is_this) {
         if frame.end == length && matches!(frame.damage, Some(DamageKind::LostBytes { at, .. }) if at == length) {
