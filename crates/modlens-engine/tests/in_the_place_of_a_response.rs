@@ -159,6 +159,59 @@ fn a_tap_that_has_heard_all_responses_so_far_has_missed_none() {
     assert!(batch.findings.iter().any(|row| row.finding == Finding::Retry));
 }
 
+#[test]
+fn the_same_wait_as_after_a_response_shows_no_timeout() {
+    // Masters of a fixed cycle, and one that asks again so long after each response, heard or not; rows of up to five misses.
+    for cycle_ms in [None, Some(60), Some(70), Some(80), Some(100)] {
+        for seed in 1..6_usize {
+            let is_missed = |at: usize| match at {
+                0..5 => false,
+                58..71 => (61..66).contains(&at),
+                _ => (at * (5 + seed) * 7919 / 13) % 10 < 3,
+            };
+            let mut tap = Tap::new();
+            let mut due = tap.now;
+            for at in 0..100 {
+                due += cycle_ms.unwrap_or_default() * MS;
+                let silence = cycle_ms.map_or(18 + (at * seed % 5) as i64, |_| (due - tap.now) / MS);
+                tap.send(silence, &read_request(7, 40, 4));
+                let (delay, response) = (4 + (at * 3 % 5) as i64, read_response(7, &[at as u16, 700, 3, 9]));
+                if is_missed(at) {
+                    tap.unheard(delay, response.len());
+                } else {
+                    tap.send(delay, &response);
+                }
+            }
+            let missed = (0..100).filter(|&at| is_missed(at)).count();
+            let batch = tap.finish();
+            let found = [Status::Ok, Status::NotObserved, Status::NoResponse].map(|status| count(&batch, status));
+            assert!(missed > 20 && found == [100 - missed, missed, 0], "{cycle_ms:?} {seed}: {found:?}, missed {missed}");
+        }
+    }
+}
+
+#[test]
+fn another_wait_than_after_a_response_is_a_timeout() {
+    // As long as after a response, but long enough for one: a master whose cycle is slower than its timeout may have had none.
+    for (pause_ms, timeout_ms) in [(10, 60), (10, 90), (20, 250), (130, 150)] {
+        let mut tap = Tap::new();
+        let mut silence = pause_ms;
+        for at in 0..60 {
+            tap.send(silence, &read_request(7, 40, 4));
+            silence = timeout_ms;
+            if at % 4 != 3 {
+                tap.send(6, &read_response(7, &[at, 700, 3, 9]));
+                silence = pause_ms;
+            }
+        }
+        let batch = tap.finish();
+        let found = [Status::Ok, Status::NoResponse, Status::NotObserved].map(|status| count(&batch, status));
+        // Nothing follows the last request.
+        assert_eq!((found[0], found[1] + found[2]), (45, 15));
+        assert!(found[1] >= 14, "{timeout_ms}: {found:?}");
+    }
+}
+
 /// Each of two requests of equal length is answered only after both were sent. The bytes come in blocks of this many.
 fn late_by_one(block: usize) -> Batch {
     let bytes: Vec<u8> = (0..20u16)

@@ -16,6 +16,9 @@ use modlens_readers::chunk::Side;
 /// The echo of an adapter that receives its own transmission comes within this time: the adapter's own delay.
 const MAX_ECHO_DELAY_NS: Ns = 3_000_000;
 
+/// No echo comes as late as this by a fine clock, though its adapter holds bytes back for as long as the slowest ones (16 ms).
+const LATEST_ECHO_NS: Ns = 20_000_000;
+
 /// What a request is in relation to the one before it.
 pub(super) enum SameRequest {
     /// The adapter's echo of the request of this transaction.
@@ -55,7 +58,7 @@ impl Pairing {
             return echo;
         }
         if !mirrors_request(functions, frame.pdu()) {
-            self.count_copies(same.is_some());
+            self.count_copies(same.is_some_and(|(end, _)| !is_too_late_for_echo(self.read_lateness, interval(end, frame.start))));
         }
         let Some((end, txn)) = same else { return SameRequest::New };
         let same = self.echo_or_retry(frame, end, txn);
@@ -95,13 +98,22 @@ impl Pairing {
         let is_fine_enough = self.read_lateness < MIN_MASTER_TIMEOUT_NS;
         match (interval(end, frame.start).filter(|_| is_fine_enough), self.echoes.has_echo()) {
             (Some(pause), _) if pause < MAX_ECHO_DELAY_NS && self.read_lateness <= MAX_ECHO_DELAY_NS => SameRequest::Echo(txn),
-            (Some(pause), Some(true)) if pause < MIN_MASTER_TIMEOUT_NS => SameRequest::Echo(txn),
+            (Some(pause), Some(true))
+                if pause < MIN_MASTER_TIMEOUT_NS && !is_too_late_for_echo(self.read_lateness, Some(pause)) =>
+            {
+                SameRequest::Echo(txn)
+            }
             (Some(pause), _) if !self.is_before_timeout(pause) => SameRequest::New,
             (Some(_), _) | (None, None) => SameRequest::Ambiguous,
             (None, Some(true)) => SameRequest::Echo(txn),
             (None, Some(false)) => SameRequest::New,
         }
     }
+}
+
+/// Whether a clock whose reads are late by so little shows that so long after a request its echo does not come any more.
+fn is_too_late_for_echo(read_lateness: Ns, pause: Option<Ns>) -> bool {
+    read_lateness <= MAX_ECHO_DELAY_NS && pause.is_some_and(|pause| pause >= LATEST_ECHO_NS)
 }
 
 /// Whether the response to this request repeats it byte by byte, as that to function 6 does. Of functions without a row

@@ -8,6 +8,7 @@ use crate::pairing::history::PastRequest;
 use crate::pairing::interval::interval;
 use crate::pairing::silence::Silence;
 use crate::pairing::timeouts::MIN_MASTER_TIMEOUT_NS;
+use crate::pairing::usual_interval::UsualInterval;
 use crate::pairing::{ObservedFrame, Pairing, PairingResult, PendingTransaction};
 use crate::transactions::transaction::OverlappingRequest;
 use crate::weights::TIMEOUT_EVIDENCE_BITS;
@@ -273,8 +274,7 @@ impl Pairing {
         let is_same = transaction.unit == next.unit() && transaction.request.pdu() == next.pdu();
         let is_missed = is_same && next.mode != Mode::Tcp && self.is_missed_in_cycle(&transaction, waited);
         let is_retried = is_same && !is_missed;
-        let may_be_missed = is_missed
-            || (is_same && !self.usual_interval.is_known() && waited.is_some_and(|waited| waited < MIN_MASTER_TIMEOUT_NS));
+        let may_be_missed = is_missed || (is_same && waited.is_some_and(|waited| may_be_cycle(&self.usual_interval, waited)));
         if next.verdict.is_good() && !may_be_missed {
             self.learn_timeout(functions, &transaction, is_retried);
         }
@@ -294,8 +294,8 @@ impl Pairing {
     /// after a response, and sooner than any master gives up.
     fn is_missed_in_cycle(&mut self, open: &PendingTransaction, waited: Option<Ns>) -> bool {
         let is_silent = !open.response.is_present() && !open.expects_no_response && open.status != Status::BadRequest;
-        let is_soon = waited.is_some_and(|waited| self.is_before_timeout(waited / CYCLE_FACTOR));
-        is_silent && is_soon && self.usual_interval.is_missed_response(waited)
+        let soon = waited.filter(|&waited| self.is_before_timeout(waited / CYCLE_FACTOR));
+        is_silent && soon.is_some_and(|waited| self.usual_interval.is_missed_response(waited))
     }
 
     /// Learns from a request that is closed because a good one came: if it arrived undamaged and had no response at all, that
@@ -335,6 +335,13 @@ enum OverlapEvidence {
     BeforeTimeout,
     /// There is no clock, so that a timeout cannot be excluded.
     WithoutClock,
+}
+
+/// Whether a wait before the same request tells nothing of a timeout: it is short, and the master waits as long after a response,
+/// or has not shown how long it waits then. A unit that is dead is waited for in vain, so soon as well.
+fn may_be_cycle(usual: &UsualInterval, waited: Ns) -> bool {
+    let is_short = waited / CYCLE_FACTOR < MIN_MASTER_TIMEOUT_NS;
+    is_short && (!usual.is_known() || (usual.is_usual(waited) && usual.may_go_on()))
 }
 
 /// The transaction of a request that lacks bytes; it has no number yet.

@@ -1,20 +1,31 @@
 //! How long a master usually waits from a request to the next one, where the first was answered.
 //!
-//! A master that asks in a fixed cycle asks the same again after a response that the tap has missed, just as after one that it
-//! has seen. Where that is sooner than any master gives up, it is no retry. A unit that is dead is silent to every request, so
-//! that only a few such requests in a row are explained like this.
+//! A master that asks in a fixed cycle, or so long after each response, asks the same again after a response that the tap has
+//! missed, just as after one that it has seen. Where that is sooner than nearly all masters give up, it is no retry: timeouts
+//! are spread over two powers of ten, so that hardly one in twenty is within the few milliseconds of a cycle. A unit that is
+//! dead is silent to every request, so that only some such requests in a row are explained like this: fewer than one in
+//! 10,000 rows of a tap that misses as many as this one does.
 
 use crate::pairing::interval::interval;
 use modlens_protocol::Ns;
 
-/// Intervals differ by at most one part in so many.
-const MAX_DIFFERENCE_PART: Ns = 20;
+/// Intervals that are kept.
+const KEPT: usize = 8;
 
-/// So many intervals in a row are a cycle.
+/// The lines' intervals differ by at most one part in so many of their mean, or they are no cycle.
+const MAX_SPREAD_PART: Ns = 2;
+
+/// Further ones may lie outside of those that are kept by half of what these differ by, and by one part in so many.
+const MARGIN_PART: Ns = 10;
+
+/// So many intervals tell how long the master waits.
 const MIN_INTERVALS: u32 = 3;
 
-/// A tap that misses a third of the responses misses so many in a row about once in 1000 requests.
-const MAX_MISSED_IN_A_ROW: u32 = 5;
+/// A row of missed responses is believed while a tap that misses this line's share has it more often than this.
+const LEAST_ODDS_OF_ROW: f64 = 1e-4;
+
+/// The least and the greatest number of responses in a row that may be missed, whatever their share.
+const MAX_MISSED_IN_A_ROW: [u32; 2] = [5, 16];
 
 /// A tap that has heard so many responses in a row misses none: of one that misses one in twenty, one in 200 has such a row.
 const HEARD_BY_GOOD_TAP: u32 = 100;
@@ -23,13 +34,16 @@ const HEARD_BY_GOOD_TAP: u32 = 100;
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct UsualInterval {
     last_request_end: Option<Ns>,
-    interval: Ns,
-    /// How many intervals in a row were about the same.
-    count: u32,
+    /// The last intervals, the newest at `seen - 1`, modulo their number.
+    last: [Ns; KEPT],
     /// How many intervals there were.
     seen: u32,
     /// How many requests in a row had no response and were followed after the usual interval.
     missed: u32,
+    /// How many such requests were followed by one with a response.
+    missed_before: u32,
+    /// How many requests had a response.
+    answered: u32,
     /// How many requests in a row had a response, up to now.
     heard: u32,
 }
@@ -39,12 +53,12 @@ impl UsualInterval {
     #[inline]
     pub fn add_request(&mut self, start: Option<Ns>, end: Option<Ns>, follows_response: bool) {
         if follows_response {
-            self.missed = 0;
+            self.missed_before = self.missed_before.saturating_add(std::mem::take(&mut self.missed));
+            self.answered = self.answered.saturating_add(1);
             self.heard = self.heard.saturating_add(1);
             if let Some(interval) = interval(self.last_request_end, start) {
-                self.count = if self.is_about(interval) { self.count + 1 } else { 1 };
+                self.last[self.seen as usize % KEPT] = interval;
                 self.seen = self.seen.saturating_add(1);
-                self.interval = interval;
             }
         }
         self.last_request_end = end;
@@ -52,11 +66,15 @@ impl UsualInterval {
 
     /// Counts a request without response, and returns whether the next one came after the usual time. `waited` is from its end
     /// to the start of the next one, sooner than a master gives up.
-    pub fn is_missed_response(&mut self, waited: Option<Ns>) -> bool {
+    pub fn is_missed_response(&mut self, waited: Ns) -> bool {
         self.missed += 1;
         let hears_all = std::mem::take(&mut self.heard) >= HEARD_BY_GOOD_TAP;
-        let is_cycle = self.count >= MIN_INTERVALS && self.missed <= MAX_MISSED_IN_A_ROW && !hears_all;
-        waited.is_some_and(|waited| is_cycle && self.is_about(waited))
+        self.may_go_on() && !hears_all && self.is_usual(waited)
+    }
+
+    /// Whether as many responses in a row may be missed as have not been heard now.
+    pub fn may_go_on(&self) -> bool {
+        self.missed <= self.most_missed()
     }
 
     /// Whether the line has shown enough intervals to tell a timeout as short as one of them from a response that was missed.
@@ -64,7 +82,22 @@ impl UsualInterval {
         self.seen >= MIN_INTERVALS
     }
 
-    fn is_about(&self, interval: Ns) -> bool {
-        (interval - self.interval).abs() <= self.interval / MAX_DIFFERENCE_PART
+    /// Whether the master waits as long as this after a response.
+    pub fn is_usual(&self, waited: Ns) -> bool {
+        let mut kept = self.last;
+        let kept = &mut kept[..KEPT.min(self.seen as usize)];
+        kept.sort_unstable();
+        // Where a request was not heard either, an interval is twice as long.
+        let (Some(&least), Some(&most)) = (kept.first(), kept.get(3 * kept.len() / 4)) else { return false };
+        let (middle, spread) = (least.midpoint(most), most - least);
+        let margin = spread / 2 + middle / MARGIN_PART;
+        spread <= middle / MAX_SPREAD_PART && (least - margin..=most + margin).contains(&waited)
+    }
+
+    /// How many responses in a row this tap may miss. The row that has not ended yet does not count: the unit may have died.
+    fn most_missed(&self) -> u32 {
+        let share = f64::from(self.missed_before + 1) / f64::from(self.missed_before + self.answered + 2);
+        let [least, most] = MAX_MISSED_IN_A_ROW;
+        ((LEAST_ODDS_OF_ROW.ln() / share.ln()) as u32).clamp(least, most)
     }
 }
