@@ -8,7 +8,7 @@ use crate::damage::region::{DamagedFrame, UnframedRegion};
 use crate::rtu_model::announced_length::EXCEPTION_RESPONSE_BYTES;
 use modlens_protocol::direction::{Direction, RequestRef};
 
-/// The length in bytes of the response that fills the burst at the beginning of the region, which may go on behind the region.
+/// The length in bytes of the response that fills the burst at the beginning of the region, which may go on after the region.
 /// `None` without times, and on a line of one side.
 pub(super) fn length_of_whole_answer(region: &UnframedRegion<'_, '_>) -> Option<usize> {
     let (input, context) = (region.input, region.context);

@@ -337,7 +337,7 @@ enum OverlapEvidence {
     WithoutClock,
 }
 
-/// Whether a wait before the same request tells nothing of a timeout: it is short, and the master waits as long after a response,
+/// Whether a wait before the same request says nothing of a timeout: it is short, and the master waits as long after a response,
 /// or has not shown how long it waits then. A unit that is dead is waited for in vain, so soon as well.
 fn may_be_cycle(usual: &UsualInterval, waited: Ns) -> bool {
     let is_short = waited / CYCLE_FACTOR < MIN_MASTER_TIMEOUT_NS;
