@@ -22,6 +22,7 @@ pub mod sample;
 mod symptoms;
 pub mod tally;
 pub mod times;
+pub mod told;
 mod unit;
 
 use std::collections::BTreeMap;

@@ -42,6 +42,12 @@ impl FindingSet {
         !self.is_empty() && Finding::ALL.iter().any(|finding| self.has(*finding) && finding.doc().severity != Severity::Info)
     }
 
+    /// The others.
+    #[must_use]
+    pub fn without(self, finding: Finding) -> Self {
+        Self(self.0 & !(1 << (finding as u64)))
+    }
+
     /// Whether a finding is among them.
     #[inline]
     pub fn has(self, finding: Finding) -> bool {
@@ -209,6 +215,8 @@ pub struct Observation {
     pub is_altered_echo: bool,
     /// The answer stops before its end, and is right as far as it goes.
     pub is_cut: bool,
+    /// One bit of the answer would make its checksum right, and no frame of the function.
+    pub has_chance_bit: bool,
     /// A right checksum or header, and a layout that is not that of the function.
     pub layout: Option<LayoutFault>,
     /// What a wrong length field or byte count says, and what is there.
@@ -302,6 +310,7 @@ impl Observation {
             is_own_echo: echo::is_echo(batch, row),
             is_altered_echo: echo::is_altered_echo(batch, row),
             is_cut: row.status == Status::BadResponse && findings.has(Finding::Incomplete),
+            has_chance_bit: damage::has_chance_bit(batch, row),
             layout: if findings.is_empty() { None } else { layout::layout_fault(batch, row, |finding| findings.has(finding)) },
             figures: figures::of(batch, row, |finding| findings.has(finding)),
             checksum: figures::checksum(batch, row),

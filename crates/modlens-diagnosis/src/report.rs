@@ -14,6 +14,7 @@ pub use unexplained::UNEXPLAINED;
 use modlens_engine::records::DiagnosisRow;
 use modlens_protocol::finding::Severity;
 use modlens_protocol::framing::{Mode, Verdict as FrameVerdict};
+use modlens_protocol::oddity::{Printed, Reported};
 use modlens_protocol::timestamp::time_text;
 use serde_json::{json, Value as Json};
 
@@ -36,8 +37,10 @@ pub struct Report {
     requests: Share,
     /// All requests are for all units, which do not answer: that no answer came says nothing.
     has_broadcasts_only: bool,
-    /// Whole answers with a right checksum came, and no damaged one is a diagnosis.
-    has_whole_answers: bool,
+    /// What the frames show, beside the words of a text.
+    printed: Printed,
+    /// What the frames of a short recording say.
+    told: Option<String>,
     unexplained: Vec<Json>,
     /// Units that fail without a known cause.
     without_cause: Vec<(DiagnosisRow, Course)>,
@@ -81,7 +84,17 @@ impl Report {
             has_checksums && bus.received_damage == 0 && bus.facts.mode != Some(Mode::Tcp)
         };
         let answers: u64 = buses.iter().map(|(_, bus)| bus.answers_alone()).sum::<u64>() + requests.total - requests.failed;
-        let has_whole_answers = answers > 0 && buses.iter().all(|(_, bus)| is_checked(bus));
+        let is_whole = buses.iter().all(|(_, bus)| is_checked(bus));
+        let good: u64 = buses.iter().map(|(_, bus)| bus.frames.frames[FrameVerdict::Ok as usize]).sum();
+        let all: u64 = buses.iter().flat_map(|(_, bus)| bus.frames.frames).sum();
+        let open: u64 = buses.iter().flat_map(|(_, bus)| bus.units.values()).map(|unit| unit.not_seen.failed).sum();
+        let printed = Printed {
+            has_answered: requests.failed < requests.total,
+            has_all_answered: requests.failed == 0 && answers > 0 && open == 0,
+            has_whole_answers: answers > 0 && is_whole,
+            is_whole: is_whole && good > 0 && good == all,
+        };
+        let told = verdict::told(&buses).and_then(|told| told.answered.clone().or_else(|| told.alone.first().cloned()));
         let unexplained = rest.iter().filter(|(_, rest)| rest.odd.total() > 0);
         let unexplained = unexplained.map(|(bus, rest)| {
             let words = course::in_words(rest.unexplained, rest.odd);
@@ -98,7 +111,8 @@ impl Report {
             sentence,
             requests,
             has_broadcasts_only,
-            has_whole_answers,
+            printed,
+            told: told.filter(|_| printed.is_whole),
             unexplained,
             without_cause,
             reserves,
@@ -106,17 +120,21 @@ impl Report {
         }
     }
 
-    /// The same with what the unread lines of a text show, where its frames say nothing; `said` gets whether a request of it was
-    /// answered, and whether whole answers with a right checksum came.
+    /// The same with what the unread lines of a text show, where its frames say nothing; `said` gets what the frames show.
     #[must_use]
-    pub fn with_unread(mut self, said: impl FnOnce(bool, bool) -> Option<String>) -> Self {
+    pub fn with_unread(mut self, said: impl FnOnce(Printed) -> Option<Reported>) -> Self {
         if self.verdict != Verdict::Unknown.text() || !self.rows.is_empty() || self.has_broadcasts_only {
             return self;
         }
-        if let Some(said) = said(self.requests.failed < self.requests.total, self.has_whole_answers) {
+        if let Some(said) = said(self.printed) {
             let rest =
                 self.sentence.strip_prefix(UNJUDGED).map_or(String::new(), |why| format!(" The rest cannot be judged{why}"));
-            self.sentence = format!("Suspected: {said}.{rest}");
+            let told = self
+                .told
+                .as_ref()
+                .filter(|_| !said.has_bytes)
+                .map_or(String::new(), |told| format!(" What is printed as bytes is right: {told}."));
+            self.sentence = format!("Suspected: {}.{}", said.words, if told.is_empty() { rest } else { told });
         }
         self
     }

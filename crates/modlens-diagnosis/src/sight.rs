@@ -5,6 +5,7 @@ use crate::contrast::lists::Lists;
 use crate::contrast::tally::Tally;
 use crate::contrast::{Symptom, UnitCounts};
 use crate::observation::Figures;
+use crate::protocols::PROTOCOLS;
 use crate::table::{diagnoses, Diagnosis, UNNAMED};
 use modlens_protocol::framing::Mode;
 
@@ -102,7 +103,9 @@ fn all<'a>(view: &View<'a>) -> impl Iterator<Item = (Symptom, Option<u8>, &'a Ta
 /// Whether no answer of a unit is in the recording, not even a damaged one.
 fn is_mute(view: &View<'_>, unit: u8) -> bool {
     let counts = view.bus.units.get(&unit);
-    let is_never_heard = counts.is_some_and(|counts| counts.failures.total == counts.silent.failed && counts.late.failed == 0);
+    let is_never_heard = counts.is_some_and(|counts| {
+        counts.failures.total == counts.silent.failed && counts.late.failed + counts.second_answers.failed == 0
+    });
     let is_silence = |symptom| symptom == Symptom::NoAnswer || (symptom == Symptom::Echo && !is_echoed(view));
     is_never_heard && all(view).all(|(symptom, of, _)| of != Some(unit) || is_silence(symptom))
 }
@@ -155,7 +158,12 @@ pub(crate) fn with_figures(words: &str, figures: Option<Figures>) -> String {
         return kept;
     };
     let pair = |number: u32| format!("{:02X} {:02X}", number >> 8, number & 0xFF);
-    let words = words.replace(['[', ']'], "").replace("{first}", &first.to_string()).replace("{second}", &second.to_string());
+    let protocol = PROTOCOLS.get(first as usize).map_or("another protocol", |protocol| protocol.name);
+    let words = words
+        .replace(['[', ']'], "")
+        .replace("{protocol}", protocol)
+        .replace("{first}", &first.to_string())
+        .replace("{second}", &second.to_string());
     words.replace("{first_bytes}", &pair(first)).replace("{second_bytes}", &pair(second))
 }
 

@@ -22,6 +22,7 @@ pub mod finding;
 pub mod framing;
 pub mod functions;
 pub mod hex;
+pub mod in_words;
 pub mod line;
 pub mod mbap;
 pub mod mix;

@@ -2,7 +2,7 @@
 //! that announces another length, a frame in letters. Each is something that no disturbance of a line brings forth.
 
 use crate::annotate::exception_name;
-use crate::checksum::{crc16, crc_valid, CRC_BYTES};
+use crate::checksum::{correctable_bit, crc16, crc_valid, CRC_BYTES};
 use crate::direction::possible_directions;
 use crate::functions::{Functions, StandardLayout, EXCEPTION_BIT};
 use crate::mbap::{layout_fits, layout_lengths, PREFIX_BYTES};
@@ -80,6 +80,28 @@ pub enum Oddity {
     Zeros(usize),
     /// Nearly all bytes are 00, FF, or one run of equal bits beside another.
     Levels,
+}
+
+/// What the frames of a text show, beside the words of the same text.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Printed {
+    /// A request was answered.
+    pub has_answered: bool,
+    /// Each request was answered.
+    pub has_all_answered: bool,
+    /// Whole answers with a right checksum came, and no damaged one.
+    pub has_whole_answers: bool,
+    /// All frames have a right checksum, and there is one at least.
+    pub is_whole: bool,
+}
+
+/// What lines of a text report that hold no frame.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Reported {
+    /// The words.
+    pub words: String,
+    /// Bytes are among these lines, so that the frames of the text are not all that it prints.
+    pub has_bytes: bool,
 }
 
 impl Oddity {
@@ -258,6 +280,24 @@ fn in_one_sense(request: &[u8], bytes: &[u8]) -> f64 {
     } else {
         1.0
     }
+}
+
+/// The single wrong bit of an RTU frame, as (index of the byte, number of the bit): the one whose inversion makes its checksum right
+/// and leaves a frame with the layout of its function. What was cut has such a bit by chance, but not the length.
+///
+/// ```
+/// use modlens_protocol::{functions::Functions, oddity::wrong_bit};
+/// // 01 03 02 00 07 has the checksum F9 86; here the lowest bit of the 07 is wrong.
+/// assert_eq!(wrong_bit(Functions::embedded(), &[1, 3, 2, 0, 6, 0xF9, 0x86]), Some((4, 0)));
+/// // Six bytes of an answer with 40 of data: inverting the lowest bit of the fourth makes the checksum right by chance.
+/// assert_eq!(wrong_bit(Functions::embedded(), &[1, 3, 40, 0, 0x2E, 0x18]), None);
+/// ```
+pub fn wrong_bit(functions: &Functions, frame: &[u8]) -> Option<(usize, u8)> {
+    let (at, bit) = correctable_bit(frame)?;
+    let mut right = frame.to_vec();
+    right[at] ^= 1 << bit;
+    let pdu = right.get(1..right.len().checked_sub(CRC_BYTES)?)?;
+    layout_fits(functions, pdu).then_some((at, bit))
 }
 
 /// The digits, where all bytes are hex digits, with or without the end of a line, and their number is even.

@@ -479,7 +479,7 @@ impl Session {
     /// What the doctor says, with what the unread lines of texts show.
     fn report_of(&self, contrast: &Contrast) -> Report {
         let said = self.unread.clone().or_else(|| (0..self.buses).find_map(|bus| self.core.reader(bus)?.unread_lines().says()));
-        Report::of(contrast).with_unread(|answered, whole| Some(said?.words(answered, whole).to_owned()))
+        Report::of(contrast).with_unread(|printed| Some(said?.beside(printed)))
     }
 
     /// The engine, for the inbox, which feeds it without the interpreter.

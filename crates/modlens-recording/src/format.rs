@@ -119,10 +119,15 @@ fn check_forced(sample: &[u8], forced: &str, guesses: &[FormatGuess]) -> Result<
 /// The text for a recording of which no format was detected: why, and what to do.
 fn refusal(sample: &[u8], best: &str, reason: &str) -> String {
     if best != "raw" {
-        return format!("no Modbus found: looks like {best}, but {reason}; use --from {best} to decode it anyway");
+        // What the bytes or the words show is what a reader wants to know; which format it looks like comes after it.
+        let (unproved, shown) = reason.split_once("; ").unwrap_or((reason, ""));
+        let shown = if shown.is_empty() { String::new() } else { format!("{shown}; ") };
+        return format!("no Modbus found: {shown}looks like {best}, but {unproved}; use --from {best} to decode it anyway");
     }
     let kind = match is_text(sample) {
-        true if reason.contains("hex") || reason.contains(';') => format!("text in an unknown format: {reason}"),
+        true if reason.contains("hex") || reason.contains(';') => {
+            format!("text in an unknown format: {}", reason.strip_prefix("no known dialect; ").unwrap_or(reason))
+        }
         true => String::from("text in an unknown format"),
         false => format!("unknown format ({reason})"),
     };

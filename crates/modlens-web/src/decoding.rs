@@ -137,7 +137,7 @@ impl Decoding {
     /// What the doctor says, with what the unread lines of a text show.
     fn report_of(&self, contrast: &Contrast) -> Report {
         let said = self.recording.unread(&self.session);
-        Report::of(contrast).with_unread(|answered, whole| Some(said?.words(answered, whole).to_owned()))
+        Report::of(contrast).with_unread(|printed| Some(said?.beside(printed)))
     }
 
     /// The document of the recording so far.

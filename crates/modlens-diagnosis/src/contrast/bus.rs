@@ -22,6 +22,7 @@ use super::request::{RequestCounts, MAX_REQUESTS};
 use super::sample::Sample;
 use super::symptoms::Symptoms;
 use super::tally::Tally;
+use super::told::Told;
 use super::unit::{Runs, UnitCounts};
 use crate::observation::{FrameObservation, Observation, Outcome, RequestKey, DAMAGED_PARTS};
 use modlens_engine::durations::Durations;
@@ -124,6 +125,8 @@ pub struct BusContrast {
     pub received_damage: u64,
     /// A short recording holds nothing but requests to this unit that its program has received.
     pub heard: Option<u8>,
+    /// What a short recording says.
+    pub told: Option<Told>,
     pub(super) context: Context,
     /// The first rows, which are counted when it is known what came before.
     first_frames: VecDeque<FrameObservation>,
@@ -337,6 +340,9 @@ impl BusContrast {
         if self.frames_seen <= WINDOW as u64 && self.transactions_seen <= WINDOW as u64 && !self.facts.is_network {
             all.lists = Lists::of(&self.first_frames, &self.first_transactions);
             all.heard = self.heard();
+        }
+        if self.transactions_seen <= WINDOW as u64 {
+            all.told = Told::of(&self.first_transactions, all.facts.mode);
         }
         all
     }

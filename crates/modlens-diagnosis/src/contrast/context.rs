@@ -371,7 +371,8 @@ impl Context {
         if seen.request_frame == 0 {
             return;
         }
-        seen.is_step_behind = seen.outcome == Outcome::Good && self.is_overtaken_by(seen.request_frame);
+        seen.is_step_behind =
+            matches!(seen.outcome, Outcome::Good | Outcome::NotSeen) && self.is_overtaken_by(seen.request_frame);
         self.pass_frames(seen.response_frame, seen.id);
     }
 

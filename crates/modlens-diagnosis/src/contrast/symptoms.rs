@@ -2,9 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::finding::Finding;
-use modlens_protocol::framing::Verdict;
+use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::{Functions, StandardLayout, EXCEPTION_BIT};
+use modlens_protocol::in_words;
 use modlens_protocol::mbap::{layout_lengths, PREFIX_BYTES};
 use modlens_protocol::oddity::{bare_refusals, is_of_driver, is_swapped, is_text, Oddity};
 use modlens_protocol::Ns;
@@ -15,6 +17,7 @@ use crate::observation::{
     added, answer_length, data_length, figures_of_header, lacks_count, DamagedPart, Figures, FrameObservation, LayoutFault,
     Observation, Outcome, RequestKey,
 };
+use crate::protocols;
 
 macro_rules! symptoms {
     ($($(#[$doc:meta])* $name:ident = $word:literal),* $(,)?) => {
@@ -71,6 +74,8 @@ symptoms! {
     OtherLayout = "other_layout",
     /// The length field of an MBAP header is wrong.
     HeaderLength = "header_length",
+    /// Over Modbus/TCP, a request or an answer without its MBAP header.
+    HeaderMissing = "header_missing",
     /// The checksum is right but for the order of its two bytes.
     ChecksumSwapped = "checksum_swapped",
     /// Bytes follow a frame over Modbus/TCP whose header announces no more.
@@ -81,6 +86,10 @@ symptoms! {
     RequestBare = "request_bare",
     /// The byte count, the quantity and the data of a request do not agree.
     RequestLayout = "request_layout",
+    /// A request that was not answered asks for more than its function allows, or for nothing.
+    RequestLimit = "request_limit",
+    /// A write of a coil that was not answered has a value other than FF00 and 0000.
+    RequestCoil = "request_coil",
     /// A refusal without a checksum.
     RefusalBare = "refusal_bare",
     /// A refusal without its code, and with a right checksum.
@@ -113,6 +122,8 @@ symptoms! {
     AnswerUnit = "answer_unit",
     /// The answer begins one or two bytes late: strays came before it.
     AnswerShifted = "answer_shifted",
+    /// What came as the answer is a frame of another protocol.
+    AnswerForeign = "answer_foreign",
     /// What came as the answer is text.
     AnswerText = "answer_text",
     /// What came as the answer consists of 00, FF and bytes with one run of equal bits.
@@ -238,6 +249,8 @@ impl Symptoms {
             [byte] if Some(*byte) == unit => Symptom::NextStart,
             bytes if matches!(Oddity::of(bytes), Some(Oddity::Digits(_))) => Symptom::AnswerDigits,
             bytes if is_swapped(bytes) => Symptom::ChecksumSwapped,
+            bytes if counted(seen).is_some() && crc_valid(bytes) => Symptom::CountWrong,
+            [1..=247, pdu @ ..] if seen.mode == Mode::Tcp && in_words::pdu(pdu).is_some() => Symptom::HeaderMissing,
             bytes if bytes.len() < 3 && bytes.iter().all(|byte| is_of_driver(*byte)) => Symptom::Stray,
             bytes if is_text(bytes) => Symptom::Text,
             _ => Symptom::Noise,
@@ -246,6 +259,9 @@ impl Symptoms {
         let is_whole = || layout_lengths(Functions::embedded(), &seen.bytes).contains(&Some(seen.length as usize));
         if symptom == Symptom::HeaderLength && seen.bytes.len() == seen.length as usize && is_whole() {
             counted.figures = counted.figures.or(figures_of_header(&seen.bytes));
+        }
+        if symptom == Symptom::CountWrong {
+            counted.figures = counted.figures.or(self::counted(seen));
         }
         if symptom == Symptom::BytesAfter {
             counted.figures = counted.figures.or(Some([added(&seen.bytes).unwrap_or(seen.length), 0]));
@@ -272,6 +288,13 @@ impl Symptoms {
     }
 }
 
+/// The byte count of a frame on a serial line that would be an answer to a read, and the bytes that follow it, where the two differ.
+fn counted(seen: &FrameObservation) -> Option<Figures> {
+    let [_, 1..=4, count, data @ .., _, _] = seen.bytes.as_slice() else { return None };
+    let is_kept_whole = seen.mode == Mode::Rtu && seen.bytes.len() == seen.length as usize;
+    (is_kept_whole && usize::from(*count) != data.len()).then_some([u32::from(*count), data.len() as u32])
+}
+
 /// Whether bytes begin as a frame over Modbus/TCP.
 fn is_header(bytes: &[u8]) -> bool {
     figures_of_header(bytes).is_some_and(|[_, present]| present > 2)
@@ -282,6 +305,7 @@ fn of_transaction(seen: &Observation, before: Before) -> Option<Symptom> {
     let has = |finding| seen.findings.has(finding);
     let symptom = match seen.outcome {
         _ if seen.layout.is_some() => layout(seen, before)?,
+        Outcome::Silent | Outcome::NotSeen if has(Finding::QuantityLimit) => beyond_limit(seen)?,
         Outcome::Silent => Symptom::NoAnswer,
         _ if seen.is_altered_echo => Symptom::AlteredEcho,
         _ if seen.is_own_echo || has(Finding::LocalEcho) => Symptom::Echo,
@@ -307,6 +331,26 @@ fn of_transaction(seen: &Observation, before: Before) -> Option<Symptom> {
         _ => return None,
     };
     Some(symptom)
+}
+
+/// The symptom of a request with a value that its function does not allow.
+fn beyond_limit(seen: &Observation) -> Option<Symptom> {
+    if limits(seen).is_some() {
+        return Some(Symptom::RequestLimit);
+    }
+    let kind = Functions::embedded().standard_request(seen.function)?.kind;
+    (kind == StandardLayout::WriteOne).then_some(Symptom::RequestCoil)
+}
+
+/// A quantity that the function does not allow, and the greatest that it does.
+fn limits(seen: &Observation) -> Option<Figures> {
+    let key = seen.key()?;
+    let row = Functions::embedded().row(key.function, &[])?;
+    let limits = row.field_limits[0].iter().find(|limits| limits.name == "quantity")?;
+    let (_, most) = *limits.ranges.last()?;
+    let quantity = u32::from(key.quantity);
+    let is_allowed = limits.ranges.iter().any(|(least, most)| (*least..=*most).contains(&quantity));
+    (!is_allowed).then_some([quantity, most])
 }
 
 /// No master gives up sooner than this.
@@ -359,9 +403,21 @@ fn of_reference(seen: &Observation) -> Option<Figures> {
 /// The numbers that show a symptom.
 fn figures(symptom: Symptom, seen: &Observation, before: Before) -> Option<Figures> {
     match symptom {
-        Symptom::HeaderLength | Symptom::BytesAfter | Symptom::CountWrong | Symptom::OtherLength => seen.figures,
         Symptom::RefusedReference => of_reference(seen),
         Symptom::RefusalBare => Some([(*seen.answer_head.last()?).into(), 0]),
+        Symptom::OtherFunction if seen.outcome == Outcome::Unasked => {
+            Some([seen.function, before.asked?.function].map(u32::from))
+        }
+        Symptom::HeaderLength
+        | Symptom::BytesAfter
+        | Symptom::CountWrong
+        | Symptom::OtherLength
+        | Symptom::OtherFunction
+        | Symptom::OtherValue => seen.figures,
+        Symptom::OtherId => Some([seen.id?, before.id?].map(u32::from)).filter(|[one, other]| one != other),
+        Symptom::RequestLimit => limits(seen),
+        Symptom::AnswerForeign => Some([protocols::known(&seen.answer_head)? as u32, 0]),
+        Symptom::AnswerCut => Some([seen.lengths[1], due(seen).filter(|_| seen.id.is_none())?]),
         Symptom::OtherUnit if seen.outcome == Outcome::Unasked => Some([seen.unit, before.asked?.unit].map(u32::from)),
         Symptom::OtherUnit | Symptom::OtherUnitNumber => Some([seen.answered_by?, seen.unit].map(u32::from)),
         Symptom::AnswerShort => Some([seen.lengths[1], due(seen)?]),
@@ -438,12 +494,13 @@ fn garbled(seen: &Observation, before: Before) -> Option<Symptom> {
         DamagedPart::Start => Symptom::AnswerStart,
         DamagedPart::End => Symptom::AnswerEnd,
         DamagedPart::Bit => Symptom::AnswerBit,
-        DamagedPart::Inside if seen.is_cut => Symptom::AnswerCut,
+        DamagedPart::Inside if seen.is_cut || is_cut_by_chance(seen) => Symptom::AnswerCut,
         DamagedPart::Inside => Symptom::AnswerInside,
         DamagedPart::Whole if is_payload(seen) => return None,
         DamagedPart::Whole if (1..=2).any(|by| bytes.get(by..by + 2) == Some(&head)) => Symptom::AnswerShifted,
         DamagedPart::Whole if matches!(Oddity::of(bytes), Some(Oddity::Digits(_))) => Symptom::AnswerDigits,
         DamagedPart::Whole if is_text(bytes) => Symptom::AnswerText,
+        DamagedPart::Whole if protocols::known(bytes).is_some() => Symptom::AnswerForeign,
         DamagedPart::Whole if seen.id.is_some() => return of_other_function(seen),
         DamagedPart::Whole if bytes.len() >= 3 && bytes.iter().all(|byte| is_of_driver(*byte)) => Symptom::AnswerInverted,
         DamagedPart::Whole if is_rest(seen, before) => Symptom::AnswerRest,
@@ -452,6 +509,11 @@ fn garbled(seen: &Observation, before: Before) -> Option<Symptom> {
         DamagedPart::Whole => Symptom::AnswerWhole,
     };
     Some(symptom)
+}
+
+/// Whether an answer that is too short looks like one with a wrong bit, but for its length.
+fn is_cut_by_chance(seen: &Observation) -> bool {
+    seen.has_chance_bit && due(seen).is_some_and(|due| seen.lengths[1] < due)
 }
 
 /// Whether what came has the length of the data that were asked for, and is more than levels: a program prints the data alone.

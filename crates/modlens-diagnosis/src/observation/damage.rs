@@ -5,6 +5,7 @@ use modlens_protocol::checksum::{correctable_bit, crc16, crc_valid};
 use modlens_protocol::direction::{expected_data_bytes, Direction};
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::Functions;
+use modlens_protocol::oddity::wrong_bit;
 use modlens_protocol::status::Status;
 
 /// The damaged part of a frame.
@@ -49,9 +50,16 @@ pub(super) fn damaged_part(batch: &Batch, row: &Transaction) -> Option<DamagedPa
     }
 }
 
+/// Whether one bit of the damaged answer of a row would make its checksum right, and the frame none of its function.
+pub(super) fn has_chance_bit(batch: &Batch, row: &Transaction) -> bool {
+    let wire = row.response.wire.of(&batch.arena);
+    let is_damaged = row.mode == Mode::Rtu && row.status == Status::BadResponse;
+    is_damaged && correctable_bit(wire).is_some() && wrong_bit(Functions::embedded(), wire).is_none()
+}
+
 /// The damaged part of an answer to this request.
 pub(crate) fn response_part(wire: &[u8], unit: u8, function: u8, request: &[u8]) -> DamagedPart {
-    if correctable_bit(wire).is_some() {
+    if wrong_bit(Functions::embedded(), wire).is_some() {
         return DamagedPart::Bit;
     }
     let head = [unit, function];
@@ -78,7 +86,7 @@ pub(super) fn damaged_request(row: &Frame, wire: &[u8]) -> Option<DamagedPart> {
 fn request_part(wire: &[u8]) -> DamagedPart {
     if is_cut_at_end(wire, Some(8)) {
         DamagedPart::End
-    } else if correctable_bit(wire).is_some() {
+    } else if wrong_bit(Functions::embedded(), wire).is_some() {
         DamagedPart::Bit
     } else {
         DamagedPart::Inside

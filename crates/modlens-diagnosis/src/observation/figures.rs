@@ -4,7 +4,7 @@ use modlens_engine::records::{Batch, Transaction};
 use modlens_protocol::checksum::{crc16, crc_valid, CRC_BYTES};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
-use modlens_protocol::functions::Functions;
+use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::mbap::{layout_lengths, PREFIX_BYTES};
 use modlens_protocol::status::Status;
 
@@ -25,11 +25,20 @@ pub(super) fn of(batch: &Batch, row: &Transaction, has: impl Fn(Finding) -> bool
         }
         return if header[0] == header[1] { of_count(odd, PREFIX_BYTES, 0) } else { Some(header) };
     }
+    if has(Finding::WrongFunction) {
+        let codes = [&row.response, &row.request].map(|part| part.pdu.of(&batch.arena).first().copied());
+        return Some([codes[0]? & !EXCEPTION_BIT, codes[1]?].map(u32::from));
+    }
+    if has(Finding::EchoMismatch) {
+        let [answer, request] = [&row.response, &row.request].map(|part| part.pdu.of(&batch.arena));
+        return other_word(answer, request);
+    }
     if has(Finding::ResponseLength) {
         let [count, asked] = [&row.response, &row.request].map(|part| part.pdu.of(&batch.arena));
         return Some([u32::from(*count.get(1)?), asked_bytes(asked)?]);
     }
-    let is_whole = row.mode == Mode::Rtu && has(Finding::LengthMismatch) && crc_valid(odd);
+    let is_odd = has(Finding::LengthMismatch) || has(Finding::Incomplete);
+    let is_whole = row.mode == Mode::Rtu && is_odd && crc_valid(odd);
     is_whole.then(|| of_count(odd, 0, CRC_BYTES))?
 }
 
@@ -42,6 +51,13 @@ pub(super) fn checksum(batch: &Batch, row: &Transaction) -> Option<Figures> {
     };
     let (body, there) = damaged.wire.of(&batch.arena).split_last_chunk::<CRC_BYTES>().filter(|_| row.mode == Mode::Rtu)?;
     Some([there, &crc16(body).to_le_bytes()].map(|pair| u16::from_be_bytes(*pair).into()))
+}
+
+/// The first of address and value in which the confirmation of a write differs from it: as confirmed, and as written.
+fn other_word(answer: &[u8], request: &[u8]) -> Option<Figures> {
+    let word = |pdu: &[u8], at: usize| Some(u32::from(u16::from_be_bytes([*pdu.get(at)?, *pdu.get(at + 1)?])));
+    let pair = |at: usize| Some([word(answer, at)?, word(request, at)?]);
+    [1, 3].into_iter().filter_map(pair).find(|[confirmed, written]| confirmed != written)
 }
 
 /// The length field of a header, and the bytes that follow it.

@@ -59,8 +59,9 @@ pub(super) fn layout_fault(batch: &Batch, row: &Transaction, has: impl Fn(Findin
     match row.status {
         Status::BadResponse if oddity::is_swapped(answer) => Some(LayoutFault::SwappedChecksum),
         // What is too short for its function ends with the checksum of what is there.
-        Status::BadResponse if has(Finding::Incomplete) && crc_valid(answer) => Some(match answer {
+        Status::BadResponse | Status::Unsolicited if has(Finding::Incomplete) && crc_valid(answer) => Some(match answer {
             [_, function, _, _] if function & EXCEPTION_BIT != 0 => LayoutFault::NoExceptionCode,
+            [_, function, ..] if counts_bytes(*function) => count_fault(answer),
             _ => LayoutFault::Other,
         }),
         Status::BadRequest if oddity::is_swapped(request) => Some(LayoutFault::SwappedChecksum),

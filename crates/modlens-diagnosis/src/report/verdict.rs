@@ -6,6 +6,7 @@ use modlens_protocol::finding::Severity;
 use modlens_protocol::framing::Verdict as FrameVerdict;
 
 use crate::claim::{percent, were, Certainty, ACCIDENT, FEW};
+use crate::contrast::told::{Told, REQUEST};
 use crate::contrast::{BusContrast, Symptom};
 use crate::statistics::{at_least, least_rate, Share};
 use crate::MAX_CHANCE;
@@ -146,6 +147,13 @@ pub(super) fn verdict(
         return (Verdict::Unknown, format!("{UNJUDGED}: {count} bytes, and no request among them."));
     }
     let alone: u64 = buses.iter().map(|(_, bus)| bus.answers_alone()).sum();
+    let is_whole =
+        buses.iter().all(|(_, bus)| (bytes_of_frames(bus), bus.symptoms.all().count()) == (bytes_of_good_frames(bus), 0));
+    let is_heard = buses.iter().any(|(_, bus)| bus.heard.is_some());
+    let whole = told(buses).filter(|told| is_whole && !is_heard && share.total == 0 && told.is_plain);
+    if let Some(sentence) = whole.and_then(without_other_half) {
+        return (Verdict::Unknown, sentence);
+    }
     if share.total == 0 && alone > 1 {
         let count = thousands(alone);
         return (
@@ -164,13 +172,11 @@ pub(super) fn verdict(
         return (Verdict::Unknown, format!("{what}; in that of a master, another master is on the line, or it hears itself."));
     }
     if share.total < FEW {
-        let is_whole =
-            buses.iter().all(|(_, bus)| (bytes_of_frames(bus), bus.symptoms.all().count()) == (bytes_of_good_frames(bus), 0));
         let open =
             buses.iter().flat_map(|(_, bus)| bus.units.values()).map(|unit| unit.not_seen.failed - unit.silent.failed).sum();
         let troubles: u64 = buses.iter().map(|(_, bus)| bus.troubles).sum();
         if is_whole && share.total > 0 && refused.failed == 0 && troubles == 0 {
-            return (Verdict::Unknown, format!("{}{}.", nothing_wrong(share.total), beside(share, open)));
+            return (Verdict::Unknown, format!("{}{}.", nothing_wrong(share.total, told(buses), open > 0), beside(share, open)));
         }
         let why = too_few(share, refused, is_whole, bytes(FrameVerdict::Noise));
         return (Verdict::Unknown, format!("{UNJUDGED}: {why}{}.", beside(share, open)));
@@ -257,14 +263,42 @@ fn beside(share: Share, open: u64) -> String {
     }
 }
 
-/// What is said of a few requests with whole frames that were all answered.
-fn nothing_wrong(requests: u64) -> String {
-    match requests {
-        1 => String::from("Nothing is wrong in these frames: 1 request was answered, and is too few to judge the line"),
-        count => {
-            format!("Nothing is wrong in these frames: all {count} requests were answered, and are too few to judge the line")
-        }
+/// What the frames of a short recording of one bus say.
+pub(super) fn told<'a>(buses: &'a [(&str, BusContrast)]) -> Option<&'a Told> {
+    match buses {
+        [(_, bus)] => bus.told.as_ref(),
+        _ => None,
     }
+}
+
+/// What is said of a few requests with whole frames that were all answered: what they say, and, unless others are `open`, where to
+/// look.
+fn nothing_wrong(requests: u64, told: Option<&Told>, is_open: bool) -> String {
+    let first = told.and_then(|told| told.answered.as_ref());
+    let answered = match requests {
+        1 => format!("1 request was answered{}", first.map_or(String::new(), |what| format!(": {what}"))),
+        count => {
+            format!("all {count} requests were answered{}", first.map_or(String::new(), |what| format!("; the first: {what}")))
+        }
+    };
+    let few = if requests == 1 { "1 request is" } else { "they are" };
+    let rest = if is_open { format!("; {few}") } else { format!(". {OUTSIDE}; {few}") };
+    format!("Nothing is wrong in these frames: {answered}{rest} too few to judge the line")
+}
+
+/// Where to look if the frames are right.
+const OUTSIDE: &str =
+    "If something fails, it is not in these bytes: look at what the program makes of them (address, data type, word order), and \
+                       at what is not printed here";
+
+/// What is said of whole frames of which each is a request, or an answer, without the other half.
+fn without_other_half(told: &Told) -> Option<String> {
+    let (what, rest) = told.alone.split_first()?;
+    let what = if rest.is_empty() { format!("it is {what}") } else { format!("the first is {what}") };
+    let has_answers = told.alone.iter().any(|one| !one.starts_with(REQUEST));
+    let missing = if has_answers { "what was asked for" } else { "whether an answer came" };
+    let frames = if rest.is_empty() { "this frame" } else { "these frames" };
+    Some(format!("Nothing is wrong in {frames}: {what}. The recording does not show {missing}."))
 }
 
 /// Why so few requests are no ground for a verdict, and what came of them all the same: who pastes three lines of a log into a

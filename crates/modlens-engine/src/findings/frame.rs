@@ -5,11 +5,12 @@ use crate::framer::{FrameResult, FramingFault};
 use crate::input::Input;
 use crate::rtu_model::damage_kind::DamageKind;
 use crate::transactions::transaction::ObservedFrame;
-use modlens_protocol::checksum::{correctable_bit, crc16, lrc};
+use modlens_protocol::checksum::{crc16, lrc};
 use modlens_protocol::direction::{counts_agree, possible_directions, Direction};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::{FunctionRow, Functions, EXCEPTION_BIT};
+use modlens_protocol::oddity::wrong_bit;
 
 /// Unit numbers above this are reserved on serial lines (serial line specification, 2.2).
 const LAST_UNIT: u8 = 247;
@@ -20,7 +21,7 @@ pub(crate) fn content(functions: &Functions, frame: &ObservedFrame<'_>, found: &
     if frame.verdict.is_good() {
         good_frame(functions, &GoodFrame { adu: frame.adu, direction: frame.direction, mode: frame.mode }, found);
     } else {
-        checksum(frame, found);
+        checksum(functions, frame, found);
     }
 }
 
@@ -92,13 +93,13 @@ fn good_length(functions: &Functions, frame: &GoodFrame<'_>, row: &FunctionRow, 
 
 /// Finds what is wrong with the checksum of a damaged frame, and in RTU whether one change would make it right: one bit, else
 /// another unit or function code. An incomplete frame is only said to be so. Noise has no finding here.
-fn checksum(frame: &ObservedFrame<'_>, found: &mut Found) {
+fn checksum(functions: &Functions, frame: &ObservedFrame<'_>, found: &mut Found) {
     match frame.verdict {
         Verdict::Incomplete => found.push((Finding::Incomplete, words::incomplete(frame.wire.len()))),
         Verdict::BadChecksum if frame.mode == Mode::Rtu => {
             let (content, sent) = frame.wire.split_at(frame.wire.len() - 2);
             found.push((Finding::BadChecksum, words::bad_crc(sent, crc16(content).to_le_bytes())));
-            if let Some((at, bit)) = correctable_bit(frame.wire) {
+            if let Some((at, bit)) = wrong_bit(functions, frame.wire) {
                 found.push((Finding::BitFlip, words::bit_flip(frame.wire[at], at, bit)));
             } else if let Some(other) = frame_of_checksum(content, sent) {
                 found.push((Finding::OtherChecksum, words::other_checksum(sent, &other)));

@@ -27,6 +27,7 @@ mod oddities;
 mod prefix;
 mod proved;
 mod reader;
+mod reports;
 mod role;
 mod sample;
 mod template;
@@ -40,8 +41,8 @@ use modlens_protocol::Ns;
 pub use clock::{day_of, ClockKind, ClockSettings};
 pub use dialect::{Dialect, Dialects, TABLE};
 pub use entries::SkippedBytes;
-pub use oddities::Said;
 pub use reader::{Reader, UnreadLines};
+pub use reports::Said;
 
 /// What a text log says about one run of bytes. The bytes themselves are returned beside it.
 #[derive(Clone, Copy, Debug, Default)]

@@ -1,10 +1,12 @@
 //! What a text without a proven frame says all the same: what is odd about its bytes, or what the program itself reports.
 
 use crate::text::proved::{hex_front, longest_hex, sender, single_bytes, single_digits};
+use crate::text::reports::{reported, Said};
 use modlens_protocol::annotate::spaced_hex;
 use modlens_protocol::checksum::{crc16, crc_valid, CRC_BYTES};
 use modlens_protocol::direction::possible_directions;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
+use modlens_protocol::in_words;
 use modlens_protocol::mbap::layout_fits;
 use modlens_protocol::oddity::Oddity;
 
@@ -24,67 +26,6 @@ const MOST_WORDS: usize = 40;
 /// Fewer bytes are no answer.
 const LEAST_BYTES: usize = 3;
 
-/// The exceptions that programs report (application protocol, 7): code, names in lower case, and what to do. The message has
-/// the first of the names.
-const EXCEPTIONS: [(u8, &[&str], &str); 5] = [
-    (
-        1,
-        &["illegal function", "illegalfunction"],
-        "the unit does not know the function; try input registers (4) for holding registers (3), or a write by another function",
-    ),
-    (
-        2,
-        &["illegal data address", "illegaladdress", "illegaldataaddress"],
-        "the unit does not have the address, or not the whole block; check whether the address counts from 0 or 1, and the function",
-    ),
-    (3, &["illegal data value", "illegalvalue", "illegaldatavalue"], "the unit does not take this quantity or this value; read fewer registers, or write another value"),
-    (4, &["server device failure", "slave device failure", "slavefailure", "slavedevicefailure"], "the unit, or a gateway that cannot reach it, has failed"),
-    (
-        11,
-        &["target device failed to respond", "gatewaynoresponse"],
-        "the gateway gets no answer of the unit; check its wires, rate and address",
-    ),
-];
-
-/// What programs report, in lower case, with what it means and what to do; and where the frames of the same text contradict that,
-/// which prove more: requests were answered, so that what they came by is right, or answers are whole.
-const REPORTS: [(&[&str], &str, Beside); 4] = [
-    (
-        &["cleanup recv buffer"],
-        "bytes left over before a request: the rest of an answer that came after the client had given up; raise its timeout",
-        Beside::Nothing,
-    ),
-    (
-        &["connection refused", "connection reset", "broken pipe"],
-        "a connection that the other side refused or closed: its port and service, and how many clients it takes",
-        Beside::Nothing,
-    ),
-    (
-        &["checksum error", "crc error", "crc check error", "crccheckerror", "crc mismatch", "crcmismatch", "crc received", "invalid crc", "wrong crc", "crc check failed", "bad crc"],
-        "a wrong checksum: bits changed on the line, other line settings, or bytes lost by a program; a recording of the bytes shows which",
-        Beside::WholeAnswers(
-            "a wrong checksum, and the answers that are printed here have right ones: they are whole, so that the program checks \
-             them wrongly, or means bytes that it does not print",
-        ),
-    ),
-    (
-        &["timed out", "timeout", "no response", "no answer", "no reply", "(0 received)", "received 0 bytes"],
-        "that no answer came in time: power, wires, rate and address of the unit, and whether anything comes back at all",
-        Beside::Answers("that no answer came in time; other requests were answered"),
-    ),
-];
-
-/// What is said of a report beside frames that contradict it.
-#[derive(Clone, Copy, Debug)]
-enum Beside {
-    /// The same.
-    Nothing,
-    /// Where requests were answered.
-    Answers(&'static str),
-    /// Where whole answers came.
-    WholeAnswers(&'static str),
-}
-
 /// A line that nothing could read, and the frame that was read shortly before it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct UnreadLine<'a> {
@@ -93,45 +34,23 @@ pub(super) struct UnreadLine<'a> {
     pub before: &'a [u8],
 }
 
-/// The first of the reports.
-const LEFT_OVER: usize = EXCEPTIONS.len();
-
-/// What unread lines show.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Said {
-    words: String,
-    /// What is said instead where requests of the same text were answered, and where whole answers came.
-    beside_answers: Option<String>,
-    beside_whole: Option<String>,
-}
-
-impl Said {
-    /// The words; `has_answers` where requests of the same text were answered, `has_whole` where whole answers came.
-    pub fn words(&self, has_answers: bool, has_whole: bool) -> &str {
-        let instead = [(&self.beside_whole, has_whole), (&self.beside_answers, has_answers)];
-        let instead = instead.into_iter().find_map(|(words, is_so)| words.as_deref().filter(|_| is_so));
-        instead.unwrap_or(&self.words)
-    }
-}
-
-impl From<String> for Said {
-    fn from(words: String) -> Self {
-        Self { words, beside_answers: None, beside_whole: None }
-    }
-}
-
 /// What the bytes of a text show, or what it reports in words; `None` if neither says anything.
 pub(super) fn named(text: &[u8]) -> Option<String> {
     let lines = text.split(|&byte| byte == b'\n').take(MOST_LINES);
-    named_lines((1..).zip(lines).map(|(number, text)| UnreadLine { number, text, before: &[] }))
-        .map(|said| said.words(false, false).to_owned())
+    named_lines((1..).zip(lines).map(|(number, text)| UnreadLine { number, text, before: &[] })).map(|said| said.words)
 }
 
 /// The same of lines that nothing could read.
 pub(super) fn named_lines<'a>(lines: impl Iterator<Item = UnreadLine<'a>> + Clone) -> Option<Said> {
     let words = || reported(lines.clone().map(|line| line.text));
-    let bytes = || lines.clone().find_map(no_frame);
-    odd_bytes(lines.clone()).map(Said::from).or_else(words).or_else(|| bytes().map(Said::from))
+    let bytes: Vec<NoFrame> = lines.clone().filter_map(no_frame).collect();
+    // Of bytes that have the layout of a frame, it is known what is wrong with them; of others, words say more.
+    let first = |is_known: bool| bytes.iter().find(|one| one.is_known || !is_known).map(|one| Said::from(one.words.clone()));
+    let odd = odd_bytes(lines.clone());
+    let has_bytes = odd.is_some() || !bytes.is_empty();
+    let mut said = odd.map(Said::from).or_else(|| first(true)).or_else(words).or_else(|| first(false))?;
+    said.has_bytes = has_bytes;
+    Some(said)
 }
 
 /// What the bytes of the first line show whose bytes are odd by themselves, or beside those of the line before.
@@ -151,6 +70,9 @@ fn odd_bytes<'a>(lines: impl Iterator<Item = UnreadLine<'a>>) -> Option<String> 
         let beside = |before: &[u8]| of_answer(before).or_else(|| Oddity::of_copy(before, &bytes));
         let own = || Oddity::of(&bytes);
         if let Some(oddity) = Oddity::of_copy(read, &bytes).or_else(own).or_else(|| beside(&before)) {
+            if oddity == Oddity::CutRequest && is_received(&line) {
+                return Some(format!("in line {number} {CUT_ECHO}"));
+            }
             return Some(format!("in line {number} {}", oddity.words()));
         }
         (before, side_before) = (bytes, side);
@@ -158,8 +80,18 @@ fn odd_bytes<'a>(lines: impl Iterator<Item = UnreadLine<'a>>) -> Option<String> 
     None
 }
 
+/// What is said of a request without its last byte where it was received.
+const CUT_ECHO: &str = "what came as the answer is the request itself without its last byte: the adapter hears its own transmission, and the \
+                        program reads as many bytes as an answer would have; turn the echo off, or read and discard what was sent";
+
+/// Whether a line says that its bytes were received.
+fn is_received(line: &[u8]) -> bool {
+    let line = String::from_utf8_lossy(line).to_ascii_lowercase();
+    ["respon", "recei", "recv", "answer"].iter().any(|word| line.contains(word))
+}
+
 /// A line that is little more than bytes, which are no frame, and no part of the one that was read before.
-fn no_frame(UnreadLine { number, text, before }: UnreadLine<'_>) -> Option<String> {
+fn no_frame(UnreadLine { number, text, before }: UnreadLine<'_>) -> Option<NoFrame> {
     let line = without_emphasis(text);
     let bytes = single_bytes(&line).filter(|bytes| (MIN_DAMAGED..=MAX_FRAME).contains(&bytes.len()))?;
     let is_part = before.windows(bytes.len()).any(|part| part == bytes);
@@ -167,9 +99,37 @@ fn no_frame(UnreadLine { number, text, before }: UnreadLine<'_>) -> Option<Strin
     let shown = spaced_hex(&bytes[..bytes.len().min(MOST_SHOWN)]);
     let more = if bytes.len() > MOST_SHOWN { " \u{2026}" } else { "" };
     let usual = || String::from("are no frame: they are damaged, cut, or of another protocol");
-    let why = wrong_checksum(&bytes).or_else(|| lacks_checksum(&bytes)).unwrap_or_else(usual);
-    is_only_bytes.then(|| format!("in line {number} the bytes {shown}{more} {why}"))
+    let known = wrong_checksum(&bytes).or_else(|| cut_answer(&bytes));
+    let is_known = known.is_some();
+    let why = known.or_else(|| lacks_parts(&bytes)).unwrap_or_else(usual);
+    is_only_bytes.then(|| NoFrame { words: format!("in line {number} the bytes {shown}{more} {why}"), is_known })
 }
+
+/// A line of bytes that are no frame.
+struct NoFrame {
+    words: String,
+    /// They have the layout of a frame, or of the beginning of one.
+    is_known: bool,
+}
+
+/// What is said of the beginning of an answer to a read of registers.
+fn cut_answer(bytes: &[u8]) -> Option<String> {
+    let [unit @ 1..=247, function @ 3..=4, count, rest @ ..] = bytes else { return None };
+    let (due, there) = (usize::from(*count) + CRC_BYTES, rest.len());
+    let is_cut = count % 2 == 0 && *count > 0 && *count <= MOST_DATA && (LEAST_REST..due - 1).contains(&there);
+    is_cut.then(|| {
+        format!(
+            "begin as an answer of unit {unit} to function {function} with {count} bytes of data, and {there} of {due} bytes are there, the \
+             checksum included: the answer is cut, by the program that prints it or before"
+        )
+    })
+}
+
+/// The most bytes of registers in an answer (application protocol, 6.3).
+const MOST_DATA: u8 = 250;
+
+/// Fewer bytes after a byte count may be another frame.
+const LEAST_REST: usize = 6;
 
 /// What is wrong with bytes that have the layout of a frame, but for their checksum.
 fn wrong_checksum(bytes: &[u8]) -> Option<String> {
@@ -188,68 +148,35 @@ fn wrong_checksum(bytes: &[u8]) -> Option<String> {
     })
 }
 
+/// What is said of bytes that are a frame without its checksum, or without its unit as well; some may be either.
+fn lacks_parts(bytes: &[u8]) -> Option<String> {
+    match (lacks_checksum(bytes), bare_pdu(bytes)) {
+        (Some(one), Some(other)) => Some(format!("{one}; or its unit is left out as well: {other}")),
+        (Some(one), None) => Some(one),
+        (None, other) => {
+            other.map(|what| format!("are a frame without unit and checksum, as programs print it, and whole as such: {what}"))
+        }
+    }
+}
+
 /// What is said of bytes that are a whole frame but for its checksum.
 fn lacks_checksum(bytes: &[u8]) -> Option<String> {
-    let [_, pdu @ ..] = bytes else { return None };
+    let [unit, pdu @ ..] = bytes else { return None };
     let functions = Functions::embedded();
     let is_known = pdu.len() > 1 && functions.name(pdu[0] & !EXCEPTION_BIT).is_some();
     let right = spaced_hex(&crc16(bytes).to_le_bytes());
-    (is_known && layout_fits(functions, pdu)).then(|| {
-        format!("have the layout of a frame without its checksum ({right}): where they were sent so on a serial line, no unit answers them")
-    })
+    let what = in_words::pdu(pdu).filter(|_| is_known && layout_fits(functions, pdu))?;
+    Some(format!(
+        "have the layout of a frame of unit {unit} without its checksum, {what}; {right} would be the checksum, which a serial line needs, \
+         and which a text may leave out"
+    ))
 }
 
-/// What most lines report.
-fn reported<'a>(lines: impl Iterator<Item = &'a [u8]>) -> Option<Said> {
-    let mut counts = [0; EXCEPTIONS.len() + REPORTS.len()];
-    for line in lines {
-        if let Some(report) = report_in(&String::from_utf8_lossy(line).to_ascii_lowercase()) {
-            counts[report] += 1;
-        }
-    }
-    // Bytes left over are what the requests without an answer got.
-    let is_particular = |at: usize| at == LEFT_OVER;
-    let rank = |(at, count): &(usize, &usize)| (**count > 0 && is_particular(*at), **count, usize::MAX - at);
-    let (most, times) = counts.iter().enumerate().max_by_key(rank)?;
-    let lines = if *times == 1 { String::from("a line reports") } else { format!("{times} lines report") };
-    if *times == 0 {
-        return None;
-    }
-    if let Some((code, [name, ..], advice)) = EXCEPTIONS.get(most) {
-        let beside = format!(
-            "{lines} exception {code} ({name}), and no answer that is printed here is one: it is that of another request, or the \
-             program has made it; of a unit it means that {advice}"
-        );
-        let words = format!("{lines} exception {code} ({name}): {advice}");
-        return Some(Said { words, beside_answers: None, beside_whole: Some(beside) });
-    }
-    let (_, meaning, beside) = REPORTS[most - EXCEPTIONS.len()];
-    let said = |meaning: &str| format!("{lines} {meaning}");
-    let (beside_answers, beside_whole) = match beside {
-        Beside::Nothing => (None, None),
-        Beside::Answers(words) => (Some(said(words)), None),
-        Beside::WholeAnswers(words) => (None, Some(said(words))),
-    };
-    Some(Said { words: said(meaning), beside_answers, beside_whole })
-}
-
-/// What a line in lower case reports: the index in `EXCEPTIONS`, or after all of these in `REPORTS`.
-fn report_in(line: &str) -> Option<usize> {
-    let says = |words: &[&str]| words.iter().any(|word| line.contains(word));
-    let codes: Vec<u8> = exception_codes(line).collect();
-    let exception = EXCEPTIONS.iter().position(|(code, names, _)| codes.contains(code) || says(names));
-    let report = || Some(EXCEPTIONS.len() + REPORTS.iter().position(|(words, ..)| says(words))?);
-    exception.or_else(report)
-}
-
-/// The numbers after the word "exception": `exception 2`, `exception code: 2`, `exception = 2`.
-fn exception_codes(line: &str) -> impl Iterator<Item = u8> + '_ {
-    line.match_indices("exception").filter_map(|(at, word)| {
-        let rest = &line[at + word.len()..];
-        let rest = rest.strip_prefix([' ', '_']).and_then(|rest| rest.strip_prefix("code")).unwrap_or(rest);
-        let rest = rest.strip_prefix([' ', ':', '='])?.trim_start_matches([' ', '=']);
-        rest.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok()
-    })
+/// What bytes say that are a PDU: a frame without its unit and its checksum.
+fn bare_pdu(bytes: &[u8]) -> Option<String> {
+    let functions = Functions::embedded();
+    let is_known = functions.name(bytes.first()? & !EXCEPTION_BIT).is_some();
+    in_words::pdu(bytes).filter(|_| is_known && layout_fits(functions, bytes))
 }
 
 /// A line without the marks by which people emphasize a byte: `00 **06** 31`.
@@ -260,7 +187,9 @@ fn without_emphasis(line: &[u8]) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::text::reports::EXCEPTIONS;
     use modlens_protocol::functions::{parse_toml, VOCABULARY};
+    use modlens_protocol::oddity::Printed;
 
     #[test]
     fn odd_bytes_come_before_words() {
@@ -303,20 +232,18 @@ mod tests {
         let read = [1, 3, 0, 0, 0, 2, 0xC4, 0x0B];
         let heard = UnreadLine { number: 7, text: b"scope: 81 83 80 80 80 82 C4 8B", before: &read };
         let said = named_lines([heard].into_iter()).expect("a reason");
-        assert!(
-            said.words(false, false).starts_with("in line 7 the bytes are the request before with some bits changed"),
-            "{said:?}"
-        );
+        assert!(said.words.starts_with("in line 7 the bytes are the request before with some bits changed"), "{said:?}");
         let other = UnreadLine { text: b"answer: 9A 3C E1 55 47 B2 0D 66", ..heard };
         let said = named_lines([other].into_iter()).expect("a reason");
-        assert!(said.words(false, false).contains("are no frame"), "{said:?}");
+        assert!(said.words.contains("are no frame"), "{said:?}");
     }
 
     #[test]
     fn where_others_were_answered_nobody_is_sent_to_the_wires() {
         let said = named_lines([line(b"ERROR Connection timed out: select")].into_iter()).expect("a reason");
-        assert_eq!(said.words(true, false), "a line reports that no answer came in time; other requests were answered");
-        assert!(said.words(false, false).starts_with("a line reports that no answer came in time: power, wires"));
+        let answered = Printed { has_answered: true, ..Printed::default() };
+        assert_eq!(said.beside(answered).words, "a line reports that no answer came in time; other requests were answered");
+        assert!(said.words.starts_with("a line reports that no answer came in time: power, wires"));
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! The lines of a text that nothing could read: their number, and those of them that hold most hex.
 
-use crate::text::oddities::{self, Said, UnreadLine};
+use crate::text::oddities::{self, UnreadLine};
 use crate::text::proved::{hex_bytes, is_byte_line};
+use crate::text::reports::Said;
 
 /// So many lines in a row that hold a byte each are bytes.
 const MIN_LISTED: u64 = 5;
