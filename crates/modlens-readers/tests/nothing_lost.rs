@@ -109,8 +109,7 @@ fn line() -> impl Strategy<Value = (String, usize)> {
     })
 }
 
-/// The same texts each time, unless `PROPTEST_RNG_SEED` asks for others: of the seeds 10 to 209, 6 find a text that loses one to
-/// three of its bytes, where a line has records of two programs.
+/// The same texts each time, unless `PROPTEST_RNG_SEED` asks for others.
 fn config() -> ProptestConfig {
     let usual = ProptestConfig::default();
     let rng_seed = if usual.rng_seed == RngSeed::Random { RngSeed::Fixed(1) } else { usual.rng_seed };
@@ -124,9 +123,6 @@ proptest! {
     fn bytes_are_read_or_counted(lines in prop::collection::vec(line(), 1..8)) {
         let held: usize = lines.iter().map(|(_, bytes)| bytes).sum();
         let text: String = lines.into_iter().map(|(line, _)| line + "\n").collect();
-        // Below the offsets of a dump, the first byte of 07:03:.. looks like one more.
-        let looks_like_offset = |line: &str| line.starts_with("07:") || line.starts_with("11:");
-        prop_assume!(!(text.contains("0000: ") && text.lines().any(looks_like_offset)));
         let (known, how) = account(&text);
         prop_assert!(known >= held, "{known} of {held} bytes: {how}\n{text}");
     }

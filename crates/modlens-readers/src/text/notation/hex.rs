@@ -2,6 +2,7 @@
 
 use memchr::memchr_iter;
 
+use crate::text::date::stamp_length;
 use crate::text::notation::tokens::{counts_what_follows, word, NotationFlags, CHARS_PER_STEP};
 use modlens_protocol::hex::{
     byte_at, decode_pairs, digit_at, DIGIT_VALUES, HIGH_DIGIT_VALUES, INVALID, INVALID_DIGIT, LOW_DIGIT_VALUES,
@@ -161,9 +162,25 @@ fn begins_with_offset(text: &[u8]) -> bool {
         && ((pairs && !prefixed) || behind.starts_with(b": "))
 }
 
-/// Reads bytes with any separators, and stops at the first word that is neither a byte nor a placeholder for the checksum.
-/// Returns the length of the text.
+/// Reads bytes with any separators, and stops at a time of day and at the first word that is neither a byte nor a placeholder
+/// for the checksum. Returns the length of the text.
 pub(super) fn hex(text: &[u8], allow_single_digits: bool, out: &mut Vec<u8>, flags: &mut NotationFlags) -> usize {
+    let (before, flags_before) = (out.len(), *flags);
+    let length = hex_words(text, allow_single_digits, out, flags);
+    let Some(time) = time_within(text, length) else { return length };
+    out.truncate(before);
+    *flags = flags_before;
+    hex_words(&text[..time], allow_single_digits, out, flags)
+}
+
+/// Where the first time of day begins that is behind other words in so much of the text.
+fn time_within(text: &[u8], length: usize) -> Option<usize> {
+    let starts = memchr_iter(b':', &text[..length]).filter(|&colon| colon > 2 && text.get(colon + 3) == Some(&b':'));
+    starts.map(|colon| colon - 2).find(|&at| !text[at - 1].is_ascii_alphanumeric() && stamp_length(text, at) > 0)
+}
+
+/// Reads such words, also where they are a time of day.
+fn hex_words(text: &[u8], allow_single_digits: bool, out: &mut Vec<u8>, flags: &mut NotationFlags) -> usize {
     if begins_with_offset(text) {
         return 0;
     }

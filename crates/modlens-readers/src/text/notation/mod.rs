@@ -172,6 +172,11 @@ mod tests {
         assert_eq!(read(Notation::Pairs, "05 03   ad de"), (vec![5, 3], "   ad de", false));
         assert_eq!(read(Notation::Groups, "0503  dead"), (vec![5, 3], "  dead", false));
         assert_eq!(read(Notation::Escaped, "\\x05\\\"\", 2"), (vec![5, b'"'], "\", 2", false));
+        assert_eq!(read(Notation::Hex, "05 03\"; [12:30:05.250] 07").0, [5, 3]);
+        assert_eq!(read(Notation::Hex, "05 03 12:30:05 07").0, [5, 3]);
+        assert_eq!(read(Notation::Hex, "05 03:12:30:05:07").0, [5, 3, 0x12, 0x30, 5, 7]);
+        assert_eq!(read(Notation::Decimal, "5, 3, 16 12:30:05").0, [5, 3, 16]);
+        assert!(read(Notation::Decimal, "05 03 00 10 C4 4A").0.is_empty());
         assert!(read(Notation::Hex, "hello").0.is_empty());
         assert!(read(Notation::Hex, "0010  05 03 00 10").0.is_empty());
         assert!(read(Notation::Hex, "0x0010:  0503 0010").0.is_empty());

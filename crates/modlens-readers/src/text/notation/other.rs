@@ -2,6 +2,7 @@
 //!
 //! Each function appends the bytes at the start of the text to `out` and returns the length of the text that they took.
 
+use crate::text::date::stamp_length;
 use crate::text::notation::hex::{byte, hex_token};
 use crate::text::notation::tokens::word;
 use modlens_protocol::checksum::{crc_valid, lrc};
@@ -36,7 +37,12 @@ pub(super) fn named(text: &[u8], out: &mut Vec<u8>) -> usize {
     }
 }
 
-/// Reads decimal numbers up to 255, with separators or as a list in brackets.
+/// Whether the word is a pair of hex digits with a letter, so that the numbers in front of it are hex as well.
+fn is_hex_pair(token: &[u8]) -> bool {
+    byte_at(token, 0).is_some() && token.len() == 2 && !token.iter().all(u8::is_ascii_digit)
+}
+
+/// Reads decimal numbers up to 255, with separators or as a list in brackets. They end at a time of day.
 pub(super) fn decimal(text: &[u8], out: &mut Vec<u8>) -> usize {
     let (mut at, mut end, before) = (0, 0, out.len());
     loop {
@@ -44,7 +50,11 @@ pub(super) fn decimal(text: &[u8], out: &mut Vec<u8>) -> usize {
             at += 1;
         }
         let token = word(text, at);
-        let Some(value) = decimal_byte(token) else { return end };
+        if end > 0 && is_hex_pair(token) {
+            out.truncate(before);
+            return 0;
+        }
+        let Some(value) = decimal_byte(token).filter(|_| end == 0 || stamp_length(text, at) == 0) else { return end };
         // Java prints bytes from -128 on; a dash after a number or an arrow separates.
         let is_negative = matches!(text[..at], [.., b' ' | b',' | b'[' | b'(' | b';', b'-']);
         if is_negative && value > 128 {

@@ -36,6 +36,8 @@ pub(super) enum Style {
     Binary,
     /// A string with escape sequences.
     Escaped,
+    /// A word of base64.
+    Base64,
     /// A colon and hex digits, as a frame of Modbus ASCII is sent.
     Ascii,
 }
@@ -152,13 +154,14 @@ fn close(line: &[u8], run: Option<&mut Run>, words: &mut Vec<Word>) {
     let usual = usual_separator(line, words.get(1..).unwrap_or(&[]));
     if let [first, second, ..] = &words[..] {
         let mark = &line[second.separator.clone()];
-        let closes = mark.iter().any(|b| matches!(b, b')' | b']' | b'}'))
-            && (words.len() == 2 || usual.as_deref().is_none_or(|usual| !same_separator(mark, usual)));
+        let is_apart = usual.as_deref().is_none_or(|usual| !same_separator(mark, usual));
+        let closes = mark.iter().any(|b| matches!(b, b')' | b']' | b'}')) && (words.len() == 2 || is_apart);
         let counts = first.count == 1 && counts_bytes(&line[run.text.start..second.separator.start], run.bytes.len() - 1);
         let is_number = first.count <= 2
             && second.count >= first.count
             && match run.style {
-                Style::Pairs => closes || (counts && words.len() > 4),
+                // The request of unit 7 has seven bytes after the unit.
+                Style::Pairs => closes || (counts && is_apart && words.len() > 4),
                 Style::Decimal => closes && counts,
                 _ => false,
             };
