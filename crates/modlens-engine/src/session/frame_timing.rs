@@ -85,7 +85,9 @@ impl FrameTiming {
         let time_of = |index: usize| if has_clock { input.byte_time(index) } else { None };
         // The start is counted back from the time of the read. It cannot lie before the end of the frame before.
         let counted_back = time_of(0).map(|ns| ns - input.char_ns.unwrap_or(0));
-        let earliest = if setting.clock_jumped { None } else { setting.last_end };
+        // Bytes that arrived before it show that the clock has jumped since.
+        let arrival = time_of(length - 1);
+        let earliest = setting.last_end.filter(|last| !setting.clock_jumped && arrival >= Some(*last));
         let start = counted_back.map(|ns| earliest.map_or(ns, |last| ns.max(last)));
         // All messages in a TCP segment arrived with it.
         let clean_start = setting.mode == Mode::Tcp || input.starts_read(0);
@@ -96,7 +98,7 @@ impl FrameTiming {
         Self {
             start,
             // What a read brings back to back may be counted back further than the frame before had ended.
-            end: time_of(length - 1).map(|ns| start.filter(|_| !setting.clock_jumped).map_or(ns, |start| ns.max(start))),
+            end: arrival.map(|ns| start.filter(|_| !setting.clock_jumped).map_or(ns, |start| ns.max(start))),
             gap: gap.filter(|&gap| gap >= 2 * setting.resolution && gap > 0),
             pauses: if has_clock { input.pauses_inside(length) } else { InnerPauses::default() },
             clean_start,
@@ -122,7 +124,7 @@ impl FrameTiming {
     #[allow(clippy::inline_always)] // As above.
     pub(crate) fn of_timed_read(input: &Input, read: &Read, length: usize, setting: &TimingConfig) -> Self {
         let counted_back = read.time - length as Ns * input.char_ns.unwrap_or(0);
-        let earliest = if setting.clock_jumped { None } else { setting.last_end };
+        let earliest = setting.last_end.filter(|last| !setting.clock_jumped && read.time >= *last);
         let gap = input.pause_before_read(read);
         Self {
             start: Some(earliest.map_or(counted_back, |last| counted_back.max(last))),

@@ -31,6 +31,7 @@ mod reports;
 mod role;
 mod sample;
 mod template;
+mod ticks;
 mod timestamps;
 
 use crate::chunk::Side;

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::text::clock::{ClockKind, ClockSettings};
 use crate::text::date::{date, date_in_words, fraction, number, time_of_day, zone, DateOrder, POWERS_OF_TEN};
+use crate::text::ticks;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 
@@ -78,6 +79,8 @@ pub(super) struct TimestampState {
     pub(super) short_fractions: bool,
     /// Position of the last timestamp in its line, where the next one is tried first.
     last_position: usize,
+    /// Whole numbers in front of lines are milliseconds since any start.
+    has_ticks: bool,
     /// The sum of the printed differences, in a log that prints only the time since the line before.
     delta_sum_ns: Ns,
 }
@@ -132,6 +135,7 @@ impl TimestampParser {
             self.state.order = ahead.state.order;
             self.state.short_fractions = ahead.state.short_fractions;
         }
+        self.state.has_ticks = ticks::are_times(lines.split(|&b| b == b'\n'));
         self.cached_second = CachedSecond::default();
     }
 
@@ -172,8 +176,16 @@ impl TimestampParser {
         let found = self.date_time(inner, &[]).or_else(|| self.seconds_stamp(inner));
         match found.and_then(|(time, rest)| Some((time, end(rest)?))) {
             Some((time, rest)) => (Some(time), rest),
-            None => (None, line),
+            None => self.milliseconds(line).map_or((None, line), |(time, rest)| (Some(time), rest)),
         }
+    }
+
+    /// Parses a whole number of milliseconds at the start of the line; one since any start only where the text has shown that
+    /// such numbers are times.
+    fn milliseconds<'a>(&mut self, line: &'a [u8]) -> Option<(Ns, &'a [u8])> {
+        let ticks = if self.state.has_ticks { ticks::since_start(line) } else { None };
+        let (text, rest) = ticks.or_else(|| ticks::since_1970(line))?;
+        Some((self.count(text, 1_000_000, 3)?, rest))
     }
 
     /// Parses a number of seconds with a fraction at the start of the line, if one blank and a hex digit follow; returns the
@@ -223,6 +235,9 @@ impl TimestampParser {
             return Some(time);
         }
         let text = front.trim_ascii_start();
+        if let Some((time, _)) = self.milliseconds(text) {
+            return Some(time);
+        }
         let text = text.strip_prefix(b"[").or_else(|| text.strip_prefix(b"(")).unwrap_or(text).trim_ascii_start();
         let text = text.strip_prefix(b"+").unwrap_or(text);
         self.seconds_stamp(text).or_else(|| self.count_stamp(text)).map(|(time, _)| time)
@@ -468,6 +483,17 @@ mod tests {
         assert_eq!(timestamps.find(b"2019-10-27 02:30:00 x"), Some(1_572_136_200 * SECOND_NS)); // the first of the two
         assert_eq!(timestamps.find(b"2019-10-27 03:30:00 x"), Some(1_572_143_400 * SECOND_NS));
         assert_eq!(timestamps.kind(), ClockKind::Utc);
+    }
+
+    #[test]
+    fn whole_numbers_in_front_are_times_where_the_text_shows_it() {
+        let mut timestamps = TimestampParser::default();
+        assert_eq!(timestamps.find(b"I (12345) mb: rx "), None);
+        timestamps.look_ahead(b"I (12345) mb: rx 05\nI (12365) mb: tx 05\n");
+        assert_eq!(timestamps.find(b"I (12345) mb: rx "), Some(12_345_000_000));
+        assert_eq!(timestamps.take_leading(b"[12345] > 05"), (Some(12_345_000_000), &b" > 05"[..]));
+        assert_eq!(timestamps.kind(), ClockKind::Relative);
+        assert_eq!(TimestampParser::default().find(b"1551441600500 TX: "), Some(NOON + 500_000_000));
     }
 
     #[test]
