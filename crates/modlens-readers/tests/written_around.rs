@@ -182,3 +182,34 @@ fn the_offset_of_a_dump_is_no_byte() {
     assert_eq!(entries.iter().map(|(.., bytes)| bytes.len()).sum::<usize>(), 23);
     assert_eq!((skipped, hex_bytes), (Vec::new(), 0));
 }
+
+#[test]
+fn frames_in_base64_are_read_among_words_and_in_quotes() {
+    // The request and the response, encoded by another program.
+    let text = "12:30:05 up payload BwMAEAABhak=\n12:30:06 down {\"data\": \"BwMCASwwCQ==\"}\nthe PasswordHash= and \"CamelCaseName\" are words\n";
+    assert_eq!(frames(text), [bytes(REQUEST), bytes(RESPONSE)]);
+}
+
+#[test]
+fn binary_digits_are_read_once() {
+    let text = "request 00000111 00000011 00000000 00010000 00000000 00000001 10000101 10101001\nresponse 00000111 00000011 00000010 00000001 00101100 00110000 00001001\n";
+    let (entries, skipped, unread) = read(text);
+    assert_eq!(entries.into_iter().map(|(.., bytes)| bytes).collect::<Vec<_>>(), [bytes(REQUEST), bytes(RESPONSE)]);
+    assert_eq!((skipped, unread), (Vec::new(), 0));
+}
+
+#[test]
+fn what_a_sentence_expects_instead_of_a_frame_in_it_was_never_on_the_line() {
+    for text in [
+        format!("the meter answers with {RESPONSE} but I expected 07 83 02 61 31 or so\n"),
+        format!("I get `{RESPONSE}`, it should be `07 83 02 61 31`\n"),
+    ] {
+        assert_eq!(frames(&text), [bytes(RESPONSE)], "{text}");
+    }
+}
+
+#[test]
+fn pairs_of_digits_that_nothing_proves_look_like_hex() {
+    let guesses = detect(b"01 03 00 05 00 01\n", "x.log", Dialects::embedded);
+    assert_eq!((guesses[0].0.as_str(), guesses[0].1 < 0.25), ("hex", true));
+}

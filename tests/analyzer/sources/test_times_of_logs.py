@@ -31,14 +31,15 @@ def seconds(lines: list[str]) -> list[float | None]:
 )
 def test_stamps_of_loggers_are_times(stamps: tuple[str, str]) -> None:
     """The second frame comes 20 ms after the first one, whatever prints the time."""
-    for sent, received in (("tx", "rx"), (">", "<")):
-        lines = [f"{stamps[0]} {sent} {REQUEST}", f"{stamps[1]} {received} {RESPONSE}"]
-        assert seconds(lines) == [0, 0.02]
+    lines = [f"{stamps[0]} tx {REQUEST}", f"{stamps[1]} rx {RESPONSE}"]
+    assert seconds(lines) == [0, 0.02]
 
 
 @pytest.mark.parametrize("words", [("", ""), ("tx ", "rx ")])
 @pytest.mark.parametrize("before", [REQUEST, DAMAGED])
-def test_a_frame_after_a_step_back_of_the_clock_has_its_own_time(words: tuple[str, str], before: str) -> None:
+def test_a_frame_after_a_step_back_of_the_clock_has_its_own_time(
+    words: tuple[str, str], before: str
+) -> None:
     """The clock is set back by 65 s while the frame before, which may be damaged, is still open."""
     sent, received = words
     lines = [

@@ -239,7 +239,7 @@ fn unproved(scored: &[(Arc<Dialect>, RowScore)], text: &[u8]) -> Option<FormatGu
     let foreign =
         foreign_protocols::name(&bursts(text)).filter(|kind| odd.is_none() || !kind.contains(foreign_protocols::PLAIN_TEXT));
     let why = foreign.or(odd).map_or_else(String::new, |kind| format!("; {kind}"));
-    match scored.iter().max_by_key(|(row, score)| (score.bytes, !row.generic)) {
+    match scored.iter().max_by_key(|(row, score)| (score.bytes, !row.generic, row.is_plain_hex)) {
         Some((row, score)) => {
             let left =
                 hex_left(text).map_or_else(String::new, |(lines, bytes, _)| format!("; {lines} {bytes} bytes of hex in all"));

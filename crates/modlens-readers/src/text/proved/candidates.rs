@@ -31,9 +31,12 @@ pub(in crate::text) fn rest_of(line: &[u8], known: &[Vec<u8>]) -> Vec<(Range<usi
     let hex = hex_runs(part).into_iter().filter(is_hex);
     let runs =
         hex.chain(decimal_lists(part)).chain(escaped_strings(part).filter(|run| has_escaped_byte(&line[run.text.clone()])));
+    let binary = number_runs(part, Style::Binary);
     let mut rest = Vec::new();
     for run in runs {
-        let mut parts = vec![run.bytes];
+        // Eight binary digits are one byte, and not four.
+        let own = binary.iter().find(|own| own.text == run.text).map_or(run.bytes, |own| own.bytes.clone());
+        let mut parts = vec![own];
         known.retain(|bytes| !take_out(&mut parts, bytes));
         rest.extend(parts.into_iter().filter(|part| part.len() >= MIN_REST_BYTES).map(|part| (run.text.clone(), part)));
     }

@@ -107,7 +107,7 @@ pub(super) fn shifted(runs: Vec<Run>, start: usize) -> Vec<Run> {
 /// frame stand among them.
 pub(super) fn proved_runs(line: &[u8], start: usize) -> Vec<(Run, Vec<Range<usize>>)> {
     let part = &line[start..];
-    let read: [&dyn Fn() -> Vec<Run>; 7] = [
+    let read: [&dyn Fn() -> Vec<Run>; 8] = [
         &|| hex_runs(part),
         &|| ascii_runs(part),
         &|| escaped_runs(part),
@@ -115,6 +115,7 @@ pub(super) fn proved_runs(line: &[u8], start: usize) -> Vec<(Run, Vec<Range<usiz
         &|| number_runs(part, Style::Loose),
         &|| number_runs(part, Style::Decimal),
         &|| number_runs(part, Style::Binary),
+        &|| base64_runs(part),
     ];
     for read in read {
         let proved: Vec<_> = shifted(read(), start)
@@ -166,6 +167,29 @@ fn ascii_runs(line: &[u8]) -> Vec<Run> {
         if is_word && are_bytes && lrc(&bytes) == 0 && frames::fits_known_function(&bytes[1..bytes.len() - 1]) {
             let bytes = [b":", &digits[..], b"\r\n"].concat();
             runs.push(Run::whole(Style::Ascii, colon..end, bytes));
+        }
+    }
+    runs
+}
+
+/// Words of base64 that are a whole frame. They end with its padding or a quote, and not all of their letters are small, as
+/// those of other words are.
+fn base64_runs(line: &[u8]) -> Vec<Run> {
+    let is_mark = |b: &u8| b.is_ascii_alphanumeric() || matches!(b, b'+' | b'/' | b'=');
+    let mut runs = Vec::new();
+    let mut at = 0;
+    while let Some(start) = line[at..].iter().position(u8::is_ascii_alphanumeric).map(|front| at + front) {
+        let text = &line[start..];
+        let text = &text[..text.iter().position(|b| !is_mark(b)).unwrap_or(text.len())];
+        at = start + text.len();
+        let ends = text.ends_with(b"=") || matches!(line.get(at), Some(b'"' | b'\''));
+        let mut bytes = Vec::new();
+        if ends
+            && text.iter().any(u8::is_ascii_uppercase)
+            && Notation::Base64.read(text, None, &mut bytes, &mut NotationFlags::default()) == Some(text.len())
+            && frames::prove(&bytes, &[0, bytes.len()]).contains(&(0..bytes.len()))
+        {
+            runs.push(Run::whole(Style::Base64, start..at, bytes));
         }
     }
     runs

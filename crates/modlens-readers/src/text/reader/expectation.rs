@@ -14,7 +14,11 @@ const EXPECTED: &str = "bytes that should have come, as the text says";
 impl Reader {
     /// Whether frames of the current line may be ones that only should have come: in a short text, after others that did.
     fn may_be_expected(&self) -> bool {
-        self.number <= LAST_LINE && self.assembler.records > 0 && !self.is_counting()
+        self.is_short_text() && self.assembler.records > 0
+    }
+
+    fn is_short_text(&self) -> bool {
+        self.number <= LAST_LINE && !self.is_counting()
     }
 
     /// Leaves out what a dialect has read in a line, if it only should have come. Returns whether it did.
@@ -38,7 +42,8 @@ impl Reader {
 
     /// Leaves out those of the bytes found in a line that only should have come.
     pub(super) fn without_expected(&mut self, line: &[u8], all: Vec<Found>) -> Vec<Found> {
-        if !self.may_be_expected() || all.iter().any(|one| !one.earlier.is_empty()) {
+        let is_first = !self.may_be_expected();
+        if (is_first && !(self.is_short_text() && all.len() > 1)) || all.iter().any(|one| !one.earlier.is_empty()) {
             return all;
         }
         let fronts: Vec<&[u8]> = all.iter().map(|one| &line[one.front.clone()]).collect();
@@ -48,7 +53,8 @@ impl Reader {
         let mut kept = Vec::new();
         for (at, (one, is_expected)) in all.into_iter().zip(expected).enumerate() {
             let is_behind = at == last && announces(behind(line, &one)) == Some(true);
-            if is_expected || is_behind {
+            // In the first line with bytes, some of them have to have come.
+            if (is_expected || is_behind) && !(is_first && kept.is_empty()) {
                 self.assembler.skip(self.number, &one.bytes, EXPECTED);
                 self.line_bytes.add(&one.bytes);
             } else {
