@@ -7,6 +7,10 @@ use modlens_protocol::source::Place;
 use modlens_protocol::Ns;
 use modlens_readers::chunk::Side;
 
+/// Bytes that arrived so long before the end of the frame in front of them show that the clock has jumped since. Times counted
+/// back inside a read differ by far less.
+const MIN_JUMP: Ns = 1_000_000_000;
+
 /// The parameters from which the times of a frame are computed, beside the reads that it came in.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TimingConfig {
@@ -85,9 +89,8 @@ impl FrameTiming {
         let time_of = |index: usize| if has_clock { input.byte_time(index) } else { None };
         // The start is counted back from the time of the read. It cannot lie before the end of the frame before.
         let counted_back = time_of(0).map(|ns| ns - input.char_ns.unwrap_or(0));
-        // Bytes that arrived before it show that the clock has jumped since.
         let arrival = time_of(length - 1);
-        let earliest = setting.last_end.filter(|last| !setting.clock_jumped && arrival >= Some(*last));
+        let earliest = setting.last_end.filter(|last| !setting.clock_jumped && arrival.is_none_or(|ns| ns + MIN_JUMP >= *last));
         let start = counted_back.map(|ns| earliest.map_or(ns, |last| ns.max(last)));
         // All messages in a TCP segment arrived with it.
         let clean_start = setting.mode == Mode::Tcp || input.starts_read(0);
@@ -124,7 +127,7 @@ impl FrameTiming {
     #[allow(clippy::inline_always)] // As above.
     pub(crate) fn of_timed_read(input: &Input, read: &Read, length: usize, setting: &TimingConfig) -> Self {
         let counted_back = read.time - length as Ns * input.char_ns.unwrap_or(0);
-        let earliest = setting.last_end.filter(|last| !setting.clock_jumped && read.time >= *last);
+        let earliest = setting.last_end.filter(|last| !setting.clock_jumped && read.time + MIN_JUMP >= *last);
         let gap = input.pause_before_read(read);
         Self {
             start: Some(earliest.map_or(counted_back, |last| counted_back.max(last))),
