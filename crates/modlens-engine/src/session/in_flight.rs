@@ -59,6 +59,13 @@ struct Sent {
     is_given_up: bool,
 }
 
+/// An answer may be that of a request so many before the newest one: each timeout of the client adds one.
+const MOST_LAG: usize = 3;
+
+/// So many answers in a row that fit an earlier request alone are no accident. Of several earlier requests one fits by chance more
+/// often.
+const LEAST_BEHIND: [u32; 1 + MOST_LAG] = [0, 1, 3, 3];
+
 /// The requests of a connection that have no answer yet, and what they have shown.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct InFlight {
@@ -73,10 +80,10 @@ pub(crate) struct InFlight {
     patience: Option<Ns>,
     /// The answer to the request before the newest one has come so long after that one, while it waited.
     stale_answer: Option<Ns>,
-    /// What the newest request wants, and what the one before it wanted.
-    asked: [Option<AnswerShape>; 2],
-    /// The last answer that fitted one of these two requests alone fitted the one before.
-    is_behind: bool,
+    /// What the newest request wants, and what those before it wanted.
+    asked: [Option<AnswerShape>; 1 + MOST_LAG],
+    /// How many answers in a row fitted the request so many before the newest one, and not that one.
+    behind: [u32; 1 + MOST_LAG],
     /// The unit of the answers, and whether some have come from another one.
     answering: Option<(u8, bool)>,
     /// When the first answer came in the place of that to the request after its own.
@@ -93,7 +100,7 @@ impl InFlight {
     /// Whether a request that comes waits alone, and the next answer is its own.
     #[inline]
     pub(crate) fn is_idle(&self) -> bool {
-        self.waiting.is_empty() && self.stale_answer.is_none() && !self.is_behind
+        self.waiting.is_empty() && self.stale_answer.is_none() && self.behind.iter().all(|answers| *answers == 0)
     }
 
     /// Notes requests with their answers, one after the other, where it `is_idle`: how many, how long the slowest answer took, what
@@ -102,6 +109,7 @@ impl InFlight {
     pub(crate) fn lone_exchanges(&mut self, exchanges: u64, longest: Ns, last: AnswerShape, last_answer: Ns) {
         self.most = self.most.max(1);
         self.longest = self.longest.max(longest);
+        self.asked = [None; 1 + MOST_LAG];
         self.asked[0] = Some(last);
         self.note_unit(last.unit);
         self.answers += exchanges;
@@ -130,7 +138,8 @@ impl InFlight {
         time: Option<Ns>,
         may_give_up: impl Fn(Ns) -> bool,
     ) {
-        self.asked = [Some(shape), self.asked[0]];
+        self.asked.rotate_right(1);
+        self.asked[0] = Some(shape);
         self.first_request = self.first_request.or(time);
         let waited = self.waiting.back().and_then(|newest| Some(time? - newest.time?));
         let has_given_up = waited.is_some_and(|waited| waited > self.longest && may_give_up(waited));
@@ -166,7 +175,7 @@ impl InFlight {
                 self.longest = self.longest.max(took);
             }
             self.waiting.retain(|sent| !sent.is_given_up);
-        } else if sent.is_given_up && at + 1 == newest {
+        } else if sent.is_given_up && newest - at <= MOST_LAG {
             self.stale_answer = self.waiting.back().and_then(|newest| Some(time? - newest.time?));
         }
     }
@@ -175,12 +184,17 @@ impl InFlight {
     fn compare(&mut self, answer: AnswerShape, time: Option<Ns>) {
         self.note_unit(answer.unit);
         let by_unit = self.answering.is_some_and(|(_, several)| several);
-        let [own, before] = self.asked.map(|asked| asked.is_some_and(|asked| answer.fits(asked, by_unit)));
-        // Of one request after another of the same kind, each answer fits both: it is as those around it.
-        if own != before {
-            self.is_behind = before;
+        let fits = self.asked.map(|asked| asked.is_some_and(|asked| answer.fits(asked, by_unit)));
+        for (answers, fits_before) in self.behind.iter_mut().zip(fits).skip(1) {
+            // Of one request after another of the same kind, each answer fits both: it is as those around it.
+            *answers = match (fits[0], fits_before) {
+                (false, true) => answers.saturating_add(1),
+                (_, false) => 0,
+                (true, true) => *answers,
+            };
         }
-        if before && self.is_behind {
+        let is_behind = |lag: usize| fits[lag] && self.behind[lag] >= LEAST_BEHIND[lag];
+        if (1..=MOST_LAG).any(is_behind) {
             self.lockstep += 1;
             self.lockstep_since = self.lockstep_since.or(time);
         }
@@ -220,6 +234,32 @@ mod tests {
             }
         }
         (seen.most, seen.lockstep)
+    }
+
+    #[test]
+    fn an_answer_may_be_two_requests_late() {
+        // After two timeouts each answer is that of the request before the last, by its identifier ...
+        let by_id = [
+            (Ok(0), 0),
+            (Err(0), 10),
+            (Ok(1), 100),
+            (Ok(2), 160),
+            (Ok(3), 220),
+            (Err(1), 221),
+            (Ok(4), 300),
+            (Err(2), 301),
+            (Ok(5), 380),
+        ];
+        assert_eq!(played(&by_id), (1, 2));
+        // ... or by its length, where the identifier is that of the newest one: six such answers, and the first two may be chance.
+        let by_length: Vec<_> = (0..8u16)
+            .flat_map(|at| {
+                let length = |of: u16| 9 + 2 * usize::from(of);
+                let answered = if at < 2 { at } else { at - 2 };
+                [(Ok(at), i64::from(at) * 100, length(at)), (Err(at), i64::from(at) * 100 + 5, length(answered))]
+            })
+            .collect();
+        assert_eq!(played_with_lengths(&by_length), (1, 4));
     }
 
     #[test]
