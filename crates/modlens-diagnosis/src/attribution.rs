@@ -86,7 +86,7 @@ fn sum<'a>(cells: impl Iterator<Item = (&'a Cell, f64)>) -> Odd {
 /// Of each cell, how many each claim explains; and how many none does.
 fn divide(cells: &[Cell], claims: &[Claim], units: f64) -> (Vec<Vec<f64>>, Vec<f64>) {
     let unexplained = UNEXPLAINED / Symptom::ALL.len() as f64 / units;
-    let likelihood = |claim: &Claim, cell: &Cell| match (claim.shown_by.or(claim.unit), diagnosis(claim.code)) {
+    let likelihood = |claim: &Claim, cell: &Cell| match (claim.spoiled_unit(), diagnosis(claim.code)) {
         (Some(unit), _) if cell.unit.is_some_and(|other| other != unit) => ELSEWHERE,
         (unit, Some(cause)) => cause.rate(cell.symptom) / if unit.is_some() { 1.0 } else { units },
         (_, None) => 0.0,

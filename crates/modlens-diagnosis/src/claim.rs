@@ -1,5 +1,9 @@
 //! What a kind of trouble claims of a bus, before it is put into words.
 
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
 use crate::contrast::gaps::{without_lone, Episode};
 use crate::contrast::tally::{Place, Tally};
 use crate::contrast::{BusContrast, Symptom, UnitCounts};
@@ -21,6 +25,7 @@ pub struct View<'a> {
     pub bus: &'a BusContrast,
     /// How many contrasts are looked at, for the correction of chances.
     pub hypotheses: f64,
+    recognized: RefCell<BTreeMap<&'static str, Rc<[Claim]>>>,
 }
 
 /// Contrasts that are looked at for each unit.
@@ -29,7 +34,18 @@ const CONTRASTS_PER_UNIT: usize = 16;
 impl<'a> View<'a> {
     /// The view of a bus.
     pub fn new(bus: &'a BusContrast) -> Self {
-        Self { bus, hypotheses: (bus.units.len().max(1) * CONTRASTS_PER_UNIT) as f64 }
+        let hypotheses = (bus.units.len().max(1) * CONTRASTS_PER_UNIT) as f64;
+        Self { bus, hypotheses, recognized: RefCell::default() }
+    }
+
+    /// Returns what is claimed under this name. It is recognized once for all kinds that ask for it.
+    pub fn once(&self, name: &'static str, recognize: fn(&Self) -> Vec<Claim>) -> Rc<[Claim]> {
+        if let Some(known) = self.recognized.borrow().get(name) {
+            return known.clone();
+        }
+        let claims: Rc<[Claim]> = recognize(self).into();
+        self.recognized.borrow_mut().insert(name, claims.clone());
+        claims
     }
 
     /// Whether there are too few requests for shares.
@@ -86,6 +102,17 @@ impl Certainty {
     }
 }
 
+/// Whose transactions show what a claim says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ShownBy {
+    /// Those of the unit that the claim names, or of any unit where it names none.
+    OwnUnit,
+    /// Those of another unit.
+    Unit(u8),
+    /// Those of any unit, though the claim names one.
+    AllUnits,
+}
+
 /// What is wrong, of whom, and how much speaks for it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Claim {
@@ -93,8 +120,8 @@ pub struct Claim {
     pub code: &'static str,
     /// The unit.
     pub unit: Option<u8>,
-    /// The unit whose transactions show it, where that is another one.
-    pub shown_by: Option<u8>,
+    /// Whose transactions show it.
+    pub shown_by: ShownBy,
     /// The function.
     pub function: Option<u8>,
     /// The address.
@@ -153,7 +180,7 @@ impl Claim {
         Self {
             code,
             unit: None,
-            shown_by: None,
+            shown_by: ShownBy::OwnUnit,
             function: None,
             address: None,
             client: None,
@@ -183,11 +210,20 @@ impl Claim {
         self
     }
 
-    /// Names the unit whose transactions show it.
+    /// Names those whose transactions show it.
     #[must_use]
-    pub fn shown_by(mut self, unit: u8) -> Self {
-        self.shown_by = Some(unit);
+    pub fn shown_by(mut self, shown_by: ShownBy) -> Self {
+        self.shown_by = shown_by;
         self
+    }
+
+    /// Returns the unit whose transactions show it; `None` where those of any unit do.
+    pub fn spoiled_unit(&self) -> Option<u8> {
+        match self.shown_by {
+            ShownBy::OwnUnit => self.unit,
+            ShownBy::Unit(unit) => Some(unit),
+            ShownBy::AllUnits => None,
+        }
     }
 
     /// Names a function and an address.

@@ -8,6 +8,7 @@ mod context;
 mod cycles;
 mod epochs;
 pub mod gaps;
+pub mod jumps;
 mod known_requests;
 pub mod lists;
 mod network;
@@ -15,6 +16,7 @@ mod noise;
 #[cfg(test)]
 mod one_by_one;
 mod place;
+pub mod rates;
 mod recent;
 pub mod registers;
 mod request;
@@ -24,6 +26,7 @@ pub mod tally;
 pub mod times;
 pub mod told;
 mod unit;
+pub mod writes;
 
 use std::collections::BTreeMap;
 
@@ -36,6 +39,7 @@ pub use noise::{NoiseCounts, NoiseKey, NoiseRuns};
 pub use request::{Lonely, Pair, RequestCounts};
 pub use symptoms::{Seen, Symptom, Symptoms};
 pub use unit::{LengthRatios, Overtaken, Pauses, Runs, UnitCounts, EXCEPTIONS};
+pub use writes::{AfterWrite, AfterWrites, WriteKey};
 
 use crate::clean::Exchanges;
 use crate::observation::FrameObservation;
@@ -82,6 +86,8 @@ pub struct Contrast {
     buses: BTreeMap<String, BusContrast>,
     /// Whether something was left out, for want of room.
     overflowed: bool,
+    /// Whether whole buses or units were.
+    left_out: bool,
     is_selection: bool,
 }
 
@@ -120,7 +126,7 @@ impl Contrast {
                     for rows in rows.chunk_by(|row, next| row.bus == next.bus) {
                         let bus = self.bus(batch, rows[0].bus);
                         for row in rows {
-                            if !bus.clean_frame(row) {
+                            if !bus.clean_frame(batch, row) {
                                 bus.frame(FrameObservation::of(batch, row));
                             }
                         }
@@ -156,14 +162,14 @@ impl Contrast {
         let of = |name: &str, what: u64| mix_bytes(name.as_bytes()) >> 32 << 32 | mix(what) >> 32;
         let buses: Vec<u64> = self.buses.keys().map(|name| of(name, 0)).collect();
         if let Some(limit) = limit(buses, most.buses) {
-            self.overflowed = true;
+            (self.overflowed, self.left_out) = (true, true);
             self.buses.retain(|name, _| of(name, 0) < limit);
         }
         let units = |bus: &BusContrast| bus.units.len();
         if self.buses.values().map(units).sum::<usize>() > most.units {
             let all = self.buses.iter().flat_map(|(name, bus)| bus.units.keys().map(move |unit| of(name, u64::from(*unit) + 1)));
             let limit = limit(all.collect(), most.units).expect("there are more");
-            self.overflowed = true;
+            (self.overflowed, self.left_out) = (true, true);
             for (name, bus) in &mut self.buses {
                 bus.settle();
                 bus.units.retain(|unit, _| of(name, u64::from(*unit) + 1) < limit);
@@ -179,6 +185,11 @@ impl Contrast {
                 bus.forget();
             }
         }
+    }
+
+    /// Whether whole buses or units were left out.
+    pub fn is_part(&self) -> bool {
+        self.left_out
     }
 
     /// Whether there were more buses, units or requests than are counted.
@@ -229,6 +240,7 @@ impl Contrast {
             }
         }
         self.overflowed |= later.overflowed;
+        self.left_out |= later.left_out;
         self.prune(MOST);
     }
 

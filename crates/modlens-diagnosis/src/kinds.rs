@@ -10,10 +10,13 @@ mod exceptions;
 mod foreign;
 mod interleaved;
 mod layouts;
+mod lockstep;
 mod masters;
 mod meetings;
 mod network;
 mod pace;
+mod rates;
+mod switched;
 mod together;
 mod unreadable;
 mod values;
@@ -28,7 +31,7 @@ pub type Kind = (&'static str, fn(&View<'_>) -> Vec<Claim>);
 /// All kinds; `dissectors/diagnoses.toml` has a row for each, in the same words.
 pub const KINDS: &[Kind] = &[
     ("slow_answers", answers::slow_answers),
-    ("lockstep", network::lockstep),
+    ("lockstep", lockstep::lockstep),
     ("no_bias", damage::no_bias),
     ("polled_too_fast", pace::polled_too_fast),
     ("swapped_wires", wires::swapped_wires),
@@ -142,7 +145,7 @@ const EXPLAINS: &[(&str, &[&str])] = &[
 
 /// What all kinds claim of a bus, without what another claim explains; and what they claim each by itself.
 pub fn claims(view: &View<'_>) -> (Vec<Claim>, Vec<Claim>) {
-    let all: Vec<Claim> = KINDS.iter().flat_map(|(_, recognize)| recognize(view)).collect();
+    let all: Vec<Claim> = KINDS.iter().flat_map(|(code, recognize)| view.once(code, *recognize).to_vec()).collect();
     // What shows itself far more often than its explanation is more than that.
     let is_explained = |claim: &Claim| {
         let of_same = |other: &&Claim| other.unit.is_none() || claim.unit.is_none() || other.unit == claim.unit;

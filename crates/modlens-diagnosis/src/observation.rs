@@ -10,6 +10,7 @@ use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::{Finding, Severity};
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::{Functions, Operation};
+use modlens_protocol::oddity::is_swapped;
 use modlens_protocol::register_type::Space;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
@@ -22,6 +23,7 @@ pub use layout::LayoutFault;
 pub(crate) use layout::{answer_length, data_length, lacks_count};
 
 use crate::contrast::tally::{fingerprint, mix, Place};
+use crate::contrast::writes::WriteKey;
 
 /// The findings of a row, one bit each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -112,11 +114,19 @@ pub struct Data {
 /// How the values of an answer go on with what was read before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shift {
-    /// They continue the series of the request before; by chance once in 2 to the power of this.
-    ToRequestBefore(u32),
-    /// They continue neither that one nor their own.
+    /// They continue the series of an earlier request.
+    ToEarlier {
+        /// So many requests before their own: 1 to `MOST_LAG`.
+        lag: usize,
+        /// By chance once in 2 to the power of this.
+        bits: u32,
+    },
+    /// They continue neither the series of the request before nor their own.
     Elsewhere,
 }
+
+/// An answer one step late belongs to the request before, and each further silence adds a step.
+pub const MOST_LAG: usize = 3;
 
 /// Which request: unit, function, address and quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -199,6 +209,8 @@ pub struct Observation {
     pub waited: Option<Ns>,
     /// How long after the request its answer came, where that was too late.
     pub late: Option<Ns>,
+    /// So long after an earlier request, which had no answer, this one came that fits it.
+    pub belated: Option<Ns>,
     /// It is the late answer to this transaction.
     pub late_response_to: Option<u64>,
     /// Silence before the request.
@@ -225,9 +237,9 @@ pub struct Observation {
     pub checksum: Option<Figures>,
     /// The data are those that another request was answered with a moment ago.
     pub is_of_another: bool,
-    /// Of an answer of another length than asked for: what the unit was asked right before.
-    pub asked_before: Option<RequestKey>,
-    /// Shortly after a silence: whether the values continue the series of the request before, not their own.
+    /// Of an answer of another length than asked for: what the unit was asked before, the last one first.
+    pub asked_before: [Option<RequestKey>; MOST_LAG],
+    /// Shortly after a silence: whether the values continue the series of an earlier request, not their own.
     pub shift: Option<Shift>,
     /// The unit that answered, where it is another one.
     pub answered_by: Option<u8>,
@@ -302,6 +314,7 @@ impl Observation {
             response_time: row.response_time,
             waited: row.waited,
             late: row.late_response,
+            belated: None,
             late_response_to: row.late_response_to,
             gap: row.gap,
             is_retry: row.retry_of.is_some(),
@@ -315,7 +328,7 @@ impl Observation {
             figures: figures::of(batch, row, |finding| findings.has(finding)),
             checksum: figures::checksum(batch, row),
             is_of_another: false,
-            asked_before: None,
+            asked_before: [None; MOST_LAG],
             shift: None,
             answered_by: findings
                 .has(Finding::WrongUnit)
@@ -468,6 +481,10 @@ pub struct FrameObservation {
     pub origins: [u64; 2],
     /// Who sent it, where the recording says so.
     pub side: Option<Side>,
+    /// What it writes: of a good request of RTU.
+    pub write: Option<WriteKey>,
+    /// The bytes of its checksum are swapped, and the frame was taken as it is: that is a habit of its unit.
+    pub is_swapped: bool,
 }
 
 impl FrameObservation {
@@ -485,6 +502,29 @@ const READ_REQUEST: u32 = 8;
 #[inline]
 pub(crate) fn is_write(code: u8) -> bool {
     matches!(code, 5 | 6 | 15 | 16 | 22 | 23)
+}
+
+/// What a frame writes: of a good request of RTU.
+pub(crate) fn written(batch: &Batch, row: &Frame) -> Option<WriteKey> {
+    let is_request = row.verdict.is_good() && row.mode == Mode::Rtu && row.direction == Direction::Request;
+    if is_request {
+        WriteKey::of_rtu(row.wire.of(&batch.arena))
+    } else {
+        None
+    }
+}
+
+/// Whether a good answer of RTU has a checksum whose bytes are swapped.
+pub(crate) fn is_swapped_answer(batch: &Batch, row: &Frame) -> bool {
+    row.verdict == Verdict::Ok
+        && row.mode == Mode::Rtu
+        && row.direction == Direction::Response
+        && is_swapped(row.wire.of(&batch.arena))
+}
+
+/// What a compact exchange writes, if it does.
+pub(crate) fn write_of_compact(row: &Exchange) -> WriteKey {
+    WriteKey { unit: row.unit, function: row.function, address: row.address }
 }
 
 /// Bytes of a run of noise that are looked at.
@@ -510,6 +550,8 @@ impl FrameObservation {
             damage: None,
             origins: [0; 2],
             side: None,
+            write: is_write(row.function).then(|| write_of_compact(row)),
+            is_swapped: false,
         }
     }
 
@@ -534,6 +576,8 @@ impl FrameObservation {
             damage: damage::damaged_request(row, wire),
             origins: [row.origin, row.last_origin],
             side: row.side,
+            write: row.code.filter(|code| is_write(*code)).and_then(|_| written(batch, row)),
+            is_swapped: is_swapped_answer(batch, row),
         }
     }
 }

@@ -75,8 +75,7 @@ impl Report {
         }
         rows.sort_by_key(|(spoiled, row, _)| std::cmp::Reverse(harm(*spoiled, row)));
         let (rows, courses): (Vec<DiagnosisRow>, Vec<Course>) = rows.into_iter().map(|(_, row, course)| (row, course)).unzip();
-        let (word, sentence) =
-            verdict::verdict(&buses, contrast.is_selection(), &rows, without_cause.first().map(|(row, _)| row));
+        let (word, sentence) = verdict::verdict(&buses, contrast, &rows, without_cause.first().map(|(row, _)| row));
         let requests = buses.iter().fold(Share::default(), |sum, (_, bus)| sum.with(bus.requests_seen.share()));
         let has_broadcasts_only = verdict::broadcasts_only(&buses).is_some();
         let is_checked = |bus: &BusContrast| {

@@ -67,6 +67,11 @@ impl Diagnosis {
         self.symptoms.iter().find(|(one, _)| *one == symptom).map_or(UNNAMED, |(_, rate)| *rate)
     }
 
+    /// Whether refusals by an exception are among its symptoms.
+    pub fn explains_refusals(&self) -> bool {
+        self.symptoms.iter().any(|(symptom, _)| symptom.is_refusal())
+    }
+
     /// What is said of a few examples of a symptom.
     pub fn sight(&self, symptom: Symptom) -> Option<&str> {
         self.sight.iter().find(|(one, _)| *one == symptom).map(|(_, words)| words.as_str())

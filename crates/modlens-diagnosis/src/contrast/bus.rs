@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use modlens_engine::records::{Bus, Connection, Exchange, ExchangeRun, Frame, Side};
+use modlens_engine::records::{Batch, Bus, Connection, Exchange, ExchangeRun, Frame, Side};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
@@ -18,13 +18,16 @@ use super::known_requests::RequestMemory;
 use super::lists::Lists;
 use super::network::{Connections, Counted};
 use super::noise::NoiseRuns;
+use super::rates::Rates;
 use super::request::{RequestCounts, MAX_REQUESTS};
 use super::sample::Sample;
 use super::symptoms::Symptoms;
 use super::tally::Tally;
 use super::told::Told;
 use super::unit::{Runs, UnitCounts};
-use crate::observation::{FrameObservation, Observation, Outcome, RequestKey, DAMAGED_PARTS};
+use crate::observation::{
+    is_swapped_answer, is_write, write_of_compact, written, FrameObservation, Observation, Outcome, RequestKey, DAMAGED_PARTS,
+};
 use modlens_engine::durations::Durations;
 
 /// What is counted of a row depends on at most so many rows before it.
@@ -80,6 +83,8 @@ pub struct FrameCounts {
     pub lost: Tally,
     /// Damaged requests without a transaction, by the part that is damaged.
     pub request_parts: [Tally; DAMAGED_PARTS],
+    /// How fast the bytes of good frames came.
+    pub rates: Rates,
     /// Good frames of writes, and those shortly after them.
     pub behind_writes: u64,
     /// Frames without a finding that are not counted in the tallies yet.
@@ -172,10 +177,10 @@ impl BusContrast {
 
     /// Takes the next frame if it is good, has no finding and no pauses inside; whether it was taken.
     #[inline]
-    pub(crate) fn clean_frame(&mut self, row: &Frame) -> bool {
+    pub(crate) fn clean_frame(&mut self, batch: &Batch, row: &Frame) -> bool {
         let is_same_framing = self.facts.mode == Some(row.mode);
         let is_clean = row.verdict.is_good() && row.findings.length == 0 && row.pauses.count == 0 && is_same_framing;
-        if !is_clean || self.frames_seen < WINDOW as u64 || self.context.may_be_foreign(row) {
+        if !is_clean || self.frames_seen < WINDOW as u64 || self.context.may_be_foreign(row) || is_swapped_answer(batch, row) {
             return false;
         }
         self.context.note_sent(row.side, row.direction, row.number);
@@ -183,9 +188,11 @@ impl BusContrast {
         self.pending += 1;
         self.context.last_txn = row.txn.unwrap_or(self.context.last_txn);
         let sender = (row.direction, row.unit);
-        let good = GoodFrame::after(self.context.last_good, row.number, sender, row.mode, row.code);
+        let write = row.code.filter(|code| is_write(*code)).and_then(|_| written(batch, row));
+        let good = GoodFrame::after(self.context.last_good, row.number, sender, row.mode, row.code, write);
         self.context.last_good = Some(good.at(row.last_origin));
-        self.frames.behind_writes += u64::from(good.is_behind_write());
+        self.count_behind_write(good);
+        self.frames.rates.count(row.direction, row.unit, row.pauses, self.facts.char_ns);
         self.frames.count_clean(row);
         true
     }
@@ -217,8 +224,9 @@ impl BusContrast {
         for (at, row) in in_bulk.iter().enumerate() {
             for (frame, direction) in [Direction::Request, Direction::Response].into_iter().enumerate() {
                 let number = run.frame + 2 * (rest + at) as u64 + frame as u64;
-                let next = GoodFrame::after(good, number, (direction, Some(row.unit)), Mode::Rtu, Some(row.function));
-                self.frames.behind_writes += u64::from(next.is_behind_write());
+                let write = is_write(row.function).then_some(row).map(write_of_compact);
+                let next = GoodFrame::after(good, number, (direction, Some(row.unit)), Mode::Rtu, Some(row.function), write);
+                self.count_behind_write(next);
                 good = Some(next);
             }
         }
@@ -390,20 +398,29 @@ impl BusContrast {
         self.count_line_errors(seen);
         if let Some(behind_write) = around.burst {
             self.noise.by_write[usize::from(behind_write)] += 1;
+            let write = self.context.last_good.and_then(|good| good.write());
+            if let Some(write) = write.filter(|_| behind_write) {
+                self.noise.after_writes.count_burst(write);
+            }
         }
         if let Some((_, Some(unit))) = attached.filter(|_| around.is_doubled) {
             self.units.entry(unit).or_default().doubled.count(true, seen.place);
         }
         if seen.verdict.is_good() {
-            let is_behind_write = self.context.last_good.is_some_and(|good| good.is_behind_write());
-            self.frames.behind_writes += u64::from(is_behind_write);
+            if let Some(good) = self.context.last_good {
+                self.count_behind_write(good);
+            }
             self.symptoms.lone_layout(seen);
+            if seen.is_swapped {
+                self.symptoms.swapped_checksum(seen);
+            }
             if around.is_foreign {
                 self.symptoms.foreign_request(seen);
             }
             if around.is_other_framing {
                 self.symptoms.other_framing(seen);
             }
+            self.frames.rates.count(seen.direction, seen.unit, seen.pauses, self.facts.char_ns);
             self.count_pause(seen);
             return;
         }
@@ -455,6 +472,17 @@ impl BusContrast {
         };
         if let Some(unit) = seen.unit {
             self.units.entry(unit).or_default().pauses[side].count(seen.pauses, seen.place);
+        }
+    }
+
+    /// Counts a good frame that belongs to a write, or follows one.
+    #[inline]
+    fn count_behind_write(&mut self, good: GoodFrame) {
+        if good.is_behind_write() {
+            self.frames.behind_writes += 1;
+            if let Some(write) = good.write() {
+                self.noise.after_writes.count_frame(write);
+            }
         }
     }
 
@@ -557,5 +585,6 @@ impl FrameCounts {
         self.pauses.merge(&later.pauses);
         self.lost.merge(&later.lost);
         self.behind_writes += later.behind_writes;
+        self.rates.merge(&later.rates);
     }
 }

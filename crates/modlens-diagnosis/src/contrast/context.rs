@@ -13,9 +13,10 @@ use modlens_protocol::Ns;
 use super::before::Before;
 use super::recent::{Answer, RecentAnswers};
 use super::tally::Place;
+use super::writes::WriteKey;
 use crate::observation::{
     answer_length, apart, is_write, response_part, DamagedPart, Data, FrameObservation, Observation, Outcome, RequestKey, Shift,
-    FAR,
+    FAR, MOST_LAG,
 };
 
 /// A write is remembered for so many transactions.
@@ -55,6 +56,8 @@ pub(super) struct GoodFrame {
     mode: Mode,
     /// Good frames since that of a write; as many as fit in it without one.
     since_write: u8,
+    /// What that one writes, where it is known.
+    write: Option<WriteKey>,
     /// On Modbus/TCP, line or packet of its last byte; else 0.
     origin: u64,
 }
@@ -62,13 +65,21 @@ pub(super) struct GoodFrame {
 impl GoodFrame {
     /// The frame after `before`.
     #[inline]
-    pub fn after(before: Option<Self>, number: u64, sender: (Direction, Option<u8>), mode: Mode, code: Option<u8>) -> Self {
+    pub fn after(
+        before: Option<Self>,
+        number: u64,
+        sender: (Direction, Option<u8>),
+        mode: Mode,
+        code: Option<u8>,
+        write: Option<WriteKey>,
+    ) -> Self {
         let function = code.map(|code| code & 0x7F);
         let since_write = match function {
             Some(function) if is_write(function) => 0,
             _ => before.map_or(u8::MAX, |before| before.since_write.saturating_add(1)),
         };
-        Self { number, direction: sender.0, unit: sender.1, function, mode, since_write, origin: 0 }
+        let write = write.or(before.filter(|_| since_write <= WRITE_FRAMES).and_then(|before| before.write));
+        Self { number, direction: sender.0, unit: sender.1, function, mode, since_write, write, origin: 0 }
     }
 
     /// The same, with the line or packet of its last byte, which counts on Modbus/TCP alone.
@@ -89,6 +100,12 @@ impl GoodFrame {
     #[inline]
     pub fn is_behind_write(&self) -> bool {
         self.since_write <= WRITE_FRAMES
+    }
+
+    /// The write that it belongs to, or follows, where it is known which.
+    #[inline]
+    pub fn write(&self) -> Option<WriteKey> {
+        self.write.filter(|_| self.is_behind_write())
     }
 }
 
@@ -161,6 +178,8 @@ pub(super) struct Context {
     asked: Option<RequestKey>,
     /// The recording shows no answer to the last transaction.
     is_open: bool,
+    /// Of the last two transactions, those without any answer: what was asked, and when.
+    unanswered: [Option<(RequestKey, Ns)>; 2],
     /// The answer to it stops before its end, and lacks so many bytes.
     cut: Option<(RequestKey, u32)>,
     /// The last frame that the program says it sent: who sends such frames, and the number.
@@ -185,7 +204,7 @@ impl Context {
             let is_foreign = self.is_foreign(seen);
             self.note_sent(seen.side, seen.direction, seen.number);
             let sender = (seen.direction, seen.unit);
-            let good = GoodFrame::after(self.last_good, seen.number, sender, seen.mode, seen.code);
+            let good = GoodFrame::after(self.last_good, seen.number, sender, seen.mode, seen.code, seen.write);
             self.last_good = Some(good.at(seen.origins[1]));
             return Around { is_other_framing, is_foreign, ..Around::default() };
         }
@@ -323,6 +342,7 @@ impl Context {
     pub fn transaction(&mut self, seen: &mut Observation) {
         self.compare(seen);
         self.note_order(seen);
+        self.note_unanswered(seen);
         self.open_since = seen.starts[0].filter(|_| seen.outcome == Outcome::NotSeen);
         self.is_open = matches!(seen.outcome, Outcome::Silent | Outcome::NotSeen);
         self.cut = missing(seen);
@@ -351,6 +371,21 @@ impl Context {
         }
         if seen.writes {
             self.note_write();
+        }
+    }
+
+    /// Notes a request without any answer, or that this one came for it: after the next request, whose answer it cannot be.
+    fn note_unanswered(&mut self, seen: &mut Observation) {
+        if seen.outcome.counts() {
+            let asked = seen.key().zip(seen.starts[0]).filter(|_| seen.outcome == Outcome::Silent);
+            let before = std::mem::replace(&mut self.unanswered[0], asked);
+            let last = std::mem::replace(&mut self.unanswered[1], before);
+            let is_of_another = seen.outcome == Outcome::Garbled && seen.findings.has(Finding::ResponseLength);
+            if is_of_another {
+                seen.belated = [before, last].into_iter().flatten().find_map(|asked| belated(seen, asked));
+            }
+        } else if seen.outcome == Outcome::Unasked && seen.late_response_to.is_none() && seen.exception.is_none() {
+            seen.belated = self.unanswered.into_iter().flatten().find_map(|asked| belated(seen, asked));
         }
     }
 
@@ -403,6 +438,11 @@ impl Context {
         self.shift(key, data, Some(RequestKey::of_number(before))).is_some()
     }
 
+    /// The requests before the next one, the last one first: that one as it could be read, those before it as they were sent.
+    fn earlier(&self, before: RequestKey) -> impl Iterator<Item = RequestKey> + '_ {
+        std::iter::once(before).chain(self.recent.newest_first().skip(1).map(|answer| answer.key())).take(MOST_LAG)
+    }
+
     /// Compares the data with those of the transactions before.
     fn compare(&mut self, seen: &mut Observation) {
         let key = seen.key().filter(|_| seen.data.length > 0);
@@ -411,7 +451,8 @@ impl Context {
             seen.shift = self.shift(key, seen.data, self.previous_request.map(|before| before.key));
         }
         if seen.findings.has(Finding::ResponseLength) {
-            seen.asked_before = self.recent.newest_first().map(|answer| answer.key()).find(|key| key.unit == seen.unit);
+            let mut before = self.recent.newest_first().map(|answer| answer.key()).filter(|key| key.unit == seen.unit);
+            seen.asked_before = std::array::from_fn(|_| before.next());
         }
         self.recent.push(seen.key().map_or(Answer::default(), |key| Answer::new(key.number(), seen.data)));
         if matches!(seen.outcome, Outcome::Silent | Outcome::NotSeen) {
@@ -434,21 +475,25 @@ impl Context {
         others.any(|others| others.key().unit == key.unit && others.key() != key)
     }
 
-    /// Shortly after a silence: whether the values go on as those of the request `before` did in front of it.
+    /// Shortly after a silence: whether the values go on as those of an earlier request did in front of it; `before` is the last one.
     fn shift(&self, key: RequestKey, data: Data, before: Option<RequestKey>) -> Option<Shift> {
         let left = self.behind_silence_until.checked_sub(self.recent.next_number())?;
         let since = BEHIND_SILENCE.checked_sub(left)?;
-        let before = before.filter(|before| before.unit == key.unit && *before != key)?;
         let in_front = || self.recent.newest_first().skip(since as usize + 1).filter(|answer| answer.length > 0);
         let last_of = |key: RequestKey| in_front().find(|answer| answer.key() == key);
-        let (own, others) = (last_of(key)?, last_of(before)?);
-        if own.length != data.length || others.length != data.length || distance(own.head, data.head) < FAR {
-            return None;
+        let own = last_of(key).filter(|own| own.length == data.length && distance(own.head, data.head) >= FAR)?;
+        let mut found = None;
+        for (lag, earlier) in (1..).zip(self.earlier(before?)) {
+            let is_other = earlier.unit == key.unit && earlier != key;
+            let Some(others) = last_of(earlier).filter(|others| is_other && others.length == data.length) else { continue };
+            if distance(others.head, data.head) * 8 < distance(own.head, data.head) {
+                return Some(Shift::ToEarlier { lag, bits: bits(others.head, data) });
+            }
+            if lag == 1 && distance(others.head, data.head) >= FAR {
+                found = Some(Shift::Elsewhere);
+            }
         }
-        if distance(others.head, data.head) * 8 >= distance(own.head, data.head) {
-            return (distance(others.head, data.head) >= FAR).then_some(Shift::Elsewhere);
-        }
-        Some(Shift::ToRequestBefore(bits(others.head, data)))
+        found
     }
 
     /// What the rows after a later part need to know.
@@ -468,6 +513,7 @@ impl Context {
             self.open_since = later.open_since;
             self.is_open = later.is_open;
             self.cut = later.cut;
+            self.unanswered = later.unanswered;
             self.last_id = later.last_id.or(self.last_id);
             self.recent.clone_from(&later.recent);
         }
@@ -478,6 +524,13 @@ impl Context {
             self.bad_runs.pop_first();
         }
     }
+}
+
+/// How long after this request an answer came, if it fits it and not what it was taken for.
+fn belated(seen: &Observation, (asked, start): (RequestKey, Ns)) -> Option<Ns> {
+    let is_of_unit = (asked.unit, asked.function) == (seen.unit, seen.function) && seen.key() != Some(asked);
+    let fits = answer_length(asked.function, asked.quantity) == Some(seen.lengths[1]);
+    seen.starts[1].filter(|_| is_of_unit && fits && seen.id.is_none()).map(|came| came - start)
 }
 
 /// How many bytes an answer lacks that is right as far as it goes, and what it answers.

@@ -1,8 +1,8 @@
-//! Whether a unit's answers are one step late from a silence on. A silence ends an epoch; what the first answers after it
+//! Whether a unit's answers are one step late, or a few, from a silence on. A silence ends an epoch; what the first answers after it
 //! show (`Observation::shift`) reports about the whole epoch.
 
 use super::tally::{Examples, Place, Tally};
-use crate::observation::{Outcome, Shift};
+use crate::observation::{Outcome, Shift, MOST_LAG};
 
 /// Fewer answers than these that continue another series are an accident of two alike.
 const LEAST_SHIFTED: u64 = 3;
@@ -18,9 +18,10 @@ struct Epoch {
     from_onset: u64,
     onset: Option<Place>,
     last: Option<Place>,
-    shifted: u64,
+    /// Answers that continue another series, and the bits of their evidence, by how many steps they are late, from 1 on.
+    shifted: [u64; MOST_LAG],
+    bits: [u64; MOST_LAG],
     elsewhere: u64,
-    bits: u64,
     examples: Examples,
 }
 
@@ -29,8 +30,8 @@ struct Epoch {
 pub struct Epochs {
     /// Answers one step late, among all of the epochs that have ended.
     ended: Tally,
-    /// Bits of the evidence of those that were.
-    bits: u64,
+    /// Bits of the evidence of those that were, by how many steps they are late.
+    bits: [u64; MOST_LAG],
     first: Epoch,
     current: Option<Epoch>,
 }
@@ -59,7 +60,7 @@ impl Epochs {
     }
 
     fn end(&mut self, epoch: &Epoch) {
-        self.bits += if epoch.is_behind() { epoch.bits } else { 0 };
+        epoch.add_bits(&mut self.bits);
         self.ended.merge(&epoch.tally());
     }
 
@@ -70,27 +71,32 @@ impl Epochs {
         if let Some(open) = self.current.replace(current.clone()) {
             self.end(&open);
         }
-        self.bits += later.bits;
+        self.bits.iter_mut().zip(later.bits).for_each(|(own, more)| *own += more);
         self.ended.merge(&later.ended);
     }
 
-    /// Answers that come one step late, among all answers, and the bits of evidence for them.
-    pub fn behind(&self) -> (Tally, u64) {
+    /// Answers that come late by steps, among all answers, the bits of evidence for them, and by how many steps most of them are.
+    pub fn behind(&self) -> (Tally, u64, usize) {
         let mut all = self.first.tally();
         all.merge(&self.ended);
         let open = self.current.clone().unwrap_or_default();
         all.merge(&open.tally());
-        (all, self.bits + if open.is_behind() { open.bits } else { 0 })
+        let mut bits = self.bits;
+        for epoch in [&self.first, &open] {
+            epoch.add_bits(&mut bits);
+        }
+        let (lag, _) = (1..).zip(bits).max_by_key(|(lag, bits)| (*bits, std::cmp::Reverse(*lag))).unwrap_or((1, 0));
+        (all, bits.iter().sum(), lag)
     }
 }
 
 impl Epoch {
     fn count(&mut self, shift: Option<Shift>, place: Place) {
         match shift {
-            Some(Shift::ToRequestBefore(bits)) => {
+            Some(Shift::ToEarlier { lag, bits }) => {
                 self.onset.get_or_insert(place);
-                self.shifted += 1;
-                self.bits += u64::from(bits);
+                self.shifted[lag - 1] += 1;
+                self.bits[lag - 1] += u64::from(bits);
                 self.examples.add(place.number);
             }
             Some(Shift::Elsewhere) => self.elsewhere += 1,
@@ -113,19 +119,29 @@ impl Epoch {
         }
         self.onset = self.onset.or(later.onset);
         self.last = later.last.or(self.last);
-        self.shifted += later.shifted;
+        self.shifted.iter_mut().zip(later.shifted).for_each(|(own, more)| *own += more);
+        self.bits.iter_mut().zip(later.bits).for_each(|(own, more)| *own += more);
         self.elsewhere += later.elsewhere;
-        self.bits += later.bits;
         self.examples.merge(&later.examples);
     }
 
-    fn is_behind(&self) -> bool {
-        self.shifted >= LEAST_SHIFTED && self.bits >= LEAST_BITS && self.elsewhere * 3 < self.shifted
+    /// Which of the steps most of the answers are late by, from 0 on, if that is so of nearly all.
+    fn lag(&self) -> Option<usize> {
+        let (at, most) = self.shifted.iter().copied().enumerate().max_by_key(|(at, count)| (*count, std::cmp::Reverse(*at)))?;
+        let others = self.shifted.iter().sum::<u64>() - most + self.elsewhere;
+        (most >= LEAST_SHIFTED && self.bits[at] >= LEAST_BITS && others * 3 < most).then_some(at)
+    }
+
+    /// Adds the bits of its evidence, if it is late.
+    fn add_bits(&self, bits: &mut [u64; MOST_LAG]) {
+        if let Some(at) = self.lag() {
+            bits[at] += self.bits[at];
+        }
     }
 
     fn tally(&self) -> Tally {
         let total = self.before + self.from_onset;
-        if !self.is_behind() {
+        if self.lag().is_none() {
             return Tally { total, before: total, ..Tally::default() };
         }
         Tally {

@@ -7,6 +7,7 @@ use modlens_protocol::Ns;
 
 use super::sample::Sample;
 use super::tally::{mix_bytes, Tally};
+use super::writes::AfterWrites;
 use crate::observation::FrameObservation;
 use crate::protocols;
 use modlens_engine::durations::Durations;
@@ -57,6 +58,8 @@ pub struct NoiseRuns {
     pub bursts: Bursts,
     /// Between how many good frames there was more than strays: elsewhere, and after writes.
     pub by_write: [u64; 2],
+    /// The latter, and good frames, by what is written.
+    pub after_writes: AfterWrites,
 }
 
 /// Bursts that are kept, and the bytes of each.
@@ -156,6 +159,7 @@ impl NoiseRuns {
         }
         self.bursts.merge(&later.bursts);
         self.by_write.iter_mut().zip(later.by_write).for_each(|(own, more)| *own += more);
+        self.after_writes.merge(&later.after_writes);
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::jumps::{JumpKind, Series};
 use super::tally::{Place, Tally};
 
 /// Numbers that devices send where they have no value: FFFF, 8000 and 7FFF.
@@ -19,6 +20,23 @@ pub struct Registers {
     ranges: Vec<(u16, u16)>,
     /// By register and number.
     jumps: BTreeMap<(u16, u16), Jumps>,
+    /// By register, how its numbers go on.
+    series: Vec<Series>,
+    /// By register, the reads in which it jumps and comes back at once.
+    sudden: BTreeMap<(u16, JumpKind), Tally>,
+    /// The first answer and the last one.
+    ends: Option<(Place, Place)>,
+}
+
+/// A register that jumps for single reads.
+#[derive(Clone, Debug)]
+pub struct Sudden {
+    /// Its place in the block.
+    pub register: u16,
+    /// What it jumps to.
+    pub kind: JumpKind,
+    /// Which answers.
+    pub odd: Tally,
 }
 
 /// Answers in which a register holds one of these numbers.
@@ -53,7 +71,15 @@ impl Registers {
     pub(super) fn count(&mut self, block: &[u8], place: Place) {
         if self.ranges.len() < block.len() / 2 {
             self.ranges.resize(block.len() / 2, (u16::MAX, 0));
+            self.series.resize(block.len() / 2, Series::default());
         }
+        let (_, before) = self.ends.unwrap_or((place, place));
+        for (at, (pair, series)) in block.chunks_exact(2).zip(&mut self.series).enumerate() {
+            if let Some(kind) = series.count(u16::from_be_bytes([pair[0], pair[1]])) {
+                self.sudden.entry((at as u16, kind)).or_default().count(true, before);
+            }
+        }
+        self.ends = Some((self.ends.map_or(place, |(first, _)| first), place));
         for (at, (pair, (least, most))) in block.chunks_exact(2).zip(&mut self.ranges).enumerate() {
             let value = u16::from_be_bytes([pair[0], pair[1]]);
             if NO_VALUES.contains(&value) {
@@ -71,13 +97,29 @@ impl Registers {
         while self.jumps.len() > MOST {
             self.jumps.pop_last();
         }
+        while self.sudden.len() > MOST {
+            self.sudden.pop_last();
+        }
     }
 
     /// Adds those of a later part of the recording.
     pub(super) fn merge(&mut self, later: &Self) {
         if self.ranges.len() < later.ranges.len() {
             self.ranges.resize(later.ranges.len(), (u16::MAX, 0));
+            self.series.resize(later.ranges.len(), Series::default());
         }
+        let places = [self.ends.map(|(_, last)| last), later.ends.map(|(first, _)| first)];
+        for (at, (own, more)) in self.series.iter_mut().zip(&later.series).enumerate() {
+            for (kind, place) in own.merge(more).into_iter().zip(places) {
+                if let Some((kind, place)) = kind.zip(place) {
+                    self.sudden.entry((at as u16, kind)).or_default().count(true, place);
+                }
+            }
+        }
+        for (key, more) in &later.sudden {
+            self.sudden.entry(*key).or_default().merge(more);
+        }
+        self.ends = self.ends.map(|(first, last)| (first, later.ends.map_or(last, |(_, last)| last))).or(later.ends);
         for ((least, most), (low, high)) in self.ranges.iter_mut().zip(&later.ranges) {
             (*least, *most) = ((*least).min(*low), (*most).max(*high));
         }
@@ -86,6 +128,16 @@ impl Registers {
         }
         self.answers += later.answers;
         self.prune();
+    }
+
+    /// Returns the registers that jump for single reads, farther than they go from one read to the next otherwise.
+    pub fn sudden(&self) -> impl Iterator<Item = Sudden> + '_ {
+        let is_told = |register: u16| self.series.get(usize::from(register)).is_some_and(Series::is_told_from_steps);
+        self.sudden.iter().filter(move |((register, _), _)| is_told(*register)).map(|((register, kind), odd)| Sudden {
+            register: *register,
+            kind: *kind,
+            odd: Tally { total: self.answers, ..odd.clone() },
+        })
     }
 
     /// The registers that jump away from all that they hold otherwise, and back.

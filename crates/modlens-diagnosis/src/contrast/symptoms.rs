@@ -222,6 +222,11 @@ impl Symptoms {
         self.count(Symptom::OtherFraming, seen.unit, seen.place);
     }
 
+    /// Counts an answer that was taken as it is, although the bytes of its checksum are swapped.
+    pub(super) fn swapped_checksum(&mut self, seen: &FrameObservation) {
+        self.count(Symptom::ChecksumSwapped, seen.unit, seen.place);
+    }
+
     /// Counts a request that another master has sent.
     pub(super) fn foreign_request(&mut self, seen: &FrameObservation) {
         self.count(Symptom::ForeignRequest, seen.unit, seen.place).figures = seen.unit.map(|unit| [unit.into(), 0]);

@@ -15,7 +15,7 @@ use super::sample::Sample;
 use super::tally::{Place, Tally};
 use super::times::ByDuration;
 use crate::clean::Clean;
-use crate::observation::{answer_length, DamagedPart, Observation, Outcome, DAMAGED_PARTS};
+use crate::observation::{answer_length, DamagedPart, Observation, Outcome, RequestKey, DAMAGED_PARTS, MOST_LAG};
 use crate::statistics::Share;
 use modlens_engine::durations::Durations;
 
@@ -43,7 +43,7 @@ pub struct UnitCounts {
     pub overtaken: Overtaken,
     /// How long after the request the late ones came.
     pub late_after: Durations,
-    /// Refusals, by exception code.
+    /// Refusals, by exception code, each among all that was asked.
     pub exceptions: [Tally; EXCEPTIONS],
     /// Response times of good answers.
     pub response_times: Durations,
@@ -104,8 +104,9 @@ pub struct UnitCounts {
     pub epochs: Epochs,
     /// Runs of bytes of no transaction some time after its answers, as a request leaves that is damaged from the beginning on.
     pub spoiled_after: Tally,
-    /// Answers shorter, and longer, than asked for right after another request to the unit: those as long as that one asks for.
-    pub as_long_as_before: [Tally; 2],
+    /// Answers shorter, and longer, than asked for after other requests to the unit: those as long as the last one asks for, the one
+    /// before that, and so on.
+    pub as_long_as_before: [[Tally; 2]; MOST_LAG],
     /// Reads from unit 0, that is: from all units.
     pub reads_from_unit_0: Tally,
     /// Requests sent while another master's was open.
@@ -362,6 +363,7 @@ impl UnitCounts {
         ] {
             tally.count_good(good);
         }
+        self.exceptions.iter_mut().for_each(|tally| tally.count_good(good));
         pending.after_success += good;
         self.not_seen_runs.count_good(good);
         self.runs.count_good(good);
@@ -374,6 +376,10 @@ impl UnitCounts {
     /// Counts a transaction. Call `settle_order` first: runs depend on the order.
     pub(super) fn count(&mut self, seen: &Observation, before: Before) {
         self.count_oddities(seen);
+        if let Some(after) = seen.belated {
+            self.late.count(true, seen.place);
+            self.late_after.add(after);
+        }
         if seen.outcome == Outcome::Unasked {
             self.count_unasked(seen, before);
             return;
@@ -427,6 +433,9 @@ impl UnitCounts {
 
     fn count_unasked(&mut self, seen: &Observation, before: Before) {
         let Some(request) = seen.late_response_to else {
+            if seen.belated.is_some() {
+                return;
+            }
             match before.previous.filter(|(unit, _)| *unit != seen.unit) {
                 Some((asked, _)) => {
                     self.answers_for.entry(asked).or_default().count(true, seen.place);
@@ -447,18 +456,20 @@ impl UnitCounts {
     }
 
     fn count_length(&mut self, seen: &Observation) {
-        let lengths =
-            seen.asked_before.zip(seen.key()).map(|both| [both.0, both.1].map(|key| answer_length(key.function, key.quantity)));
-        if let Some([Some(other), Some(own)]) = lengths {
-            let length = seen.lengths[1] - if seen.id.is_some() { MBAP_SURPLUS.min(seen.lengths[1]) } else { 0 };
-            self.as_long_as_before[usize::from(length > own)].count(length == other, seen.place);
+        let due = |key: Option<RequestKey>| key.and_then(|key| answer_length(key.function, key.quantity));
+        let Some(own) = due(seen.key()) else { return };
+        for (sides, earlier) in self.as_long_as_before.iter_mut().zip(seen.asked_before) {
+            if let Some(other) = due(earlier) {
+                let length = seen.lengths[1] - if seen.id.is_some() { MBAP_SURPLUS.min(seen.lengths[1]) } else { 0 };
+                sides[usize::from(length > own)].count(length == other, seen.place);
+            }
         }
     }
 
     fn count_exception(&mut self, seen: &Observation) {
-        let code = seen.exception.map(|code| if usize::from(code) < EXCEPTIONS { usize::from(code) } else { 0 });
-        if let Some(code) = code {
-            self.exceptions[code].count(true, seen.place);
+        let own = seen.exception.map(|code| if usize::from(code) < EXCEPTIONS { usize::from(code) } else { 0 });
+        for (code, tally) in self.exceptions.iter_mut().enumerate() {
+            tally.count(own == Some(code), seen.place);
         }
     }
 
@@ -565,7 +576,7 @@ impl UnitCounts {
         self.by_gap_after_others.merge(&later.by_gap_after_others);
         self.epochs.merge(&later.epochs);
         self.spoiled_after.merge(&later.spoiled_after);
-        self.as_long_as_before.iter_mut().zip(&later.as_long_as_before).for_each(|(own, more)| own.merge(more));
+        self.as_long_as_before.iter_mut().zip(&later.as_long_as_before).for_each(|(own, more)| merge_each(own, more));
         self.overtaken.merge(&later.overtaken);
         self.pauses.iter_mut().zip(&later.pauses).for_each(|(own, more)| own.merge(more));
         for (own, more) in [(&mut self.answered_by, &later.answered_by), (&mut self.answers_for, &later.answers_for)] {

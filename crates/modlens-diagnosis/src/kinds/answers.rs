@@ -11,7 +11,10 @@ use crate::MAX_CHANCE;
 /// Answers that come after the master has given up, or that press against its timeout.
 pub(super) fn slow_answers(view: &View<'_>) -> Vec<Claim> {
     let slow = |unit: u8, counts: &UnitCounts| {
-        late(view, unit, counts).or_else(|| overtaken(view, unit, counts)).or_else(|| pressing(view, unit, counts))
+        late(view, unit, counts)
+            .or_else(|| overtaken(view, unit, counts))
+            .or_else(|| pressing(view, unit, counts))
+            .or_else(|| meeting(view, unit, counts))
     };
     view.units().filter_map(|(unit, counts)| slow(unit, counts)).collect()
 }
@@ -93,6 +96,28 @@ fn pressing(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
             .fact("needed", format!("; of the answers in time, one in ten took more than {}", duration(high)));
         suggested(claim, 2 * timeout)
     })
+}
+
+/// Answers are damaged that come as late as the master waits: they meet its next request, and those that come sooner are whole.
+fn meeting(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
+    if view.bus.facts.is_network {
+        return None;
+    }
+    let timeout = counts.waited.percentile(0.5)?;
+    let splits = counts.garbled_by_response_time.splits();
+    let limits = splits.len() as f64;
+    let late = splits.into_iter().filter(|(limit, below, above)| {
+        // A master that goes on sooner than this has not waited for its timeout.
+        limit * 2 > timeout && above.rate() > 0.5 && above.rate() > 10.0 * below.rate()
+    });
+    let chances = late.map(|(limit, below, above)| (fisher(above, below) * limits, limit));
+    let (chance, limit) = chances.min_by(|one, other| one.0.total_cmp(&other.0))?;
+    let chance = view.significant(chance)?;
+    let claim = Claim::new("slow_answers", &counts.failures, chance)
+        .of_unit(unit)
+        .fact("timeout", format!(", after {}", duration(timeout)))
+        .fact("needed", format!("; answers that take more than {} meet its next request", duration(limit)));
+    Some(suggested(claim, 2 * timeout))
 }
 
 /// With the timeout to set, which is the same in what to check and in its proof.

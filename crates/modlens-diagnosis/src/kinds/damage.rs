@@ -1,12 +1,12 @@
 //! Damage, told apart by where in the frame it is and whose frames it hits.
 
+use super::switched::{failures_after_writes, noise_of_writes_once};
 use crate::claim::{severity_of, Claim, View, FEW};
 use crate::contrast::tally::Tally;
 use crate::contrast::{Symptom, UnitCounts};
-use crate::observation::{DamagedPart, RequestKey};
+use crate::observation::DamagedPart;
 use crate::statistics::{at_least, at_most, both, fisher, Share};
 use modlens_protocol::decimal::thousands;
-use modlens_protocol::finding::Severity;
 use modlens_protocol::framing::Verdict;
 
 /// The share of random damage that falls into the first, or the last, two bytes of a frame of eight.
@@ -88,8 +88,9 @@ const LEAST_INSIDE: u64 = 3;
 ///
 /// Where hardly a frame is good, bits are not flipped now and then: it is the settings or the wires.
 pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
-    if let Some(claim) = noise_of_writes(view) {
-        return vec![claim];
+    let of_writes = noise_of_writes_once(view);
+    if !of_writes.is_empty() {
+        return of_writes.to_vec();
     }
     let frames = &view.bus.frames;
     let damaged = frames.frames[Verdict::BadChecksum as usize] + frames.frames[Verdict::Incomplete as usize];
@@ -100,7 +101,7 @@ pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
         return Vec::new();
     };
     // Noise does not repeat itself: another protocol on the wires hits as many frames as it has runs.
-    if super::foreign::foreign_protocol(view).iter().any(|foreign| foreign.share.failed >= damaged) {
+    if view.once("foreign_protocol", super::foreign::foreign_protocol).iter().any(|foreign| foreign.share.failed >= damaged) {
         return Vec::new();
     }
     let inside = parts(view, DamagedPart::Bit) + parts(view, DamagedPart::Inside);
@@ -135,67 +136,21 @@ pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
         claim = claim.at_most(severity_of(Share { failed: spoilt.min(requests_seen), total: requests_seen }));
     }
     claim = claim.in_the_time_of(&Claim::new("line_noise", &view.bus.requests_seen, 0.0));
+    if let ([unit], 0, true) = (&units[..], requests, view.units().count() > 1) {
+        claim = claim.of_unit(*unit);
+    }
     let spread = match (units.len(), requests) {
+        (1, 0) => format!("all of them answers of unit {}", units[0]),
         (_, 0) => String::from("all of them answers"),
         (1, _) => format!("{requests} of them requests"),
         (many, _) => format!("of {many} units, {requests} of them requests"),
     };
     let what = format!("{} of {} frames arrived damaged, {spread}", thousands(damaged), thousands(damaged + good));
     claim = claim.fact("what", what);
-    if let Some(event) = burst(view) {
+    if let Some(event) = failures_after_writes(view) {
         claim = claim.fact("event", event).fact("event_advice", "; what the write switches (a contactor, a pump, an inverter)");
     }
     vec![claim]
-}
-
-/// So many bursts after writes are no accident.
-const LEAST_BURSTS: u64 = 5;
-
-/// Bursts of noise that come after writes: what a write switches (a contactor, a pump) disturbs the line, whether that costs a
-/// request or not.
-pub(super) fn noise_of_writes(view: &View<'_>) -> Option<Claim> {
-    let [elsewhere, behind] = view.bus.noise.by_write;
-    let frames = &view.bus.frames;
-    let good = frames.frames[Verdict::Ok as usize] + frames.frames[Verdict::NoChecksum as usize];
-    let bursts = Share { failed: behind, total: elsewhere + behind };
-    if behind < LEAST_BURSTS || behind * 10 < bursts.total * 7 || view.bus.facts.is_network {
-        return None;
-    }
-    let chance = view.significant(at_least(bursts, frames.behind_writes as f64 / good.max(1) as f64))?;
-    // In a fixed cycle it may be the request after the write that fails, wherever it stands.
-    let written = view.units().fold(Share::default(), |sum, (_, counts)| sum.with(counts.by_write[1]));
-    let has_contrast =
-        |counts: &UnitCounts| counts.by_write[1].failed > 0 && fisher(counts.by_write[1], counts.by_write[0]) < 0.01;
-    if written.failed > 0 && !view.units().any(|(_, counts)| has_contrast(counts)) {
-        return None;
-    }
-    let tally = view.units().fold(Tally::default(), |mut sum, (_, counts)| {
-        sum.merge(&counts.garbled);
-        sum.merge(&counts.bad_requests);
-        sum
-    });
-    let mut claim = Claim::new("line_noise", &tally, chance).with_share(bursts);
-    claim = claim.in_the_time_of(&Claim::new("line_noise", &view.bus.requests_seen, 0.0));
-    claim.harm = written.failed;
-    Some(
-        claim
-            .at_most(if written.failed > 0 { Severity::Error } else { Severity::Warning })
-            .fact("what", format!("{behind} of {} bursts of noise come right after writes{}", bursts.total, of_writes(view)))
-            .fact("event_check", "What the write switches (a contactor, a pump, an inverter): a suppressor at its coil, and its cables beside the line. Then: ")
-            .fact("event_proof", "Disconnect what the write switches, and write: the noise is gone. Otherwise: "),
-    )
-}
-
-/// Which writes there are, if they are those of one unit.
-fn of_writes(view: &View<'_>) -> String {
-    let requests = view.bus.requests.sorted();
-    let mut written: Vec<RequestKey> = requests.iter().filter(|(_, counts)| counts.writes).map(|(key, _)| **key).collect();
-    written.dedup();
-    match written[..] {
-        [one] => format!(" to unit {}, {} by function {}", one.unit, one.block(), one.function),
-        [first, ..] if written.iter().all(|one| one.unit == first.unit) => format!(" to unit {}", first.unit),
-        _ => String::new(),
-    }
 }
 
 /// Whether requests and answers are damaged, more than once each. Where answers only are, it is their sender, or the recorder.
@@ -207,7 +162,7 @@ fn hits_both_sides(view: &View<'_>) -> bool {
 /// Whether damage may all be that of late answers. One meets the next request or its answer, so damage is theirs where it comes
 /// after a failure, or is that of a unit that answers late (`slow_answers`).
 fn is_of_late_answers(view: &View<'_>) -> bool {
-    let slow: Vec<Option<u8>> = super::answers::slow_answers(view).iter().map(|claim| claim.unit).collect();
+    let slow: Vec<Option<u8>> = view.once("slow_answers", super::answers::slow_answers).iter().map(|claim| claim.unit).collect();
     let late: u64 = view.units().map(|(_, counts)| counts.late.failed).sum();
     let others = view.units().filter(|(unit, _)| !slow.contains(&Some(*unit)));
     let rest = others.fold(Share::default(), |sum, (_, counts)| sum.with(counts.damage_after_failure[0]));
@@ -221,19 +176,6 @@ fn parts(view: &View<'_>, part: DamagedPart) -> u64 {
 
 fn damage(counts: &UnitCounts) -> Share {
     counts.garbled.share().with(Share { failed: counts.bad_requests.failed, total: 0 })
-}
-
-/// Whether failures come right after writes.
-fn burst(view: &View<'_>) -> Option<String> {
-    let sum = |index: usize| view.units().fold(Share::default(), |sum, (_, counts)| sum.with(counts.by_write[index]));
-    let (quiet, written) = (sum(0), sum(1));
-    view.significant(fisher(written, quiet))?;
-    (written.rate() > 3.0 * quiet.rate()).then(|| {
-        format!(
-            "; right after writes {} of {} requests fail, otherwise {} of {}",
-            written.failed, written.total, quiet.failed, quiet.total
-        )
-    })
 }
 
 /// Damage at the first or the last bytes of a unit's answers, or at the last bytes of requests.
@@ -369,10 +311,14 @@ fn in_the_first_bytes(view: &View<'_>, counts: &UnitCounts) -> Option<f64> {
 
 /// The answers of one unit are damaged from the first byte on, and nothing else is.
 pub(super) fn duplicate_address(view: &View<'_>) -> Vec<Claim> {
-    if view.bus.facts.is_network || noise_of_writes(view).is_some() {
+    if view.bus.facts.is_network || !noise_of_writes_once(view).is_empty() {
         return Vec::new();
     }
-    view.units().filter_map(|(unit, counts)| duplicate(view, unit, counts)).collect()
+    // A late answer meets the next request, and its answer.
+    let slow = view.once("slow_answers", super::answers::slow_answers);
+    let is_slow = |unit: u8| slow.iter().any(|claim| claim.unit == Some(unit));
+    let others = view.units().filter(|(unit, counts)| answers_twice(view, *unit, counts) || !is_slow(*unit));
+    others.filter_map(|(unit, counts)| duplicate(view, unit, counts)).collect()
 }
 
 /// Answers of a unit after which a second one came, whole or damaged, of all its answers.

@@ -206,9 +206,6 @@ fn lost_addresses(view: &View<'_>, all: &[Request<'_>], unit: u8) -> Option<Clai
     let mut blocks: Vec<String> = of_unit.iter().map(|(key, _)| key.block()).collect();
     blocks.dedup();
     let claim = Claim::new("register_hole", &view.bus.units.get(&unit)?.exceptions[2], chance).of_unit(unit).with_share(share);
-    // Refusals of the unit know nothing of what was answered before them; each request does.
-    let of_requests = of_unit.iter().map(|(_, counts)| Claim::new("register_hole", &counts.bad, chance));
-    let claim = claim.in_the_time_of(&of_requests.min_by_key(|one| one.first.map(|place| place.number))?);
     let claim = claim.fact("missing", format!("all that was asked for ({}) no longer exists", blocks.join(", ")));
     let check = "What was changed in the device at that time: its mode, configuration or firmware. Then its register map.";
     let experiment = "Ask for a register that the device's manual names: if it is refused as well, the device is not ready.";

@@ -6,9 +6,6 @@ use crate::contrast::Symptom;
 use crate::statistics::Share;
 use crate::table::diagnosis;
 
-/// Answers with a swapped checksum that make a habit of it.
-const MIN_HABIT: u64 = 5;
-
 /// Units whose frames have another layout than that of their function, or a wrong length field or checksum order.
 pub(super) fn wrong_layout(view: &View<'_>) -> Vec<Claim> {
     let mut units: Vec<Option<u8>> = of_layout(view).map(|(_, unit, _)| unit).collect();
@@ -24,7 +21,7 @@ fn of_layout<'a>(view: &'a View<'_>) -> impl Iterator<Item = (Symptom, Option<u8
         symptom == Symptom::OtherLength && unit.is_some_and(|unit| 2 * tally.failed >= asked_of(view, unit))
     };
     // Answers to the request before have other lengths, too.
-    let is_behind = !super::network::lockstep(view).is_empty();
+    let is_behind = !view.once("lockstep", super::lockstep::lockstep).is_empty();
     all.filter(move |(symptom, unit, tally)| symptom.is_of_layout() || (!is_behind && is_usual(*symptom, *unit, tally)))
 }
 
@@ -41,9 +38,7 @@ fn of_unit(view: &View<'_>, unit: Option<u8>) -> Option<Claim> {
         sum
     });
     let asked = unit.map_or(0, |unit| asked_of(view, unit));
-    // No accident swaps the bytes of a checksum, and from some answers on the engine takes such a unit as it is.
-    let is_habit = main == Symptom::ChecksumSwapped && all.failed >= MIN_HABIT;
-    let share = Share { failed: all.failed, total: if is_habit { all.failed } else { all.failed.max(asked) } };
+    let share = Share { failed: all.failed, total: all.failed.max(asked) };
     // Of a few frames, the first sight speaks.
     if all.failed.max(asked) < FEW {
         return None;
@@ -52,8 +47,6 @@ fn of_unit(view: &View<'_>, unit: Option<u8>) -> Option<Claim> {
     let words = diagnosis("wrong_layout").and_then(|row| row.sight(main)).unwrap_or_default();
     let subject = unit.map_or_else(|| String::from("the line"), |unit| format!("unit {unit}"));
     let what = crate::sight::with_figures(words, view.bus.symptoms.figures(main, unit)).replace("{unit}", &subject);
-    let later = if is_habit { "; later frames of this kind are taken as they are, and not counted" } else { "" };
-    let what = format!("{what}{later}");
     let mut claim = Claim::new("wrong_layout", &all, chance).with_share(share).fact("what", what);
     claim.unit = unit;
     Some(claim)

@@ -1,6 +1,6 @@
 //! Who speaks on the line besides the master and the unit asked: an echo, a unit that answers for others, a writer.
 
-use crate::claim::{duration, Certainty, Claim, View};
+use crate::claim::{duration, Certainty, Claim, ShownBy, View};
 use crate::contrast::tally::{Place, Tally};
 use crate::contrast::{RequestCounts, UnitCounts};
 use crate::observation::RequestKey;
@@ -35,7 +35,7 @@ pub(super) fn bystander(view: &View<'_>) -> Vec<Claim> {
         for (unit, tally) in counts.answered_by.iter().filter(|(unit, _)| *unit != asked) {
             let share = Share { failed: tally.failed, total: counts.failures.total.max(tally.failed) };
             let Some(chance) = view.beyond_accident(share) else { continue };
-            let claim = Claim::new("bystander", tally, chance).of_unit(*unit).shown_by(*asked).with_share(share);
+            let claim = Claim::new("bystander", tally, chance).of_unit(*unit).shown_by(ShownBy::Unit(*asked)).with_share(share);
             found.push(claim.fact("what", format!("answers requests to unit {asked}")));
         }
     }
@@ -61,7 +61,7 @@ pub(super) fn bystander(view: &View<'_>) -> Vec<Claim> {
 /// late answer (`slow_answers`) that counts.
 fn upset(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     // What a write switches spoils what follows it, whoever that is (line_noise).
-    if super::damage::noise_of_writes(view).is_some() {
+    if !super::switched::noise_of_writes_once(view).is_empty() {
         return None;
     }
     let after_answers = || counts.by_previous.iter().filter(|((_, was_silent), _)| !was_silent);
@@ -73,7 +73,7 @@ fn upset(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let several = after_answers().count() as f64;
     let corrected = view.significant(chance * several)?;
     // A unit whose answers are late answers into the request after the next one, too (slow_answers).
-    let is_slow = || super::answers::slow_answers(view).iter().any(|claim| claim.unit == Some(other));
+    let is_slow = || view.once("slow_answers", super::answers::slow_answers).iter().any(|claim| claim.unit == Some(other));
     if inside.rate() <= 3.0 * outside.rate() || is_slow() {
         return None;
     }

@@ -3,91 +3,10 @@
 use crate::claim::{Claim, View};
 use crate::contrast::gaps::without_lone;
 use crate::contrast::tally::Tally;
-use crate::contrast::{Symptom, UnitCounts};
+use crate::contrast::UnitCounts;
 use crate::observation::RequestKey;
-use crate::statistics::{at_least, in_runs_at_most, Share};
+use crate::statistics::{at_least, Share};
 use modlens_protocol::finding::Severity;
-
-/// Answers that the client takes for those of the next request.
-pub(super) fn lockstep(view: &View<'_>) -> Vec<Claim> {
-    let on_lines = view.units().filter_map(|(unit, counts)| {
-        let (behind, bits) = counts.epochs.behind();
-        // The evidence may begin after any of the requests.
-        let chance = view.significant(behind.total as f64 * (-(bits as f64)).exp2()).filter(|_| behind.failed > 0)?;
-        Some(Claim::new("lockstep", &behind, chance).of_unit(unit).fact("subject", format!("the master of unit {unit}")))
-    });
-    let on_lines: Vec<Claim> = on_lines.chain(by_length(view)).collect();
-    if !on_lines.is_empty() {
-        return on_lines;
-    }
-    if let Some(claim) = behind_in_log(view) {
-        return vec![claim];
-    }
-    let counts = &view.bus.connections;
-    let share = Share { failed: counts.lockstep.min(counts.answers), total: counts.answers };
-    let Some(chance) = view.beyond_accident(share).filter(|_| !mixes_clients_up(view)) else { return Vec::new() };
-    let place = counts.lockstep_since;
-    let tally = Tally { failed: share.failed, total: share.total, first: place, last: place, ..Tally::default() };
-    let mut claim = Claim::new("lockstep", &tally, chance).with_share(share).fact("subject", "the client");
-    (claim.has_begun, claim.last) = (true, None);
-    claim.episodes.clear();
-    vec![claim]
-}
-
-/// Answers of another length than asked for that are as long as the request before asks for, some of them longer and some shorter
-/// than their own: each fits the request before, and no unit that has its own idea of lengths gives such. From the first on most
-/// answers are so; where only some are, the unit is slow now and then.
-fn by_length<'a>(view: &'a View<'_>) -> impl Iterator<Item = Claim> + 'a {
-    view.units().filter_map(|(unit, counts)| {
-        let [shorter, longer] = &counts.as_long_as_before;
-        let share = shorter.share().with(longer.share());
-        let garbled = &counts.garbled;
-        let window = garbled.total - garbled.before - garbled.after;
-        let is_constant = garbled.failed * 10 > window * 6;
-        let is_sure = shorter.failed.min(longer.failed) >= 3 && share.rate() >= 0.9;
-        if counts.epochs.behind().0.failed > 0 || !is_constant || !is_sure {
-            return None;
-        }
-        // Of the lengths that are asked for, one of two is right by chance.
-        let chance = view.significant(at_least(share, 0.5))?;
-        let behind = |(symptom, of, _): &(Symptom, Option<u8>, _)| (*symptom, *of) == (Symptom::OtherLength, Some(unit));
-        let (_, _, seen) = view.bus.symptoms.all().find(behind)?;
-        let all = Share { failed: seen.all.failed, total: counts.failures.total.max(seen.all.failed) };
-        let claim = Claim::new("lockstep", &seen.all, chance).of_unit(unit).with_share(all);
-        Some(claim.fact("subject", format!("the master of unit {unit}")))
-    })
-}
-
-/// Whether several clients get answers that are not theirs, at least half as often as one that belongs to the request before.
-fn mixes_clients_up(view: &View<'_>) -> bool {
-    let lockstep = view.bus.connections.lockstep;
-    has_several_clients(view) && gateway_mixup(view).iter().any(|mixed| mixed.harm * 2 > lockstep)
-}
-
-/// Whether several clients ask at the same time, of one address or more.
-fn has_several_clients(view: &View<'_>) -> bool {
-    let connections = &view.bus.connections;
-    connections.clients.sorted().len() > 1 || connections.side_by_side > 0
-}
-
-/// A shorter run of answers that come after the next request may be that of a slow unit.
-const LONG_LOCKSTEP: u64 = 5;
-
-/// In a client's log, from one line on each answer comes after the next request. A client that asks ahead by intention does so
-/// from the beginning on.
-fn behind_in_log(view: &View<'_>) -> Option<Claim> {
-    let runs = &view.bus.step_runs;
-    let share = Share { failed: runs.failures(), total: runs.total() };
-    if view.bus.facts.is_network || runs.begins_failed() || runs.longest < LONG_LOCKSTEP || runs.in_long() * 10 < share.failed * 8
-    {
-        return None;
-    }
-    let chance = view.significant(in_runs_at_most(share, runs.count_of_long() + share.failed - runs.in_long()))?;
-    let tally = Tally { total: share.total, ..view.bus.steps_behind.clone() };
-    let mut claim = Claim::new("lockstep", &tally, chance).with_share(share).fact("subject", "the client");
-    claim.has_begun = true;
-    Some(claim)
-}
 
 /// Connections that are turned away while others are served.
 pub(super) fn connection_limit(view: &View<'_>) -> Vec<Claim> {
@@ -278,6 +197,12 @@ fn reads_from_unit_0(view: &View<'_>) -> Option<Claim> {
 /// Refusals of a gateway that cannot reach the unit: some say so with exception 4.
 fn unreachable(counts: &UnitCounts) -> u64 {
     counts.exceptions[4].failed + counts.exceptions[10].failed + counts.exceptions[11].failed
+}
+
+/// Whether several clients ask at the same time, of one address or more.
+pub(super) fn has_several_clients(view: &View<'_>) -> bool {
+    let connections = &view.bus.connections;
+    connections.clients.sorted().len() > 1 || connections.side_by_side > 0
 }
 
 /// Answers with identifier, unit or function of another request.

@@ -14,6 +14,10 @@ pub(super) fn polled_too_fast(view: &View<'_>) -> Vec<Claim> {
 }
 
 fn too_fast(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
+    // What a write switches spoils the answer after it, however soon that was asked for (line_noise).
+    if counts.garbled.failed * 2 > counts.failures.failed && !super::switched::noise_of_writes_once(view).is_empty() {
+        return None;
+    }
     let always = Split::likeliest(counts.by_gap.splits()).filter(|split| !explained_by_previous(unit, counts, split, true));
     let after_others = Split::likeliest(counts.by_gap_after_others.splits());
     let after_others = after_others.filter(|split| !explained_by_previous(unit, counts, split, false));
@@ -101,10 +105,25 @@ fn in_pieces(view: &View<'_>) -> Vec<Claim> {
 /// Silences inside frames are at most t1.5 (serial line, 2.5.1.1): 0.75 ms from 19200 baud on; shorter ones are the clock's.
 const LEAST_OCTAVE: u32 = 20;
 
+/// The timer of a recorder makes pauses of any length up to its step in the frames of all senders. Those of a sender are longer by
+/// so many factors of two than those that are usual elsewhere.
+const LONGER_THAN_A_TIMER: u32 = 2;
+
+/// Pauses in this share of the frames with pauses are usual.
+const USUAL: f64 = 0.05;
+
 /// The pauses of one sender against those of all others, at the length that distinguishes them best.
 fn pieces(view: &View<'_>, senders: &[&Pauses], others: &[&Pauses], sender: &str) -> Option<Claim> {
     let octaves: std::collections::BTreeSet<u32> = senders.iter().flat_map(|pauses| pauses.octaves()).collect();
-    let octaves: Vec<u32> = octaves.into_iter().filter(|octave| *octave >= LEAST_OCTAVE).collect();
+    let of_others: std::collections::BTreeSet<u32> = others.iter().flat_map(|pauses| pauses.octaves()).collect();
+    let is_usual = |octave: &u32| {
+        let (longer, all) =
+            others.iter().fold((0, 0), |(longer, all), pauses| (longer + pauses.from(*octave).failed, all + pauses.frames));
+        longer as f64 > USUAL * all as f64
+    };
+    let timer = of_others.into_iter().filter(|octave| *octave >= LEAST_OCTAVE).filter(is_usual).max();
+    let least = timer.map_or(LEAST_OCTAVE, |octave| octave + LONGER_THAN_A_TIMER);
+    let octaves: Vec<u32> = octaves.into_iter().filter(|octave| *octave >= least).collect();
     let sum = |all: &[&Pauses], octave: u32| {
         all.iter().fold(Tally::default(), |mut sum, pauses| {
             sum.merge(&pauses.from(octave));
@@ -136,9 +155,9 @@ const FULL: f64 = 0.7;
 
 /// Frames and response times that fill the time.
 pub(super) fn bus_saturated(view: &View<'_>) -> Vec<Claim> {
-    let Some((busy, span)) = super::wires::needed_and_had(view) else { return Vec::new() };
+    let Some((busy, span)) = super::rates::needed_and_had(view) else { return Vec::new() };
     // A line that carries more than it can has other settings: wrong_line_settings.
-    if view.bus.requests_seen.total < 30 || busy < FULL * span || super::wires::is_overfull((busy, span)) {
+    if view.bus.requests_seen.total < 30 || busy < FULL * span || super::rates::other_rate(view).is_some() {
         return Vec::new();
     }
     let share = Share { failed: (busy.min(span) / 1e6) as u64, total: (span / 1e6) as u64 };

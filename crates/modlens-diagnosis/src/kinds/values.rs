@@ -1,6 +1,7 @@
 //! Trouble with values whose checksum is right.
 
 use crate::claim::{Claim, View};
+use crate::contrast::jumps::JumpKind;
 use crate::contrast::{Lonely, RequestCounts};
 use crate::observation::RequestKey;
 use crate::statistics::{at_least, in_runs_at_most};
@@ -52,7 +53,31 @@ fn registers(view: &View<'_>, key: RequestKey, counts: &RequestCounts) -> Vec<Cl
         let claim = Claim::new("value_spike", &jump.odd, chance).of_unit(key.unit).at(key.function, address);
         Some(claim.fact("block", format!("address {address}")).fact("value", value).at_most(Severity::Warning))
     });
-    claims.collect()
+    claims.chain(sudden(view, key, counts)).collect()
+}
+
+/// A register that jumps more often than this for a single read is one that is switched.
+const MOST_SUDDEN: f64 = 0.05;
+
+/// A value that changes by chance is this once in so many times.
+const SUDDEN_BY_CHANCE: f64 = 1e-4;
+
+/// Registers that jump for single reads to 0, to ten times or a tenth of their value, or to its negative.
+fn sudden<'a>(view: &'a View<'_>, key: RequestKey, counts: &'a RequestCounts) -> impl Iterator<Item = Claim> + 'a {
+    counts.registers.sudden().filter_map(move |jump| {
+        let share = jump.odd.share();
+        if share.rate() > MOST_SUDDEN || share.total < FEWEST || share.failed < LEAST_JUMPS {
+            return None;
+        }
+        let chance = view.significant(at_least(share, SUDDEN_BY_CHANCE))?;
+        let address = key.address.saturating_add(jump.register);
+        let value = match jump.kind {
+            JumpKind::Zero => String::from("0"),
+            kind => format!("{} the values beside them", kind.words()),
+        };
+        let claim = Claim::new("value_spike", &jump.odd, chance).of_unit(key.unit).at(key.function, address);
+        Some(claim.fact("block", format!("address {address}")).fact("value", value).at_most(Severity::Warning))
+    })
 }
 
 /// One jump may be anything.

@@ -1,8 +1,9 @@
 //! What is not Modbus: inverted bits, another rate, another protocol.
 
 use super::foreign::{is_foreign_alone, is_text, known};
+use super::rates;
 use super::unreadable::{bytes, is_of_slower_line, is_unreadable, only_requests_are_valid, LEAST_BYTES};
-use crate::claim::{duration, percent, Claim, View};
+use crate::claim::{percent, Claim, View};
 use crate::contrast::tally::Tally;
 use crate::contrast::UnitCounts;
 use crate::observation::DamagedPart;
@@ -117,50 +118,11 @@ pub(super) fn wrong_line_settings(view: &View<'_>) -> Vec<Claim> {
         let tried = tried.first().map_or(String::new(), proved);
         return vec![claim.fact("what", format!("bytes belong to no valid frame{tried}"))];
     }
-    if let Some(claim) = faster_than_settings(view).or_else(|| errors_on_all(view)) {
+    if let Some(claim) = rates::other_rate(view).or_else(|| errors_on_all(view)) {
         return vec![claim];
     }
     let other = |unit, counts| at_another_rate(view, unit, counts).or_else(|| errors_of_one(view, unit, counts));
     view.units().filter_map(|(unit, counts)| other(unit, counts)).collect()
-}
-
-/// Rates of serial ports.
-const RATES: [u32; 11] = [1200, 2400, 4800, 9600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800, 921_600];
-/// The bytes of a line need more time than the recording has if they exceed it by this factor, and by this time, which covers
-/// clocks with a step of a second.
-const OVERFULL: f64 = 1.1;
-const LEAST_SURPLUS_NS: f64 = 2e9;
-
-/// The time that all bytes need at the settings of the line, and that within which they came.
-pub(super) fn needed_and_had(view: &View<'_>) -> Option<(f64, f64)> {
-    let frames = &view.bus.frames;
-    let (char_ns, (first, last)) = (view.bus.facts.char_ns?, frames.span.filter(|_| !view.bus.facts.is_network)?);
-    Some((frames.bytes.iter().sum::<u64>() as f64 * char_ns as f64, (last - first) as f64))
-}
-
-/// Whether no line with these settings can carry the bytes in their time.
-pub(super) fn is_overfull((needed, had): (f64, f64)) -> bool {
-    had > 0.0 && needed > OVERFULL * had && needed - had > LEAST_SURPLUS_NS
-}
-
-/// More bytes than the line can carry at the settings that were given: a contradiction, whatever else is seen.
-fn faster_than_settings(view: &View<'_>) -> Option<Claim> {
-    let (needed, had) = needed_and_had(view).filter(|both| is_overfull(*both))?;
-    let line = view.bus.facts.line?;
-    let least = f64::from(line.baud) * needed / had;
-    let fits = RATES.iter().find(|rate| f64::from(**rate) >= least).map_or(String::new(), |rate| format!("; {rate} fits"));
-    let bytes = view.bus.frames.bytes.iter().sum::<u64>();
-    let what = format!(
-        "bytes, which need {} at {line}, came within {}: the line is faster than {}{fits}",
-        duration(needed as i64),
-        duration(had as i64),
-        line.baud
-    );
-    let share = Share { failed: bytes, total: bytes };
-    let mut claim = Claim::new("wrong_line_settings", &view.bus.requests_seen, 0.0).with_share(share);
-    (claim.has_begun, claim.has_ended, claim.harm) = (false, false, view.bus.requests_seen.total);
-    (claim.episodes, claim.examples) = (Vec::new(), Vec::new());
-    Some(claim.fact("subject", "the tap").fact("than", "the line").fact("what", what))
 }
 
 /// From this share of the frames on, parity and framing errors are the settings: noise hits fewer of the frames that are valid.

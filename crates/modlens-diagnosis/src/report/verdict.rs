@@ -6,9 +6,11 @@ use modlens_protocol::finding::Severity;
 use modlens_protocol::framing::Verdict as FrameVerdict;
 
 use crate::claim::{percent, were, Certainty, ACCIDENT, FEW};
+use crate::contrast::gaps::without_lone;
 use crate::contrast::told::{Told, REQUEST};
-use crate::contrast::{BusContrast, Symptom};
+use crate::contrast::{BusContrast, Contrast, Symptom};
 use crate::statistics::{at_least, least_rate, Share};
+use crate::table::{diagnosis, Diagnosis};
 use crate::MAX_CHANCE;
 
 /// The verdict on a recording.
@@ -45,20 +47,6 @@ const MUCH_OF_NO_FRAME: f64 = 0.1;
 /// them.
 const MANY_RUNS: f64 = 0.05;
 
-/// What exception responses come of. Of others it is not said that they are the cause where nothing but exceptions came.
-const EXPLAIN_REFUSALS: &[&str] = &[
-    "address_off_by_one",
-    "block_too_long",
-    "bystander",
-    "device_busy",
-    "gateway_mixup",
-    "gateway_unit_id",
-    "polled_too_fast",
-    "register_hole",
-    "value_refused",
-    "wrong_function",
-];
-
 /// Whether a bus without a diagnosis would not be called healthy: too few requests, or failures that nothing explains.
 pub(super) fn is_open(bus: &BusContrast) -> bool {
     let share = bus.requests_seen.share();
@@ -71,16 +59,19 @@ struct Judged {
     what: &'static str,
     /// A user has chosen the transactions, perhaps those that failed: they say nothing of the line.
     is_selection: bool,
+    /// More is in the recording than is counted.
+    is_part: bool,
 }
 
 impl Judged {
-    fn of(buses: &[(&str, BusContrast)], is_selection: bool) -> Self {
+    fn of(buses: &[(&str, BusContrast)], contrast: &Contrast) -> Self {
         let what = match buses {
+            _ if contrast.is_part() => "What was counted of this recording",
             [(_, bus)] if bus.facts.is_network => "This network",
             [_] => "This line",
             _ => "What was recorded",
         };
-        Self { what, is_selection }
+        Self { what, is_selection: contrast.is_selection(), is_part: contrast.is_part() }
     }
 
     /// How it works, with the numbers that show it.
@@ -99,7 +90,7 @@ impl Judged {
 /// The verdict and its sentence; `rows` are the diagnoses, the worst first, `open` what a unit bears without a known cause.
 pub(super) fn verdict(
     buses: &[(&str, BusContrast)],
-    is_selection: bool,
+    contrast: &Contrast,
     rows: &[DiagnosisRow],
     open: Option<&DiagnosisRow>,
 ) -> (Verdict, String) {
@@ -118,12 +109,14 @@ pub(super) fn verdict(
     } else {
         format!("{} of {} requests failed{}", thousands(share.failed), thousands(share.total), refusals(" and"))
     };
-    let judged = Judged::of(buses, is_selection);
+    let judged = Judged::of(buses, contrast);
     if let Some(lists) = buses.iter().find_map(|(_, bus)| bus.lists.as_ref()) {
         return (Verdict::Unknown, suspected.unwrap_or_else(|| format!("{UNJUDGED}: {}.", lists.words())));
     }
     if let Some(worst) = worst {
-        let is_aside = share.failed == 0 && refused.failed > 0 && !EXPLAIN_REFUSALS.contains(&worst.code);
+        // Where nothing but refusals came, a cause that explains none is not the cause.
+        let is_of_refusals = diagnosis(worst.code).is_some_and(Diagnosis::explains_refusals);
+        let is_aside = share.failed == 0 && refused.failed > 0 && !is_of_refusals;
         let cause = format!("{}: {}", if is_aside { "What else was found" } else { rest(rows) }, worst.sentence);
         if share.total == 0 {
             // Requests to all units have no outcome.
@@ -201,6 +194,11 @@ pub(super) fn verdict(
         percent(1.0 - share.rate()),
         refusals(", but")
     );
+    if let Some((unit, stretch)) = buses.iter().find_map(|(_, bus)| refused_for_a_while(bus)) {
+        let (some, all) = (thousands(stretch.failed), thousands(stretch.total));
+        let text = judged.problems(&answered);
+        return (Verdict::Trouble, format!("{text}. In one stretch of time, unit {unit} refused {some} of {all} requests."));
+    }
     let of_no_frame =
         Share { failed: bytes(FrameVerdict::Noise), total: buses.iter().map(|(_, bus)| bytes_of_frames(bus)).sum() };
     if least_rate(of_no_frame) > MUCH_OF_NO_FRAME {
@@ -219,7 +217,9 @@ pub(super) fn verdict(
             format!("{text}, and {} runs of bytes belong to no frame. No known cause explains them.", thousands(runs)),
         );
     }
-    (Verdict::Healthy, judged.state("is healthy", &(answered + ".")))
+    let others =
+        if judged.is_part { " More servers and units are in it than are counted, and those are not judged." } else { "" };
+    (Verdict::Healthy, judged.state("is healthy", &format!("{answered}.{others}")))
 }
 
 /// Runs of bytes between frames that are neither a frame nor what a driver leaves when it is switched.
@@ -333,6 +333,22 @@ fn bytes_of_frames(bus: &BusContrast) -> u64 {
 
 fn bytes_of_good_frames(bus: &BusContrast) -> u64 {
     bus.frames.bytes[FrameVerdict::Ok as usize] + bus.frames.bytes[FrameVerdict::NoChecksum as usize]
+}
+
+/// Returns the unit that refused more than it answered in some stretch of time: of all its requests, or of one of them.
+fn refused_for_a_while(bus: &BusContrast) -> Option<(u8, Share)> {
+    let of_units = bus.units.iter().flat_map(|(unit, counts)| counts.exceptions.iter().map(|tally| (*unit, tally)));
+    let requests = bus.requests.sorted();
+    let of_requests = requests.iter().filter(|(_, counts)| counts.refusals() * 2 > counts.bad.failed);
+    let mut all = of_units.chain(of_requests.map(|(key, counts)| (key.unit, &counts.bad)));
+    all.find_map(|(unit, tally)| {
+        let episodes = without_lone(tally.episodes()).into_iter();
+        let stretches = episodes.map(|one| Share { failed: one.failed, total: one.total });
+        stretches
+            .filter(|one| one.failed >= FEW && one.failed * 2 > one.total)
+            .max_by_key(|one| one.failed)
+            .map(|one| (unit, one))
+    })
 }
 
 /// The requests of a bus that were refused by an exception response.

@@ -133,6 +133,10 @@ impl Input {
     /// The silences between the reads of the first `length` bytes, as far as their times are known.
     pub fn pauses_inside(&self, length: usize) -> InnerPauses {
         let mut found = InnerPauses::default();
+        if let Some((bytes, lasted)) = self.span_of_reads(length) {
+            let reads = self.read_index(length - 1).map_or(0, |last| last as u32 + 1);
+            found = InnerPauses { reads, bytes: bytes as u32, lasted, ..found };
+        }
         let mut at = 0;
         while let Some(i) = self.read_index(at) {
             at = (self.reads[i].end - self.offset) as usize;
@@ -140,7 +144,7 @@ impl Input {
                 break;
             }
             if let Some(pause) = self.pause_before(at) {
-                found = InnerPauses { longest: found.longest.max(pause), count: found.count + 1 };
+                found = InnerPauses { longest: found.longest.max(pause), count: found.count + 1, ..found };
             }
         }
         found

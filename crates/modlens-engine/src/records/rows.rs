@@ -89,6 +89,12 @@ pub struct InnerPauses {
     pub longest: Ns,
     /// How many there are.
     pub count: u32,
+    /// Reads of the frame; 0 without times.
+    pub reads: u32,
+    /// Bytes after the first read, and from the time of that to the time of the last one.
+    pub bytes: u32,
+    /// As above.
+    pub lasted: Ns,
 }
 
 /// The request or the response of a transaction.
