@@ -71,7 +71,7 @@ def test_answers_may_be_several_requests_late(
     scene.run(250, Changes(late))
     row = report(scene, tmp_path)["diagnoses"][0]
     assert (row["code"], row["unit"]) == ("lockstep", unit.address)
-    assert f"{said} behind" in row["sentence"]
+    assert f"{said} late" in row["sentence"]
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -68,14 +68,14 @@ fn of_master(claim: Claim, unit: u8, lag: usize) -> Claim {
 
 /// How far an answer is late, and which request it answers.
 const STEPS: [(&str, &str); MOST_LAG] = [
-    ("one step behind", "the request before"),
-    ("two steps behind", "the request before the last one"),
-    ("three steps behind", "the third request before"),
+    ("one step late", "the request before"),
+    ("two steps late", "the request before the last one"),
+    ("three steps late", "the third request before"),
 ];
 
 /// Puts into words that a client takes answers for those of later requests.
 fn of_client(claim: Claim) -> Claim {
-    claim.fact("subject", "the client").fact("steps", "behind").fact("request", "an earlier request than their own")
+    claim.fact("subject", "the client").fact("steps", "out of step").fact("request", "an earlier request than their own")
 }
 
 /// Whether several clients get answers that are not theirs, at least half as often as one that belongs to the request before.
