@@ -63,13 +63,9 @@ fn float(first: u16, second: u16) -> String {
 
 /// A float with no more digits than it holds.
 fn short(value: f32) -> String {
-    let digits = 6_usize.saturating_sub(value.abs().log10().floor().max(0.0) as usize).min(4);
-    let text = format!("{value:.digits$}");
-    if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.').to_owned()
-    } else {
-        text
-    }
+    let (value, is_large) = (f64::from(value), value.abs() >= 1000.0);
+    let text = if is_large { format!("{value:.1}") } else { format!("{value:.3}") };
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 /// A PDU in words, by its layout alone; `None` where it has none of a function.
