@@ -179,7 +179,7 @@ pub(super) fn reported<'a>(lines: impl Iterator<Item = &'a [u8]> + Clone) -> Opt
     })
 }
 
-/// What a line says of an answer that is too short or too long: how many bytes the program expected, and how many came.
+/// Reads what a line reports about an answer that is too short or too long: how many bytes the program expected, and how many came.
 fn counted(line: &str) -> Option<String> {
     let number = |text: &str| text.split(|c: char| !c.is_ascii_digit()).find(|part| !part.is_empty())?.parse::<u32>().ok();
     let is_of_bytes = ["byte", "length", "size"].iter().any(|word| line.contains(word));

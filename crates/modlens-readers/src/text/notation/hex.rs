@@ -173,7 +173,7 @@ pub(super) fn hex(text: &[u8], allow_single_digits: bool, out: &mut Vec<u8>, fla
     hex_words(&text[..time], allow_single_digits, out, flags)
 }
 
-/// Where the first time of day begins that is behind other words in so much of the text.
+/// Where the first time of day begins that comes after other words in so much of the text.
 fn time_within(text: &[u8], length: usize) -> Option<usize> {
     let starts = memchr_iter(b':', &text[..length]).filter(|&colon| colon > 2 && text.get(colon + 3) == Some(&b':'));
     starts.map(|colon| colon - 2).find(|&at| !text[at - 1].is_ascii_alphanumeric() && stamp_length(text, at) > 0)
