@@ -1085,5 +1085,6 @@ class Session:
 
         {lines, records, unparsed, unparsed_with_hex, unparsed_hex_bytes,
         unparsed_examples: [[line, text, bytes of hex]...], dropped: {reason: n},
-        left_out: [[line, hex, reason]...] (1000 at most), formats, clock, resolution_ns, mode}.
+        dropped_bytes: {reason: bytes}, left_out: [[line, hex, reason]...] (1000 at most), formats,
+        clock, resolution_ns, mode}.
         """

@@ -27,7 +27,9 @@ def unread(status: RecordingStatus) -> Iterator[str]:
     if later:
         yield f"{status.name}: also has lines of {', '.join(later)}"
     for reason, count in (details.get("dropped") or {}).items():
-        yield f"{status.name}: {count:,} skipped: {reason}"
+        size = (details.get("dropped_bytes") or {}).get(reason)
+        held = f" ({count_of(size, 'byte')})" if size else ""
+        yield f"{status.name}: {count:,} skipped: {reason}{held}"
     unparsed = details.get("unparsed", 0)
     if unparsed:
         lines = count_of(details["lines"], "line")

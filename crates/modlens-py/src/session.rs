@@ -429,14 +429,16 @@ impl Session {
             .to_string());
         };
         let dropped: serde_json::Map<String, serde_json::Value> =
-            reader.skipped_counts().map(|(reason, count)| (reason.to_owned(), count.into())).collect();
+            reader.skipped_counts().map(|(reason, count, _)| (reason.to_owned(), count.into())).collect();
+        let dropped_bytes: serde_json::Map<String, serde_json::Value> =
+            reader.skipped_counts().map(|(reason, _, bytes)| (reason.to_owned(), bytes.into())).collect();
         let left_out: Vec<(u64, String, &str)> =
             reader.skipped().iter().map(|(line, bytes, reason)| (*line, hex(bytes), *reason)).collect();
         let formats: Vec<&str> = reader.dialects().iter().map(|dialect| dialect.name.as_str()).collect();
         let unread = reader.unread_lines();
         Ok(json!({
             "lines": reader.lines(), "records": reader.records(), "unparsed": unread.count,
-            "unparsed_with_hex": unread.with_hex, "unparsed_hex_bytes": unread.hex_bytes, "unparsed_examples": unread.examples, "dropped": dropped, "left_out": left_out, "formats": formats,
+            "unparsed_with_hex": unread.with_hex, "unparsed_hex_bytes": unread.hex_bytes, "unparsed_examples": unread.examples, "dropped": dropped, "dropped_bytes": dropped_bytes, "left_out": left_out, "formats": formats,
             "clock": reader.clock_kind().text(), "resolution_ns": reader.resolution(), "mode": mode,
         })
         .to_string())

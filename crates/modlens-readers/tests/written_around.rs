@@ -213,3 +213,67 @@ fn pairs_of_digits_that_nothing_proves_look_like_hex() {
     let guesses = detect(b"01 03 00 05 00 01\n", "x.log", Dialects::embedded);
     assert_eq!((guesses[0].0.as_str(), guesses[0].1 < 0.25), ("hex", true));
 }
+
+#[test]
+fn a_label_may_be_followed_by_what_it_is_about() {
+    // The echo of a write is the same bytes in both directions, so that the labels alone say who sent them.
+    for (asks, answers) in [
+        ("// Request: it writes one of the coils and then waits for the unit", "// Response"),
+        ("# Anfrage: schreibt eine der Spulen und wartet dann auf das Ger\u{e4}t", "# Antwort"),
+        (
+            "// \u{8bf7}\u{6c42}: \u{5199}\u{5165} 1 \u{4e2a}\u{5bc4}\u{5b58}\u{5668} (0xFF00 = 1, 0x0000 = 0)",
+            "// \u{54cd}\u{5e94}",
+        ),
+    ] {
+        let text = format!("{asks}\n00 05 00 00 00 06 07 05 00 04 FF 00\n{answers}\n00 05 00 00 00 06 07 05 00 04 FF 00\n");
+        let sides: Vec<_> = read(&text).0.into_iter().map(|(_, side, _)| side).collect();
+        assert_eq!(sides, [Some(Side::Sent), Some(Side::Received)], "{asks}");
+    }
+}
+
+#[test]
+fn rtu_and_ascii_in_one_line_are_both_read() {
+    // 07 + 03 + 02 + 01 + 2C = 39, of which C7 is the complement.
+    let line = "reply = ascii ? \":070302012CC7\\r\\n\" : fromHex(\"0703 0201 2C30 09\");\n";
+    let found = frames(&line.replace("0703 0201 2C30 09", "070302012C3009"));
+    assert_eq!(found, [b":070302012CC7\r\n".to_vec(), bytes(RESPONSE)]);
+}
+
+#[test]
+fn two_strings_in_a_line_are_both_read_although_the_first_is_all_escaped() {
+    // The 2C of the response is a comma, its 30 a zero, and its 09 a tab.
+    let line = r"answers['\x07\x03\x00\x10\x00\x01\x85\xa9'] = '\x07\x03\x02\x01,0\t'";
+    assert_eq!(frames(&format!("{line}\n")), [bytes(REQUEST), bytes(RESPONSE)]);
+}
+
+#[test]
+fn a_frame_may_be_listed_with_remarks_and_its_data_without() {
+    let text =
+        "answer:\n07 \tunit\n03 \tfunction\n06 \t\u{5b57}\u{8282}\u{6570}\n00 01 00\n02 00 03\nD6 D4\tCRC\u{6821}\u{9a8c}\n";
+    assert_eq!(frames(text).concat(), bytes("07 03 06 00 01 00 02 00 03 D6 D4"));
+}
+
+#[test]
+fn the_rest_of_a_frame_may_stand_after_another_call() {
+    let text = format!(
+        "uart_write(port, req, 8, 100)  sent: {REQUEST}\nled_off()  ok\nuart_read(port, buf, 3, 200)  got: 07 03 06\n\
+         length_of(req, 8)  9\nuart_read(port, buf+3, 8, 200)  got: 00 01 00 02 00 03 D6 D4\n"
+    );
+    assert_eq!(frames(&text).concat(), [bytes(REQUEST), bytes("07 03 06 00 01 00 02 00 03 D6 D4")].concat());
+}
+
+#[test]
+fn a_byte_in_two_notations_a_line_is_one_byte() {
+    let line = |byte: u8| format!("[D][bus:042]: got byte {byte} (0X{byte:x})\n");
+    let listed: String = bytes(RESPONSE).into_iter().map(line).collect();
+    assert_eq!(frames(&listed).concat(), bytes(RESPONSE));
+    let cut: String = bytes(RESPONSE)[1..].iter().map(|byte| line(*byte)).collect();
+    let (_, _, unread) = read(&format!("sent: {REQUEST}\n\n{cut}"));
+    assert_eq!(unread, 6, "what no checksum proves is counted");
+}
+
+#[test]
+fn two_lists_of_numbers_in_a_line_are_both_counted() {
+    let text = format!("sent: {REQUEST}\nno match: 7, 3, 6, 0, 1, 0, 2, 0, 3 != 7, 3, 6, 6, 0, 1, 0, 2, 0, 3\n");
+    assert_eq!(read(&text).2, 19);
+}

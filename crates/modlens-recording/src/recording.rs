@@ -182,7 +182,7 @@ impl Target {
             Self::Text(bus) => session.reader(bus).map_or(Json::Null, |reader| {
                 let unread = reader.unread_lines();
                 let dropped: serde_json::Map<String, Json> =
-                    reader.skipped_counts().map(|(reason, count)| (reason.to_owned(), count.into())).collect();
+                    reader.skipped_counts().map(|(reason, count, _)| (reason.to_owned(), count.into())).collect();
                 json!({
                     "lines": reader.lines(), "records": reader.records(), "unparsed": unread.count,
                     "unparsed_with_hex": unread.with_hex, "unparsed_examples": unread.examples, "dropped": dropped,

@@ -102,7 +102,8 @@ garbage = st.one_of(
     st.binary(max_size=40).map(lambda data: data.replace(b"\n", b" ")),
     st.text(max_size=30).map(lambda text: text.replace("\n", " ").encode("utf-8", "replace")),
     st.just(b"-- interrupted --"),
-)
+).filter(lambda line: not line.strip().isalpha())
+"""A word above bytes may be a label that says who sent them, such as `receive`, and is read."""
 
 
 @pytest.mark.parametrize("name", SINGLE_LINE)

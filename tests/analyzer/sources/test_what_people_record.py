@@ -123,3 +123,11 @@ def test_unread_lines_are_ranked_by_their_hex(tmp_path: Path, modlens: Modlens) 
     said = modlens("decode", path).err
     assert "10 of 11 lines could not be parsed; 1 of them holds 10 bytes of hex" in said
     assert said.index("line 11: block") < said.index("line 1: 2026")
+
+
+def test_what_is_skipped_is_reported_with_its_size(tmp_path: Path, modlens: Modlens) -> None:
+    """How many items were left out does not show whether a whole answer is among them."""
+    path = tmp_path / "log.txt"
+    path.write_text(f"sent: {REQUEST.hex(' ')} (id 41 42 43 44 45 46)\n")
+    said = modlens("decode", path).err
+    assert "1 skipped: hex beside a frame that no checksum proves (6 bytes)" in said

@@ -37,6 +37,9 @@ const FIRST_OFFSET_OF_BYTES: u64 = 0x1000;
 /// A copy of a frame is at most so many lines after it.
 const MAX_LINES_TO_COPY: u64 = 10;
 
+/// The rest of a frame is at most so many lines after its beginning, among what else a program prints.
+const MAX_LINES_TO_REST: u64 = 3;
+
 /// The checksum at the end of an RTU frame.
 const CRC_BYTES: usize = 2;
 
@@ -138,7 +141,7 @@ pub(super) struct EntryAssembler {
     is_generic: bool,
     pub keys: Vec<Vec<u8>>,
     pub skipped: Vec<SkippedBytes>,
-    pub counts: BTreeMap<&'static str, u64>,
+    pub counts: BTreeMap<&'static str, (u64, u64)>,
     pub records: u64,
     /// Lines that announced bytes: header lines, and dump lines with an offset.
     pub announced: u64,
@@ -383,11 +386,20 @@ impl EntryAssembler {
             && (expected.is_some() || offset < FIRST_OFFSET_OF_BYTES)
     }
 
-    /// Whether these bytes complete the frame that the line before has begun.
+    /// The bytes of a frame that one of the last lines has begun, if there is one.
+    fn begun(&self) -> Option<&[u8]> {
+        let is_open = |stream: &&DeviceStream| stream.is_mid_frame && stream.number + MAX_LINES_TO_REST >= self.number;
+        self.streams.first().filter(is_open).map(|stream| &stream.group[..])
+    }
+
+    /// Whether one of the last lines has begun a frame.
+    pub fn has_begun(&self) -> bool {
+        self.begun().is_some()
+    }
+
+    /// Whether these bytes complete the frame that one of the last lines has begun.
     pub fn completes(&self, bytes: &[u8]) -> bool {
-        let is_open = |stream: &&DeviceStream| stream.is_mid_frame && stream.number + 1 == self.number;
-        let stream = self.streams.first().filter(is_open);
-        stream.is_some_and(|stream| check_frame(&[&stream.group[..], bytes].concat()).0)
+        self.begun().is_some_and(|begun| check_frame(&[begun, bytes].concat()).0)
     }
 
     /// Who sent the last bytes.
@@ -538,7 +550,9 @@ impl EntryAssembler {
 
     /// Counts bytes that are not delivered and keeps the first of them for the list shown to users.
     pub fn skip(&mut self, number: u64, bytes: &[u8], reason: &'static str) {
-        *self.counts.entry(reason).or_default() += 1;
+        let (count, total) = self.counts.entry(reason).or_default();
+        *count += 1;
+        *total += bytes.len() as u64;
         if self.skipped.len() < MAX_LISTED {
             self.skipped.push((number, bytes.to_vec(), reason));
         }

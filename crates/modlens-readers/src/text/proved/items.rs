@@ -100,12 +100,15 @@ fn item(line: &[u8]) -> Option<(Place, usize, Readings)> {
         let readings = readings(byte);
         return (is_alone && readings != [None; 3]).then_some(([None; 2], start, readings));
     }
-    let [.., (place_at, place), (start, byte)] = parts[..] else { return None };
+    let [.., (place_at, place), (start, byte_word)] = parts[..] else { return None };
     let separator = &line[place_at + place.len()..start];
     let marks = separator.iter().filter(|b| !b.is_ascii_alphanumeric()).count();
-    let place = number(place);
-    (marks <= MAX_SEPARATOR_CHARS && place != [None; 2])
-        .then(|| (place, start, readings(byte)))
+    let byte = readings(byte_word);
+    // Programs print a byte as a decimal and as a hex number: `64 (0x40)`.
+    let is_same = separator.contains(&b'(') && byte[0].is_some() && readings(place)[1] == byte[0];
+    let place = if is_same { [None; 2] } else { number(place) };
+    (marks <= MAX_SEPARATOR_CHARS && (is_same || place != [None; 2]))
+        .then_some((place, start, byte))
         .filter(|(.., readings)| *readings != [None; 3])
 }
 
@@ -132,7 +135,7 @@ fn number(word: &[u8]) -> Place {
 /// A word as a byte in each notation.
 fn readings(word: &[u8]) -> Readings {
     let text = std::str::from_utf8(word).unwrap_or_default();
-    let hex = text.strip_prefix("0x").unwrap_or(text);
+    let hex = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")).unwrap_or(text);
     let parsed = |text: &str, lengths: std::ops::RangeInclusive<usize>, radix| {
         lengths.contains(&text.len()).then(|| u8::from_str_radix(text, radix).ok()).flatten()
     };

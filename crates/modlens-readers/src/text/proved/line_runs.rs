@@ -52,7 +52,7 @@ pub(in crate::text) fn longest_hex(line: &[u8]) -> Option<Vec<u8>> {
 }
 
 /// The bytes of a line that holds nothing else but the mark of a comment in front of them.
-pub(in crate::text) fn only_hex(line: &[u8]) -> Option<Vec<u8>> {
+pub(super) fn only_hex(line: &[u8]) -> Option<Vec<u8>> {
     let is_mark = |b: &u8| matches!(b, b' ' | b'\t' | b'/' | b'#' | b'*' | b';');
     let start = line.iter().position(|b| !is_mark(b))?;
     let text = line[start..].trim_ascii_end();
@@ -103,9 +103,12 @@ pub(super) fn shifted(runs: Vec<Run>, start: usize) -> Vec<Run> {
     runs.into_iter().map(|run| run.shifted(start)).collect()
 }
 
+/// Runs, each with the positions of its frames.
+type Proved = Vec<(Run, Vec<Range<usize>>)>;
+
 /// The runs of the first notation in which the line holds frames, each with the positions of its frames; runs without a
 /// frame stand among them.
-pub(super) fn proved_runs(line: &[u8], start: usize) -> Vec<(Run, Vec<Range<usize>>)> {
+pub(super) fn proved_runs(line: &[u8], start: usize) -> Proved {
     let part = &line[start..];
     let read: [&dyn Fn() -> Vec<Run>; 8] = [
         &|| hex_runs(part),
@@ -118,18 +121,51 @@ pub(super) fn proved_runs(line: &[u8], start: usize) -> Vec<(Run, Vec<Range<usiz
         &|| base64_runs(part),
     ];
     for read in read {
-        let proved: Vec<_> = shifted(read(), start)
-            .into_iter()
-            .map(|run| {
-                let frames = if run.style == Style::Ascii { whole(&run) } else { frames::prove(&run.bytes, &run.edges) };
-                (run, frames)
-            })
-            .collect();
-        if proved.iter().any(|(_, frames)| !frames.is_empty()) {
-            return proved;
+        let found = proved(read(), start);
+        if frame_bytes(&found) > 0 {
+            return with_other_notations(part, start, found);
         }
     }
     Vec::new()
+}
+
+/// Finds the frames in runs of the text from `start` on.
+fn proved(runs: Vec<Run>, start: usize) -> Proved {
+    let frames = |run: &Run| if run.style == Style::Ascii { whole(run) } else { frames::prove(&run.bytes, &run.edges) };
+    shifted(runs, start).into_iter().map(|run| (frames(&run), run)).map(|(frames, run)| (run, frames)).collect()
+}
+
+/// How many bytes the frames of these runs have.
+fn frame_bytes(found: &Proved) -> usize {
+    found.iter().flat_map(|(_, frames)| frames).map(Range::len).sum()
+}
+
+/// What was found as hex, or what else the line shows: its strings with escape sequences if they hold more, because a string
+/// of which each byte is escaped looks like hex, and frames of Modbus ASCII in place of hex that is no frame.
+fn with_other_notations(part: &[u8], start: usize, found: Proved) -> Proved {
+    if !matches!(style_of_frames(&found), Style::Pairs | Style::Prefixed) {
+        return found;
+    }
+    if memchr::memmem::find(part, b"\\x").is_some() {
+        let strings = proved(escaped_runs(part), start);
+        if frame_bytes(&strings) > frame_bytes(&found) {
+            return strings;
+        }
+    }
+    let is_free = |ascii: &Run| {
+        let mut frames = found.iter().filter(|(_, frames)| !frames.is_empty());
+        frames.all(|(run, _)| run.text.end <= ascii.text.start || ascii.text.end <= run.text.start)
+    };
+    let is_word = |run: &Run| !part[run.text.clone()].contains(&b' ');
+    let ascii: Vec<Run> = ascii_runs(part).into_iter().filter(is_word).map(|run| run.shifted(start)).filter(is_free).collect();
+    if ascii.is_empty() {
+        return found;
+    }
+    let is_inside = |run: &Run| ascii.iter().any(|own| run.text.start < own.text.end && own.text.start < run.text.end);
+    let mut all: Proved = found.into_iter().filter(|(run, _)| !is_inside(run)).collect();
+    all.extend(ascii.iter().map(|run| (run.clone(), whole(run))));
+    all.sort_by_key(|(run, _)| run.text.start);
+    all
 }
 
 /// The notation of the runs that hold frames.
@@ -224,8 +260,9 @@ pub(in crate::text) fn hex_bytes(line: &[u8]) -> usize {
     // Bytes with other text between them, such as `00: 02, 01: 02`.
     let words = part.split(u8::is_ascii_whitespace).map(without_marks);
     let words = words.filter(|word| word.len() == 2 && word.iter().all(u8::is_ascii_hexdigit));
-    let numbers = number_runs(part, Style::Decimal).into_iter().map(|run| run.bytes.len()).max();
-    let scattered = words.count().max(numbers.unwrap_or(0));
+    let numbers = number_runs(part, Style::Decimal).into_iter().map(|run| run.bytes.len());
+    let numbers: usize = numbers.filter(|count| *count >= MIN_SCATTERED_BYTES).sum();
+    let scattered = words.count().max(numbers);
     if scattered.max(lists) >= MIN_SCATTERED_BYTES {
         return scattered.max(lists);
     }

@@ -6,7 +6,7 @@
 
 use crate::chunk::Side;
 use crate::text::proved::frames::{is_checked_frame, is_frame};
-use crate::text::proved::line_runs::without_marks;
+use crate::text::proved::line_runs::{only_hex, without_marks};
 use crate::text::proved::pieces::Piece;
 use crate::text::proved::runs::{hex_runs, Style};
 use crate::text::proved::sender::{sender, sender_below};
@@ -33,7 +33,7 @@ pub(super) struct Listing {
 impl Listing {
     /// Adds a line. Returns the fields of the frame that is complete with it, and who sent it, if there is one.
     pub fn add(&mut self, line: &[u8], number: u64) -> Option<(Vec<Piece>, Option<Side>)> {
-        let Some((start, bytes)) = field(line) else {
+        let Some((start, bytes)) = field(line).or_else(|| self.further_bytes(line, number)) else {
             if !line.trim_ascii().is_empty() {
                 *self = Self { fields: Vec::new(), side: sender_below(line) };
             }
@@ -51,6 +51,12 @@ impl Listing {
         let fields = self.fields.split_off(self.frame_start().or_else(|| self.checked_start())?);
         self.fields.clear();
         Some((fields, self.side))
+    }
+
+    /// The bytes of a line without a name right after two fields and more: the data of a frame, over several lines.
+    fn further_bytes(&self, line: &[u8], number: u64) -> Option<(usize, Vec<u8>)> {
+        let last = self.fields.last().filter(|last| self.fields.len() > 1 && last.number + 1 == number);
+        last.and_then(|_| Some((line.len() - line.trim_ascii_start().len(), only_hex(line)?)))
     }
 
     /// The first field from which on the bytes are as many as a header there announces, and such a frame.
@@ -93,10 +99,12 @@ fn is_listed_frame(fields: &[Piece]) -> bool {
 fn leading_field(line: &[u8]) -> Option<(usize, Vec<u8>)> {
     let start = line.iter().position(|b| !b.is_ascii_whitespace())?;
     let mut bytes = Vec::new();
-    for word in line[start..].split(|&b| b == b' ').map(without_marks) {
+    for text in line[start..].split(|b| matches!(b, b' ' | b'\t')) {
+        // Words of other scripts are names.
+        let word = if text.is_ascii() { without_marks(text) } else { text };
         let digits = word.strip_prefix(b"0x").unwrap_or(word);
         if !word.is_empty() && (digits.len() != 2 || !decode_pairs(digits, &mut bytes)) {
-            let is_name = word.len() > 2 && word.iter().all(u8::is_ascii_alphabetic);
+            let is_name = word.len() > 2 && word.iter().all(|b| b.is_ascii_alphabetic() || !b.is_ascii());
             return (is_name && !bytes.is_empty()).then_some((start, bytes));
         }
     }

@@ -16,6 +16,9 @@ const TOWARDS: [&str; 8] = ["->", "=>", "\u{2192}", " to", " an", " zu", " vers"
 /// A label without a colon or an arrow at its end has at most so many words.
 const MAX_LABEL_WORDS: usize = 5;
 
+/// A label with a remark after it has at most so many words.
+const MAX_REMARKED_WORDS: usize = 2;
+
 /// Words by which a line says that nothing was sent or received, or not yet.
 const NOT: [&str; 20] = [
     "no",
@@ -87,8 +90,11 @@ pub(in crate::text) fn sender_below(text: &[u8]) -> Option<Side> {
     let text = &text[..end];
     let ends_as_label =
         matches!(text.last(), Some(b':' | b'=' | b'>' | b'<' | b'-' | b'{' | b'(')) || text.ends_with("\u{FF1A}".as_bytes());
-    if denies(text) || !(ends_as_label || words.len() <= MAX_LABEL_WORDS) {
+    if denies(text) {
         return None;
+    }
+    if !ends_as_label && words.len() > MAX_LABEL_WORDS {
+        return label_of_remark(text).and_then(sender_below);
     }
     // `Polling slave 1...` says who is asked.
     let is_of_party = |(_, word): &(usize, String)| meaning(word).is_none_or(|(_, rank)| rank == Rank::Party);
@@ -106,6 +112,14 @@ pub(in crate::text) fn sender_below(text: &[u8]) -> Option<Side> {
     } else {
         sender(text)
     }
+}
+
+/// The label with which a line begins that goes on with a remark, as `// Request: reads two registers of the meter`.
+pub(in crate::text) fn label_of_remark(text: &[u8]) -> Option<&[u8]> {
+    let ends = [&b": "[..], "\u{FF1A}".as_bytes()];
+    let end = ends.iter().filter_map(|mark| Some(memchr::memmem::find(text, mark)? + mark.len())).min()?;
+    let label = &text[..end];
+    (words(&String::from_utf8_lossy(label)).len() <= MAX_REMARKED_WORDS && end < text.len()).then_some(label)
 }
 
 /// Whether the words of a line say that nothing was sent or received, or not yet.
@@ -187,6 +201,11 @@ mod tests {
             ("Waiting for response:", None),
             ("the values of the meter", None),
             ("TEST WRITE/READ:", None),
+            ("// Request: reads two of the registers of the meter", Some(Side::Sent)),
+            ("# Response: both of them are zero, as it should be", Some(Side::Received)),
+            ("Response: there is none, and nothing else was seen", Some(Side::Received)),
+            ("Response: it did not come in the time that was set", None),
+            ("# Note: the request reads two of the registers", None),
             ("Response to the request:", None),
         ] {
             assert_eq!(sender_below(text.as_bytes()), side, "{text}");

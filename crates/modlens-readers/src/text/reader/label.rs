@@ -1,6 +1,6 @@
 //! A line that is a label for the bytes below it: `TX:`, `Request`, `Station 5 <-`, `Sent 8 bytes`.
 
-use crate::text::proved::hex_bytes;
+use crate::text::proved::{hex_bytes, label_of_remark};
 use crate::text::reader::prose::is_sentence;
 
 /// A longer line is no label.
@@ -19,6 +19,8 @@ pub(super) struct Label {
 /// The text of a line that may be a label; `None` for any other.
 pub(super) fn label_text(line: &[u8]) -> Option<&[u8]> {
     let text = line.trim_ascii();
-    let is_short = !text.is_empty() && text.len() <= MAX_CHARS;
-    (is_short && hex_bytes(text) == 0 && !is_sentence(text)).then_some(text)
+    // Characters of other scripts take several bytes.
+    let chars = text.iter().filter(|&&b| b & 0xC0 != 0x80).take(MAX_CHARS + 1).count();
+    let is_short = !text.is_empty() && chars <= MAX_CHARS;
+    (is_short && hex_bytes(text) == 0 && (!is_sentence(text) || label_of_remark(text).is_some())).then_some(text)
 }

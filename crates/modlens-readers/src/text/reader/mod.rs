@@ -372,9 +372,9 @@ impl Reader {
         self.assembler.announced > 0 || !self.dialects.first().is_some_and(|row| row.has_headers)
     }
 
-    /// How many byte strings were skipped, by reason.
-    pub fn skipped_counts(&self) -> impl Iterator<Item = (&'static str, u64)> + '_ {
-        self.assembler.counts.iter().map(|(reason, count)| (*reason, *count))
+    /// How many byte strings were skipped, and how many bytes they hold, by reason.
+    pub fn skipped_counts(&self) -> impl Iterator<Item = (&'static str, u64, u64)> + '_ {
+        self.assembler.counts.iter().map(|(reason, (count, bytes))| (*reason, *count, *bytes))
     }
 
     /// The first byte strings that were skipped.

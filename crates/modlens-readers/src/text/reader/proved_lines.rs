@@ -6,7 +6,7 @@ use crate::chunk::Side;
 use crate::text::dialect::Dialect;
 use crate::text::frame_evidence;
 use crate::text::notation::NotationFlags;
-use crate::text::proved::{only_hex, other_hex, read_frames, Found, Worth};
+use crate::text::proved::{longest_hex, other_hex, read_frames, Found, Worth};
 use crate::text::reader::line_bytes::BESIDE;
 use crate::text::reader::Reader;
 use crate::text::role::LineRole;
@@ -23,7 +23,8 @@ impl Reader {
     /// Reads what checksums prove in a line that no dialect reads. Returns whether there was anything.
     pub(super) fn read_proved(&mut self, line: &[u8]) -> bool {
         let Some(proved) = &mut self.proved else { return false };
-        let rest = only_hex(line).filter(|bytes| self.assembler.completes(bytes));
+        let has_begun = self.assembler.has_begun();
+        let rest = has_begun.then(|| longest_hex(line)).flatten().filter(|bytes| self.assembler.completes(bytes));
         if let (Some(bytes), Some(row)) = (rest, self.proved_row.clone()) {
             let side = self.assembler.last_side();
             let found = LineMatch { side, ..LineMatch::default() };
