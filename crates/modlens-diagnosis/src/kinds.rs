@@ -118,7 +118,7 @@ const EXPLAINS: &[(&str, &[&str])] = &[
     ("connection_limit", &["connection_churn", "device_absent", "slow_answers", "polled_too_fast", "bystander"]),
     ("foreign_protocol", &["line_noise"]),
     ("bystander", &["duplicate_address"]),
-    ("device_absent", &["polled_too_fast"]),
+    ("device_absent", &["polled_too_fast", "bystander"]),
     ("lockstep", &["slow_answers", "gateway_mixup", "value_spike"]),
     (
         "wrong_layout",

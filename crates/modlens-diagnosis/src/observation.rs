@@ -311,7 +311,7 @@ impl Observation {
             written: if writes && is_intact { fingerprint(request) } else { 0 },
             data,
             registers: registers.to_vec(),
-            response_time: row.response_time,
+            response_time: row.response_time.or_else(|| time_of_damaged(row)),
             waited: row.waited,
             late: row.late_response,
             belated: None,
@@ -369,6 +369,12 @@ fn aligned_at(row: &Transaction, (address, quantity): (u16, u16)) -> Option<u16>
         [one] if is_cut => Some(*one),
         _ => None,
     }
+}
+
+/// From the end of a request to the start of a damaged answer, where the times allow it.
+fn time_of_damaged(row: &Transaction) -> Option<Ns> {
+    let time = row.response.start.filter(|_| row.status == Status::BadResponse)? - row.request.end?;
+    (time > 0).then_some(time)
 }
 
 fn outcome(status: Status) -> Outcome {

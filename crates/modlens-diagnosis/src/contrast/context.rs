@@ -438,9 +438,11 @@ impl Context {
         self.shift(key, data, Some(RequestKey::of_number(before))).is_some()
     }
 
-    /// The requests before the next one, the last one first: that one as it could be read, those before it as they were sent.
-    fn earlier(&self, before: RequestKey) -> impl Iterator<Item = RequestKey> + '_ {
-        std::iter::once(before).chain(self.recent.newest_first().skip(1).map(|answer| answer.key())).take(MOST_LAG)
+    /// The requests to the unit before the next one, the last one first: that one as it could be read, those before it as they were
+    /// sent. An answer that a unit or its modem keeps back waits while others are asked.
+    fn earlier(&self, before: RequestKey, unit: u8) -> impl Iterator<Item = RequestKey> + '_ {
+        let all = std::iter::once(before).chain(self.recent.newest_first().skip(1).map(|answer| answer.key()));
+        all.filter(move |key| key.unit == unit).take(MOST_LAG)
     }
 
     /// Compares the data with those of the transactions before.
@@ -483,9 +485,8 @@ impl Context {
         let last_of = |key: RequestKey| in_front().find(|answer| answer.key() == key);
         let own = last_of(key).filter(|own| own.length == data.length && distance(own.head, data.head) >= FAR)?;
         let mut found = None;
-        for (lag, earlier) in (1..).zip(self.earlier(before?)) {
-            let is_other = earlier.unit == key.unit && earlier != key;
-            let Some(others) = last_of(earlier).filter(|others| is_other && others.length == data.length) else { continue };
+        for (lag, earlier) in (1..).zip(self.earlier(before?, key.unit)) {
+            let Some(others) = last_of(earlier).filter(|others| earlier != key && others.length == data.length) else { continue };
             if distance(others.head, data.head) * 8 < distance(own.head, data.head) {
                 return Some(Shift::ToEarlier { lag, bits: bits(others.head, data) });
             }

@@ -62,6 +62,10 @@ fn late(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let mut late = counts.late.clone();
     (late.total, late.before, late.after) = (share.total, 0, 0);
     let mut claim = Claim::new("slow_answers", &late, chance).of_unit(unit).with_share(share);
+    // Where most failures are late answers, those in time in between part their spells.
+    if late.failed * 2 > counts.failures.failed {
+        claim = claim.in_the_time_of(&Claim::new("slow_answers", &counts.failures, 0.0));
+    }
     if let Some(waited) = counts.waited.percentile(0.5) {
         claim = claim.fact("timeout", format!(", after {}", duration(waited)));
     }
@@ -222,7 +226,8 @@ fn server_down(view: &View<'_>) -> Option<Claim> {
 fn not_seen(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let (share, in_runs) = (counts.not_seen.share(), counts.not_seen_runs.in_long());
     let others = view.others(unit, |other| other.not_seen.share());
-    if share.total - share.failed < 2 || in_runs * 10 < share.failed * 8 || counts.silent.failed == share.failed {
+    let are_late = counts.late.failed * 4 > share.failed;
+    if are_late || share.total - share.failed < 2 || in_runs * 10 < share.failed * 8 || counts.silent.failed == share.failed {
         return None;
     }
     let runs = counts.not_seen_runs.count_of_long() + (share.failed - in_runs);

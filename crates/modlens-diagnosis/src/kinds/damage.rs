@@ -1,7 +1,7 @@
 //! Damage, told apart by where in the frame it is and whose frames it hits.
 
 use super::switched::{failures_after_writes, noise_of_writes_once};
-use crate::claim::{severity_of, Claim, View, FEW};
+use crate::claim::{duration, severity_of, Claim, View, FEW};
 use crate::contrast::tally::Tally;
 use crate::contrast::{Symptom, UnitCounts};
 use crate::observation::DamagedPart;
@@ -221,7 +221,34 @@ pub(super) fn driver_enable(view: &View<'_>) -> Vec<Claim> {
             .fact("experiment", "Use an adapter that switches by itself: the requests are whole.")
             .at_most(crate::claim::severity_of(requests.1))
     });
-    answers.chain(ends_of_answers(view)).chain(after_answers(view)).chain(from_master).collect()
+    answers.chain(ends_of_answers(view)).chain(after_answers(view)).chain(held_after_requests(view)).chain(from_master).collect()
+}
+
+/// Units whose answers lack their beginning, and only those that begin soon: another driver still holds the line, mostly the master's.
+/// Noise does not depend on that, and of two devices that answer at once no byte is missing.
+fn held_after_requests<'a>(view: &'a View<'_>) -> impl Iterator<Item = Claim> + 'a {
+    view.units().filter_map(|(unit, counts)| {
+        let part = |part: DamagedPart| counts.damaged_parts[part as usize].failed;
+        let ratios = counts.length_ratios;
+        let from_start = part(DamagedPart::Start) + part(DamagedPart::Whole);
+        let is_short = ratios.came < ratios.expected && counts.odd_lengths.failed * 2 > part(DamagedPart::Whole);
+        if view.bus.facts.is_network || !is_short || from_start * 20 < counts.garbled.failed * 19 {
+            return None;
+        }
+        let splits = counts.garbled_by_response_time.splits();
+        let limits = splits.len() as f64;
+        let soon = splits.into_iter().filter(|(_, below, above)| below.rate() > 10.0 * above.rate());
+        let chances = soon.map(|(limit, below, above)| (fisher(below, above) * limits, limit));
+        let (chance, limit) = chances.min_by(|one, other| one.0.total_cmp(&other.0))?;
+        let chance = view.significant(chance)?;
+        let place = format!("from the first byte on where they begin sooner than {} after the request", duration(limit));
+        let check = format!("How long the master, or its adapter, holds its driver after a request: what unit {unit} sends meanwhile is lost. A longer response delay in unit {unit} helps.");
+        let (failed, total) = (counts.garbled.failed, counts.failures.total);
+        let claim = Claim::new("driver_enable", &counts.garbled, chance).of_unit(unit).with_share(Share { failed, total: failed });
+        let severity = severity_of(Share { failed, total });
+        let experiment = format!("Set a longer response delay in unit {unit}: the first bytes are whole.");
+        Some(claim.fact("where", place).fact("what_to_check", check).fact("experiment", experiment).at_most(severity))
+    })
 }
 
 /// A unit that holds the line after its answers: what begins there is damaged, after those of others it is whole. Such a request is

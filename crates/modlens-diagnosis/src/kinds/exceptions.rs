@@ -252,10 +252,12 @@ pub(super) fn block_too_long(view: &View<'_>) -> Vec<Claim> {
     for request in failing(&all) {
         let key = request.0;
         let Some((beside, greatest)) = limit(&all, request) else { continue };
-        if found.iter().any(|other| (other.unit, other.function) == (Some(key.unit), Some(key.function))) {
+        if found.iter().any(|other| other.unit == Some(key.unit) && other.function.is_some_and(|one| is_akin(one, key.function)))
+        {
             continue;
         }
-        let of_kind = failing(&all).into_iter().filter(|(other, _)| other.unit == key.unit && other.function == key.function);
+        let is_of_kind = |other: &Request<'_>| is_like(other.0, key) && limit(&all, *other).is_some();
+        let of_kind = failing(&all).into_iter().filter(is_of_kind);
         let least = of_kind.map(|(other, _)| other.quantity).min().unwrap_or(key.quantity);
         let Some(claim) = claim(view, "block_too_long", request) else { continue };
         let blocks = if least == 0 { String::from("blocks of 0") } else { format!("blocks of {least} or more") };
@@ -294,11 +296,13 @@ fn reason_of_length(all: &[Request<'_>], request: Request<'_>) -> Reason {
         return reason(all, request);
     }
     let good = answered(all, request.0);
-    let longest = good.iter().map(|other| other.quantity).max().unwrap_or(0);
-    let silent = all.iter().filter(|(other, counts)| {
-        other.unit == request.0.unit && other.function == request.0.function && counts.good == 0 && counts.silent >= 2
-    });
-    let silent: Vec<_> = silent.collect();
+    let of_kind = || all.iter().filter(|(other, _)| is_like(other, request.0));
+    let longest = of_kind().filter(|(_, counts)| counts.good > 0).map(|(other, _)| other.quantity).max().unwrap_or(0);
+    let silent: Vec<_> = of_kind().filter(|(_, counts)| counts.good == 0 && counts.silent >= 2).collect();
+    // A function that is never answered at all is not one of too long blocks.
+    if silent.iter().all(|(other, _)| answered(all, other).is_empty()) {
+        return Reason::Unknown;
+    }
     let shortest = silent.iter().map(|(other, _)| other.quantity).min().unwrap_or(0);
     // Two lengths without any answer, time and again: an address that is missing is refused.
     let is_usual = silent.len() > 1 && silent.iter().all(|(_, counts)| counts.silent >= MANY_SILENT);
@@ -308,6 +312,15 @@ fn reason_of_length(all: &[Request<'_>], request: Request<'_>) -> Reason {
     } else {
         Reason::Unknown
     }
+}
+
+/// Whether both functions read registers, or both bits: a limit of length is that of the unit's memory.
+fn is_akin(one: u8, other: u8) -> bool {
+    one == other || counterpart(one) == Some(other)
+}
+
+fn is_like(one: &RequestKey, other: &RequestKey) -> bool {
+    one.unit == other.unit && is_akin(one.function, other.function)
 }
 
 /// So many silences of one request are no accident of the line.

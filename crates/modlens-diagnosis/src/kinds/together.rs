@@ -5,6 +5,7 @@ use std::ops::RangeInclusive;
 use super::answers;
 use crate::claim::{Claim, View};
 use crate::statistics::Share;
+use modlens_protocol::finding::Severity;
 
 /// What to check, and what would prove it.
 const NOBODY_ANSWERS: [&str; 2] = [
@@ -14,6 +15,10 @@ const NOBODY_ANSWERS: [&str; 2] = [
 const MANY_DO_NOT: [&str; 2] = [
     "The master's list of units: a search for devices asks addresses that nobody has; each of them costs a timeout. If all of these are there, what they have in common: their part of the wires, their supply.",
     "Remove them from the list: the cycle gets shorter by their waiting time.",
+];
+const SEARCHED: [&str; 2] = [
+    "Nothing, if the master has searched for devices and no device has these addresses: it does not ask them any more.",
+    "Let the master search again: the same units answer.",
 ];
 
 /// Claims with those of many units that never answer as one.
@@ -33,7 +38,12 @@ pub(super) fn together(view: &View<'_>, claims: Vec<Claim>) -> Vec<Claim> {
         _ => format!("all {asked}"),
     };
     let subject = format!("units {}, {of_all} that were asked,", in_words(&units));
-    let [check, proof] = if is_nobody { NOBODY_ANSWERS } else { MANY_DO_NOT };
+    let is_over = !is_nobody && is_over(view, &silent);
+    let [check, proof] = match (is_nobody, is_over) {
+        (true, _) => NOBODY_ANSWERS,
+        (_, true) => SEARCHED,
+        _ => MANY_DO_NOT,
+    };
     let share = silent.iter().fold(Share::default(), |sum, claim| sum.with(claim.share));
     let longest = silent.iter().max_by_key(|claim| claim.share.failed).expect("more than one unit is silent");
     let mut claim = longest.clone().with_share(share);
@@ -42,7 +52,10 @@ pub(super) fn together(view: &View<'_>, claims: Vec<Claim>) -> Vec<Claim> {
     claim.first = silent.iter().filter_map(|one| one.first).min_by_key(|place| place.number);
     claim.last = silent.iter().filter_map(|one| one.last).max_by_key(|place| place.number);
     claim.has_begun = silent.iter().all(|one| one.has_begun);
-    claim.has_ended = silent.iter().all(|one| one.has_ended);
+    claim.has_ended = is_over || silent.iter().all(|one| one.has_ended);
+    if is_over {
+        claim = claim.at_most(Severity::Info);
+    }
     claim.episodes.clear();
     claim.facts.clear();
     if let Some(cost) = answers::cost_of_silence(view, &units) {
@@ -51,6 +64,13 @@ pub(super) fn together(view: &View<'_>, claims: Vec<Claim>) -> Vec<Claim> {
     claim = claim.fact("subject", subject).fact("answers", "answer").fact("what_to_check", check).fact("experiment", proof);
     rest.insert(0, claim);
     rest
+}
+
+/// Whether the master has stopped to ask these units before half of the recording, all of them: it has searched for devices once, and
+/// that so many requests fall to one half by chance is out of the question.
+fn is_over(view: &View<'_>, silent: &[Claim]) -> bool {
+    let last = silent.iter().filter_map(|one| one.last).map(|place| place.number).max();
+    last.is_some_and(|last| last * 2 < view.bus.requests_seen.total)
 }
 
 /// Numbers in words, runs of three or more by their ends: `1, 2, 4 to 119 and 121`.

@@ -121,7 +121,11 @@ pub(super) fn wrong_line_settings(view: &View<'_>) -> Vec<Claim> {
     if let Some(claim) = rates::other_rate(view).or_else(|| errors_on_all(view)) {
         return vec![claim];
     }
-    let other = |unit, counts| at_another_rate(view, unit, counts).or_else(|| errors_of_one(view, unit, counts));
+    let other = |unit, counts| {
+        at_another_rate(view, unit, counts)
+            .or_else(|| errors_of_one(view, unit, counts))
+            .or_else(|| all_zeros(view, unit, counts))
+    };
     view.units().filter_map(|(unit, counts)| other(unit, counts)).collect()
 }
 
@@ -178,6 +182,21 @@ fn bears_heads(view: &View<'_>) -> bool {
     let by_accident = 256.0 * 2.0 * heads.len() as f64 / 65_536.0;
     let share = Share { failed: held, total: kept.len() as u64 };
     share.rate() > 0.3 && at_least(share, by_accident.min(0.2)) < MAX_CHANCE
+}
+
+/// A unit whose answers all have the length asked for and begin with two bytes of 00: with another rate or two devices, the length
+/// would differ, and a driver that idles sends no bytes in step. A receiver that checks the parity puts 00 for each wrong byte.
+fn all_zeros(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
+    let ratios = counts.length_ratios;
+    let zeros = counts.wrong_heads.sorted().into_iter().filter(|(head, _)| **head == 0).map(|(_, count)| *count).sum::<u64>();
+    let answered = counts.failures.total - counts.failures.failed;
+    let is_as_long = counts.odd_lengths.failed * 10 <= ratios.count;
+    if answered > 0 || ratios.count < 5 || !is_as_long || zeros * 10 < counts.garbled.failed * 9 {
+        return None;
+    }
+    let chance = view.beyond_accident(counts.garbled.share())?;
+    let what = "answers have the right length, and read as 00, as bytes with a wrong parity do";
+    Some(Claim::new("wrong_line_settings", &counts.garbled, chance).of_unit(unit).fact("what", what))
 }
 
 /// A unit none of whose answers is valid, and all of whose answers are too short or too long by the same ratio.

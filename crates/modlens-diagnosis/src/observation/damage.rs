@@ -57,20 +57,20 @@ pub(super) fn has_chance_bit(batch: &Batch, row: &Transaction) -> bool {
     is_damaged && correctable_bit(wire).is_some() && wrong_bit(Functions::embedded(), wire).is_none()
 }
 
-/// The damaged part of an answer to this request.
+/// The damaged part of an answer to this request. A last byte that is wrong may be a single wrong bit as well, as in a request.
 pub(crate) fn response_part(wire: &[u8], unit: u8, function: u8, request: &[u8]) -> DamagedPart {
+    let head = [unit, function];
+    if wire.starts_with(&head) && is_cut_at_end(wire, response_length(wire, request)) {
+        return DamagedPart::End;
+    }
     if wrong_bit(Functions::embedded(), wire).is_some() {
         return DamagedPart::Bit;
     }
-    let head = [unit, function];
     if fits_with_start(wire, head) {
         return DamagedPart::Start;
     }
     if !wire.starts_with(&head) {
         return DamagedPart::Whole;
-    }
-    if is_cut_at_end(wire, response_length(wire, request)) {
-        return DamagedPart::End;
     }
     DamagedPart::Inside
 }

@@ -177,7 +177,11 @@ pub(super) fn verdict(
     if let Some(open) = open.filter(|open| open.severity != Severity::Info) {
         return (Verdict::Trouble, format!("{}. {}", judged.problems(&numbers), open.sentence));
     }
-    if share.failed > 0 && at_least(share, ACCIDENT) < MAX_CHANCE {
+    // What the master has searched for once is no failure of the line.
+    let is_over = |row: &&DiagnosisRow| row.severity == Severity::Info && row.until.is_some() && row.failed == row.total;
+    let searched: u64 = rows.iter().filter(is_over).map(|row| row.failed).sum();
+    let failing = Share { failed: share.failed.saturating_sub(searched), total: share.total };
+    if failing.failed > 0 && at_least(failing, ACCIDENT) < MAX_CHANCE {
         let most = rows.iter().find(|row| is_diagnosed(row) && row.failed * 2 > share.failed);
         let why = most.map_or(String::from("No known cause explains it."), |row| row.sentence.clone());
         let text = format!("{}. {why}", judged.problems(&numbers));
