@@ -228,6 +228,32 @@ fn ports_that_are_used_again_are_another_connection() {
 }
 
 #[test]
+fn a_syn_may_carry_the_first_request() {
+    let mut of = Recording::default();
+    let mut tcp = Tcp::new(50_000, 502);
+    // TCP Fast Open (RFC 7413).
+    tcp.send(&mut of, 0, 0, Syn, &[0, 1, 0, 0, 0, 6, 1, 3, 0, 1, 0, 1]).send(&mut of, 1, 1, SynAck, &[]);
+    tcp.send(&mut of, 1, 0, Ack, &[]).answer(&mut of, 5, 1).poll(&mut of, 20, 2);
+    let row = only(&of);
+    assert_eq!((row.requests, row.answered, row.lost_bytes), (2, 2, 0));
+}
+
+#[test]
+fn a_request_with_data_that_its_function_has_not_may_come_in_two_segments() {
+    // Report Server ID has no data in its request (application protocol, 6.13); some masters send some.
+    let request = [0, 1, 0, 0, 0, 6, 1, 17, 0xAA, 0xBB, 0xCC, 0xDD];
+    let response = [0, 1, 0, 0, 0, 6, 1, 17, 3, 7, 8, 0xFF];
+    for cut in 8..request.len() {
+        let mut of = Recording::default();
+        let mut tcp = Tcp::new(50_000, 502);
+        tcp.open(&mut of, 0).send(&mut of, 10, 0, Ack, &request[..cut]).send(&mut of, 11, 0, Ack, &request[cut..]);
+        tcp.send(&mut of, 15, 1, Ack, &response).poll(&mut of, 20, 2);
+        let row = only(&of);
+        assert_eq!((row.requests, row.answered), (2, 2), "cut after {cut} bytes");
+    }
+}
+
+#[test]
 fn the_framing_of_each_side_is_told() {
     // 01 03 00 00 00 01 with its CRC: RTU on the port of MBAP.
     let request = [1, 3, 0, 0, 0, 1, 0x84, 0x0A];

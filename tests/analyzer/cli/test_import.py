@@ -349,6 +349,15 @@ def test_a_file_of_several_units_becomes_a_bus_file(here: Modlens, tmp_path: Pat
     ]  # fmt: skip
 
 
+def test_a_unit_is_chosen_without_a_format(here: Modlens, tmp_path: Path) -> None:
+    source = tmp_path / "ha.yaml"
+    source.write_text(HOME_ASSISTANT, encoding="utf-8")
+    done = here("import", str(source), "--unit", "2")
+    assert done.status == 0
+    assert "Tank level" in done.out
+    assert "Room temperature" not in done.out
+
+
 def test_one_unit_on_two_hubs_is_not_mixed(here: Modlens, tmp_path: Path) -> None:
     source = tmp_path / "ha.yaml"
     source.write_text(HOME_ASSISTANT.replace("slave: 2", "slave: 1"), encoding="utf-8")
