@@ -100,7 +100,7 @@ def test_a_request_that_comes_back_distorted_is_the_own_one(mask: str, tmp_path:
 
 def test_other_bytes_of_that_length_are_not(tmp_path: Path) -> None:
     sentence = said([f"TX: {ASKED.hex(' ')}", "RX: 9a 3c e1 55 47 b2 0d 66"] * 2, tmp_path)
-    assert "neither the unit nor the function" in sentence
+    assert "does not begin with the unit and the function" in sentence
 
 
 def test_an_answer_over_tcp_that_stops_is_cut(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 //! The contrast: what failed against what did not, in counters.
 
+mod almost;
 mod before;
 mod bus;
 mod clean_run;

@@ -128,8 +128,8 @@ fn has_no_valid_answer(view: &View<'_>, unit: u8) -> bool {
 /// Whether a part of an answer of a unit is right, whatever is wrong with the rest: then the line settings are.
 fn is_right_in_part(view: &View<'_>, unit: u8) -> bool {
     let shows = |symptom| {
-        use Symptom::{AnswerBit, AnswerCut, AnswerEnd, AnswerInside, AnswerStart};
-        matches!(symptom, AnswerBit | AnswerStart | AnswerEnd | AnswerInside | AnswerCut)
+        use Symptom::{AnswerAdded, AnswerBehind, AnswerBit, AnswerCut, AnswerEnd, AnswerInside, AnswerStart};
+        matches!(symptom, AnswerAdded | AnswerBehind | AnswerBit | AnswerStart | AnswerEnd | AnswerInside | AnswerCut)
     };
     all(view).any(|(symptom, of, _)| of == Some(unit) && shows(symptom))
 }
@@ -163,7 +163,8 @@ pub(crate) fn with_figures(words: &str, figures: Option<Figures>) -> String {
         .replace(['[', ']'], "")
         .replace("{protocol}", protocol)
         .replace("{first}", &first.to_string())
-        .replace("{second}", &second.to_string());
+        .replace("{second}", &second.to_string())
+        .replace("{first_byte}", &format!("{first:02X}"));
     words.replace("{first_bytes}", &pair(first)).replace("{second_bytes}", &pair(second))
 }
 

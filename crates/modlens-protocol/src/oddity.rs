@@ -410,13 +410,10 @@ fn stray_front(bytes: &[u8]) -> Option<Oddity> {
 }
 
 /// Whether an answer to a read lacks its last byte, and the first one of its checksum is right.
-fn lacks_last(frame: &[u8]) -> bool {
-    let [unit, 1..=4, count, ..] = *frame else { return false };
+pub fn lacks_last(frame: &[u8]) -> bool {
+    let [0..=247, 1..=4, count, ..] = *frame else { return false };
     let length = 3 + usize::from(count);
-    (1..=247).contains(&unit)
-        && count > 0
-        && frame.len() == length + 1
-        && crc16(&frame[..length]).to_le_bytes()[0] == frame[length]
+    count > 0 && frame.len() == length + 1 && crc16(&frame[..length]).to_le_bytes()[0] == frame[length]
 }
 
 /// Whether a request to read lacks its last byte, and the first one of its checksum is right.

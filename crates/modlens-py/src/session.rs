@@ -350,7 +350,7 @@ impl Session {
     fn close(&mut self, bus: usize) -> PyResult<()> {
         self.check_bus(bus)?;
         if self.unread.is_none() && self.contrast.is_some() {
-            self.unread = self.core.reader(bus).and_then(|reader| reader.unread_lines().says());
+            self.unread = self.core.reader(bus).and_then(|reader| reader.says());
         }
         self.core.close_bus(bus);
         Ok(())
@@ -480,7 +480,7 @@ impl Session {
 
     /// What the doctor says, with what the unread lines of texts show.
     fn report_of(&self, contrast: &Contrast) -> Report {
-        let said = self.unread.clone().or_else(|| (0..self.buses).find_map(|bus| self.core.reader(bus)?.unread_lines().says()));
+        let said = self.unread.clone().or_else(|| (0..self.buses).find_map(|bus| self.core.reader(bus)?.says()));
         Report::of(contrast).with_unread(|printed| Some(said?.beside(printed)))
     }
 

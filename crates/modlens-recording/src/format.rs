@@ -121,8 +121,12 @@ fn refusal(sample: &[u8], best: &str, reason: &str) -> String {
     if best != "raw" {
         // What the bytes or the words show is what a reader wants to know; which format it looks like comes after it.
         let (unproved, shown) = reason.split_once("; ").unwrap_or((reason, ""));
-        let shown = if shown.is_empty() { String::new() } else { format!("{shown}; ") };
-        return format!("no Modbus found: {shown}looks like {best}, but {unproved}; use --from {best} to decode it anyway");
+        let why = if shown.is_empty() {
+            format!("no Modbus found: looks like {best}, but {unproved}")
+        } else {
+            format!("no valid frame was read: {shown}")
+        };
+        return format!("{why}; use --from {best} to decode it anyway");
     }
     let kind = match is_text(sample) {
         true if reason.contains("hex") || reason.contains(';') => {

@@ -170,7 +170,7 @@ impl Target {
     /// What the lines of a text show that nothing could read.
     fn unread(&self, session: &Session) -> Option<Said> {
         match *self {
-            Self::Text(bus) => session.reader(bus)?.unread_lines().says(),
+            Self::Text(bus) => session.reader(bus)?.says(),
             _ => None,
         }
     }

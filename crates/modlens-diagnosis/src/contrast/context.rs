@@ -259,7 +259,8 @@ impl Context {
         let Some(run) = self.bad_runs.get(&seen.request_frame).filter(|run| run.length >= LEAST_ANSWER_BYTES) else { return };
         if seen.outcome == Outcome::Garbled {
             seen.lengths[1] = run.length;
-            if bare_refusals(&run.bytes).is_some() {
+            // What follows the frame may be the rest of it.
+            if bare_refusals(&run.bytes).is_some() || run.bytes.starts_with(&seen.answer_head) {
                 seen.answer_head.clone_from(&run.bytes);
             }
         }

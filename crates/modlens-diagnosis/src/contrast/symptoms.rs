@@ -8,9 +8,10 @@ use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::{Functions, StandardLayout, EXCEPTION_BIT};
 use modlens_protocol::in_words;
 use modlens_protocol::mbap::{layout_lengths, PREFIX_BYTES};
-use modlens_protocol::oddity::{bare_refusals, is_of_driver, is_swapped, is_text, Oddity};
+use modlens_protocol::oddity::{bare_refusals, is_of_driver, is_swapped, is_text, lacks_last, Oddity};
 use modlens_protocol::Ns;
 
+use super::almost::{added_byte, counted_more, due, is_on_swapped_wires, place_behind_strays};
 use super::before::Before;
 use super::tally::{Place, Tally};
 use crate::observation::{
@@ -90,6 +91,8 @@ symptoms! {
     RequestLimit = "request_limit",
     /// A write of a coil that was not answered has a value other than FF00 and 0000.
     RequestCoil = "request_coil",
+    /// The byte count of the answer is not that of what was asked for, and the reader has stopped where the right one would end it.
+    AnswerCounted = "answer_counted",
     /// A refusal without a checksum.
     RefusalBare = "refusal_bare",
     /// A refusal without its code, and with a right checksum.
@@ -114,6 +117,8 @@ symptoms! {
     AnswerEnd = "answer_end",
     /// One bit of the answer is wrong.
     AnswerBit = "answer_bit",
+    /// The answer is right but for one byte too many.
+    AnswerAdded = "answer_added",
     /// The answer is damaged after an intact beginning.
     AnswerInside = "answer_inside",
     /// The answer is damaged from its first byte on.
@@ -122,6 +127,10 @@ symptoms! {
     AnswerUnit = "answer_unit",
     /// The answer begins one or two bytes late: strays came before it.
     AnswerShifted = "answer_shifted",
+    /// The answer begins after a run of bytes as a line leaves that nobody drives.
+    AnswerBehind = "answer_behind",
+    /// What came is the beginning of the answer with all levels inverted.
+    AnswerSwapped = "answer_swapped",
     /// What came as the answer is a frame of another protocol.
     AnswerForeign = "answer_foreign",
     /// What came as the answer is text.
@@ -422,7 +431,11 @@ fn figures(symptom: Symptom, seen: &Observation, before: Before) -> Option<Figur
         Symptom::OtherId => Some([seen.id?, before.id?].map(u32::from)).filter(|[one, other]| one != other),
         Symptom::RequestLimit => limits(seen),
         Symptom::AnswerForeign => Some([protocols::known(&seen.answer_head)? as u32, 0]),
-        Symptom::AnswerCut => Some([seen.lengths[1], due(seen).filter(|_| seen.id.is_none())?]),
+        // The lengths of a line in ASCII are characters.
+        Symptom::AnswerCut => Some([seen.lengths[1], due(seen).filter(|due| seen.id.is_none() && seen.lengths[1] < *due)?]),
+        Symptom::AnswerCounted => counted_more(seen),
+        Symptom::AnswerAdded => added_byte(seen),
+        Symptom::AnswerBehind => Some([place_behind_strays(seen)?, 0]),
         Symptom::OtherUnit if seen.outcome == Outcome::Unasked => Some([seen.unit, before.asked?.unit].map(u32::from)),
         Symptom::OtherUnit | Symptom::OtherUnitNumber => Some([seen.answered_by?, seen.unit].map(u32::from)),
         Symptom::AnswerShort => Some([seen.lengths[1], due(seen)?]),
@@ -449,11 +462,6 @@ fn lacks_checksum(seen: &Observation) -> bool {
 /// Whether the answer is an exception response without a checksum.
 fn is_bare_refusal(seen: &Observation) -> bool {
     matches!(seen.answer_head[..], [unit, function, 1..=11] if unit == seen.unit && function == seen.function | EXCEPTION_BIT)
-}
-
-/// The length of the answer to the request on a serial line.
-fn due(seen: &Observation) -> Option<u32> {
-    seen.key().and_then(|key| answer_length(key.function, key.quantity))
 }
 
 /// Whether what came begins with the unit and lacks bytes after it: a part of what is due, and more than strays.
@@ -499,10 +507,15 @@ fn garbled(seen: &Observation, before: Before) -> Option<Symptom> {
         DamagedPart::Start => Symptom::AnswerStart,
         DamagedPart::End => Symptom::AnswerEnd,
         DamagedPart::Bit => Symptom::AnswerBit,
+        DamagedPart::Inside if counted_more(seen).is_some() => Symptom::AnswerCounted,
+        DamagedPart::Inside if added_byte(seen).is_some() => Symptom::AnswerAdded,
+        DamagedPart::Inside if due(seen) == Some(seen.lengths[1] + 1) && !lacks_last(bytes) => Symptom::AnswerShort,
         DamagedPart::Inside if seen.is_cut || is_cut_by_chance(seen) => Symptom::AnswerCut,
         DamagedPart::Inside => Symptom::AnswerInside,
         DamagedPart::Whole if is_payload(seen) => return None,
         DamagedPart::Whole if (1..=2).any(|by| bytes.get(by..by + 2) == Some(&head)) => Symptom::AnswerShifted,
+        DamagedPart::Whole if place_behind_strays(seen).is_some() => Symptom::AnswerBehind,
+        DamagedPart::Whole if is_on_swapped_wires(seen) => Symptom::AnswerSwapped,
         DamagedPart::Whole if matches!(Oddity::of(bytes), Some(Oddity::Digits(_))) => Symptom::AnswerDigits,
         DamagedPart::Whole if is_text(bytes) => Symptom::AnswerText,
         DamagedPart::Whole if protocols::known(bytes).is_some() => Symptom::AnswerForeign,

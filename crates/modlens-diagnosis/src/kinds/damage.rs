@@ -367,9 +367,11 @@ pub(super) fn one_answers_twice(view: &View<'_>) -> bool {
     view.units().any(|(unit, counts)| answers_twice(view, unit, counts))
 }
 
-/// Whether most bad answers of a unit have a right checksum, and another length than was asked for: nothing has damaged these.
+/// Whether most bad answers of a unit have a right checksum and another length than was asked for, or are right with inverted levels:
+/// nothing has damaged these.
 fn are_whole(view: &View<'_>, unit: u8, counts: &UnitCounts) -> bool {
-    let whole = view.bus.symptoms.all().filter(|(symptom, of, _)| *symptom == Symptom::OtherLength && *of == Some(unit));
+    let is_whole = |symptom| matches!(symptom, Symptom::OtherLength | Symptom::AnswerSwapped);
+    let whole = view.bus.symptoms.all().filter(|(symptom, of, _)| is_whole(*symptom) && *of == Some(unit));
     whole.map(|(_, _, seen)| 2 * seen.all.failed).sum::<u64>() > counts.garbled.failed
 }
 

@@ -27,7 +27,8 @@ pub(super) fn of_bus(name: &str, bus: &BusContrast) -> Vec<Json> {
     } else if requests < FEW {
         say("too few requests for percentages", "a longer recording: ten requests to each unit at least, a hundred are better");
     }
-    if requests > 0 && requests == bus.requests_seen.failed && bus.frames.frames[Verdict::Noise as usize] == 0 {
+    let silent: u64 = bus.units.values().map(|unit| unit.silent.failed).sum();
+    if requests > 0 && requests == silent && bus.frames.frames[Verdict::Noise as usize] == 0 {
         say("whether the units answer at all: no answer is in the recording", BOTH_DIRECTIONS);
     }
     let has_times = bus.units.values().any(|unit| unit.response_times.count + unit.waited.count > 0);

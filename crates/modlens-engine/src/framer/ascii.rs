@@ -268,6 +268,16 @@ impl Framer for AsciiFramer {
                 let end = self.message_end(input)?;
                 Some(self.frame(input, context, &end, adu))
             }
+            // Some devices begin their answers with another sign.
+            b'>' => {
+                let end = self.message_end(input)?;
+                let result = self.frame(input, context, &end, adu);
+                if result.verdict == Verdict::Ok {
+                    return Some(result);
+                }
+                adu.clear();
+                Self::without_colon(input, context, adu)
+            }
             _ => Self::without_colon(input, context, adu),
         }
     }

@@ -33,7 +33,7 @@ use trial::Trial;
 
 pub use check::LineCheck;
 pub use evidence::proof_in;
-pub use offline::{readings, Reading};
+pub use offline::{is_inverted, readings, Reading};
 pub use options::SearchOptions;
 pub use rates::{is_slower, likely_rates, RATES};
 pub use read::SearchRead;

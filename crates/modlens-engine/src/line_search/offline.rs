@@ -82,6 +82,56 @@ pub fn readings(bursts: &[Vec<u8>], parity: Parity) -> Vec<Reading> {
     found.into_iter().flatten().collect()
 }
 
+/// Whether bytes begin as a frame with this beginning does on swapped wires, after a break or two of the idle line, or with each bit
+/// inverted by software.
+///
+/// ```
+/// use modlens_engine::line_search::is_inverted;
+/// // 01 03 at 8N1 is 0 10000000 1 0 11000000 1, lowest bit first. Inverted, a one begins a character: 1 00000001 0 and 1 10000001, of
+/// // which each data bit is read as its opposite.
+/// assert!(is_inverted(&[0x00, 0x7F, 0x7E, 0xBF, 0x19], &[1, 3, 2]));
+/// assert!(!is_inverted(&[0x00, 0x7F, 0x5E, 0xBF, 0x19], &[1, 3, 2]));
+/// ```
+pub fn is_inverted(burst: &[u8], head: &[u8]) -> bool {
+    let breaks = burst.iter().take(MOST_BREAKS).take_while(|byte| **byte == 0).count();
+    let parities = [None, Some(0), Some(1)].into_iter();
+    let mut ways =
+        parities.flat_map(|parity| [Receiver::Resyncs, Receiver::Waits].map(|receiver| on_swapped_wires(head, parity, receiver)));
+    let inverted: Vec<u8> = head.iter().map(|byte| !byte).collect();
+    let begins = |made: &[u8]| made.len() >= LEAST_HEARD && (0..=breaks).any(|from| burst[from..].starts_with(made));
+    begins(&inverted) || ways.any(|made| begins(&made))
+}
+
+/// Breaks in front of a frame that are left out.
+const MOST_BREAKS: usize = 2;
+/// So many bytes are no accident, of the few readings that are tried.
+const LEAST_HEARD: usize = 2;
+
+/// What a receiver on swapped wires makes of the beginning of a frame, as far as that settles it; `parity` is that of an even number of
+/// ones.
+fn on_swapped_wires(head: &[u8], parity: Option<u32>, receiver: Receiver) -> Vec<u8> {
+    let mut bits = Vec::new();
+    for byte in head {
+        bits.push(false);
+        bits.extend((0..8).map(|place| byte >> place & 1 == 1));
+        bits.extend(parity.map(|even| byte.count_ones() % 2 != even));
+        bits.push(true);
+    }
+    let (mut made, mut at) = (Vec::new(), 0);
+    while let Some(data) = bits.get(at + 1..at + 9) {
+        if !bits[at] {
+            at += 1;
+            continue;
+        }
+        made.push(data.iter().rev().fold(0, |byte, bit| byte << 1 | u8::from(!bit)));
+        at += 9 + usize::from(parity.is_some());
+        while receiver == Receiver::Waits && bits.get(at) == Some(&true) {
+            at += 1;
+        }
+    }
+    made
+}
+
 /// Whether a burst is a frame whose bytes have all lost their highest bit, which only those of the checksum had.
 fn fits_in_seven_bits(burst: &[u8]) -> bool {
     let (body, checksum) = burst.split_at(burst.len() - 2);

@@ -14,6 +14,9 @@ const V5_REQUEST: u16 = 0x4510;
 /// Control code of a frame that carries a Modbus response.
 const V5_RESPONSE: u16 = 0x1510;
 
+/// The reason for leaving out what a data logger answers by itself.
+pub(super) const LOGGER_REFUSES: &str = "Solarman V5 answer without Modbus";
+
 /// The position of the RTU frame inside a Solarman V5 frame; the error says why there is none.
 ///
 /// Some programs print a request before they put its checksum in. There the CRC of the RTU frame is the proof.
@@ -35,7 +38,7 @@ pub(super) fn solarman_rtu_frame(bytes: &[u8]) -> Result<Range<usize>, &'static 
         return Err("Solarman V5 frame with a wrong checksum");
     }
     if !has_inner {
-        return Err("Solarman V5 frame without Modbus");
+        return Err(if start == 25 { LOGGER_REFUSES } else { "Solarman V5 frame without Modbus" });
     }
     Ok(inner)
 }

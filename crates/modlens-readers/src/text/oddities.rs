@@ -8,7 +8,8 @@ use modlens_protocol::direction::possible_directions;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::in_words;
 use modlens_protocol::mbap::layout_fits;
-use modlens_protocol::oddity::Oddity;
+use modlens_protocol::oddity::{is_text, Oddity};
+use std::collections::BTreeSet;
 
 /// Lines that are looked at.
 const MOST_LINES: usize = 2000;
@@ -46,8 +47,11 @@ pub(super) fn named_lines<'a>(lines: impl Iterator<Item = UnreadLine<'a>> + Clon
     let bytes: Vec<NoFrame> = lines.clone().filter_map(no_frame).collect();
     // Of bytes that have the layout of a frame, it is known what is wrong with them; of others, words say more.
     let first = |is_known: bool| bytes.iter().find(|one| one.is_known || !is_known).map(|one| Said::from(one.words.clone()));
-    let odd = odd_bytes(lines.clone());
-    let has_bytes = odd.is_some() || !bytes.is_empty();
+    let read =
+        lines.clone().filter_map(|line| single_bytes(&without_emphasis(line.text)).filter(|bytes| bytes.len() >= MIN_DAMAGED));
+    let odd = odd_bytes(lines.clone()).or_else(|| few_bits(&read.collect::<Vec<_>>()));
+    // A text may leave the checksum of a request out.
+    let has_bytes = odd.is_some() || bytes.iter().any(|one| !one.is_bare);
     let mut said = odd.map(Said::from).or_else(|| first(true)).or_else(words).or_else(|| first(false))?;
     said.has_bytes = has_bytes;
     Some(said)
@@ -99,17 +103,53 @@ fn no_frame(UnreadLine { number, text, before }: UnreadLine<'_>) -> Option<NoFra
     let shown = spaced_hex(&bytes[..bytes.len().min(MOST_SHOWN)]);
     let more = if bytes.len() > MOST_SHOWN { " \u{2026}" } else { "" };
     let usual = || String::from("are no frame: they are damaged, cut, or of another protocol");
-    let known = wrong_checksum(&bytes).or_else(|| cut_answer(&bytes));
+    // Six bytes that are a request to read or write have no room for a checksum.
+    let may_ask = bytes.len() == BARE_REQUEST && possible_directions(Functions::embedded(), &bytes[1..]).0;
+    let is_request = may_ask && !is_received(&line) && lacks_checksum(&bytes).is_some();
+    let known = wrong_checksum(&bytes).filter(|_| !is_request).or_else(|| cut_answer(&bytes));
     let is_known = known.is_some();
     let why = known.or_else(|| lacks_parts(&bytes)).unwrap_or_else(usual);
-    is_only_bytes.then(|| NoFrame { words: format!("in line {number} the bytes {shown}{more} {why}"), is_known })
+    is_only_bytes.then(|| NoFrame {
+        words: format!("in line {number} the bytes {shown}{more} {why}"),
+        is_known,
+        is_bare: is_request && !is_known,
+    })
 }
+
+/// Unit, function, address and quantity or value.
+const BARE_REQUEST: usize = 6;
+
+/// What is said of bytes of several lines that lack their upper bits, as a port with too few data bits reads them: of many different
+/// ones, those of the checksums among them, none is above a limit.
+fn few_bits(lines: &[Vec<u8>]) -> Option<String> {
+    let bytes = || lines.iter().flatten().copied();
+    let (most, count) = (bytes().max()?, bytes().filter(|byte| *byte > 0).count());
+    let kinds: BTreeSet<u8> = bytes().collect();
+    let bits = [5, 6, 7].into_iter().find(|bits| u32::from(most) < 1 << bits)?;
+    let is_much = lines.len() >= LEAST_LINES && count >= LEAST_LOW << (bits - 5) && kinds.len() >= LEAST_KINDS;
+    let is_text = lines.iter().any(|line| is_text(line));
+    (is_much && !is_text).then(|| {
+        let limit = (1 << bits) - 1;
+        format!(
+            "none of {} bytes is above {limit:02X}, checksums included: their upper bits are missing, as where the port is set to {bits} data \
+             bits; set it to 8, as RTU needs",
+            bytes().count()
+        )
+    })
+}
+
+/// So many lines with so many bytes that are not 00, twice as many for each further bit, and of so many kinds, are no accident.
+const LEAST_LINES: usize = 2;
+const LEAST_LOW: usize = 24;
+const LEAST_KINDS: usize = 10;
 
 /// A line of bytes that are no frame.
 struct NoFrame {
     words: String,
     /// They have the layout of a frame, or of the beginning of one.
     is_known: bool,
+    /// They are a request without its checksum.
+    is_bare: bool,
 }
 
 /// What is said of the beginning of an answer to a read of registers.

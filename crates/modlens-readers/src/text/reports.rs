@@ -26,10 +26,16 @@ pub(super) const EXCEPTIONS: [(u8, &[&str], &str); 5] = [
 
 /// What programs report, in lower case, with what it means and what to do; and where the frames of the same text contradict that,
 /// which prove more: requests were answered, so that what they came by is right, or frames are whole.
-const REPORTS: [(&[&str], &str, Beside); 10] = [
+const REPORTS: [(&[&str], &str, Beside); 11] = [
     (
         &["cleanup recv buffer"],
         "bytes left over before a request: the rest of an answer that came after the client had given up; raise its timeout",
+        Beside::Nothing,
+    ),
+    (
+        &["incorrect data logger serial", "incorrect sequence number"],
+        "an answer of the data logger that is not to this request: the serial number that the program sends is not that of the logger, which \
+         refuses it then, or another program asks the logger, too",
         Beside::Nothing,
     ),
     (

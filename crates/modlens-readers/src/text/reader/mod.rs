@@ -26,9 +26,11 @@ use memchr::{memchr, memrchr3};
 use crate::text::clean::clean;
 use crate::text::clock::{ClockKind, ClockSettings};
 use crate::text::dialect::{Dialect, Dialects};
+use crate::text::encapsulation::LOGGER_REFUSES;
 use crate::text::entries::{EntryAssembler, SkippedBytes};
 use crate::text::notation::Notation;
 use crate::text::proved::{hex_bytes, ProvedHex};
+use crate::text::reports::Said;
 use crate::text::role::LineRole;
 use crate::text::template::LineMatch;
 use crate::text::timestamps::TimestampParser;
@@ -50,6 +52,11 @@ const MAX_LINE_BYTES: usize = 1 << 20;
 
 /// A block of a long line ends at a space or comma if there is one in its last bytes.
 const PIECE_END_BYTES: usize = 4096;
+
+/// What is said of such an answer.
+const LOGGER_SAYS: &str =
+    "the data logger answers a request by itself, without Modbus: the serial number that the program sends is not that of \
+                           the logger, or the logger does not reach the device";
 
 /// Room for the bytes of a line, and some more, which the check of their CRC may read.
 const FRAME_ROOM: usize = 368;
@@ -375,6 +382,12 @@ impl Reader {
     /// How many byte strings were skipped, and how many bytes they hold, by reason.
     pub fn skipped_counts(&self) -> impl Iterator<Item = (&'static str, u64, u64)> + '_ {
         self.assembler.counts.iter().map(|(reason, (count, bytes))| (*reason, *count, *bytes))
+    }
+
+    /// What the lines that nothing could read show, or else an answer that a data logger gave by itself; `None` if neither is there.
+    pub fn says(&self) -> Option<Said> {
+        let refuses = || self.skipped_counts().any(|(reason, ..)| reason == LOGGER_REFUSES);
+        self.unread_lines.says().or_else(|| refuses().then(|| Said::from(LOGGER_SAYS.to_owned())))
     }
 
     /// The first byte strings that were skipped.
