@@ -10,9 +10,8 @@ use serde_json::{json, Value as Json};
 
 use super::line::{p95_column, us, BusBucket, RequestBucket};
 use super::registers::Registers;
-use super::requests::{Requests, RequestsOfBus};
+use super::requests::{Requests, RequestsOfBus, MAX_REQUESTS};
 use super::series::{Bucket, Range, Series};
-use super::MAX_REQUESTS;
 
 /// The finest bucket of time is two to the power of this wide: a millisecond.
 const TIME_SHIFT: u32 = 20;

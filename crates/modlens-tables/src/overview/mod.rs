@@ -28,13 +28,11 @@ use bus::{Axis, BusOverview, RowKind};
 use examples::Examples;
 use line::{bus_columns, request_columns};
 use registers::{Place, MAX_VALUES};
+pub use requests::MAX_REQUESTS;
 use series::resolution;
 
 /// Buses that have series.
 pub const MAX_BUSES: usize = 64;
-
-/// Pairs of unit and function that have series, all buses taken together.
-pub const MAX_REQUESTS: usize = 1024;
 
 /// Connections that are listed.
 const MAX_CONNECTIONS: usize = 200;

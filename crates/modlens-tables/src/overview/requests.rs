@@ -5,6 +5,9 @@ use std::collections::{BTreeMap, HashMap};
 use super::line::RequestBucket;
 use super::series::Series;
 
+/// Pairs of unit and function that have series, all buses taken together.
+pub const MAX_REQUESTS: usize = 1024;
+
 /// Where a pair of unit and function is looked for first: by its last bits.
 const LIKELY: usize = 256;
 
