@@ -146,12 +146,16 @@ impl FramerContext<'_> {
         if !input.starts_read(index) {
             return [0.0, weights::TOO_SOON_IN_READ_BITS];
         }
-        let is_immediate = input.pause_before(index).is_some_and(|pause| pause < least);
-        if is_immediate {
+        if input.pause_before(index).is_some_and(|pause| pause < least) {
             [weights::TOO_SOON_FOR_FRAME_BITS; 2]
         } else {
             [0.0; 2]
         }
+    }
+
+    /// Whether a frame at this index follows the byte before it too soon for a response, by the clock.
+    pub fn comes_at_once(&self, input: &Input, index: usize) -> bool {
+        self.too_soon_bits(input, index)[0] > 0.0
     }
 
     /// The direction of the frame at this index as the connection, the line or the recording declares it.

@@ -12,7 +12,7 @@ use modlens_protocol::source::Clock;
 use modlens_protocol::status::Status;
 use modlens_readers::chunk::{Chunk, Times};
 
-use wire::{frame, read_request, read_response, session, MS};
+use wire::{frame, read_request, read_response, session, session_at, MS};
 
 /// A character at 19200 baud, 8E1.
 const CHAR: i64 = 572_917;
@@ -141,6 +141,32 @@ fn answered_writes_with_a_local_echo_are_exchanges() {
                 assert_eq!(directions(&batch)[3..], [Request, Request, Response].repeat(39), "{what}");
                 assert_eq!((count(&batch, Status::Ok), batch.transactions.len()), (40, 40), "{what}");
                 assert!(batch.findings.iter().filter(|row| row.finding == Finding::LocalEcho).count() >= 39, "{what}");
+            }
+        }
+    }
+}
+
+#[test]
+fn an_echo_comes_sooner_than_two_frames_follow_each_other() {
+    // The echo begins up to two characters later; the unit waits for more than 3.5, and the master for longer.
+    for (line, char_ns) in [("2400-8E1", 4_583_333), ("4800-8N1", 2_083_333), ("9600-8E1", 1_145_833), ("19200-8N1", 520_833)] {
+        for (seed, write) in writes().iter().enumerate() {
+            for glue in [0, char_ns, 2 * char_ns] {
+                let (mut session, bus) = session_at(line, false, Clock::Utc);
+                let mut now = 1_700_000_000_000_000_000;
+                let waits = |at: i64| [90 * MS + (at * 7 + seed as i64) % 40 * MS, glue, 4 * char_ns + (4 + at % 5) * MS];
+                for pause in (0..40).flat_map(waits) {
+                    now += pause;
+                    let times: Vec<i64> = (1..=write.len() as i64).map(|at| now + at * char_ns).collect();
+                    now += write.len() as i64 * char_ns;
+                    session.feed(bus, &Chunk { bytes: write, times: Times::Bytes(&times), ..Chunk::default() });
+                }
+                session.flush();
+                let batch = session.take();
+                let what = format!("{line}, {glue} ns, {write:02x?}");
+                assert_eq!(directions(&batch), [Request, Request, Response].repeat(40), "{what}");
+                assert_eq!((batch.transactions.len(), count(&batch, Status::Ok)), (40, 40), "{what}");
+                assert_eq!(batch.findings.iter().filter(|row| row.finding == Finding::LocalEcho).count(), 40, "{what}");
             }
         }
     }

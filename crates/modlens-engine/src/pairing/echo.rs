@@ -8,6 +8,7 @@ use crate::pairing::interval::interval;
 use crate::pairing::timeouts::MIN_MASTER_TIMEOUT_NS;
 use crate::pairing::Pairing;
 use crate::transactions::transaction::{ObservedFrame, PendingTransaction};
+use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, BROADCAST_UNIT};
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
@@ -97,7 +98,7 @@ impl Pairing {
         // A clock of a second distinguishes an echo from a retry no better than none.
         let is_fine_enough = self.read_lateness < MIN_MASTER_TIMEOUT_NS;
         match (interval(end, frame.start).filter(|_| is_fine_enough), self.echoes.has_echo()) {
-            (Some(pause), _) if pause < MAX_ECHO_DELAY_NS && self.read_lateness <= MAX_ECHO_DELAY_NS => SameRequest::Echo(txn),
+            (Some(pause), _) if self.read_lateness <= MAX_ECHO_DELAY_NS && comes_at_once(frame, pause) => SameRequest::Echo(txn),
             (Some(pause), Some(true))
                 if pause < MIN_MASTER_TIMEOUT_NS && !is_too_late_for_echo(self.read_lateness, Some(pause)) =>
             {
@@ -109,6 +110,13 @@ impl Pairing {
             (None, Some(false)) => SameRequest::New,
         }
     }
+}
+
+/// Whether a request comes so soon after the same one, by a fine clock, that only an echo does: sooner than two frames follow each
+/// other on this line, for one, without stray bytes between.
+fn comes_at_once(frame: &ObservedFrame<'_>, pause: Ns) -> bool {
+    let follows_directly = || frame.gap.is_some_and(|gap| gap >= pause);
+    pause < MAX_ECHO_DELAY_NS || (frame.codes.contains(&Finding::ShortSilence) && follows_directly())
 }
 
 /// Whether a clock whose reads are late by so little shows that so long after a request its echo does not come any more.

@@ -19,9 +19,12 @@ use modlens_protocol::functions::{Functions, Layout};
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
-/// A master that asks again after exactly its usual interval has given up no sooner than others by so much: most timeouts are far
-/// longer than the cycle of so fast a master.
+/// A master that asks again after its usual interval has given up no sooner than others by so much: most timeouts are far longer
+/// than the cycle of so fast a master.
 const CYCLE_FACTOR: Ns = 2;
+
+/// The same where its intervals are nearly equal, and this one is as well: hardly one timeout in a hundred is that by chance.
+const EXACT_CYCLE_FACTOR: Ns = 4;
 
 /// Requests that may be open at once on a TCP connection. A serial line has one or two.
 const MAX_OPEN_REQUESTS: usize = 1024;
@@ -294,7 +297,9 @@ impl Pairing {
     /// after a response, and sooner than any master gives up.
     fn is_missed_in_cycle(&mut self, open: &PendingTransaction, waited: Option<Ns>) -> bool {
         let is_silent = !open.response.is_present() && !open.expects_no_response && open.status != Status::BadRequest;
-        let soon = waited.filter(|&waited| self.is_before_timeout(waited / CYCLE_FACTOR));
+        let is_soon =
+            |&waited: &Ns| self.is_before_timeout(waited / CYCLE_FACTOR) || is_exact_cycle(&self.usual_interval, waited);
+        let soon = waited.filter(is_soon);
         is_silent && soon.is_some_and(|waited| self.usual_interval.is_missed_response(waited))
     }
 
@@ -341,7 +346,12 @@ enum OverlapEvidence {
 /// or has not shown how long it waits then. A unit that is dead is waited for in vain, so soon as well.
 fn may_be_cycle(usual: &UsualInterval, waited: Ns) -> bool {
     let is_short = waited / CYCLE_FACTOR < MIN_MASTER_TIMEOUT_NS;
-    is_short && (!usual.is_known() || (usual.is_usual(waited) && usual.may_go_on()))
+    (is_short || is_exact_cycle(usual, waited)) && (!usual.is_known() || (usual.is_usual(waited) && usual.may_go_on()))
+}
+
+/// Whether so short a wait is just one of the usual, nearly equal intervals.
+fn is_exact_cycle(usual: &UsualInterval, waited: Ns) -> bool {
+    waited / EXACT_CYCLE_FACTOR < MIN_MASTER_TIMEOUT_NS && usual.is_exactly_usual(waited)
 }
 
 /// The transaction of a request that lacks bytes; it has no number yet.

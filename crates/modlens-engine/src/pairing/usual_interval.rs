@@ -18,6 +18,10 @@ const MAX_SPREAD_PART: Ns = 2;
 /// Further ones may lie outside of those that are kept by half of what these differ by, and by one part in so many.
 const MARGIN_PART: Ns = 10;
 
+/// The same of intervals that are nearly equal.
+const MAX_EXACT_SPREAD_PART: Ns = 20;
+const EXACT_MARGIN_PART: Ns = 50;
+
 /// So many intervals tell how long the master waits.
 const MIN_INTERVALS: u32 = 3;
 
@@ -84,14 +88,25 @@ impl UsualInterval {
 
     /// Whether the master waits as long as this after a response.
     pub fn is_usual(&self, waited: Ns) -> bool {
+        self.is_among(waited, MAX_SPREAD_PART, MARGIN_PART)
+    }
+
+    /// Whether it always waits for nearly the same time, and for this one.
+    pub fn is_exactly_usual(&self, waited: Ns) -> bool {
+        self.is_among(waited, MAX_EXACT_SPREAD_PART, EXACT_MARGIN_PART)
+    }
+
+    /// Whether a wait is among the intervals that are kept, given the parts of their mean that they may differ by, and by which it
+    /// may lie outside.
+    fn is_among(&self, waited: Ns, spread_part: Ns, margin_part: Ns) -> bool {
         let mut kept = self.last;
         let kept = &mut kept[..KEPT.min(self.seen as usize)];
         kept.sort_unstable();
         // Where a request was not heard either, an interval is twice as long.
         let (Some(&least), Some(&most)) = (kept.first(), kept.get(3 * kept.len() / 4)) else { return false };
         let (middle, spread) = (least.midpoint(most), most - least);
-        let margin = spread / 2 + middle / MARGIN_PART;
-        spread <= middle / MAX_SPREAD_PART && (least - margin..=most + margin).contains(&waited)
+        let margin = spread / 2 + middle / margin_part;
+        spread <= middle / spread_part && (least - margin..=most + margin).contains(&waited)
     }
 
     /// How many responses in a row this tap may miss. The row that has not ended yet does not count: the unit may have died.

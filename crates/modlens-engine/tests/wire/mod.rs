@@ -42,11 +42,16 @@ pub fn read_response(unit: u8, values: &[u16]) -> Vec<u8> {
 
 /// A session with one RTU bus at 19200 baud.
 pub fn session(live: bool, clock: Clock) -> (Session, usize) {
+    session_at("19200-8E1", live, clock)
+}
+
+/// The same with these settings of the line.
+pub fn session_at(settings: &str, live: bool, clock: Clock) -> (Session, usize) {
     let wanted = WantedTables { frames: true, transactions: true, findings: true };
     let mut session = Session::new(Arc::new(Functions::default()), wanted, live, None);
     let mut options = BusOptions::named("bus");
     options.mode = Some(Mode::Rtu);
-    options.line = Some("19200-8E1".parse().unwrap());
+    options.line = Some(settings.parse().unwrap());
     options.bus.clock = clock;
     let bus = session.add_bus(options);
     (session, bus)

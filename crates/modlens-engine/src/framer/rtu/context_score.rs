@@ -187,11 +187,13 @@ fn retry_cost(place: &FrameInPlace<'_>) -> f32 {
 
 /// Cost of a request that equals the outstanding one, as the echo of the tap's own adapter, which comes once and at once. Where
 /// the response would repeat the request, the one before it may have been echoed, which makes this one cheaper, and a silence
-/// as long as a timeout makes it dearer.
+/// as long as a response time makes it dearer. One too short to stand between two frames is no response time; but where other
+/// requests show whether there is echo, they tell more than that.
 fn echo_cost(place: &FrameInPlace<'_>) -> f32 {
     let mirrors = mirrors_request(place.context, place.frame.pdu());
     let again = if mirrors && place.last_was_echoed() { weights::ECHO_AGAIN_BITS } else { f32::MAX };
-    let late = if mirrors { (-place.pause.timeout).clamp(0.0, weights::LATE_ECHO_BITS) } else { 0.0 };
+    let is_early = place.pause.too_soon_bits[0] > 0.0 && !place.model.has_plain_requests(place.context.functions);
+    let late = if mirrors && !is_early { (-place.pause.timeout).clamp(0.0, weights::LATE_ECHO_BITS) } else { 0.0 };
     place.model.echo_costs().twice.min(again) + late
 }
 

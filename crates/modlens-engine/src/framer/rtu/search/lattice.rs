@@ -40,16 +40,18 @@ impl Search {
     /// The same where nothing follows for some time. A path that ends with a write again, which was just answered, pays for the
     /// silence: the unit that has answered would do it again, so that frame was rather the response.
     pub(super) fn best_path_before_silence(&self) -> (usize, f32) {
-        let score = |hypothesis: &Hypothesis| {
-            let requests = self.requests.look_up(hypothesis.answerable);
-            let is_again = requests
-                .outstanding
-                .zip(requests.last_answered)
-                .is_some_and(|(request, (answered, _))| (request.unit, &request.pdu) == (answered.unit, &answered.pdu));
-            self.current_score(hypothesis) - if is_again { UNANSWERED_BITS } else { 0.0 }
-        };
-        let scores = self.lattice.iter().map(score).enumerate();
+        let scores = self.lattice.iter().map(|hypothesis| self.score_before_silence(hypothesis)).enumerate();
         scores.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((ROOT, 0.0))
+    }
+
+    /// The score of a path, as `best_path_before_silence` compares them.
+    pub(super) fn score_before_silence(&self, hypothesis: &Hypothesis) -> f32 {
+        let requests = self.requests.look_up(hypothesis.answerable);
+        let is_again = requests
+            .outstanding
+            .zip(requests.last_answered)
+            .is_some_and(|(request, (answered, _))| (request.unit, &request.pdu) == (answered.unit, &answered.pdu));
+        self.current_score(hypothesis) - if is_again { UNANSWERED_BITS } else { 0.0 }
     }
 
     /// The score in bits below which a new hypothesis is not added.

@@ -42,7 +42,7 @@ impl Search {
                 None
             }
             None if first == ROOT => Some(self.commit_unframed_piece(input, is_closed)),
-            None => Some(self.commit_frame(input, context, path_end, score)),
+            None => Some(self.commit_frame(input, context, (path_end, score), is_closed)),
         }
     }
 

@@ -75,19 +75,26 @@ impl Search {
     }
 
     /// Commits the first frame of the best path: it becomes the root. `path_end` is the index of the last frame of that path in the
-    /// lattice, `score` the path's in bits, as it is at the last byte scanned. Its confidence comes from its lead over the best path without it.
+    /// lattice, `score` the path's in bits, as it is at the last byte scanned, or before a silence there (`is_closed`). Its
+    /// confidence comes from its lead over the best path without it.
     ///
     /// With a valid CRC it teaches the model, as do the unframed bytes before it. An unconfirmed frame teaches no unit or
     /// function, and the request that is outstanding after it becomes unconfirmed as well. Nothing is learned from a damaged
     /// frame here: the framer does that when it emits the frame.
-    pub(super) fn commit_frame(&mut self, input: &Input, context: &FramerContext<'_>, path_end: usize, score: f32) -> Decision {
+    pub(super) fn commit_frame(
+        &mut self,
+        input: &Input,
+        context: &FramerContext<'_>,
+        (path_end, score): (usize, f32),
+        is_closed: bool,
+    ) -> Decision {
         let first = self.lattice[path_end].first_on_path;
         let Hypothesis { start, end, direction, is_crc_valid, .. } = self.lattice[first];
         if !is_crc_valid {
             self.set_root(first);
             return Decision::Damaged { start, end, direction: side::direction_of(direction) };
         }
-        let winner = self.winner(input, context, path_end, score);
+        let winner = self.winner(input, context, (path_end, score), is_closed);
         let evidence = self.weigh(input, context, &winner);
         self.learn_winner(context, &winner, evidence.is_unconfirmed);
         let direction = self.decided_direction(&winner);
@@ -103,13 +110,20 @@ impl Search {
     }
 
     /// What is known of the first frame of the best path, which ends with the frame `path_end` (an index of the lattice) and whose
-    /// score is given.
-    fn winner<'a>(&self, input: &'a Input, context: &FramerContext<'_>, path_end: usize, score: f32) -> Winner<'a> {
+    /// score is given; `is_closed`: as it is before a silence.
+    fn winner<'a>(
+        &self,
+        input: &'a Input,
+        context: &FramerContext<'_>,
+        (path_end, score): (usize, f32),
+        is_closed: bool,
+    ) -> Winner<'a> {
         let first = self.lattice[path_end].first_on_path;
         let Hypothesis { start, end, direction, answers_outstanding, .. } = self.lattice[first];
         let index = |offset: u64| (offset - input.offset()) as usize;
         let frame = FrameBytes(&input.bytes()[index(start)..index(end)]);
         let rivals = || self.lattice.iter().filter(|path| path.first_on_path != first);
+        let score_of = |rival| if is_closed { self.score_before_silence(rival) } else { self.current_score(rival) };
         let is_declared = context.declared_direction_at(input, index(start)).is_some();
         let has_other_bounds = |path: &&Hypothesis| {
             let other = &self.lattice[path.first_on_path];
@@ -123,9 +137,8 @@ impl Search {
             unframed: &input.bytes()[index(self.committed_offset())..index(start)],
             direction,
             answers_outstanding,
-            lead: score - rivals().map(|rival| self.current_score(rival)).fold(f32::MIN, f32::max),
-            lead_of_bounds: score
-                - rivals().filter(has_other_bounds).map(|rival| self.current_score(rival)).fold(f32::MIN, f32::max),
+            lead: score - rivals().map(score_of).fold(f32::MIN, f32::max),
+            lead_of_bounds: score - rivals().filter(has_other_bounds).map(score_of).fold(f32::MIN, f32::max),
             is_of_unknown_side: direction == REQUEST && !is_declared && hears_unknown_side(self, input, context, frame, path_end),
         }
     }
