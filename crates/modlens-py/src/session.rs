@@ -350,7 +350,7 @@ impl Session {
     fn close(&mut self, bus: usize) -> PyResult<()> {
         self.check_bus(bus)?;
         if self.unread.is_none() && self.contrast.is_some() {
-            self.unread = self.core.reader(bus).and_then(|reader| reader.says());
+            self.unread = self.core.reader(bus).and_then(TextReader::says);
         }
         self.core.close_bus(bus);
         Ok(())
