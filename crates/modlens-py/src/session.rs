@@ -15,7 +15,7 @@ use modlens_protocol::source::{Clock, Place};
 use modlens_readers::chunk::{Chunk, Times};
 use modlens_readers::logic::Wiring;
 use modlens_readers::pcap::Ports;
-use modlens_readers::text::{day_of, ClockSettings, Reader as TextReader, Said};
+use modlens_readers::text::{day_of, unread_says, ClockSettings, Reader as TextReader, Said};
 use modlens_recorder::LiveStatus;
 use modlens_tables::columns::TableKind;
 use modlens_tables::overview::Overview;
@@ -350,7 +350,7 @@ impl Session {
     fn close(&mut self, bus: usize) -> PyResult<()> {
         self.check_bus(bus)?;
         if self.unread.is_none() && self.contrast.is_some() {
-            self.unread = self.core.reader(bus).and_then(TextReader::says);
+            self.unread = self.core.reader(bus).and_then(unread_says);
         }
         self.core.close_bus(bus);
         Ok(())
@@ -480,7 +480,7 @@ impl Session {
 
     /// What the doctor says, with what the unread lines of texts show.
     fn report_of(&self, contrast: &Contrast) -> Report {
-        let said = self.unread.clone().or_else(|| (0..self.buses).find_map(|bus| self.core.reader(bus)?.says()));
+        let said = self.unread.clone().or_else(|| (0..self.buses).find_map(|bus| unread_says(self.core.reader(bus)?)));
         Report::of(contrast).with_unread(|printed| Some(said?.beside(printed)))
     }
 

@@ -9,7 +9,7 @@ use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::{Clock, Place};
 use modlens_readers::chunk::Chunk;
 use modlens_readers::pcap::Ports;
-use modlens_readers::text::{ClockSettings, Dialects, Reader, Said};
+use modlens_readers::text::{unread_says, ClockSettings, Dialects, Reader, Said};
 use serde_json::{json, Value as Json};
 
 use crate::format::{decide, Detection, Refusal, SAMPLE_BYTES};
@@ -170,7 +170,7 @@ impl Target {
     /// What the lines of a text show that nothing could read.
     fn unread(&self, session: &Session) -> Option<Said> {
         match *self {
-            Self::Text(bus) => session.reader(bus)?.says(),
+            Self::Text(bus) => unread_says(session.reader(bus)?),
             _ => None,
         }
     }

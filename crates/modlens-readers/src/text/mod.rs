@@ -42,7 +42,7 @@ use modlens_protocol::Ns;
 pub use clock::{day_of, ClockKind, ClockSettings};
 pub use dialect::{Dialect, Dialects, TABLE};
 pub use entries::SkippedBytes;
-pub use reader::{Reader, UnreadLines};
+pub use reader::{unread_says, Reader, UnreadLines};
 pub use reports::Said;
 
 /// What a text log says about one run of bytes. The bytes themselves are returned beside it.

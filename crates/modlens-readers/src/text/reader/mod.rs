@@ -131,6 +131,13 @@ pub struct Reader {
     frame_length: usize,
 }
 
+/// What the lines of a text that nothing could read show, or else an answer that a data logger gave by itself; `None` if neither is
+/// there.
+pub fn unread_says(reader: &Reader) -> Option<Said> {
+    let refuses = || reader.skipped_counts().any(|(reason, ..)| reason == LOGGER_REFUSES);
+    reader.unread_lines.says().or_else(|| refuses().then(|| Said::from(LOGGER_SAYS.to_owned())))
+}
+
 impl Reader {
     /// A reader with these rows, of which the first that fits a line reads it. Where none fits, the rows of `others` are
     /// tried, and a row that fits is used from there on.
@@ -382,12 +389,6 @@ impl Reader {
     /// How many byte strings were skipped, and how many bytes they hold, by reason.
     pub fn skipped_counts(&self) -> impl Iterator<Item = (&'static str, u64, u64)> + '_ {
         self.assembler.counts.iter().map(|(reason, (count, bytes))| (*reason, *count, *bytes))
-    }
-
-    /// What the lines that nothing could read show, or else an answer that a data logger gave by itself; `None` if neither is there.
-    pub fn says(&self) -> Option<Said> {
-        let refuses = || self.skipped_counts().any(|(reason, ..)| reason == LOGGER_REFUSES);
-        self.unread_lines.says().or_else(|| refuses().then(|| Said::from(LOGGER_SAYS.to_owned())))
     }
 
     /// The first byte strings that were skipped.
