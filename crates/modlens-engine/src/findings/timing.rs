@@ -61,6 +61,11 @@ pub(crate) fn silences(
     }
 }
 
+/// Whether one of these findings is a silence before the frame that is too short to stand between two frames.
+pub(crate) fn has_short_silence(codes: &[Finding]) -> bool {
+    codes.contains(&Finding::ShortSilence)
+}
+
 /// Finds a clock that went back with the reads of a frame.
 #[inline]
 pub(crate) fn clock(jumped: bool, found: &mut Found) {

@@ -3,12 +3,11 @@
 //! An echo comes much sooner than any retry: the clock decides as far as it is fine enough, else whether the line has shown
 //! echo so far (`echo_share`). Where neither reports, nothing is claimed.
 
-use crate::findings::order;
+use crate::findings::{order, timing};
 use crate::pairing::interval::interval;
 use crate::pairing::timeouts::MIN_MASTER_TIMEOUT_NS;
 use crate::pairing::Pairing;
 use crate::transactions::transaction::{ObservedFrame, PendingTransaction};
-use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, BROADCAST_UNIT};
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
@@ -116,7 +115,7 @@ impl Pairing {
 /// other on this line, for one, without stray bytes between.
 fn comes_at_once(frame: &ObservedFrame<'_>, pause: Ns) -> bool {
     let follows_directly = || frame.gap.is_some_and(|gap| gap >= pause);
-    pause < MAX_ECHO_DELAY_NS || (frame.codes.contains(&Finding::ShortSilence) && follows_directly())
+    pause < MAX_ECHO_DELAY_NS || (timing::has_short_silence(frame.codes) && follows_directly())
 }
 
 /// Whether a clock whose reads are late by so little shows that so long after a request its echo does not come any more.
