@@ -191,9 +191,9 @@ enum MirroredFrame {
 /// What the frame at index `at` of the input is, which repeats the whole outstanding request: the response, if the silence before
 /// it fits only a response (`RESPONSE_LOG_ODDS_BITS`). Without times, and at the first byte, it is the response if no third
 /// copy follows: that would show that the second one may be a retry. Doubtful in any case if the request is unconfirmed, and
-/// where the frame comes sooner than any response: it may be an echo.
+/// where the frame comes sooner than any response, with nothing between: it may be an echo.
 fn mirrored_frame(request: &AnswerableRequest, input: &Input, context: &FramerContext<'_>, at: usize) -> MirroredFrame {
-    if request.is_unconfirmed || context.comes_at_once(input, at) {
+    if request.is_unconfirmed || (at == 0 && context.comes_at_once(input, at)) {
         return MirroredFrame::Doubtful;
     }
     let silence = if at > 0 { input.silence_since(input.offset(), at) } else { input.pause_before(at) };
