@@ -77,9 +77,13 @@ def test_a_stretch_of_time_has_its_noise() -> None:
 
 def test_the_doctor_judges_the_selection(capsys: pytest.CaptureFixture[str]) -> None:
     """A bus with one dead unit is healthy without it."""
-    assert main(["doctor", DEAD, "--line", "9600-8E1", "--to", "json", "--where", "unit == 3"]) == 0
+    assert (
+        main(["doctor", DEAD, "--line", "57600-8E1", "--to", "json", "--where", "unit == 3"]) == 0
+    )
     assert json.loads(capsys.readouterr().out)["verdict"] == "broken"
-    assert main(["doctor", DEAD, "--line", "9600-8E1", "--to", "json", "--where", "unit != 3"]) == 0
+    assert (
+        main(["doctor", DEAD, "--line", "57600-8E1", "--to", "json", "--where", "unit != 3"]) == 0
+    )
     found = json.loads(capsys.readouterr().out)
     assert (found["verdict"], found["failed"]) == ("healthy", 0)
 
