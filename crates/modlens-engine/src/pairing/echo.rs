@@ -111,8 +111,8 @@ impl Pairing {
     }
 }
 
-/// Whether a request comes so soon after the same one, by a fine clock, that only an echo does: sooner than two frames follow each
-/// other on this line, for one, without stray bytes between.
+/// Whether a request comes so soon after the same one, by a fine clock, that it can only be an echo: within an adapter's delay, or
+/// sooner than two frames follow each other on this line, with no stray bytes between.
 fn comes_at_once(frame: &ObservedFrame<'_>, pause: Ns) -> bool {
     let follows_directly = || frame.gap.is_some_and(|gap| gap >= pause);
     pause < MAX_ECHO_DELAY_NS || (timing::has_short_silence(frame.codes) && follows_directly())

@@ -12,7 +12,7 @@ use modlens_protocol::Ns;
 /// Intervals that are kept.
 const KEPT: usize = 8;
 
-/// The lines' intervals differ by at most one part in so many of their mean, or they are no cycle.
+/// Intervals that differ by more than one part in so many of their mean are no cycle.
 const MAX_SPREAD_PART: Ns = 2;
 
 /// Further ones may lie outside of those that are kept by half of what these differ by, and by one part in so many.
