@@ -173,29 +173,6 @@ fn an_echo_comes_sooner_than_two_frames_follow_each_other() {
 }
 
 #[test]
-fn a_response_right_behind_a_stray_byte_is_no_echo() {
-    let char_ns = 572_916;
-    for (seed, write) in writes().iter().enumerate() {
-        let (mut session, bus) = session_at("19200-8E1", false, Clock::Utc);
-        let mut now = 1_700_000_000_000_000_000;
-        let mut feed = |bytes: &[u8], pause: i64| {
-            let times: Vec<i64> = (1..=bytes.len() as i64).map(|at| now + pause + at * char_ns).collect();
-            now += pause + bytes.len() as i64 * char_ns;
-            session.feed(bus, &Chunk { bytes, times: Times::Bytes(&times), ..Chunk::default() });
-        };
-        for at in 0..20 {
-            feed(write, 90 * MS + (at * 7 + seed as i64) % 40 * MS);
-            feed(&[0], 12 * MS + at % 5 * MS);
-            feed(write, 0);
-        }
-        session.flush();
-        let batch = session.take();
-        assert_eq!(count(&batch, Status::Ok), 20, "{write:02x?}");
-        assert!(batch.frames.iter().all(|frame| !frame.unconfirmed), "{write:02x?}");
-    }
-}
-
-#[test]
 fn two_equal_writes_in_succession_among_polls_are_two_exchanges() {
     let write = writes()[1].clone();
     let polls: Vec<Vec<u8>> = (0..20).flat_map(|at| [read_request(1 + at, 10, 1), read_response(1 + at, &[at.into()])]).collect();
