@@ -16,11 +16,14 @@ mod network;
 mod noise;
 #[cfg(test)]
 mod one_by_one;
+mod overtaken;
+mod pauses;
 mod place;
 pub mod rates;
 mod recent;
 pub mod registers;
 mod request;
+mod runs;
 pub mod sample;
 mod symptoms;
 pub mod tally;
@@ -37,9 +40,12 @@ pub use bus::{BusContrast, BusFacts, WINDOW};
 pub use epochs::Epochs;
 pub use network::{ClientCounts, Connections, Counted};
 pub use noise::{NoiseCounts, NoiseKey, NoiseRuns};
+pub use overtaken::Overtaken;
+pub use pauses::Pauses;
 pub use request::{Lonely, Pair, RequestCounts};
+pub use runs::Runs;
 pub use symptoms::{Seen, Symptom, Symptoms};
-pub use unit::{LengthRatios, Overtaken, Pauses, Runs, UnitCounts, EXCEPTIONS};
+pub use unit::{LengthRatios, UnitCounts, EXCEPTIONS};
 pub use writes::{AfterWrite, AfterWrites, WriteKey};
 
 use crate::clean::Exchanges;

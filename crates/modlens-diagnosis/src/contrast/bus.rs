@@ -20,11 +20,12 @@ use super::network::{Connections, Counted};
 use super::noise::NoiseRuns;
 use super::rates::Rates;
 use super::request::{RequestCounts, MAX_REQUESTS};
+use super::runs::Runs;
 use super::sample::Sample;
 use super::symptoms::Symptoms;
 use super::tally::Tally;
 use super::told::Told;
-use super::unit::{Runs, UnitCounts};
+use super::unit::UnitCounts;
 use crate::observation::{
     is_swapped_answer, is_write, write_of_compact, written, FrameObservation, Observation, Outcome, RequestKey, DAMAGED_PARTS,
 };

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use modlens_engine::records::InnerPauses;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::mbap::PREFIX_BYTES;
@@ -11,8 +10,11 @@ use modlens_protocol::Ns;
 use super::before::Before;
 use super::clean_units::CleanCounts;
 use super::epochs::Epochs;
+use super::overtaken::Overtaken;
+use super::pauses::Pauses;
+use super::runs::Runs;
 use super::sample::Sample;
-use super::tally::{Place, Tally};
+use super::tally::Tally;
 use super::times::ByDuration;
 use crate::clean::Clean;
 use crate::observation::{answer_length, DamagedPart, Observation, Outcome, RequestKey, DAMAGED_PARTS, MOST_LAG};
@@ -124,173 +126,6 @@ const MAX_HEADS: usize = 16;
 
 /// A message has so many bytes more in Modbus/TCP than in RTU: the header, and no checksum.
 const MBAP_SURPLUS: u32 = PREFIX_BYTES as u32 - 2;
-
-/// How long runs of failures are.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Runs {
-    /// Runs of three failures or more that have ended, by success before and after.
-    pub long: u64,
-    /// Failures in them.
-    pub failures_in_long: u64,
-    /// The longest run.
-    pub longest: u64,
-    first: u64,
-    open: u64,
-    total: u64,
-    failed: u64,
-}
-
-/// A run of so many failures is a long one.
-const LONG_RUN: u64 = 3;
-
-impl Runs {
-    /// Counts some successes, one at least.
-    pub(super) fn count_good(&mut self, good: u64) {
-        self.count(false);
-        self.total += good - 1;
-    }
-
-    pub(super) fn count(&mut self, failed: bool) {
-        self.total += 1;
-        if failed {
-            self.failed += 1;
-            self.open += 1;
-            self.longest = self.longest.max(self.open);
-        } else {
-            self.close();
-        }
-        if self.open == self.total {
-            self.first = self.total;
-        }
-    }
-
-    /// Ends the open run; one that has begun before the first success is not counted yet, since a part before may end in one.
-    fn close(&mut self) {
-        if self.open >= LONG_RUN && self.open != self.total - 1 {
-            self.long += 1;
-            self.failures_in_long += self.open;
-        }
-        self.open = 0;
-    }
-
-    pub(super) fn merge(&mut self, later: &Self) {
-        if later.first == later.total {
-            // The later part is one run.
-            if self.first == self.total {
-                self.first += later.total;
-            }
-            self.open += later.total;
-        } else {
-            let joined = self.open + later.first;
-            self.longest = self.longest.max(joined);
-            if self.first == self.total {
-                self.first = joined;
-            } else if joined >= LONG_RUN {
-                self.long += 1;
-                self.failures_in_long += joined;
-            }
-            self.open = later.open;
-        }
-        self.long += later.long;
-        self.failures_in_long += later.failures_in_long;
-        self.failed += later.failed;
-        self.total += later.total;
-        self.longest = self.longest.max(later.longest).max(self.open);
-    }
-
-    /// How many were counted.
-    pub fn total(&self) -> u64 {
-        self.total
-    }
-
-    /// Whether the first one failed.
-    pub fn begins_failed(&self) -> bool {
-        self.first > 0
-    }
-
-    /// All failures.
-    pub fn failures(&self) -> u64 {
-        self.failed
-    }
-
-    /// Failures in runs of three or more, whether these have ended or not.
-    pub fn in_long(&self) -> u64 {
-        let ends = if self.first == self.total { [self.first, 0] } else { [self.first, self.open] };
-        self.failures_in_long + ends.into_iter().filter(|run| *run >= LONG_RUN).sum::<u64>()
-    }
-
-    /// Number of runs of three or more failures.
-    pub fn count_of_long(&self) -> u64 {
-        let ends = if self.first == self.total { [self.first, 0] } else { [self.first, self.open] };
-        self.long + ends.into_iter().filter(|run| *run >= LONG_RUN).count() as u64
-    }
-}
-
-/// Answers that came after the next request: too late, if the master does not ask ahead.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Overtaken {
-    /// Which.
-    pub answers: Tally,
-    /// How long the master waited before it went on.
-    pub waited: Durations,
-    /// How long they took.
-    pub needed: Durations,
-}
-
-impl Overtaken {
-    pub(super) fn count(&mut self, place: Place, waited: Ns, needed: Ns) {
-        self.answers.count(true, place);
-        self.waited.add(waited);
-        self.needed.add(needed);
-    }
-
-    fn merge(&mut self, later: &Self) {
-        self.answers.merge(&later.answers);
-        self.waited.merge(&later.waited);
-        self.needed.merge(&later.needed);
-    }
-}
-
-/// The longest pauses inside frames, by factors of two.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Pauses {
-    longest: BTreeMap<u32, Tally>,
-    /// Frames with pauses.
-    pub frames: u64,
-}
-
-/// Shorter pauses are counted together: 131 us.
-const SHORTEST_PAUSE: u32 = 17;
-
-impl Pauses {
-    pub(super) fn count(&mut self, pauses: InnerPauses, place: Place) {
-        self.frames += 1;
-        let octave = (pauses.longest.max(1) as u64).ilog2().max(SHORTEST_PAUSE);
-        self.longest.entry(octave).or_default().count(true, place);
-    }
-
-    /// Frames whose longest pause is of this factor of two or above, of those with pauses: a long frame has more pauses than a
-    /// short one where the tap records blocks.
-    pub fn from(&self, octave: u32) -> Tally {
-        let mut all = Tally::default();
-        self.longest.range(octave..).for_each(|(_, tally)| all.merge(tally));
-        let first = self.longest.range(octave..).filter_map(|(_, tally)| tally.first).min_by_key(|place| place.number);
-        let last = self.longest.range(octave..).filter_map(|(_, tally)| tally.last).max_by_key(|place| place.number);
-        Tally { total: self.frames, first, last, before: 0, after: 0, ..all }
-    }
-
-    /// The factors of two that occur.
-    pub fn octaves(&self) -> impl Iterator<Item = u32> + '_ {
-        self.longest.keys().copied()
-    }
-
-    fn merge(&mut self, later: &Self) {
-        self.frames += later.frames;
-        for (octave, tally) in &later.longest {
-            self.longest.entry(*octave).or_default().merge(tally);
-        }
-    }
-}
 
 /// Sums over the ratios of lengths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -607,29 +442,5 @@ fn merge_shares<K: Ord + Copy>(own: &mut BTreeMap<K, Share>, later: &BTreeMap<K,
     for (key, share) in later {
         let sum = own.entry(*key).or_default();
         *sum = sum.with(*share);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn runs(failures: &str) -> Runs {
-        let mut all = Runs::default();
-        failures.chars().for_each(|c| all.count(c == 'x'));
-        all
-    }
-
-    #[test]
-    fn runs_merge_to_the_whole() {
-        for text in ["xxx.xx.xxxx..xxxxx.x", "xxxxxxxx", "....", ".xxx", "xxx.", "x.xxx.x"] {
-            for cut in 0..=text.len() {
-                let mut merged = runs(&text[..cut]);
-                merged.merge(&runs(&text[cut..]));
-                assert_eq!(merged, runs(text), "{text} cut at {cut}");
-            }
-        }
-        let all = runs("xxx.xx.xxxx..xxxxx.x");
-        assert_eq!((all.in_long(), all.count_of_long(), all.longest), (12, 3, 5));
     }
 }
