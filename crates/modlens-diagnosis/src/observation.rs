@@ -1,61 +1,36 @@
 //! What the contrast needs to know of a transaction and of a frame: a few numbers each, without the bytes.
 
 mod damage;
+mod data;
 mod echo;
 mod figures;
+mod finding_set;
+mod frame;
 mod layout;
+mod request_key;
 
-use modlens_engine::records::{Batch, Exchange, Frame, InnerPauses, Side, Transaction};
-use modlens_protocol::direction::Direction;
-use modlens_protocol::finding::{Finding, Severity};
-use modlens_protocol::framing::{Mode, Verdict};
+use modlens_engine::records::{Batch, Transaction};
+use modlens_protocol::finding::Finding;
+use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, Operation};
-use modlens_protocol::oddity::is_swapped;
 use modlens_protocol::register_type::Space;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
 pub(crate) use damage::response_part;
 pub use damage::{DamagedPart, DAMAGED_PARTS};
+pub use data::Data;
+pub(crate) use data::{apart, data, COMPARED_BYTES, FAR};
 pub use figures::Figures;
 pub(crate) use figures::{added, of_header as figures_of_header};
+pub use finding_set::FindingSet;
+pub use frame::FrameObservation;
+pub(crate) use frame::{is_swapped_answer, is_write, write_of_compact, written};
 pub use layout::LayoutFault;
 pub(crate) use layout::{answer_length, data_length, lacks_count};
+pub use request_key::RequestKey;
 
-use crate::contrast::tally::{fingerprint, mix, Place};
-use crate::contrast::writes::WriteKey;
-
-/// The findings of a row, one bit each.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct FindingSet(u64);
-
-impl FindingSet {
-    fn of(findings: &[Finding]) -> Self {
-        Self(findings.iter().fold(0, |set, finding| set | 1 << (*finding as u64)))
-    }
-
-    /// Whether there is none.
-    fn is_empty(self) -> bool {
-        self.0 == 0
-    }
-
-    /// Whether one of them is more than worth knowing.
-    pub fn has_trouble(self) -> bool {
-        !self.is_empty() && Finding::ALL.iter().any(|finding| self.has(*finding) && finding.doc().severity != Severity::Info)
-    }
-
-    /// The others.
-    #[must_use]
-    pub fn without(self, finding: Finding) -> Self {
-        Self(self.0 & !(1 << (finding as u64)))
-    }
-
-    /// Whether a finding is among them.
-    #[inline]
-    pub fn has(self, finding: Finding) -> bool {
-        self.0 >> (finding as u64) & 1 == 1
-    }
-}
+use crate::contrast::tally::{fingerprint, Place};
 
 /// How a request fared, from the view of its master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,25 +67,6 @@ impl Outcome {
     }
 }
 
-/// What the data of an answer look like, for comparison with other answers to the same request.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Data {
-    /// There is an answer with a block of data.
-    pub is_present: bool,
-    /// All registers are FFFF.
-    pub all_ones: bool,
-    /// All registers are 0000.
-    pub all_zeros: bool,
-    /// The first four bytes; none where there are fewer.
-    pub opening: Option<[u8; COMPARED_BYTES]>,
-    /// The first two registers; the second one is 0 where there is none.
-    pub head: [u16; 2],
-    /// The first or the last register is FFFF; and 0000. A single register touches FFFF where it is near: -1 is next to 0.
-    pub touches: [bool; 2],
-    /// How many bytes.
-    pub length: u16,
-}
-
 /// How the values of an answer go on with what was read before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shift {
@@ -127,56 +83,6 @@ pub enum Shift {
 
 /// An answer one step late belongs to the request before, and each further silence adds a step.
 pub const MOST_LAG: usize = 3;
-
-/// Which request: unit, function, address and quantity.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct RequestKey {
-    /// Unit.
-    pub unit: u8,
-    /// Function code.
-    pub function: u8,
-    /// Address.
-    pub address: u16,
-    /// Quantity.
-    pub quantity: u16,
-}
-
-/// The first number of the registers that a function reads, as manuals count them.
-const REFERENCES: [(u8, u16); 3] = [(2, 10_001), (4, 30_001), (3, 40_001)];
-
-impl RequestKey {
-    /// Its addresses in words.
-    pub(crate) fn block(self) -> String {
-        match self.quantity {
-            0 | 1 => format!("address {}", self.address),
-            quantity => format!("addresses {} to {}", self.address, u32::from(self.address) + u32::from(quantity) - 1),
-        }
-    }
-
-    /// The address on the wire that manuals mean by its address, if that is one of their numbers.
-    pub(crate) fn meant_by_manuals(self) -> Option<u16> {
-        let (_, first) = REFERENCES.into_iter().find(|(function, _)| *function == self.function)?;
-        (first..first + 9999).contains(&self.address).then(|| self.address - first)
-    }
-
-    /// All of it as one number.
-    #[inline]
-    pub(crate) fn number(self) -> u64 {
-        u64::from(u16::from_be_bytes([self.unit, self.function])) << 32 | u64::from(self.address) << 16 | u64::from(self.quantity)
-    }
-
-    /// The request with this number.
-    pub(crate) fn of_number(number: u64) -> Self {
-        let [_, _, unit, function, address @ .., _, _] = number.to_be_bytes();
-        Self { unit, function, address: u16::from_be_bytes(address), quantity: number as u16 }
-    }
-
-    /// A well-mixed hash.
-    #[inline]
-    pub(crate) fn hash(self) -> u64 {
-        mix(self.number())
-    }
-}
 
 /// One transaction.
 #[derive(Clone, Debug, PartialEq)]
@@ -259,13 +165,6 @@ pub struct Observation {
     pub lengths: [u32; 2],
     /// Start of the request, and of the answer.
     pub starts: [Option<Ns>; 2],
-}
-
-impl Data {
-    /// Whether all registers are 0000 or FFFF, which many answers are.
-    pub fn is_plain(self) -> bool {
-        self.all_ones || self.all_zeros
-    }
 }
 
 impl Observation {
@@ -403,7 +302,7 @@ fn request_head(batch: &Batch, row: &Transaction) -> Vec<u8> {
 fn answer_head(batch: &Batch, row: &Transaction) -> Vec<u8> {
     let wire = row.response.wire.of(&batch.arena);
     let is_odd = matches!(row.status, Status::BadResponse | Status::Unsolicited);
-    let kept = if is_odd { wire.len().min(NOISE_BYTES) } else { 0 };
+    let kept = if is_odd { wire.len().min(frame::NOISE_BYTES) } else { 0 };
     wire[..kept].to_vec()
 }
 
@@ -413,215 +312,5 @@ fn answering_unit(mode: Mode, wire: &[u8]) -> Option<u8> {
         Mode::Rtu => wire.first().copied(),
         Mode::Tcp => wire.get(6).copied(),
         Mode::Ascii => None,
-    }
-}
-
-/// Answers to different requests are compared by so many bytes.
-pub(crate) const COMPARED_BYTES: usize = 4;
-
-/// How far two values of a register are apart. It may be signed, so 65535 is next to 0.
-#[inline]
-pub(crate) fn apart(one: u16, other: u16) -> u32 {
-    let difference = one.wrapping_sub(other);
-    difference.min(difference.wrapping_neg()).into()
-}
-
-/// Registers that differ by less than this may be the next value of the same series.
-pub(crate) const FAR: u32 = 64;
-
-/// What a block of data looks like; `bits` are no registers.
-#[inline(always)]
-#[allow(clippy::inline_always)] // Most callers need a part of it.
-pub(crate) fn data(block: &[u8], bits: bool) -> Data {
-    let register = |at: usize| block.get(at..at + 2).map_or(0, |pair| u16::from_be_bytes([pair[0], pair[1]]));
-    let opening: Option<[u8; COMPARED_BYTES]> = block.first_chunk().copied();
-    let head = match opening {
-        _ if bits => [0, 0],
-        Some([one, two, three, four]) => [u16::from_be_bytes([one, two]), u16::from_be_bytes([three, four])],
-        None => [register(0), 0],
-    };
-    let last = block.last_chunk().map_or(0, |pair| u16::from_be_bytes(*pair));
-    let is_near_ones = block.len() == 2 && !bits && apart(last, 0xFFFF) < FAR;
-    let touches = [head[0] == 0xFFFF || last == 0xFFFF || is_near_ones, head[0] == 0 || last == 0];
-    // All bytes are looked at only where a register may be one of many alike; a single byte is none, and begins with 0 then.
-    let is_all = |byte: u8| !bits && !block.is_empty() && block.iter().all(|other| *other == byte);
-    let (all_ones, all_zeros) = match touches {
-        [false, false] => (false, false),
-        [true, _] | [_, true] => (is_all(0xFF), is_all(0)),
-    };
-    Data { is_present: true, head, touches, all_ones, all_zeros, opening, length: block.len() as u16 }
-}
-
-/// One frame, or one run of noise.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FrameObservation {
-    /// Number of its transaction, or of the one before, and its time.
-    pub place: Place,
-    /// Number of the frame.
-    pub number: u64,
-    /// What it is worth.
-    pub verdict: Verdict,
-    /// Who sent it.
-    pub direction: Direction,
-    /// Framing.
-    pub mode: Mode,
-    /// Unit.
-    pub unit: Option<u8>,
-    /// Its findings.
-    pub findings: FindingSet,
-    /// Its length.
-    pub length: u32,
-    /// Function code.
-    pub code: Option<u8>,
-    /// Number of its transaction.
-    pub txn: Option<u64>,
-    /// The first bytes of what is damaged or noise.
-    pub bytes: Vec<u8>,
-    /// Silence before it.
-    pub gap: Option<Ns>,
-    /// Silences inside it.
-    pub pauses: InnerPauses,
-    /// Which part of a damaged request is damaged, where no transaction has it.
-    pub damage: Option<DamagedPart>,
-    /// Line or packet of its first byte, and of its last one.
-    pub origins: [u64; 2],
-    /// Who sent it, where the recording says so.
-    pub side: Option<Side>,
-    /// What it writes: of a good request of RTU.
-    pub write: Option<WriteKey>,
-    /// The bytes of its checksum are swapped, and the frame was taken as it is: that is a habit of its unit.
-    pub is_swapped: bool,
-}
-
-impl FrameObservation {
-    /// Whether it is a request to read, as no answer looks.
-    pub(crate) fn is_read_request(&self) -> bool {
-        let is_read = self.code.is_some_and(|code| (1..=4).contains(&code)) && self.length == READ_REQUEST;
-        is_read && self.mode == Mode::Rtu && self.direction == Direction::Request && self.verdict == Verdict::Ok
-    }
-}
-
-/// The length of a request to read on a serial line (application protocol, 6.1 to 6.4).
-const READ_REQUEST: u32 = 8;
-
-/// Whether a function code is one of the public functions that write registers or coils.
-#[inline]
-pub(crate) fn is_write(code: u8) -> bool {
-    matches!(code, 5 | 6 | 15 | 16 | 22 | 23)
-}
-
-/// What a frame writes: of a good request of RTU.
-pub(crate) fn written(batch: &Batch, row: &Frame) -> Option<WriteKey> {
-    let is_request = row.verdict.is_good() && row.mode == Mode::Rtu && row.direction == Direction::Request;
-    if is_request {
-        WriteKey::of_rtu(row.wire.of(&batch.arena))
-    } else {
-        None
-    }
-}
-
-/// Whether a good answer of RTU has a checksum whose bytes are swapped.
-pub(crate) fn is_swapped_answer(batch: &Batch, row: &Frame) -> bool {
-    row.verdict == Verdict::Ok
-        && row.mode == Mode::Rtu
-        && row.direction == Direction::Response
-        && is_swapped(row.wire.of(&batch.arena))
-}
-
-/// What a compact exchange writes, if it does.
-pub(crate) fn write_of_compact(row: &Exchange) -> WriteKey {
-    WriteKey { unit: row.unit, function: row.function, address: row.address }
-}
-
-/// Bytes of a run of noise that are looked at.
-const NOISE_BYTES: usize = 64;
-
-impl FrameObservation {
-    /// What a frame of a compact exchange shows: the request, or the answer, in the transaction with this number.
-    pub(crate) fn of_compact(txn: u64, number: u64, direction: Direction, row: &Exchange) -> Self {
-        Self {
-            place: Place { number: txn, elapsed: None, time: None },
-            number,
-            verdict: Verdict::Ok,
-            direction,
-            mode: Mode::Rtu,
-            unit: Some(row.unit),
-            findings: FindingSet::default(),
-            length: u32::from(row.lengths[usize::from(direction != Direction::Request)]),
-            code: Some(row.function),
-            txn: Some(txn),
-            bytes: Vec::new(),
-            gap: None,
-            pauses: InnerPauses::default(),
-            damage: None,
-            origins: [0; 2],
-            side: None,
-            write: is_write(row.function).then(|| write_of_compact(row)),
-            is_swapped: false,
-        }
-    }
-
-    /// What a row shows.
-    pub fn of(batch: &Batch, row: &Frame) -> Self {
-        let wire = row.wire.of(&batch.arena);
-        let kept = if row.verdict.is_good() { 0 } else { wire.len().min(NOISE_BYTES) };
-        Self {
-            place: Place { number: row.txn.unwrap_or(0), elapsed: row.elapsed, time: row.start },
-            number: row.number,
-            verdict: row.verdict,
-            direction: row.direction,
-            mode: row.mode,
-            unit: row.unit,
-            findings: FindingSet::of(row.findings.of(&batch.codes)),
-            length: row.wire.length,
-            code: row.code,
-            txn: row.txn,
-            bytes: wire[..kept].to_vec(),
-            gap: row.gap,
-            pauses: row.pauses,
-            damage: damage::damaged_request(row, wire),
-            origins: [row.origin, row.last_origin],
-            side: row.side,
-            write: row.code.filter(|code| is_write(*code)).and_then(|_| written(batch, row)),
-            is_swapped: is_swapped_answer(batch, row),
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use modlens_protocol::functions::EXCEPTION_BIT;
-    use proptest::prelude::*;
-
-    #[test]
-    fn writes_are_those_of_the_table() {
-        for code in 0..EXCEPTION_BIT {
-            assert_eq!(is_write(code), Functions::embedded().writes(code), "function {code}");
-        }
-    }
-
-    proptest! {
-        // As the words of `Data` say it, register by register.
-        #[test]
-        fn data_are_what_their_registers_say(
-            block in prop::collection::vec(prop_oneof![Just(0u8), Just(0xFF), any::<u8>()], 0..9),
-            is_long_and_plain in any::<bool>(),
-            bits in any::<bool>(),
-        ) {
-            let plain = block.first().map_or(Vec::new(), |first| vec![*first; block.len()]);
-            let block = if is_long_and_plain { plain } else { block };
-            let register = |at: usize| block.get(at..at + 2).map_or(0, |pair| u16::from(pair[0]) << 8 | u16::from(pair[1]));
-            let (last, head) = (register(block.len().saturating_sub(2)), [register(0), register(2)]);
-            let head = if bits { [0, 0] } else { head };
-            let is_all = |byte: u8| !bits && !block.is_empty() && block.iter().all(|other| *other == byte);
-            let seen = data(&block, bits);
-            prop_assert_eq!((seen.all_ones, seen.all_zeros), (is_all(0xFF), is_all(0)));
-            prop_assert_eq!(seen.head, head);
-            let is_near = block.len() == 2 && !bits && !(0x3F..=0xFFBF).contains(&last);
-            prop_assert_eq!(seen.touches, [head[0] == 0xFFFF || last == 0xFFFF || is_near, head[0] == 0 || last == 0]);
-            prop_assert_eq!(seen.opening.is_some(), block.len() >= COMPARED_BYTES);
-            prop_assert_eq!(usize::from(seen.length), block.len());
-        }
     }
 }
