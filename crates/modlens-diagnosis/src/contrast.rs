@@ -8,6 +8,7 @@ mod clean_units;
 mod context;
 mod cycles;
 mod epochs;
+mod frame_counts;
 pub mod gaps;
 pub mod jumps;
 mod known_requests;

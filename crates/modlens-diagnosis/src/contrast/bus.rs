@@ -1,24 +1,23 @@
 //! The counters of one bus.
 
+mod frames;
+
 use std::collections::{BTreeMap, VecDeque};
 
-use modlens_engine::records::{Batch, Bus, Connection, Exchange, ExchangeRun, Frame, Side};
-use modlens_protocol::direction::Direction;
-use modlens_protocol::finding::Finding;
-use modlens_protocol::framing::{Mode, Verdict};
+use modlens_engine::records::{Bus, Connection, Side};
+use modlens_protocol::framing::Mode;
 use modlens_protocol::line::LineSettings;
-use modlens_protocol::oddity::is_of_driver;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 
 use super::before::Before;
 use super::clean_units::CleanUnits;
-use super::context::{Around, Context, GoodFrame, LEAST_ANSWER_BYTES};
+use super::context::Context;
+use super::frame_counts::FrameCounts;
 use super::known_requests::RequestMemory;
 use super::lists::Lists;
 use super::network::{Connections, Counted};
 use super::noise::NoiseRuns;
-use super::rates::Rates;
 use super::request::{RequestCounts, MAX_REQUESTS};
 use super::runs::Runs;
 use super::sample::Sample;
@@ -26,9 +25,7 @@ use super::symptoms::Symptoms;
 use super::tally::Tally;
 use super::told::Told;
 use super::unit::UnitCounts;
-use crate::observation::{
-    is_swapped_answer, is_write, write_of_compact, written, FrameObservation, Observation, Outcome, RequestKey, DAMAGED_PARTS,
-};
+use crate::observation::{FrameObservation, Observation, Outcome, RequestKey};
 use modlens_engine::durations::Durations;
 
 /// What is counted of a row depends on at most so many rows before it.
@@ -59,37 +56,6 @@ impl BusFacts {
         self.line = row.line;
         self.char_ns = row.line.map(|line| line.char_ns());
     }
-}
-
-/// Frames, good and bad, of a bus.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct FrameCounts {
-    /// By verdict, in the order of `Verdict::ALL`.
-    pub frames: [u64; 5],
-    /// Bytes by verdict.
-    pub bytes: [u64; 5],
-    /// Bytes of frames with a right checksum that may be an accident of noise.
-    pub unconfirmed_bytes: u64,
-    /// First and last time.
-    pub span: Option<(Ns, Ns)>,
-    /// Frames with a single flipped bit.
-    pub bit_flips: Tally,
-    /// Frames in which another device transmitted, too.
-    pub collisions: Tally,
-    /// Requests heard twice.
-    pub echoes: Tally,
-    /// Frames with a pause inside.
-    pub pauses: Tally,
-    /// Bytes lost or doubled by the tap.
-    pub lost: Tally,
-    /// Damaged requests without a transaction, by the part that is damaged.
-    pub request_parts: [Tally; DAMAGED_PARTS],
-    /// How fast the bytes of good frames came.
-    pub rates: Rates,
-    /// Good frames of writes, and those shortly after them.
-    pub behind_writes: u64,
-    /// Frames without a finding that are not counted in the tallies yet.
-    clean: u64,
 }
 
 /// The counters of one bus.
@@ -144,14 +110,6 @@ pub struct BusContrast {
     pub(super) clean_units: CleanUnits,
     pub(super) known: RequestMemory,
 }
-
-/// A request begins after a silence of 3.5 characters (serial line, 2.5.1.1), rounded down for the clock.
-const SILENCE_CHARACTERS: Ns = 3;
-/// A character at 115200 baud.
-const LEAST_CHAR_NS: Ns = 95_000;
-/// A request to read has so many bytes.
-const REQUEST_BYTES: u32 = 8;
-
 /// From the beginning of a request to that of one of another master, in halves of a character: its own eight, and a silence.
 const HALF_CHARACTERS_APART: i64 = 17;
 
@@ -160,78 +118,6 @@ impl BusContrast {
     pub fn answers_alone(&self) -> u64 {
         let of_other_units = |unit: &UnitCounts| -> u64 { unit.answers_for.values().map(|tally| tally.failed).sum() };
         self.units.values().map(|unit| unit.second_answers.failed + of_other_units(unit)).sum()
-    }
-
-    /// Takes the next frame.
-    pub(crate) fn frame(&mut self, mut seen: FrameObservation) {
-        self.frames_seen += 1;
-        let around = self.context.frame(&seen);
-        if seen.place.number == 0 {
-            seen.place.number = self.context.last_txn;
-        }
-        if self.first_frames.len() < WINDOW && self.frames_seen <= WINDOW as u64 {
-            self.first_frames.push_back(seen);
-        } else {
-            self.count_frame(&seen, around);
-        }
-    }
-
-    /// Takes the next frame if it is good, has no finding and no pauses inside; whether it was taken.
-    #[inline]
-    pub(crate) fn clean_frame(&mut self, batch: &Batch, row: &Frame) -> bool {
-        let is_same_framing = self.facts.mode == Some(row.mode);
-        let is_clean = row.verdict.is_good() && row.findings.length == 0 && row.pauses.count == 0 && is_same_framing;
-        if !is_clean || self.frames_seen < WINDOW as u64 || self.context.may_be_foreign(row) || is_swapped_answer(batch, row) {
-            return false;
-        }
-        self.context.note_sent(row.side, row.direction, row.number);
-        self.frames_seen += 1;
-        self.pending += 1;
-        self.context.last_txn = row.txn.unwrap_or(self.context.last_txn);
-        let sender = (row.direction, row.unit);
-        let write = row.code.filter(|code| is_write(*code)).and_then(|_| written(batch, row));
-        let good = GoodFrame::after(self.context.last_good, row.number, sender, row.mode, row.code, write);
-        self.context.last_good = Some(good.at(row.last_origin));
-        self.count_behind_write(good);
-        self.frames.rates.count(row.direction, row.unit, row.pauses, self.facts.char_ns);
-        self.frames.count_clean(row);
-        true
-    }
-
-    /// Takes the frames of a run of compact exchanges.
-    pub(super) fn compact_frames(&mut self, run: &ExchangeRun, exchanges: &[Exchange]) {
-        if exchanges.is_empty() {
-            return;
-        }
-        let numbered = exchanges.iter().zip(run.number..).zip((run.frame..).step_by(2));
-        let mut rest = 0;
-        for ((row, txn), frame) in numbered.clone() {
-            if self.frames_seen >= WINDOW as u64 {
-                break;
-            }
-            rest += 1;
-            self.frame(FrameObservation::of_compact(txn, frame, Direction::Request, row));
-            self.frame(FrameObservation::of_compact(txn, frame + 1, Direction::Response, row));
-        }
-        let count = exchanges.len() as u64;
-        let in_bulk = &exchanges[rest..];
-        let bytes = in_bulk.iter().map(|row| u64::from(row.lengths[0]) + u64::from(row.lengths[1])).sum();
-        self.frames_seen += 2 * in_bulk.len() as u64;
-        self.pending += in_bulk.len() as u64;
-        self.frames.count_compact(2 * in_bulk.len() as u64, bytes);
-        self.facts.mode = Some(Mode::Rtu);
-        self.context.last_txn = run.number + count - 1;
-        let mut good = self.context.last_good;
-        for (at, row) in in_bulk.iter().enumerate() {
-            for (frame, direction) in [Direction::Request, Direction::Response].into_iter().enumerate() {
-                let number = run.frame + 2 * (rest + at) as u64 + frame as u64;
-                let write = is_write(row.function).then_some(row).map(write_of_compact);
-                let next = GoodFrame::after(good, number, (direction, Some(row.unit)), Mode::Rtu, Some(row.function), write);
-                self.count_behind_write(next);
-                good = Some(next);
-            }
-        }
-        self.context.last_good = good;
     }
 
     /// Forgets what could be found again: requests have been left out, or rows came that are not in the memory of answers.
@@ -391,102 +277,6 @@ impl BusContrast {
         self.forget();
     }
 
-    fn count_frame(&mut self, seen: &FrameObservation, around: Around) {
-        let attached = around.attached;
-        self.troubles += u64::from(seen.findings.has_trouble());
-        self.facts.mode = Some(seen.mode);
-        self.frames.count(seen);
-        self.count_line_errors(seen);
-        if let Some(behind_write) = around.burst {
-            self.noise.by_write[usize::from(behind_write)] += 1;
-            let write = self.context.last_good.and_then(|good| good.write());
-            if let Some(write) = write.filter(|_| behind_write) {
-                self.noise.after_writes.count_burst(write);
-            }
-        }
-        if let Some((_, Some(unit))) = attached.filter(|_| around.is_doubled) {
-            self.units.entry(unit).or_default().doubled.count(true, seen.place);
-        }
-        if seen.verdict.is_good() {
-            if let Some(good) = self.context.last_good {
-                self.count_behind_write(good);
-            }
-            self.symptoms.lone_layout(seen);
-            if seen.is_swapped {
-                self.symptoms.swapped_checksum(seen);
-            }
-            if around.is_foreign {
-                self.symptoms.foreign_request(seen);
-            }
-            if around.is_other_framing {
-                self.symptoms.other_framing(seen);
-            }
-            self.frames.rates.count(seen.direction, seen.unit, seen.pauses, self.facts.char_ns);
-            self.count_pause(seen);
-            return;
-        }
-        self.received_damage += u64::from(seen.side == Some(Side::Received) && seen.length >= LEAST_ANSWER_BYTES);
-        self.noise.count(seen, attached.is_some_and(|(direction, _)| direction == Direction::Request));
-        let is_answer =
-            seen.length >= LEAST_ANSWER_BYTES && attached.is_some_and(|(direction, _)| direction == Direction::Request);
-        // On Modbus/TCP, only what begins with a header is taken for the answer of a transaction.
-        if seen.txn.is_none() && (!is_answer || seen.mode == Mode::Tcp) {
-            self.symptoms.frame(seen, attached.and_then(|(_, unit)| unit), around.is_behind_header);
-        }
-        if let (Some((Direction::Response, Some(unit))), true) = (attached, self.may_be_spoiled_request(seen)) {
-            self.units.entry(unit).or_default().spoiled_after.count(true, seen.place);
-        }
-        if seen.length < LEAST_ANSWER_BYTES && seen.txn.is_none() {
-            match attached {
-                Some((direction, Some(unit))) => {
-                    let side = usize::from(direction != Direction::Request);
-                    self.units.entry(unit).or_default().strays[side].count(true, seen.place);
-                }
-                _ => self.strays.count(true, seen.place),
-            }
-        }
-    }
-
-    /// Whether these are a few bytes of no transaction, after a silence, and no more than a request has: what is left of one.
-    fn may_be_spoiled_request(&self, seen: &FrameObservation) -> bool {
-        let silence = SILENCE_CHARACTERS * self.facts.char_ns.unwrap_or(LEAST_CHAR_NS);
-        let is_apart = seen.gap.is_some_and(|gap| gap >= silence);
-        let is_of_driver = seen.bytes.iter().all(|byte| is_of_driver(*byte));
-        seen.mode == Mode::Rtu && seen.txn.is_none() && is_apart && seen.length <= REQUEST_BYTES && !is_of_driver
-    }
-
-    /// Counts a frame with parity or framing errors.
-    fn count_line_errors(&mut self, seen: &FrameObservation) {
-        if let (true, Some(unit)) = (seen.findings.has(Finding::LineError), seen.unit) {
-            let side = usize::from(seen.direction != Direction::Request);
-            self.units.entry(unit).or_default().line_errors[side].count(true, seen.place);
-        }
-    }
-
-    /// Counts the pauses inside a frame, with the unit that it was from or to.
-    fn count_pause(&mut self, seen: &FrameObservation) {
-        let side = match seen.direction {
-            _ if seen.pauses.count == 0 => return,
-            Direction::Request => 0,
-            Direction::Response => 1,
-            Direction::Unknown => return,
-        };
-        if let Some(unit) = seen.unit {
-            self.units.entry(unit).or_default().pauses[side].count(seen.pauses, seen.place);
-        }
-    }
-
-    /// Counts a good frame that belongs to a write, or follows one.
-    #[inline]
-    fn count_behind_write(&mut self, good: GoodFrame) {
-        if good.is_behind_write() {
-            self.frames.behind_writes += 1;
-            if let Some(write) = good.write() {
-                self.noise.after_writes.count_frame(write);
-            }
-        }
-    }
-
     fn count_transaction(&mut self, seen: &Observation, before: Before) {
         self.symptoms.transaction(seen, before);
         self.troubles += u64::from(seen.findings.has_trouble());
@@ -520,72 +310,5 @@ impl BusContrast {
         if let Some(counts) = self.requests.entry(key.hash(), key) {
             counts.count(seen, before);
         }
-    }
-}
-
-impl FrameCounts {
-    fn count(&mut self, seen: &FrameObservation) {
-        self.settle();
-        self.count_size(seen.verdict as usize, seen.length, seen.place.time);
-        let has = |finding| seen.findings.has(finding);
-        if seen.verdict.is_good() && has(Finding::Unconfirmed) {
-            self.unconfirmed_bytes += u64::from(seen.length);
-        }
-        self.bit_flips.count(has(Finding::BitFlip), seen.place);
-        self.collisions.count(has(Finding::Collision), seen.place);
-        self.echoes.count(has(Finding::LocalEcho), seen.place);
-        self.pauses.count(has(Finding::GapInFrame), seen.place);
-        if let Some(part) = seen.damage {
-            self.request_parts.iter_mut().enumerate().for_each(|(at, tally)| tally.count(at == part as usize, seen.place));
-        }
-        self.lost.count(has(Finding::LostBytes) || has(Finding::DuplicateByte), seen.place);
-    }
-
-    #[inline]
-    fn count_clean(&mut self, row: &Frame) {
-        self.clean += 1;
-        self.count_size(row.verdict as usize, row.wire.length, row.start);
-    }
-
-    fn count_compact(&mut self, frames: u64, bytes: u64) {
-        self.clean += frames;
-        self.frames[Verdict::Ok as usize] += frames;
-        self.bytes[Verdict::Ok as usize] += bytes;
-    }
-
-    #[inline]
-    fn count_size(&mut self, verdict: usize, length: u32, time: Option<Ns>) {
-        self.frames[verdict] += 1;
-        self.bytes[verdict] += u64::from(length);
-        if let Some(time) = time {
-            let (first, last) = self.span.unwrap_or((time, time));
-            self.span = Some((first.min(time), last.max(time)));
-        }
-    }
-
-    /// Counts the clean frames in the tallies.
-    fn settle(&mut self) {
-        let clean = std::mem::take(&mut self.clean);
-        for tally in [&mut self.bit_flips, &mut self.collisions, &mut self.echoes, &mut self.pauses, &mut self.lost] {
-            tally.count_good(clean);
-        }
-    }
-
-    fn merge(&mut self, later: &Self) {
-        self.frames.iter_mut().zip(later.frames).for_each(|(own, more)| *own += more);
-        self.bytes.iter_mut().zip(later.bytes).for_each(|(own, more)| *own += more);
-        self.unconfirmed_bytes += later.unconfirmed_bytes;
-        self.span = match (self.span, later.span) {
-            (Some(own), Some(more)) => Some((own.0.min(more.0), own.1.max(more.1))),
-            (own, more) => own.or(more),
-        };
-        self.bit_flips.merge(&later.bit_flips);
-        self.collisions.merge(&later.collisions);
-        self.request_parts.iter_mut().zip(&later.request_parts).for_each(|(own, more)| own.merge(more));
-        self.echoes.merge(&later.echoes);
-        self.pauses.merge(&later.pauses);
-        self.lost.merge(&later.lost);
-        self.behind_writes += later.behind_writes;
-        self.rates.merge(&later.rates);
     }
 }
