@@ -15,6 +15,7 @@ mod known_requests;
 pub mod lists;
 mod network;
 mod noise;
+mod odd_transaction;
 #[cfg(test)]
 mod one_by_one;
 mod overtaken;
@@ -26,6 +27,7 @@ pub mod registers;
 mod request;
 mod runs;
 pub mod sample;
+mod symptom;
 mod symptoms;
 pub mod tally;
 pub mod times;
@@ -45,7 +47,8 @@ pub use overtaken::Overtaken;
 pub use pauses::Pauses;
 pub use request::{Lonely, Pair, RequestCounts};
 pub use runs::Runs;
-pub use symptoms::{Seen, Symptom, Symptoms};
+pub use symptom::Symptom;
+pub use symptoms::{Seen, Symptoms};
 pub use unit::{LengthRatios, UnitCounts, EXCEPTIONS};
 pub use writes::{AfterWrite, AfterWrites, WriteKey};
 
