@@ -10,6 +10,7 @@ mod cycles;
 mod epochs;
 mod frame_counts;
 pub mod gaps;
+mod good_frame;
 pub mod jumps;
 mod known_requests;
 pub mod lists;

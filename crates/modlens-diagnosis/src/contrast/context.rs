@@ -1,23 +1,21 @@
 //! What the rows of a bus need to know of those before them.
 
+mod compared;
+
 use std::collections::BTreeMap;
 
 use modlens_engine::records::{Frame, Side};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
-use modlens_protocol::functions::EXCEPTION_BIT;
 use modlens_protocol::oddity::{bare_refusals, is_altered};
 use modlens_protocol::Ns;
 
 use super::before::Before;
-use super::recent::{Answer, RecentAnswers};
+use super::good_frame::GoodFrame;
+use super::recent::RecentAnswers;
 use super::tally::Place;
-use super::writes::WriteKey;
-use crate::observation::{
-    answer_length, apart, is_write, response_part, DamagedPart, Data, FrameObservation, Observation, Outcome, RequestKey, Shift,
-    FAR, MOST_LAG,
-};
+use crate::observation::{answer_length, response_part, DamagedPart, FrameObservation, Observation, Outcome, RequestKey};
 
 /// A write is remembered for so many transactions.
 const WRITE_MEMORY: u64 = 4;
@@ -31,83 +29,8 @@ const FAILURE_MEMORY: u8 = 3;
 /// Runs of damage and noise are remembered until their transactions come.
 const MAX_RUNS: usize = 1024;
 
-/// The last transactions whose data may come again as the answer to another request.
-const COMPARED: usize = 12;
-
-/// After a silence, the data of so many transactions are compared with those in front of it.
-const BEHIND_SILENCE: u64 = 24;
-
-/// Shorter answers are alike by chance.
-const LEAST_COMPARED_BYTES: u16 = 4;
-
 /// Fewer bytes than these after a request are strays, not an answer.
 pub(super) const LEAST_ANSWER_BYTES: u32 = 3;
-
-/// Noise that a write brings forth comes before so many further good frames: the next request and its answer.
-const WRITE_FRAMES: u8 = 2;
-
-/// The last good frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct GoodFrame {
-    number: u64,
-    direction: Direction,
-    unit: Option<u8>,
-    function: Option<u8>,
-    mode: Mode,
-    /// Good frames since that of a write; as many as fit in it without one.
-    since_write: u8,
-    /// What that one writes, where it is known.
-    write: Option<WriteKey>,
-    /// On Modbus/TCP, line or packet of its last byte; else 0.
-    origin: u64,
-}
-
-impl GoodFrame {
-    /// The frame after `before`.
-    #[inline]
-    pub fn after(
-        before: Option<Self>,
-        number: u64,
-        sender: (Direction, Option<u8>),
-        mode: Mode,
-        code: Option<u8>,
-        write: Option<WriteKey>,
-    ) -> Self {
-        let function = code.map(|code| code & 0x7F);
-        let since_write = match function {
-            Some(function) if is_write(function) => 0,
-            _ => before.map_or(u8::MAX, |before| before.since_write.saturating_add(1)),
-        };
-        let write = write.or(before.filter(|_| since_write <= WRITE_FRAMES).and_then(|before| before.write));
-        Self { number, direction: sender.0, unit: sender.1, function, mode, since_write, write, origin: 0 }
-    }
-
-    /// The same, with the line or packet of its last byte, which counts on Modbus/TCP alone.
-    #[inline]
-    pub fn at(self, origin: u64) -> Self {
-        Self { origin: if self.mode == Mode::Tcp { origin } else { 0 }, ..self }
-    }
-
-    /// Whether this frame in another framing is the answer to it, or asks something else. The log of a gateway has both framings,
-    /// too, and prints each message in the one and then in the other.
-    fn is_followed_in_another_framing(&self, next: &FrameObservation) -> bool {
-        let is_same = (self.unit, self.function) == (next.unit, next.code.map(|code| code & !EXCEPTION_BIT));
-        let is_answer = self.direction == Direction::Request && next.direction == Direction::Response && is_same;
-        self.mode != next.mode && (is_answer || (next.direction == Direction::Request && !is_same))
-    }
-
-    /// Whether it belongs to a write, or follows one.
-    #[inline]
-    pub fn is_behind_write(&self) -> bool {
-        self.since_write <= WRITE_FRAMES
-    }
-
-    /// The write that it belongs to, or follows, where it is known which.
-    #[inline]
-    pub fn write(&self) -> Option<WriteKey> {
-        self.write.filter(|_| self.is_behind_write())
-    }
-}
 
 /// What the frames before one tell of it.
 #[derive(Clone, Copy, Debug, Default)]
@@ -333,12 +256,6 @@ impl Context {
         self.recent.next_number() <= self.behind_write_until
     }
 
-    /// Whether the next transaction stands shortly after a silence.
-    #[inline]
-    pub fn is_behind_silence(&self) -> bool {
-        self.recent.next_number() <= self.behind_silence_until
-    }
-
     /// Compares a transaction with those before, and notes it.
     pub fn transaction(&mut self, seen: &mut Observation) {
         self.compare(seen);
@@ -426,78 +343,6 @@ impl Context {
         self.asked = Some(key);
     }
 
-    /// Whether the data of an exchange that went well may be those of another request, or go on with its values. `own` are the
-    /// first registers of the answer before to the same request, `before` is the number of the request before.
-    #[inline]
-    pub fn may_be_odd(&self, key: RequestKey, data: Data, own: [u16; 2], before: u64) -> bool {
-        let is_far = distance(own, data.head) >= FAR;
-        (is_far && self.is_like_another(key, data)) || (self.is_behind_silence() && self.may_be_shifted(key, data, before))
-    }
-
-    #[inline(never)]
-    fn may_be_shifted(&self, key: RequestKey, data: Data, before: u64) -> bool {
-        self.shift(key, data, Some(RequestKey::of_number(before))).is_some()
-    }
-
-    /// The requests to the unit before the next one, the last one first: that one as it could be read, those before it as they were
-    /// sent. An answer that a unit or its modem keeps back waits while others are asked.
-    fn earlier(&self, before: RequestKey, unit: u8) -> impl Iterator<Item = RequestKey> + '_ {
-        let all = std::iter::once(before).chain(self.recent.newest_first().skip(1).map(|answer| answer.key()));
-        all.filter(move |key| key.unit == unit).take(MOST_LAG)
-    }
-
-    /// Compares the data with those of the transactions before.
-    fn compare(&mut self, seen: &mut Observation) {
-        let key = seen.key().filter(|_| seen.data.length > 0);
-        if let Some(key) = key {
-            seen.is_of_another = self.is_of_another(key, seen.data);
-            seen.shift = self.shift(key, seen.data, self.previous_request.map(|before| before.key));
-        }
-        if seen.findings.has(Finding::ResponseLength) {
-            let mut before = self.recent.newest_first().map(|answer| answer.key()).filter(|key| key.unit == seen.unit);
-            seen.asked_before = std::array::from_fn(|_| before.next());
-        }
-        self.recent.push(seen.key().map_or(Answer::default(), |key| Answer::new(key.number(), seen.data)));
-        if matches!(seen.outcome, Outcome::Silent | Outcome::NotSeen) {
-            self.behind_silence_until = self.recent.count() + 1 + BEHIND_SILENCE;
-        }
-    }
-
-    /// Whether the data are those that another request was answered with a moment ago, and far from its own.
-    fn is_of_another(&self, key: RequestKey, data: Data) -> bool {
-        let is_far = || self.recent.last_of(key).is_some_and(|(_, own)| distance(own.head, data.head) >= FAR);
-        self.is_like_another(key, data) && is_far()
-    }
-
-    /// Whether the data begin as those that another request to the unit was answered with a moment ago.
-    fn is_like_another(&self, key: RequestKey, data: Data) -> bool {
-        if data.length < LEAST_COMPARED_BYTES || data.is_plain() {
-            return false;
-        }
-        let mut others = self.recent.newest_first().take(COMPARED).filter(|others| others.begins_like(data));
-        others.any(|others| others.key().unit == key.unit && others.key() != key)
-    }
-
-    /// Shortly after a silence: whether the values go on as those of an earlier request did in front of it; `before` is the last one.
-    fn shift(&self, key: RequestKey, data: Data, before: Option<RequestKey>) -> Option<Shift> {
-        let left = self.behind_silence_until.checked_sub(self.recent.next_number())?;
-        let since = BEHIND_SILENCE.checked_sub(left)?;
-        let in_front = || self.recent.newest_first().skip(since as usize + 1).filter(|answer| answer.length > 0);
-        let last_of = |key: RequestKey| in_front().find(|answer| answer.key() == key);
-        let own = last_of(key).filter(|own| own.length == data.length && distance(own.head, data.head) >= FAR)?;
-        let mut found = None;
-        for (lag, earlier) in (1..).zip(self.earlier(before?, key.unit)) {
-            let Some(others) = last_of(earlier).filter(|others| earlier != key && others.length == data.length) else { continue };
-            if distance(others.head, data.head) * 8 < distance(own.head, data.head) {
-                return Some(Shift::ToEarlier { lag, bits: bits(others.head, data) });
-            }
-            if lag == 1 && distance(others.head, data.head) >= FAR {
-                found = Some(Shift::Elsewhere);
-            }
-        }
-        found
-    }
-
     /// What the rows after a later part need to know.
     pub fn follow(&mut self, later: &Self, with_transactions: bool) {
         self.last_good = later.last_good.or(self.last_good);
@@ -542,17 +387,4 @@ fn missing(seen: &Observation) -> Option<(RequestKey, u32)> {
     let key = seen.key().filter(|_| is_right_so_far)?;
     let missing = answer_length(key.function, key.quantity)?.checked_sub(seen.lengths[1])?;
     Some((key, missing))
-}
-
-/// How far the first two registers of two answers are apart.
-#[inline]
-fn distance(one: [u16; 2], other: [u16; 2]) -> u32 {
-    one.iter().zip(other).map(|(one, other)| apart(*one, other)).sum()
-}
-
-/// Values so near to each other come about by chance once in 2 to the power of this.
-fn bits(one: [u16; 2], other: Data) -> u32 {
-    let registers = usize::from(other.length / 2).min(2);
-    let near = |at: usize| 16u32.saturating_sub((2 * apart(one[at], other.head[at]) + 1).ilog2());
-    (0..registers).map(near).sum()
 }

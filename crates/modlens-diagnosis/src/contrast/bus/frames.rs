@@ -7,7 +7,8 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::oddity::is_of_driver;
 use modlens_protocol::Ns;
 
-use super::super::context::{Around, GoodFrame, LEAST_ANSWER_BYTES};
+use super::super::context::{Around, LEAST_ANSWER_BYTES};
+use super::super::good_frame::GoodFrame;
 use super::{BusContrast, WINDOW};
 use crate::observation::{is_swapped_answer, is_write, write_of_compact, written, FrameObservation};
 

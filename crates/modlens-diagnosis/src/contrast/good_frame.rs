@@ -1,0 +1,74 @@
+//! The last good frame, and what it tells of the frame after it.
+
+use modlens_protocol::direction::Direction;
+use modlens_protocol::framing::Mode;
+use modlens_protocol::functions::EXCEPTION_BIT;
+
+use super::writes::WriteKey;
+use crate::observation::{is_write, FrameObservation};
+
+/// Noise that a write brings forth comes before so many further good frames: the next request and its answer.
+const WRITE_FRAMES: u8 = 2;
+
+/// The last good frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct GoodFrame {
+    pub number: u64,
+    pub direction: Direction,
+    pub unit: Option<u8>,
+    pub function: Option<u8>,
+    pub mode: Mode,
+    /// Good frames since that of a write; as many as fit in it without one.
+    pub since_write: u8,
+    /// What that one writes, where it is known.
+    write: Option<WriteKey>,
+    /// On Modbus/TCP, line or packet of its last byte; else 0.
+    pub origin: u64,
+}
+
+impl GoodFrame {
+    /// The frame after `before`.
+    #[inline]
+    pub fn after(
+        before: Option<Self>,
+        number: u64,
+        sender: (Direction, Option<u8>),
+        mode: Mode,
+        code: Option<u8>,
+        write: Option<WriteKey>,
+    ) -> Self {
+        let function = code.map(|code| code & 0x7F);
+        let since_write = match function {
+            Some(function) if is_write(function) => 0,
+            _ => before.map_or(u8::MAX, |before| before.since_write.saturating_add(1)),
+        };
+        let write = write.or(before.filter(|_| since_write <= WRITE_FRAMES).and_then(|before| before.write));
+        Self { number, direction: sender.0, unit: sender.1, function, mode, since_write, write, origin: 0 }
+    }
+
+    /// The same, with the line or packet of its last byte, which counts on Modbus/TCP alone.
+    #[inline]
+    pub fn at(self, origin: u64) -> Self {
+        Self { origin: if self.mode == Mode::Tcp { origin } else { 0 }, ..self }
+    }
+
+    /// Whether this frame in another framing is the answer to it, or asks something else. The log of a gateway has both framings,
+    /// too, and prints each message in the one and then in the other.
+    pub fn is_followed_in_another_framing(&self, next: &FrameObservation) -> bool {
+        let is_same = (self.unit, self.function) == (next.unit, next.code.map(|code| code & !EXCEPTION_BIT));
+        let is_answer = self.direction == Direction::Request && next.direction == Direction::Response && is_same;
+        self.mode != next.mode && (is_answer || (next.direction == Direction::Request && !is_same))
+    }
+
+    /// Whether it belongs to a write, or follows one.
+    #[inline]
+    pub fn is_behind_write(&self) -> bool {
+        self.since_write <= WRITE_FRAMES
+    }
+
+    /// The write that it belongs to, or follows, where it is known which.
+    #[inline]
+    pub fn write(&self) -> Option<WriteKey> {
+        self.write.filter(|_| self.is_behind_write())
+    }
+}
