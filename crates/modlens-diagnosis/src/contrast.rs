@@ -21,7 +21,6 @@ mod odd_transaction;
 mod one_by_one;
 mod overtaken;
 mod pauses;
-mod place;
 pub mod rates;
 mod recent;
 pub mod registers;
@@ -51,7 +50,7 @@ pub use runs::Runs;
 pub use symptom::Symptom;
 pub use symptoms::{Seen, Symptoms};
 pub use unit::{LengthRatios, UnitCounts, EXCEPTIONS};
-pub use writes::{AfterWrite, AfterWrites, WriteKey};
+pub use writes::{AfterWrite, AfterWrites};
 
 use crate::clean::Exchanges;
 use crate::observation::FrameObservation;

@@ -37,6 +37,7 @@ pub mod events;
 pub mod kinds;
 pub mod observation;
 mod odd;
+mod place;
 mod protocols;
 pub mod report;
 pub mod sight;

@@ -8,6 +8,7 @@ mod finding_set;
 mod frame;
 mod layout;
 mod request_key;
+mod write_key;
 
 use modlens_engine::records::{Batch, Transaction};
 use modlens_protocol::finding::Finding;
@@ -29,8 +30,10 @@ pub(crate) use frame::{is_swapped_answer, is_write, write_of_compact, written};
 pub use layout::LayoutFault;
 pub(crate) use layout::{answer_length, data_length, lacks_count};
 pub use request_key::RequestKey;
+pub use write_key::WriteKey;
 
-use crate::contrast::tally::{fingerprint, Place};
+use crate::contrast::tally::fingerprint;
+use crate::place::Place;
 
 /// How a request fared, from the view of its master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

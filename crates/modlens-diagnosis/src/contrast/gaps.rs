@@ -1,6 +1,6 @@
 //! The longest stretches without a failure between two failures: what separates one episode of a trouble from the next.
 
-use super::place::Place;
+use crate::place::Place;
 use crate::MAX_CHANCE;
 
 /// So many are kept: the longest ones, of equal ones those that came first. So parts merge to the whole.

@@ -4,8 +4,7 @@ use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::EXCEPTION_BIT;
 
-use super::writes::WriteKey;
-use crate::observation::{is_write, FrameObservation};
+use crate::observation::{is_write, FrameObservation, WriteKey};
 
 /// Noise that a write brings forth comes before so many further good frames: the next request and its answer.
 const WRITE_FRAMES: u8 = 2;

@@ -1,7 +1,7 @@
 //! The smallest counters: how often, since when, until when, and for example where.
 
 use super::gaps::{Episode, Gaps, Span};
-pub use super::place::Place;
+pub use crate::place::Place;
 pub use modlens_protocol::mix::mix;
 
 /// Examples kept for each claim.

@@ -1,21 +1,10 @@
 //! What comes after each write: a write may switch what disturbs the line.
 
 use super::sample::Sample;
-use super::tally::mix;
+use crate::observation::WriteKey;
 
 /// Different writes that are distinguished.
 const MAX_WRITES: usize = 64;
-
-/// What is written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct WriteKey {
-    /// Unit.
-    pub unit: u8,
-    /// Function code.
-    pub function: u8,
-    /// Address of the first register or coil.
-    pub address: u16,
-}
 
 /// What was counted shortly after a write.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -29,20 +18,6 @@ pub struct AfterWrite {
 /// Noise and good frames by the write before them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AfterWrites(Sample<WriteKey, AfterWrite, MAX_WRITES>);
-
-impl WriteKey {
-    /// Returns what an RTU request writes.
-    pub(crate) fn of_rtu(wire: &[u8]) -> Option<Self> {
-        match *wire {
-            [unit, function, high, low, ..] => Some(Self { unit, function, address: u16::from_be_bytes([high, low]) }),
-            _ => None,
-        }
-    }
-
-    fn hash(self) -> u64 {
-        mix(u64::from(self.unit) << 24 | u64::from(self.function) << 16 | u64::from(self.address))
-    }
-}
 
 impl AfterWrites {
     /// Counts a good frame.

@@ -4,7 +4,8 @@ use std::rc::Rc;
 
 use crate::claim::{Claim, ShownBy, View};
 use crate::contrast::tally::Tally;
-use crate::contrast::{AfterWrite, UnitCounts, WriteKey};
+use crate::contrast::{AfterWrite, UnitCounts};
+use crate::observation::WriteKey;
 use crate::statistics::{at_least, fisher, Share};
 use modlens_protocol::finding::Severity;
 use modlens_protocol::framing::Verdict;

@@ -8,8 +8,8 @@ use modlens_protocol::Ns;
 
 use super::damage::{self, DamagedPart};
 use super::finding_set::FindingSet;
-use crate::contrast::tally::Place;
-use crate::contrast::writes::WriteKey;
+use super::write_key::WriteKey;
+use crate::place::Place;
 
 /// One frame, or one run of noise.
 #[derive(Clone, Debug, PartialEq)]

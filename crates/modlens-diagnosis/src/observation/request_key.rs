@@ -1,6 +1,6 @@
 //! What a request asks for, by which requests are told apart.
 
-use crate::contrast::tally::mix;
+use modlens_protocol::mix::mix;
 
 /// Which request: unit, function, address and quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
