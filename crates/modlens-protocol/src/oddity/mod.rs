@@ -1,6 +1,11 @@
 //! What is odd about bytes that are no frame, as far as they show it by themselves: a checksum with its bytes swapped, a header
 //! that announces another length, a frame in letters. Each is something that no disturbance of a line brings forth.
 
+mod altered;
+mod words;
+
+pub use altered::is_altered;
+
 use crate::annotate::exception_name;
 use crate::checksum::{correctable_bit, crc16, crc_valid, CRC_BYTES};
 use crate::direction::possible_directions;
@@ -182,106 +187,7 @@ impl Oddity {
         let is_request = before.get(..READ_BYTES).is_some_and(is_read);
         (is_request && crc_valid(before) && !crc_valid(bytes) && is_altered(before, bytes)).then_some(Self::AlteredRequest)
     }
-
-    /// What it is and what to do, in words.
-    pub fn words(&self) -> String {
-        match self {
-            Self::Digits(digits) => format!(
-                "the bytes are hex digits sent as characters (\"{digits}\"): the sender writes its frame as text; Modbus RTU sends \
-                 the bytes themselves, and Modbus ASCII begins with a colon"
-            ),
-            Self::Text(opening) => {
-                format!("the bytes are text (\"{opening}\"): another protocol answers here; check the port and the device's protocol setting")
-            }
-            Self::SwappedChecksum => String::from(
-                "the checksum is right, but its two bytes are swapped: on the wire its low byte comes first; correct the program that \
-                 makes the frame",
-            ),
-            Self::OutOfStep => String::from(
-                "the last byte belongs in front: the reader is one byte out of step; discard what is left in the receive buffer \
-                 before each request",
-            ),
-            Self::HeaderLength { announced, present } => format!(
-                "the MBAP header announces {announced} bytes after its length field, and {present} follow: the length field is \
-                 wrong, so that the other side waits for more, or reads the next frame at the wrong place"
-            ),
-            Self::StrayFront { bytes, is_cut } => format!(
-                "{} in front of the frame{}, as a line leaves that nobody drives: biasing, or the turning round of the adapter",
-                if *bytes == 1 { "a stray byte is" } else { "two stray bytes are" },
-                if *is_cut { ", whose last byte is missing" } else { "" }
-            ),
-            Self::StrayBeside(bytes) => format!(
-                "the bytes are those of the line before with {} in front, as a line leaves that nobody drives: biasing, or the \
-                 turning round of the adapter",
-                if *bytes == 1 { "one more" } else { "two more" },
-            ),
-            Self::AlteredRequest => String::from(
-                "the bytes are the request before with some bits changed: the adapter hears its own transmission, distorted; or, \
-                 where this is what the other side received, rate, parity, data bits or levels differ between the two",
-            ),
-            Self::Zeros(count) => format!(
-                "all {count} bytes are 00, which is what a receiver makes of a line that is held low: swapped wires (A and B), or \
-                 a driver that never lets go"
-            ),
-            Self::Levels => String::from(
-                "nearly all bytes are 00, FF or their like, which is what a receiver makes of a line with swapped wires (A and B), of \
-                 another rate, or of one that nobody drives",
-            ),
-            Self::Refusal { unit, function, code } => format!(
-                "unit {unit} refuses function {function} with exception {code} ({})",
-                exception_name(*code).unwrap_or_default()
-            ),
-            Self::OtherFunction { asked, answered } => format!(
-                "the answer begins with function {answered:02X}, and function {asked:02X} was asked for: what answers does not \
-                 speak Modbus, or its bytes are damaged (rate, parity, levels)"
-            ),
-            Self::Echo => String::from(
-                "the answer is the request itself: the adapter hears its own transmission, and nothing else answers; turn its echo \
-                 off, or read and discard as many bytes as were sent",
-            ),
-            Self::CutRequest => String::from(
-                "the request lacks the last byte of its checksum, and is right otherwise. Where it was sent so, no unit answers it: \
-                 correct the program, or the time at which its driver is switched off; where it was received, the adapter hears \
-                 its own transmission",
-            ),
-            Self::Cut => String::from("the frame lacks its last byte, and is right otherwise: the reader expects one byte too few"),
-        }
-    }
 }
-
-/// So many bytes of an altered request, and this share of them (in quarters), are those that were sent.
-const LEAST_ALIKE: usize = 6;
-const LEAST_QUARTERS: usize = 3;
-
-/// A distorted request that comes about by chance more often than this is none.
-const MAX_CHANCE: f64 = 0.002;
-
-/// Whether these bytes are an RTU request to read with some of its bits changed: in a byte or two, or in many, but all in the
-/// same sense, as a wrong level or a weak driver changes them. A write is confirmed by its own bytes.
-pub fn is_altered(request: &[u8], bytes: &[u8]) -> bool {
-    let same = request.iter().zip(bytes).filter(|(one, other)| one == other).count();
-    let is_read = request.get(1).is_some_and(|function| (1..=4).contains(function));
-    let is_alike = same >= LEAST_ALIKE && same * 4 >= bytes.len() * LEAST_QUARTERS && bytes.len() <= request.len();
-    let is_distorted = bytes.len() == request.len() && bytes.len() >= LEAST_ALIKE && in_one_sense(request, bytes) < MAX_CHANCE;
-    is_read && same < bytes.len() && (is_alike || is_distorted)
-}
-
-/// The chance that unrelated bytes, of which as many bits are 1, have a 1 wherever the request has one, or a 0 wherever it has
-/// one; 1 where they have not.
-fn in_one_sense(request: &[u8], bytes: &[u8]) -> f64 {
-    let ones = |bytes: &[u8]| bytes.iter().map(|byte| byte.count_ones()).sum::<u32>();
-    let share = f64::from(ones(bytes)) / (8 * bytes.len()) as f64;
-    let all = |is: fn(u8, u8) -> bool| request.iter().zip(bytes).all(|(one, other)| is(*one, *other));
-    let (sent_ones, sent_zeros) = (ones(request), 8 * request.len() as u32 - ones(request));
-    if all(|one, other| one & !other == 0) {
-        share.powi(sent_ones as i32)
-    } else if all(|one, other| other & !one == 0) {
-        (1.0 - share).powi(sent_zeros as i32)
-    } else {
-        1.0
-    }
-}
-
 /// The single wrong bit of an RTU frame, as (index of the byte, number of the bit): the one whose inversion makes its checksum right
 /// and leaves a frame with the layout of its function. What was cut has such a bit by chance, but not the length.
 ///
@@ -475,32 +381,5 @@ mod tests {
         assert_eq!(Oddity::of(&answer), Some(Oddity::HeaderLength { announced: 6, present: 9 }));
         let right = [0, 1, 0, 0, 0, 9, 1, 3, 6, 1, 0, 0, 0, 0, 0x34];
         assert_eq!(Oddity::of(&right), None);
-    }
-
-    /// Unit 1, input registers 1000 and 1001; the checksum by the specification's algorithm.
-    const SENT: [u8; 8] = [1, 4, 3, 0xE8, 0, 2, 0xF1, 0xBB];
-
-    #[test]
-    fn a_request_with_changed_bits_is_known() {
-        let with = |mask: [u8; 8]| -> Vec<u8> { SENT.iter().zip(mask).map(|(byte, mask)| byte | mask).collect() };
-        // One byte; then bits that were 0 and came as 1 all over the frame, and bits that were 1 and came as 0.
-        assert!(is_altered(&SENT, &[1, 4, 3, 0xE8, 0, 2, 0x31, 0xBB]));
-        assert!(is_altered(&SENT, &with([0xE0, 0xF0, 0xC0, 0x01, 0x80, 0x7C, 0x08, 0x40])));
-        let without: Vec<u8> = SENT.iter().map(|byte| byte & 0x6D).collect();
-        assert!(is_altered(&SENT, &without));
-    }
-
-    #[test]
-    fn other_bytes_and_plain_levels_are_no_echo() {
-        let write = [1, 6, 0, 1, 0, 3, 0x98, 0x0B];
-        assert!(!is_altered(&write, &[1, 6, 0, 1, 0, 7, 0x98, 0x0B]));
-        for other in
-            [[0xFF; 8], [0; 8], [0x9A, 0x3C, 0xE1, 0x55, 0x47, 0xB2, 0x0D, 0x66], [0xF8, 0, 0xFF, 0xFE, 0, 0xFF, 0xFC, 0]]
-        {
-            assert!(!is_altered(&SENT, &other), "{other:?}");
-        }
-        assert!(!is_altered(&SENT, &SENT));
-        // The answer of unit 1 with two input registers has nine bytes, and one that is cut has fewer of the same.
-        assert!(!is_altered(&SENT, &[1, 4, 4, 0, 7, 0, 9, 0x5B]));
     }
 }
