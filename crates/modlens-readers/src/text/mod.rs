@@ -10,10 +10,12 @@
 //! that hold most hex are kept as examples, so that nothing is dropped silently.
 
 mod anchors;
+mod cached_second;
 mod chunk_log;
 mod clean;
 mod clock;
 mod date;
+mod decimal;
 pub mod detect;
 mod dialect;
 mod direction_words;

@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
+use crate::text::cached_second::CachedSecond;
 use crate::text::clock::{ClockKind, ClockSettings};
 use crate::text::date::{date, date_in_words, fraction, number, time_of_day, zone, DateOrder, POWERS_OF_TEN};
+use crate::text::decimal::{decimal, digits, SECOND_NS};
 use crate::text::ticks;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 
-const SECOND_NS: Ns = 1_000_000_000;
 const DAY_NS: Ns = 86_400 * SECOND_NS;
 
 /// A number of seconds from this on (March 1973) counts since 1970, a smaller one since the start of the recording, as
@@ -29,38 +30,6 @@ pub struct TimestampParser {
     settings: Arc<ClockSettings>,
     pub(super) state: TimestampState,
     cached_second: CachedSecond,
-}
-
-/// The text of the last timestamp up to its seconds, with its value. Most lines are logged within the same second as the
-/// line before, so comparing texts replaces parsing.
-#[derive(Clone, Copy, Debug, Default)]
-struct CachedSecond {
-    text: [u8; MAX_SECOND_CHARS],
-    length: usize,
-    /// Days since 1970-01-01, where the timestamp has a date.
-    days: Option<i64>,
-    /// Nanoseconds since midnight.
-    ns_of_day: Ns,
-}
-
-/// The longest cached text: a date, a separator and a time of day, with room for long separators.
-const MAX_SECOND_CHARS: usize = 24;
-
-impl CachedSecond {
-    /// The cached date and second, and the rest of the line, if the line begins with the cached text.
-    fn lookup<'a>(&self, line: &'a [u8]) -> Option<(Option<i64>, Ns, &'a [u8])> {
-        let rest = line.strip_prefix(&self.text[..self.length])?;
-        (self.length > 0).then_some((self.days, self.ns_of_day, rest))
-    }
-
-    /// Caches the value of a text; a text that is too long clears the cache.
-    fn store(&mut self, text: &[u8], days: Option<i64>, ns_of_day: Ns) {
-        self.length = 0;
-        if let Some(place) = self.text.get_mut(..text.len()) {
-            place.copy_from_slice(text);
-            (self.length, self.days, self.ns_of_day) = (text.len(), days, ns_of_day);
-        }
-    }
 }
 
 /// What timestamps have shown so far. It is copied before a template is tried and restored if the template does not fit,
@@ -382,35 +351,6 @@ pub(super) fn delta(line: &[u8]) -> Option<Ns> {
         _ => return None,
     };
     number(&text[..decimals])?.checked_mul(unit)
-}
-
-/// The decimal digits that the text begins with, at most `most` of them, as a number, and how many there are.
-#[inline]
-fn digits(text: &[u8], most: usize) -> (i64, usize) {
-    let (mut value, mut length) = (0, 0);
-    for &b in text.iter().take(most) {
-        let digit = b.wrapping_sub(b'0');
-        if digit > 9 {
-            break;
-        }
-        value = value * 10 + i64::from(digit);
-        length += 1;
-    }
-    (value, length)
-}
-
-/// Converts decimal seconds to ns exactly; returns also the number of decimals, at most 9.
-fn decimal(text: &[u8]) -> Option<(Ns, u32)> {
-    let (sign, text) = text.strip_prefix(b"-").map_or((1, text), |rest| (-1, rest));
-    let point = text.iter().position(|&b| b == b'.').unwrap_or(text.len());
-    let fraction = text.get(point + 1..).unwrap_or(&[]);
-    let whole = Some(&text[..point]).filter(|whole| !whole.is_empty() && whole.len() <= 10)?;
-    let kept = &fraction[..fraction.len().min(9)];
-    if !fraction[kept.len()..].iter().all(u8::is_ascii_digit) {
-        return None;
-    }
-    let fraction_ns = if kept.is_empty() { 0 } else { number(kept)? * 10i64.pow(9 - kept.len() as u32) };
-    Some((sign * number(whole)?.checked_mul(SECOND_NS)?.checked_add(fraction_ns)?, kept.len() as u32))
 }
 
 #[cfg(test)]

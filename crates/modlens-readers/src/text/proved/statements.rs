@@ -15,6 +15,7 @@ use crate::text::frame_evidence::proven_framing;
 use crate::text::proved::kinds::{Kinds, Mention};
 use crate::text::proved::runs::Style;
 use crate::text::proved::shapes::Shape;
+use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::direction::{expected_data_bytes, match_response, possible_directions, RequestRef, ResponseMatch};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
@@ -37,9 +38,6 @@ const MAX_STRAY_BYTES: usize = 2;
 
 /// More statements than these in one text are no program's.
 const MAX_TOLD_AGAIN: usize = 64;
-
-/// The bytes of the CRC.
-const CRC_BYTES: usize = 2;
 
 /// What a statement prints.
 #[derive(Clone, Copy, Debug)]

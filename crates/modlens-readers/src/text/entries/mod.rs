@@ -1,6 +1,9 @@
 //! Assembles the matches of lines into entries: decides where a frame may begin, joins bytes that a program prints over
 //! several lines, fills gaps in dumps, and skips bytes that the log shows twice.
 
+mod copies;
+mod dump;
+
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
@@ -13,14 +16,10 @@ use crate::text::template::LineMatch;
 use crate::text::timestamps::TimestampParser;
 use crate::text::{encapsulation, LogEntry};
 use modlens_protocol::framing::Mode;
-use modlens_protocol::mbap::PREFIX_BYTES;
 use modlens_protocol::Ns;
 
 /// Bytes that were read but not delivered: the number of the line, the bytes, and the reason.
 pub type SkippedBytes = (u64, Vec<u8>, &'static str);
-
-/// The most bytes that all `*` of a recording may stand for; what exceeds them counts as lost bytes.
-const MAX_REPEATED_BYTES: u64 = 1 << 22;
 
 /// How many skipped byte strings are kept so that they can be listed.
 const MAX_LISTED: usize = 1000;
@@ -31,21 +30,8 @@ const MAX_GROUP_BYTES: usize = 1024;
 /// The most bytes of a frame that is printed over several lines.
 const MAX_MULTI_LINE_BYTES: usize = 1 << 16;
 
-/// Without a line of a dump before it, an offset from here on may be bytes.
-const FIRST_OFFSET_OF_BYTES: u64 = 0x1000;
-
-/// A copy of a frame is at most so many lines after it.
-const MAX_LINES_TO_COPY: u64 = 10;
-
 /// The rest of a frame is at most so many lines after its beginning, among what else a program prints.
 const MAX_LINES_TO_REST: u64 = 3;
-
-/// The checksum at the end of an RTU frame.
-const CRC_BYTES: usize = 2;
-
-/// The functions whose response repeats the request: Write Single Coil and Register, Diagnostics, Mask Write Register
-/// (application protocol, 6.5, 6.6, 6.8, 6.16).
-const ECHOED: [u8; 4] = [5, 6, 8, 22];
 
 /// The reason reported for skipped duplicates.
 const DUPLICATE: &str = "bytes that the program had printed before";
@@ -152,12 +138,6 @@ pub(super) struct EntryAssembler {
     pub side_of_others: Option<Side>,
 }
 
-/// Whether the frame may be a request or the response that repeats it.
-fn is_echoed(bytes: &[u8]) -> bool {
-    let at = if check_frame(bytes).1 == Some(Mode::Tcp) { 7 } else { 1 };
-    bytes.get(at).is_some_and(|code| ECHOED.contains(code))
-}
-
 impl EntryAssembler {
     #[inline]
     pub fn is_empty(&self) -> bool {
@@ -223,73 +203,6 @@ impl EntryAssembler {
             }
             LineRole::Bytes(side) => self.entry(dialect, found, bytes, found.side.or(side), found.time, key, timestamps),
         }
-    }
-
-    /// Whether the log has printed these bytes last.
-    pub fn has_printed(&self, bytes: &[u8]) -> bool {
-        self.printed_before(0, bytes) == bytes.len()
-    }
-
-    /// How many of the bytes the log has printed last: all of them, or what is before the new ones in a buffer that grows.
-    fn printed_before(&self, key: usize, bytes: &[u8]) -> usize {
-        let Some(stream) = self.streams.get(key) else { return 0 };
-        let grows = stream.side == Some(Side::Received) && bytes.starts_with(&stream.group);
-        let before = bytes.strip_suffix(&stream.group[..]).unwrap_or(bytes);
-        // What was left of earlier reads is printed again after the last one in its line, and in front of it in the next.
-        let is_rest = stream.number == self.number && stream.previous.ends_with(bytes);
-        let has_rest_in_front = stream.side == Some(Side::Received) && before.len() < bytes.len() && !stream.group.is_empty();
-        let are_both = bytes.strip_prefix(&stream.group[..]).is_some_and(|rest| !rest.is_empty() && rest == stream.previous);
-        let ends_with_last = before.len() < bytes.len() && stream.previous.ends_with(before);
-        let is_part = stream.group.starts_with(bytes) || stream.group.ends_with(bytes);
-        if is_part || ends_with_last || has_rest_in_front || are_both || is_rest {
-            bytes.len()
-        } else if grows {
-            stream.group.len()
-        } else {
-            0
-        }
-    }
-
-    /// Whether this frame is the one that was delivered last, and a few lines ago. A request that its response echoes is no
-    /// copy, unless the log says that the same party sent both.
-    pub fn is_copy(&self, bytes: &[u8], side: Option<Side>) -> bool {
-        let is_last = |stream: &&DeviceStream| stream.group == bytes && !stream.is_mid_frame;
-        let Some(stream) = self.streams.first().filter(is_last) else { return false };
-        let is_known = side.is_some() && stream.side.is_some();
-        let may_be_echo = !is_known && stream.same_frames == 1 && is_echoed(bytes);
-        (!is_known || side == stream.side) && !may_be_echo && self.number <= stream.number + MAX_LINES_TO_COPY
-    }
-
-    /// Whether this frame is the one that was delivered before the last one, and a few lines ago, by the same party.
-    pub fn is_earlier_copy(&self, bytes: &[u8]) -> bool {
-        let is_near = |stream: &&DeviceStream| self.number <= stream.number + MAX_LINES_TO_COPY && !stream.is_mid_frame;
-        self.streams.first().filter(is_near).is_some_and(|stream| stream.previous == bytes)
-    }
-
-    /// The frame that was delivered a few lines before the line of this number.
-    pub fn frame_before(&self, number: u64) -> Option<&[u8]> {
-        let is_near = |stream: &&DeviceStream| !stream.is_mid_frame && number <= stream.number + MAX_LINES_TO_COPY;
-        self.streams.first().filter(is_near).map(|stream| &stream.group[..])
-    }
-
-    /// Whether these bytes are the RTU form of the MBAP frame that was delivered last: servers take the header off, put a CRC
-    /// after the unit and the PDU, and print that as well. A gateway that passes a frame on has received one and sent the other.
-    fn is_inner_copy(&self, entry_bytes: &EntryBytes<'_>, framing: Option<Mode>) -> bool {
-        let Some(stream) = self.streams.get(entry_bytes.key).filter(|_| framing == Some(Mode::Rtu)) else { return false };
-        let inner = &entry_bytes.bytes[..entry_bytes.bytes.len() - CRC_BYTES];
-        if stream.group.get(PREFIX_BYTES..) != Some(inner) {
-            return false;
-        }
-        // Where the log does not say who sent them, a response that echoes its request is no copy.
-        let may_be_echo = entry_bytes.side.is_none() && is_echoed(entry_bytes.bytes);
-        let is_same_side = entry_bytes.side == stream.side && !may_be_echo;
-        let is_near = entry_bytes.number <= stream.number + MAX_LINES_TO_COPY;
-        is_same_side && is_near && check_frame(&stream.group).1 == Some(Mode::Tcp)
-    }
-
-    /// Counts a frame that was delivered already.
-    pub fn skip_copy(&mut self, bytes: &[u8]) {
-        self.skip(self.number, bytes, DUPLICATE);
     }
 
     /// Takes bytes that a header line announced: duplicates are skipped, parts of a multi-line frame are collected.
@@ -378,14 +291,6 @@ impl EntryAssembler {
         Some(LogEntry { clock: timestamps.clock(), ..record })
     }
 
-    /// Whether a line of a dump with this offset and no bytes may be its last one.
-    pub fn ends_dump_at(&self, offset: u64) -> bool {
-        let expected = self.dump_state.expected_offset;
-        // The last of 16-bit words may be half of one.
-        expected.is_none_or(|expected| offset == expected || offset + 1 == expected || self.dump_state.has_repeat_mark)
-            && (expected.is_some() || offset < FIRST_OFFSET_OF_BYTES)
-    }
-
     /// The bytes of a frame that one of the last lines has begun, if there is one.
     fn begun(&self) -> Option<&[u8]> {
         let is_open = |stream: &&DeviceStream| stream.is_mid_frame && stream.number + MAX_LINES_TO_REST >= self.number;
@@ -449,57 +354,6 @@ impl EntryAssembler {
             number: entry_bytes.number,
             ..LogEntry::default()
         })
-    }
-
-    /// Makes an entry of a line of a dump. A dump prints an endless stream, so line ends mean nothing: only offset 0 starts
-    /// a new stream, and only a jump of the offsets shows that bytes were lost.
-    fn dump_line(&mut self, entry_bytes: &EntryBytes<'_>, found: &LineMatch, timestamps: &TimestampParser) {
-        let plain = LogEntry {
-            side: entry_bytes.side,
-            line: entry_bytes.line,
-            time: entry_bytes.time,
-            number: entry_bytes.number,
-            ..LogEntry::default()
-        };
-        let Some(offset) = found.offset else { return self.push(plain, entry_bytes.bytes, timestamps) };
-        let state = &mut self.dump_state;
-        let mut has_lost_bytes = false;
-        let mut bytes = std::mem::take(&mut state.scratch);
-        bytes.clear();
-        if let Some(expected) = state.expected_offset.filter(|_| offset != 0) {
-            let missing = offset.saturating_sub(expected);
-            let is_allowed = missing <= MAX_REPEATED_BYTES - state.repeated_bytes;
-            let is_filled = state.has_repeat_mark && is_allowed && !state.last_line.is_empty();
-            if is_filled {
-                state.repeated_bytes += missing;
-                bytes.extend(state.last_line.iter().copied().cycle().take(missing as usize));
-            }
-            has_lost_bytes = expected != offset && !is_filled;
-        }
-        state.has_repeat_mark = false;
-        state.last_line.clear();
-        state.last_line.extend_from_slice(entry_bytes.bytes);
-        let end_offset = offset + entry_bytes.bytes.len() as u64;
-        state.expected_offset = Some(end_offset);
-        bytes.extend_from_slice(entry_bytes.bytes);
-        let record = LogEntry { starts_record: offset == 0, follows_loss: has_lost_bytes, ..plain };
-        if found.may_end_with_half_word {
-            self.pending_dump_line = Some(PendingDumpLine { record, bytes, end_offset });
-        } else {
-            self.push(record, &bytes, timestamps);
-            self.dump_state.scratch = bytes;
-        }
-    }
-
-    /// Makes an entry of the pending dump line. `offset` is that of the line after it: one less than expected says that
-    /// the last word holds only one byte.
-    fn end_dump_line(&mut self, offset: Option<u64>, timestamps: &TimestampParser) {
-        let Some(PendingDumpLine { record, mut bytes, end_offset }) = self.pending_dump_line.take() else { return };
-        if offset.is_some_and(|offset| offset + 1 == end_offset) {
-            bytes.pop();
-        }
-        self.push(record, &bytes, timestamps);
-        self.dump_state.scratch = bytes;
     }
 
     /// Ends the multi-line frame with the time that its last line states.
