@@ -8,7 +8,8 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 	$(shell find $(filter-out crates/modlens-bench crates/modlens-tap crates/modlens-web,$(wildcard crates/*)) dissectors analyzer -name '*.rs' -o -name '*.toml')
 
-# The core of the page, compiled for WebAssembly.
+# The core of the page, compiled for WebAssembly. As one type of crate: Rust optimises nothing across crates while the other
+# type, which tests link, is made along. Its linker would leave five bytes for each address.
 PAGE_CORE := analyzer/page/modlens.wasm.gz
 
 .PHONY: demo check test page lint minimum-rust actionlint recipes docs pictures wheel wheels try-wheels try-windows quick-wheels sdist licences shell-files gateway deb try-gateway load spark soak line-loss growth esphome grafana openings settings bench bench-family bench-memory bench-captures bench-text bench-page bench-readings bench-exports bench-threads false-alarms speed accuracy noise fuzz miri asan properties mutations deny audit lock captures vectors corpus clean
@@ -27,7 +28,8 @@ page: $(VENV)/.installed $(PAGE_CORE)
 
 $(PAGE_CORE): $(SOURCES) $(shell find crates/modlens-web -name '*.rs' -o -name '*.toml') | $(VENV)/.packer
 	rustup target list --installed | grep -qx wasm32-unknown-unknown || rustup target add wasm32-unknown-unknown
-	cargo build --profile web --locked --package modlens-web --target wasm32-unknown-unknown
+	cargo rustc --profile web --locked --package modlens-web --target wasm32-unknown-unknown \
+		--crate-type cdylib -- -C link-arg=--compress-relocations
 	$(BIN)/python -c 'import sys, zopfli.gzip; sys.stdout.buffer.write(zopfli.gzip.compress(sys.stdin.buffer.read(), numiterations=5, blocksplittingmax=60))' \
 		< target/wasm32-unknown-unknown/web/modlens_web.wasm > target/modlens.wasm.gz
 	mv target/modlens.wasm.gz $@
