@@ -76,7 +76,7 @@ impl<'a> View<'a> {
 
     /// The sum of a share over all units but one.
     pub fn others(&self, unit: u8, share: impl Fn(&UnitCounts) -> Share) -> Share {
-        self.units().filter(|(other, _)| *other != unit).fold(Share::default(), |sum, (_, counts)| sum.with(share(counts)))
+        self.units().filter(|(other, _)| *other != unit).map(|(_, counts)| share(counts)).sum()
     }
 }
 

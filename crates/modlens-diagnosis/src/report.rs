@@ -76,7 +76,7 @@ impl Report {
         rows.sort_by_key(|(spoiled, row, _)| std::cmp::Reverse(harm(*spoiled, row)));
         let (rows, courses): (Vec<DiagnosisRow>, Vec<Course>) = rows.into_iter().map(|(_, row, course)| (row, course)).unzip();
         let (word, sentence) = verdict::verdict(&buses, contrast, &rows, without_cause.first().map(|(row, _)| row));
-        let requests = buses.iter().fold(Share::default(), |sum, (_, bus)| sum.with(bus.requests_seen.share()));
+        let requests: Share = buses.iter().map(|(_, bus)| bus.requests_seen.share()).sum();
         let has_broadcasts_only = verdict::broadcasts_only(&buses).is_some();
         let is_checked = |bus: &BusContrast| {
             let has_checksums = bus.frames.frames[FrameVerdict::NoChecksum as usize] == 0;

@@ -1,6 +1,7 @@
 //! Tests for small counts: how likely is this contrast, if nothing were the cause?
 
 use std::f64::consts::PI;
+use std::iter::Sum;
 use std::sync::LazyLock;
 
 /// The natural logarithms of the first factorials, 0! to 31!.
@@ -56,6 +57,12 @@ impl Share {
     pub fn count(&mut self, failed: bool) {
         self.total += 1;
         self.failed += u64::from(failed);
+    }
+}
+
+impl Sum for Share {
+    fn sum<I: Iterator<Item = Self>>(shares: I) -> Self {
+        shares.fold(Self::default(), Self::with)
     }
 }
 

@@ -8,6 +8,7 @@ use modlens_engine::records::{Frame, Side};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
+use modlens_protocol::functions::EXCEPTION_BIT;
 use modlens_protocol::oddity::{bare_refusals, is_altered};
 use modlens_protocol::Ns;
 
@@ -143,12 +144,12 @@ impl Context {
         let is_doubled = is_burst
             && good.direction == Direction::Response
             && run.bytes.first() == good.unit.as_ref()
-            && run.bytes.get(1).is_some_and(|code| Some(code & 0x7F) == good.function);
+            && run.bytes.get(1).is_some_and(|code| Some(code & !EXCEPTION_BIT) == good.function);
         if self.bad_runs.len() > MAX_RUNS {
             self.bad_runs.pop_first();
         }
         let is_answer = good.direction == Direction::Request
-            && matches!(seen.bytes[..], [_, _, 0, 0, _, _, unit, code, ..] if Some(unit) == good.unit && Some(code & 0x7F) == good.function);
+            && matches!(seen.bytes[..], [_, _, 0, 0, _, _, unit, code, ..] if Some(unit) == good.unit && Some(code & !EXCEPTION_BIT) == good.function);
         let is_same_record = good.origin != 0 && good.origin == seen.origins[0];
         let is_behind_header = good.mode == Mode::Tcp && seen.verdict == Verdict::Noise && (is_same_record || is_answer);
         let attached = Some((good.direction, good.unit));

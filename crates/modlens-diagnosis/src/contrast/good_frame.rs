@@ -36,7 +36,7 @@ impl GoodFrame {
         code: Option<u8>,
         write: Option<WriteKey>,
     ) -> Self {
-        let function = code.map(|code| code & 0x7F);
+        let function = code.map(|code| code & !EXCEPTION_BIT);
         let since_write = match function {
             Some(function) if is_write(function) => 0,
             _ => before.map_or(u8::MAX, |before| before.since_write.saturating_add(1)),

@@ -1,7 +1,10 @@
 //! The smallest counters: how often, since when, until when, and for example where.
 
+use std::iter::Sum;
+
 use super::gaps::{Episode, Gaps, Span};
 pub use crate::place::Place;
+use crate::statistics::Share;
 pub use modlens_protocol::mix::mix;
 
 /// Examples kept for each claim.
@@ -169,8 +172,17 @@ impl Tally {
     }
 
     /// Failed and all.
-    pub fn share(&self) -> crate::statistics::Share {
-        crate::statistics::Share { failed: self.failed, total: self.total }
+    pub fn share(&self) -> Share {
+        Share { failed: self.failed, total: self.total }
+    }
+}
+
+impl<'a> Sum<&'a Self> for Tally {
+    fn sum<I: Iterator<Item = &'a Self>>(tallies: I) -> Self {
+        tallies.fold(Self::default(), |mut sum, tally| {
+            sum.merge(tally);
+            sum
+        })
     }
 }
 

@@ -37,7 +37,7 @@ impl ByDuration {
 
     /// Each limit between two counts in ns, with what is below and above it; only where there is something on both sides.
     pub fn splits(&self) -> Vec<(Ns, Share, Share)> {
-        let all = self.0.iter().fold(Share::default(), |sum, share| sum.with(*share));
+        let all = self.0.iter().copied().sum::<Share>();
         let mut below = Share::default();
         let mut found = Vec::new();
         for (half, share) in self.0.iter().enumerate() {

@@ -14,7 +14,7 @@ use super::overtaken::Overtaken;
 use super::pauses::Pauses;
 use super::runs::Runs;
 use super::sample::Sample;
-use super::tally::Tally;
+use super::tally::{mix, Place, Tally};
 use super::times::ByDuration;
 use crate::clean::Clean;
 use crate::observation::{answer_length, DamagedPart, Observation, Outcome, RequestKey, DAMAGED_PARTS, MOST_LAG};
@@ -139,6 +139,16 @@ pub struct LengthRatios {
 }
 
 impl UnitCounts {
+    /// Requests that did not fail.
+    pub fn answered(&self) -> u64 {
+        self.failures.total - self.failures.failed
+    }
+
+    /// Answers that are damaged in this part.
+    pub fn damaged(&self, part: DamagedPart) -> u64 {
+        self.damaged_parts[part as usize].failed
+    }
+
     /// Counts what the times of an exchange tell that went well, as did the one before, with this unit; the rest is left to
     /// `CleanCounts`.
     pub(super) fn count_clean_times(&mut self, seen: &Clean, unit_before: u8) {
@@ -284,7 +294,7 @@ impl UnitCounts {
             }
             return;
         };
-        self.late.count(true, super::tally::Place { number: request, ..seen.place });
+        self.late.count(true, Place { number: request, ..seen.place });
         if let Some(after) = seen.late {
             self.late_after.add(after);
         }
@@ -321,7 +331,7 @@ impl UnitCounts {
         let Some(part) = seen.damage else { return };
         if let (DamagedPart::Whole, [one, two, ..]) = (part, seen.answer_head.as_slice()) {
             let head = u16::from_be_bytes([*one, *two]);
-            if let Some(count) = self.wrong_heads.entry(super::tally::mix(head.into()), head) {
+            if let Some(count) = self.wrong_heads.entry(mix(head.into()), head) {
                 *count += 1;
             }
         }

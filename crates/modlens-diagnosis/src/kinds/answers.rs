@@ -24,9 +24,8 @@ pub(super) fn slow_answers(view: &View<'_>) -> Vec<Claim> {
 fn overtaken(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let mut answers = counts.overtaken.answers.clone();
     let share = Share { failed: answers.failed.min(counts.failures.total), total: counts.failures.total };
-    let asks_ahead = view.units().fold(Share::default(), |sum, (_, counts)| {
-        sum.with(Share { failed: counts.overtaken.answers.failed, total: counts.failures.total })
-    });
+    let asks_ahead: Share =
+        view.units().map(|(_, counts)| Share { failed: counts.overtaken.answers.failed, total: counts.failures.total }).sum();
     let has_ids = view.bus.facts.is_network || view.bus.facts.mode == Some(Mode::Tcp);
     if !has_ids || view.bus.connections.clients.sorted().len() > 1 || asks_ahead.rate() > 0.5 {
         return None;
@@ -134,7 +133,7 @@ fn suggested(claim: Claim, timeout: Ns) -> Claim {
 pub(super) fn dead_unit_cost(view: &View<'_>) -> Vec<Claim> {
     let dead: Vec<(u8, &UnitCounts)> = view.units().filter(|(unit, counts)| is_never_heard(*unit, counts)).collect();
     // A search for devices asks each address once or twice, which is no contrast by itself, but is one of many.
-    let silent = dead.iter().fold(Share::default(), |sum, (_, counts)| sum.with(counts.silent.share()));
+    let silent = dead.iter().map(|(_, counts)| counts.silent.share()).sum();
     let of_many = view.significant(at_least(silent, MOST_SILENCE)).filter(|_| dead.len() > FEW_SILENT);
     dead.iter().filter_map(|(unit, counts)| dead_unit(view, *unit, counts, of_many)).collect()
 }
@@ -146,6 +145,11 @@ pub(super) const FEW_SILENT: usize = 7;
 const MOST_SILENCE: f64 = 0.5;
 const LEAST_SILENCE: f64 = 0.05;
 
+/// How often a unit would be silent if it were so as often as the others.
+pub(super) fn usual_silence(view: &View<'_>, unit: u8) -> f64 {
+    view.others(unit, |other| other.silent.share()).rate().clamp(LEAST_SILENCE, MOST_SILENCE)
+}
+
 /// Whether each request of a unit failed, at least nine in ten of them without any answer, and none was answered late. A refusal is
 /// an answer.
 fn is_never_heard(unit: u8, counts: &UnitCounts) -> bool {
@@ -156,9 +160,7 @@ fn is_never_heard(unit: u8, counts: &UnitCounts) -> bool {
 
 /// Claims that a unit never answers; `of_many` is the chance of all that are silent, where they are many.
 fn dead_unit(view: &View<'_>, unit: u8, counts: &UnitCounts, of_many: Option<f64>) -> Option<Claim> {
-    // The chance of so much silence, if this unit were silent as often as the others.
-    let usual_rate = view.others(unit, |other| other.silent.share()).rate().clamp(LEAST_SILENCE, MOST_SILENCE);
-    let chance = view.significant(at_least(counts.silent.share(), usual_rate)).or(of_many)?;
+    let chance = view.significant(at_least(counts.silent.share(), usual_silence(view, unit))).or(of_many)?;
     // The times are those of all failures: a damaged request is not counted as silence, but it does not end the silence.
     let all_failures = Claim::new("dead_unit_cost", &counts.failures, 0.0);
     let mut claim = Claim::new("dead_unit_cost", &counts.silent, chance).of_unit(unit).in_the_time_of(&all_failures);
@@ -240,7 +242,7 @@ fn not_seen(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
 
 fn absent(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let silent = counts.silent.share();
-    let answered = counts.failures.total - counts.failures.failed;
+    let answered = counts.answered();
     let in_runs = counts.runs.in_long();
     if answered < 2 || in_runs * 10 < counts.failures.failed * 8 || silent.failed * 10 < counts.failures.failed * 8 {
         return None;

@@ -12,16 +12,17 @@ use modlens_protocol::framing::Verdict;
 /// The share of random damage that falls into the first, or the last, two bytes of a frame of eight.
 const RANDOM_AT_END: f64 = 0.25;
 
-/// Of frames that noise damages on a line that works at all, at least this share is damaged in a single bit.
-const NOISE_OF_ONE_BIT: f64 = 0.2;
+/// Of frames that noise damages on a line that works at all, at least this share is damaged in a single bit: of several bits as
+/// many would hit other frames one by one.
+pub(super) const NOISE_OF_ONE_BIT: f64 = 0.2;
 
 /// Whether noise would leave the head, which two devices have in common, less often intact, or hit a single bit more often. The
 /// contrast is significant by itself; this decides between two explanations.
 fn is_dense(counts: &UnitCounts) -> bool {
-    let part = |part: DamagedPart| counts.damaged_parts[part as usize].failed;
     let total = counts.garbled.failed;
-    let single = at_most(Share { failed: part(DamagedPart::Bit), total }, NOISE_OF_ONE_BIT);
-    let intact = at_least(Share { failed: part(DamagedPart::Inside) + part(DamagedPart::End), total }, NOISE_SPARES_HEAD);
+    let single = at_most(Share { failed: counts.damaged(DamagedPart::Bit), total }, NOISE_OF_ONE_BIT);
+    let with_head = counts.damaged(DamagedPart::Inside) + counts.damaged(DamagedPart::End);
+    let intact = at_least(Share { failed: with_head, total }, NOISE_SPARES_HEAD);
     both(single, intact) < 0.01
 }
 
@@ -116,7 +117,7 @@ pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
         return Vec::new();
     }
     // One that never answered may be the damaged address of another one.
-    let has_answered = |counts: &UnitCounts| counts.failures.total > counts.failures.failed;
+    let has_answered = |counts: &UnitCounts| counts.answered() > 0;
     let is_hit = |counts: &UnitCounts| damage(counts).failed > 0 && has_answered(counts);
     let units: Vec<u8> = view.units().filter(|(_, counts)| is_hit(counts)).map(|(unit, _)| unit).collect();
     let requests: u64 = view.units().map(|(_, counts)| counts.bad_requests.failed).sum();
@@ -125,11 +126,7 @@ pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
     if inside < LEAST_INSIDE || inside * 3 < known || (is_of_one && parts(view, DamagedPart::Bit) * 3 < known) {
         return Vec::new();
     }
-    let tally = view.units().fold(Tally::default(), |mut sum, (_, counts)| {
-        sum.merge(&counts.garbled);
-        sum.merge(&counts.bad_requests);
-        sum
-    });
+    let tally: Tally = view.units().flat_map(|(_, counts)| [&counts.garbled, &counts.bad_requests]).sum();
     let mut claim = Claim::new("line_noise", &tally, chance).with_share(share);
     // A request fails if one of its two frames is damaged: how bad that is, is counted by requests.
     if requests_seen > 0 {
@@ -165,12 +162,12 @@ fn is_of_late_answers(view: &View<'_>) -> bool {
     let slow: Vec<Option<u8>> = view.once("slow_answers", super::answers::slow_answers).iter().map(|claim| claim.unit).collect();
     let late: u64 = view.units().map(|(_, counts)| counts.late.failed).sum();
     let others = view.units().filter(|(unit, _)| !slow.contains(&Some(*unit)));
-    let rest = others.fold(Share::default(), |sum, (_, counts)| sum.with(counts.damage_after_failure[0]));
+    let rest = others.map(|(_, counts)| counts.damage_after_failure[0]).sum();
     (late > 0 || !slow.is_empty()) && view.beyond_accident(rest).is_none()
 }
 
 fn parts(view: &View<'_>, part: DamagedPart) -> u64 {
-    let of = |counts: &UnitCounts| counts.damaged_parts[part as usize].failed + counts.request_parts[part as usize].failed;
+    let of = |counts: &UnitCounts| counts.damaged(part) + counts.request_parts[part as usize].failed;
     view.units().map(|(_, counts)| of(counts)).sum()
 }
 
@@ -203,7 +200,7 @@ pub(super) fn driver_enable(view: &View<'_>) -> Vec<Claim> {
                 .fact("where", place)
                 .fact("what_to_check", format!("Unit {unit}: {late}. Also how long the master holds its driver after a request."))
                 .fact("experiment", format!("Set a longer response delay in unit {unit}: the first bytes are whole."))
-                .at_most(crate::claim::severity_of(Share { failed: start.failed, total: counts.failures.total })),
+                .at_most(severity_of(Share { failed: start.failed, total: counts.failures.total })),
         )
     });
     // Requests that miss their end often belong to no transaction.
@@ -219,7 +216,7 @@ pub(super) fn driver_enable(view: &View<'_>) -> Vec<Claim> {
             .fact("where", "at the end of requests, and nowhere else")
             .fact("what_to_check", "The master's adapter: it switches its driver off before the last byte has left (wait for the transmitter to be empty, not for its buffer).")
             .fact("experiment", "Use an adapter that switches by itself: the requests are whole.")
-            .at_most(crate::claim::severity_of(requests.1))
+            .at_most(severity_of(requests.1))
     });
     answers.chain(ends_of_answers(view)).chain(after_answers(view)).chain(held_after_requests(view)).chain(from_master).collect()
 }
@@ -228,10 +225,9 @@ pub(super) fn driver_enable(view: &View<'_>) -> Vec<Claim> {
 /// Noise does not depend on that, and of two devices that answer at once no byte is missing.
 fn held_after_requests<'a>(view: &'a View<'_>) -> impl Iterator<Item = Claim> + 'a {
     view.units().filter_map(|(unit, counts)| {
-        let part = |part: DamagedPart| counts.damaged_parts[part as usize].failed;
-        let ratios = counts.length_ratios;
-        let from_start = part(DamagedPart::Start) + part(DamagedPart::Whole);
-        let is_short = ratios.came < ratios.expected && counts.odd_lengths.failed * 2 > part(DamagedPart::Whole);
+        let (ratios, whole) = (counts.length_ratios, counts.damaged(DamagedPart::Whole));
+        let from_start = counts.damaged(DamagedPart::Start) + whole;
+        let is_short = ratios.came < ratios.expected && counts.odd_lengths.failed * 2 > whole;
         if view.bus.facts.is_network || !is_short || from_start * 20 < counts.garbled.failed * 19 {
             return None;
         }
@@ -254,9 +250,8 @@ fn held_after_requests<'a>(view: &'a View<'_>) -> impl Iterator<Item = Claim> + 
 /// A unit that holds the line after its answers: what begins there is damaged, after those of others it is whole. Such a request is
 /// no transaction, so that hardly any transaction fails; noise, or another device, spoils answers as well.
 fn after_answers<'a>(view: &'a View<'_>) -> impl Iterator<Item = Claim> + 'a {
-    let answers = |counts: &UnitCounts| counts.failures.total - counts.failures.failed;
     let share =
-        move |counts: &UnitCounts| Share { failed: counts.spoiled_after.failed.min(answers(counts)), total: answers(counts) };
+        |counts: &UnitCounts| Share { failed: counts.spoiled_after.failed.min(counts.answered()), total: counts.answered() };
     view.units().filter_map(move |(unit, counts)| {
         let (own, others) = (share(counts), view.others(unit, share));
         // One request is due after each answer.
@@ -289,7 +284,7 @@ fn ends_of_answers<'a>(view: &'a View<'_>) -> impl Iterator<Item = Claim> + 'a {
         let check = format!("Unit {unit}: it switches its driver off before the last byte has left (wait for the transmitter to be empty, not for its buffer). Where a program wrote the recording, whether it reads a byte too few.");
         let experiment = format!("Listen with a second adapter: if the last byte is missing there as well, it is unit {unit}; otherwise it is the program.");
         let claim = Claim::new("driver_enable", end, chance).of_unit(unit).fact("where", "at the end of its answers, and nowhere else");
-        let severity = crate::claim::severity_of(Share { failed: end.failed, total: counts.failures.total });
+        let severity = severity_of(Share { failed: end.failed, total: counts.failures.total });
         Some(claim.fact("what_to_check", check).fact("experiment", experiment).at_most(severity))
     })
 }
@@ -307,8 +302,8 @@ fn begins_alike(view: &View<'_>, counts: &UnitCounts) -> Option<u64> {
     let mut heads: Vec<u64> = counts.wrong_heads.sorted().into_iter().map(|(_, count)| *count).collect();
     heads.sort_unstable_by(|one, other| other.cmp(one));
     let (all, most): (u64, u64) = (heads.iter().sum(), heads.iter().take(2).sum());
-    let whole = counts.damaged_parts[DamagedPart::Whole as usize].failed;
-    let answered = counts.failures.total - counts.failures.failed;
+    let whole = counts.damaged(DamagedPart::Whole);
+    let answered = counts.answered();
     let is_alike = all >= LEAST_BEGINNINGS && most * 10 >= whole * 8 && whole * 2 > counts.garbled.failed && answered > 0;
     is_alike.then_some(most)
 }
@@ -350,7 +345,7 @@ pub(super) fn duplicate_address(view: &View<'_>) -> Vec<Claim> {
 
 /// Answers of a unit after which a second one came, whole or damaged, of all its answers.
 fn twice(counts: &UnitCounts) -> Share {
-    let answered = counts.failures.total - counts.failures.failed;
+    let answered = counts.answered();
     // After a silence, a second answer is mostly a late one.
     let whole = if counts.late.failed > 0 { 0 } else { counts.second_answers.failed };
     Share { failed: (whole + counts.doubled.failed).min(answered), total: answered }
@@ -388,8 +383,7 @@ fn duplicate(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let share = Share { failed: (counts.garbled.failed + twice).min(counts.failures.total), total: counts.failures.total };
     // Noise leaves most first bytes and nearly all lengths as they are, and often hits a single bit. Two devices begin alike
     // if they begin together, but go on differently, and rarely end together.
-    let part = |part: DamagedPart| counts.damaged_parts[part as usize].failed;
-    let edges = part(DamagedPart::Start) + part(DamagedPart::End);
+    let edges = counts.damaged(DamagedPart::Start) + counts.damaged(DamagedPart::End);
     if begins_alike(view, counts).is_some() || (!has_two && are_whole(view, unit, counts)) {
         return None;
     }

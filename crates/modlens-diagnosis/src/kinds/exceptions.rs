@@ -31,6 +31,11 @@ fn is_always_refused(counts: &RequestCounts) -> bool {
 /// A shorter run of refusals may be a busy moment.
 const LONG_REFUSAL: u64 = 5;
 
+/// How many of the same request were refused.
+fn refused_of((_, counts): &Request<'_>) -> Share {
+    Share { failed: counts.refusals(), total: counts.sent() }
+}
+
 /// Good answers to requests of the same unit and function as this one.
 fn answered<'a>(all: &[Request<'a>], key: &RequestKey) -> Vec<&'a RequestKey> {
     let is_like = |other: &RequestKey, counts: &RequestCounts| {
@@ -200,8 +205,7 @@ fn lost_addresses(view: &View<'_>, all: &[Request<'_>], unit: u8) -> Option<Clai
     if of_unit.len() < 2 || !of_unit.iter().all(|(_, counts)| is_lost(counts)) {
         return None;
     }
-    let sum = |share: Share, (_, counts): &Request<'_>| share.with(Share { failed: counts.refusals(), total: counts.sent() });
-    let share = of_unit.iter().fold(Share::default(), sum);
+    let share: Share = of_unit.iter().map(refused_of).sum();
     let chance = view.significant(at_least(share, 0.01))?;
     let mut blocks: Vec<String> = of_unit.iter().map(|(key, _)| key.block()).collect();
     blocks.dedup();
@@ -381,10 +385,7 @@ pub(super) fn wrong_function(view: &View<'_>) -> Vec<Claim> {
         let same = |other: &&Request<'_>| {
             other.0.unit == key.unit && other.0.function == key.function && is_always_refused(other.1) && other.1.refusals() > 0
         };
-        let share = all
-            .iter()
-            .filter(same)
-            .fold(Share::default(), |sum, (_, counts)| sum.with(Share { failed: counts.refusals(), total: counts.sent() }));
+        let share: Share = all.iter().filter(same).map(refused_of).sum();
         let chance = view.corrected(at_least(share, 0.01));
         if chance >= 0.05 {
             continue;

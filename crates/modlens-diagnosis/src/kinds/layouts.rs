@@ -33,10 +33,7 @@ fn asked_of(view: &View<'_>, unit: u8) -> u64 {
 fn of_unit(view: &View<'_>, unit: Option<u8>) -> Option<Claim> {
     let own = || of_layout(view).filter(|(_, of, _)| *of == unit);
     let (main, _, _) = own().max_by_key(|(symptom, _, tally)| (tally.failed, std::cmp::Reverse(*symptom)))?;
-    let all = own().fold(Tally::default(), |mut sum, (_, _, tally)| {
-        sum.merge(tally);
-        sum
-    });
+    let all: Tally = own().map(|(_, _, tally)| tally).sum();
     let asked = unit.map_or(0, |unit| asked_of(view, unit));
     let share = Share { failed: all.failed, total: all.failed.max(asked) };
     // Of a few frames, the first sight speaks.

@@ -65,7 +65,7 @@ fn upset(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
         return None;
     }
     let after_answers = || counts.by_previous.iter().filter(|((_, was_silent), _)| !was_silent);
-    let all = after_answers().fold(Share::default(), |sum, (_, share)| sum.with(*share));
+    let all: Share = after_answers().map(|(_, share)| *share).sum();
     let others = after_answers().filter(|((other, _), _)| *other != unit);
     let worst = others.map(|((other, _), inside)| (fisher(*inside, all.without(*inside)), *other, *inside));
     let (chance, other, inside) = worst.min_by(|one, other| one.0.total_cmp(&other.0))?;
@@ -113,7 +113,7 @@ fn is_pressed(counts: &UnitCounts) -> bool {
 fn best_by_request(view: &View<'_>, unit: u8) -> f64 {
     let requests = view.bus.requests.sorted();
     let own = || requests.iter().filter(|(key, _)| key.unit == unit).map(|(_, counts)| counts.failures());
-    let all = own().fold(Share::default(), Share::with);
+    let all: Share = own().sum();
     own().map(|inside| fisher(inside, all.without(inside))).fold(1.0, f64::min)
 }
 

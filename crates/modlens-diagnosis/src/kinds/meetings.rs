@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::damage::NOISE_OF_ONE_BIT;
 use super::interleaved::Interleaved;
 use crate::claim::{were, Claim, View};
 use crate::contrast::tally::Tally;
@@ -18,8 +19,7 @@ pub(super) fn two_masters(view: &View<'_>) -> Vec<Claim> {
     if view.bus.facts.is_network || !has_times || super::damage::one_answers_twice(view) {
         return Vec::new();
     }
-    let mut crossings = Tally::default();
-    view.units().for_each(|(_, counts)| crossings.merge(&counts.crossings));
+    let crossings: Tally = view.units().map(|(_, counts)| &counts.crossings).sum();
     // What only a meeting of two frames brings forth, among all that is odd.
     let odd = crossings.failed + view.bus.frames.collisions.failed + mixed(view);
     let failed = view.bus.requests_seen.failed;
@@ -91,10 +91,6 @@ fn mixed(view: &View<'_>) -> u64 {
     own + by_answering.values().sum::<u64>() - by_answering.values().max().copied().unwrap_or(0)
 }
 
-/// Of frames that noise damages, at least so many are damaged in one bit only, where most frames are whole: of several bits as
-/// many would hit other frames one by one.
-const NOISE_OF_ONE_BIT: f64 = 0.2;
-
 /// Noise changes the length of a damaged frame where it hits a start or stop bit, two of ten, or adds a character to it.
 const NOISE_OF_ODD_LENGTH: f64 = 0.3;
 
@@ -109,12 +105,11 @@ fn superimposed(view: &View<'_>) -> f64 {
     if view.beyond_accident(Share { failed: all - worst, total: asked }).is_none() {
         return 1.0;
     }
-    let part = |counts: &UnitCounts, part: DamagedPart| counts.damaged_parts[part as usize].failed;
     let sum = |value: &dyn Fn(&UnitCounts) -> u64| view.units().map(|(_, counts)| value(counts)).sum::<u64>();
-    let single = sum(&|counts| part(counts, DamagedPart::Bit));
-    let edges = sum(&|counts| part(counts, DamagedPart::Start) + part(counts, DamagedPart::End));
-    let damaged = single + sum(&|counts| part(counts, DamagedPart::Inside) + part(counts, DamagedPart::Whole));
-    let odd = view.units().fold(Share::default(), |sum, (_, counts)| sum.with(counts.odd_lengths.share()));
+    let single = sum(&|counts| counts.damaged(DamagedPart::Bit));
+    let edges = sum(&|counts| counts.damaged(DamagedPart::Start) + counts.damaged(DamagedPart::End));
+    let damaged = single + sum(&|counts| counts.damaged(DamagedPart::Inside) + counts.damaged(DamagedPart::Whole));
+    let odd: Share = view.units().map(|(_, counts)| counts.odd_lengths.share()).sum();
     if edges * 2 > damaged {
         return 1.0;
     }
@@ -134,7 +129,7 @@ fn has_one_list_twice(view: &View<'_>) -> bool {
         .map(|(_, counts)| Share { failed: counts.repeated.min(counts.sent()), total: counts.sent() })
         .collect();
     let repeated = reads.iter().filter(|share| share.failed > 0).count();
-    let all = reads.iter().copied().fold(Share::default(), Share::with);
+    let all = reads.iter().copied().sum();
     let damaged: u64 = view.units().map(|(_, counts)| counts.garbled.failed + counts.bad_requests.failed).sum();
     let asked: u64 = view.units().map(|(_, counts)| counts.failures.total).sum();
     reads.len() > 2

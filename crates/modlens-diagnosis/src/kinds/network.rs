@@ -1,5 +1,6 @@
 //! Trouble of networks: connections, framings, unit numbers, mixed-up answers.
 
+use super::answers::usual_silence;
 use crate::claim::{Claim, View};
 use crate::contrast::gaps::without_lone;
 use crate::contrast::tally::Tally;
@@ -150,7 +151,7 @@ const BEHIND_GATEWAY: &str = "Power, wires and address of the device behind the 
 
 /// A unit number that nobody answers to.
 pub(super) fn gateway_unit_id(view: &View<'_>) -> Vec<Claim> {
-    let answers = |counts: &UnitCounts| counts.failures.total - counts.failures.failed - unreachable(counts);
+    let answers = |counts: &UnitCounts| counts.answered() - unreachable(counts);
     let best = view.units().filter(|(_, counts)| answers(counts) > 0).max_by_key(|(_, counts)| answers(counts));
     let claims = view.units().filter_map(|(unit, counts)| {
         if !view.bus.facts.is_network {
@@ -161,8 +162,7 @@ pub(super) fn gateway_unit_id(view: &View<'_>) -> Vec<Claim> {
         if answers(counts) > 0 {
             return None;
         }
-        let usual = view.others(unit, |other| other.silent.share()).rate().clamp(0.05, 0.5);
-        let chance = view.significant(at_least(share, usual))?;
+        let chance = view.significant(at_least(share, usual_silence(view, unit)))?;
         let check = if unreachable(counts) * 2 > share.failed { BEHIND_GATEWAY } else { UNIT_NUMBER };
         Some(
             Claim::new("gateway_unit_id", &counts.failures, chance)
@@ -207,33 +207,16 @@ pub(super) fn has_several_clients(view: &View<'_>) -> bool {
 
 /// Answers with identifier, unit or function of another request.
 pub(super) fn gateway_mixup(view: &View<'_>) -> Vec<Claim> {
-    let sum = |of: fn(&UnitCounts) -> Tally| {
-        view.bus.units.values().fold(Tally::default(), |mut sum, counts| {
-            sum.merge(&of(counts));
-            sum
-        })
-    };
-    let units = |counts: &UnitCounts| {
-        counts.answered_by.values().fold(Tally::default(), |mut sum, tally| {
-            sum.merge(tally);
-            sum
-        })
-    };
-    let kinds = [
-        ("the transaction identifier", sum(|counts| counts.other_ids.clone())),
-        ("the unit", sum(units)),
-        ("the function", sum(|counts| counts.other_functions.clone())),
+    let units = || view.bus.units.values();
+    let kinds: [(&str, Tally); 4] = [
+        ("the transaction identifier", units().map(|counts| &counts.other_ids).sum()),
+        ("the unit", units().flat_map(|counts| counts.answered_by.values()).sum()),
+        ("the function", units().map(|counts| &counts.other_functions).sum()),
+        ("the unit", units().flat_map(|counts| counts.answers_for.values()).sum()),
     ];
-    let for_others = |counts: &UnitCounts| {
-        counts.answers_for.values().fold(Tally::default(), |mut sum, tally| {
-            sum.merge(tally);
-            sum
-        })
-    };
     // Answers that nobody on this connection has asked for, while another client waits for one.
-    let second = sum(|counts| counts.second_answers.clone());
-    let several = has_several_clients(view);
-    let kinds = kinds.into_iter().chain([("the unit", sum(for_others))]).chain(several.then_some(("the data", second)));
+    let second = has_several_clients(view).then(|| ("the data", units().map(|counts| &counts.second_answers).sum()));
+    let kinds = kinds.into_iter().chain(second);
     // Only messages of Modbus/TCP have an identifier, in a log as well; all else has other causes on a line.
     let kinds = kinds.take(if view.bus.facts.is_network { usize::MAX } else { 1 });
     let (what, mut tally) = kinds.max_by_key(|(_, tally)| tally.failed).expect("one at least");

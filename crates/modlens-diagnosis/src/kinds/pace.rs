@@ -60,7 +60,7 @@ impl Split {
 /// Whether the unit asked before distinguishes failures from successes better than the silence does.
 fn explained_by_previous(unit: u8, counts: &UnitCounts, split: &Split, with_own: bool) -> bool {
     let previous = || counts.by_previous.iter().filter(|((other, _), _)| with_own || *other != unit).map(|(_, share)| *share);
-    let all = previous().fold(Share::default(), Share::with);
+    let all: Share = previous().sum();
     previous().map(|inside| fisher(inside, all.without(inside))).fold(1.0, f64::min) < split.chance
 }
 
@@ -124,11 +124,9 @@ fn pieces(view: &View<'_>, senders: &[&Pauses], others: &[&Pauses], sender: &str
     let timer = of_others.into_iter().filter(|octave| *octave >= LEAST_OCTAVE).filter(is_usual).max();
     let least = timer.map_or(LEAST_OCTAVE, |octave| octave + LONGER_THAN_A_TIMER);
     let octaves: Vec<u32> = octaves.into_iter().filter(|octave| *octave >= least).collect();
-    let sum = |all: &[&Pauses], octave: u32| {
-        all.iter().fold(Tally::default(), |mut sum, pauses| {
-            sum.merge(&pauses.from(octave));
-            sum
-        })
+    let sum = |all: &[&Pauses], octave: u32| -> Tally {
+        let longer: Vec<Tally> = all.iter().map(|pauses| pauses.from(octave)).collect();
+        longer.iter().sum()
     };
     let contrasts = octaves.iter().map(|octave| {
         let (own, others) = (sum(senders, *octave), sum(others, *octave));

@@ -32,18 +32,14 @@ fn noise_of_writes(view: &View<'_>) -> Option<Claim> {
     }
     let chance = view.significant(at_least(bursts, frames_behind as f64 / good.max(1) as f64))?;
     // In a fixed cycle it may be the request after the write that fails, wherever it stands.
-    let written = view.units().fold(Share::default(), |sum, (_, counts)| sum.with(counts.by_write[1]));
+    let written: Share = view.units().map(|(_, counts)| counts.by_write[1]).sum();
     let has_contrast =
         |counts: &UnitCounts| counts.by_write[1].failed > 0 && fisher(counts.by_write[1], counts.by_write[0]) < 0.01;
     let is_told_from_others = of_one.is_some_and(|write| write.is_told_from_others);
     if written.failed > 0 && !is_told_from_others && !view.units().any(|(_, counts)| has_contrast(counts)) {
         return None;
     }
-    let tally = view.units().fold(Tally::default(), |mut sum, (_, counts)| {
-        sum.merge(&counts.garbled);
-        sum.merge(&counts.bad_requests);
-        sum
-    });
+    let tally: Tally = view.units().flat_map(|(_, counts)| [&counts.garbled, &counts.bad_requests]).sum();
     let mut claim = Claim::new("line_noise", &tally, chance).with_share(bursts).shown_by(ShownBy::AllUnits);
     claim = claim.in_the_time_of(&Claim::new("line_noise", &view.bus.requests_seen, 0.0));
     claim.harm = written.failed;
@@ -90,7 +86,7 @@ fn of_writes(view: &View<'_>) -> String {
 
 /// Returns how often requests fail right after writes, if that is more often than elsewhere.
 pub(super) fn failures_after_writes(view: &View<'_>) -> Option<String> {
-    let sum = |index: usize| view.units().fold(Share::default(), |sum, (_, counts)| sum.with(counts.by_write[index]));
+    let sum = |index: usize| -> Share { view.units().map(|(_, counts)| counts.by_write[index]).sum() };
     let (quiet, written) = (sum(0), sum(1));
     view.significant(fisher(written, quiet))?;
     (written.rate() > 3.0 * quiet.rate()).then(|| {

@@ -4,7 +4,6 @@ use std::ops::RangeInclusive;
 
 use super::answers;
 use crate::claim::{Claim, View};
-use crate::statistics::Share;
 use modlens_protocol::finding::Severity;
 
 /// What to check, and what would prove it.
@@ -44,7 +43,7 @@ pub(super) fn together(view: &View<'_>, claims: Vec<Claim>) -> Vec<Claim> {
         (_, true) => SEARCHED,
         _ => MANY_DO_NOT,
     };
-    let share = silent.iter().fold(Share::default(), |sum, claim| sum.with(claim.share));
+    let share = silent.iter().map(|claim| claim.share).sum();
     let longest = silent.iter().max_by_key(|claim| claim.share.failed).expect("more than one unit is silent");
     let mut claim = longest.clone().with_share(share);
     claim.unit = None;

@@ -41,11 +41,11 @@ pub(super) fn only_requests_are_valid(view: &View<'_>) -> bool {
 
 /// Whether most bad answers fit their checksum but for the first or the last byte: whoever recorded them reads the line well.
 fn fit_but_for_their_edge(view: &View<'_>) -> bool {
-    let edges = |counts: &UnitCounts| {
-        let at = |part: DamagedPart| counts.damaged_parts[part as usize].failed;
-        Share { failed: at(DamagedPart::Start) + at(DamagedPart::End), total: counts.garbled.failed }
+    let edges = |counts: &UnitCounts| Share {
+        failed: counts.damaged(DamagedPart::Start) + counts.damaged(DamagedPart::End),
+        total: counts.garbled.failed,
     };
-    let sum = view.units().fold(Share::default(), |sum, (_, counts)| sum.with(edges(counts)));
+    let sum: Share = view.units().map(|(_, counts)| edges(counts)).sum();
     sum.failed * 2 > sum.total
 }
 

@@ -8,11 +8,11 @@ use crate::contrast::tally::Tally;
 use crate::contrast::UnitCounts;
 use crate::observation::DamagedPart;
 use crate::statistics::{at_least, fisher, least_rate, Share};
+use crate::MAX_CHANCE;
 use modlens_engine::line_search::{readings, Reading};
 use modlens_protocol::framing::Verdict;
+use modlens_protocol::functions::EXCEPTION_BIT;
 use modlens_protocol::line::Parity;
-
-use crate::MAX_CHANCE;
 
 /// Share of the noise whose bytes are 00, FF or a run of equal bits at one end.
 fn inverted_share(view: &View<'_>) -> f64 {
@@ -134,9 +134,8 @@ const MOSTLY_ERRORS: f64 = 0.5;
 
 /// Parity or framing errors on most frames, requests and answers alike: the settings of the tap.
 fn errors_on_all(view: &View<'_>) -> Option<Claim> {
-    let mut errors = Tally::default();
     let sides = [0, 1].map(|side: usize| view.units().map(|(_, counts)| counts.line_errors[side].failed).sum::<u64>());
-    view.units().flat_map(|(_, counts)| &counts.line_errors).for_each(|tally| errors.merge(tally));
+    let errors: Tally = view.units().flat_map(|(_, counts)| &counts.line_errors).sum();
     let frames = view.bus.frames.frames.iter().sum::<u64>() - view.bus.frames.frames[Verdict::Noise as usize];
     let share = Share { failed: errors.failed.min(frames), total: frames };
     if sides.iter().any(|side| *side * 4 < errors.failed) || least_rate(share) < MOSTLY_ERRORS {
@@ -175,7 +174,7 @@ fn errors_of_one(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim
 /// does not get. Their other bytes were lost after the line, as where a client reads no more than the length expected.
 fn bears_heads(view: &View<'_>) -> bool {
     let heads: Vec<[u8; 2]> = view.bus.requests.sorted().iter().map(|(key, _)| [key.unit, key.function]).collect();
-    let is_head = |pair: &[u8]| heads.iter().any(|[unit, function]| pair[0] == *unit && pair[1] & 0x7F == *function);
+    let is_head = |pair: &[u8]| heads.iter().any(|[unit, function]| pair[0] == *unit && pair[1] & !EXCEPTION_BIT == *function);
     let kept = &view.bus.noise.bursts.kept;
     let held = kept.iter().filter(|burst| burst.windows(2).any(is_head)).count() as u64;
     // Of 256 random bytes, each place is a head by chance once in so many times.
@@ -189,7 +188,7 @@ fn bears_heads(view: &View<'_>) -> bool {
 fn all_zeros(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let ratios = counts.length_ratios;
     let zeros = counts.wrong_heads.sorted().into_iter().filter(|(head, _)| **head == 0).map(|(_, count)| *count).sum::<u64>();
-    let answered = counts.failures.total - counts.failures.failed;
+    let answered = counts.answered();
     let is_as_long = counts.odd_lengths.failed * 10 <= ratios.count;
     if answered > 0 || ratios.count < 5 || !is_as_long || zeros * 10 < counts.garbled.failed * 9 {
         return None;
@@ -202,14 +201,13 @@ fn all_zeros(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
 /// A unit none of whose answers is valid, and all of whose answers are too short or too long by the same ratio.
 fn at_another_rate(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let ratios = counts.length_ratios;
-    let answered = counts.failures.total - counts.failures.failed;
+    let answered = counts.answered();
     let ratio = ratios.came as f64 / ratios.expected.max(1) as f64;
     if answered > 0 || ratios.count < 5 || (0.85..1.2).contains(&ratio) || counts.bad_requests.failed > 0 {
         return None;
     }
     // A receiver at another rate gets no head of an answer right.
-    let heads: u64 = counts.damaged_parts.iter().map(|part| part.failed).sum::<u64>()
-        - counts.damaged_parts[DamagedPart::Whole as usize].failed;
+    let heads: u64 = counts.damaged_parts.iter().map(|part| part.failed).sum::<u64>() - counts.damaged(DamagedPart::Whole);
     if heads > 2 && heads * 20 > counts.garbled.failed {
         return None;
     }

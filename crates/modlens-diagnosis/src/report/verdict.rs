@@ -94,7 +94,7 @@ pub(super) fn verdict(
     rows: &[DiagnosisRow],
     open: Option<&DiagnosisRow>,
 ) -> (Verdict, String) {
-    let share = buses.iter().fold(Share::default(), |sum, (_, bus)| sum.with(bus.requests_seen.share()));
+    let share: Share = buses.iter().map(|(_, bus)| bus.requests_seen.share()).sum();
     let bytes = |verdict: FrameVerdict| -> u64 { buses.iter().map(|(_, bus)| bus.frames.bytes[verdict as usize]).sum() };
     let is_diagnosed = |row: &&DiagnosisRow| row.certainty == Certainty::Diagnosed.text();
     let worst = rows.iter().find(is_diagnosed).filter(|row| row.severity != Severity::Info);
