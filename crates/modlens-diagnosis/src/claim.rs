@@ -16,6 +16,12 @@ use modlens_protocol::finding::Severity;
 /// Failures that happen on a healthy line: one request in five hundred.
 pub const ACCIDENT: f64 = 0.002;
 
+/// Refusals that happen to any request: one in a hundred.
+pub const REFUSED_BY_ACCIDENT: f64 = 0.01;
+
+/// A chance below this makes a refused request a claim: a refusal names its reason itself, so less is needed than of a contrast.
+pub const SUGGESTED: f64 = 0.05;
+
 /// Fewer requests than these make no line healthy, and no share certain.
 pub const FEW: u64 = 10;
 

@@ -26,7 +26,7 @@ pub use figures::Figures;
 pub(crate) use figures::{added, of_header as figures_of_header};
 pub use finding_set::FindingSet;
 pub use frame::FrameObservation;
-pub(crate) use frame::{is_swapped_answer, is_write, write_of_compact, written};
+pub(crate) use frame::{is_swapped_answer, is_write, write_of_compact, written, READ_REQUEST_BYTES};
 pub use layout::LayoutFault;
 pub(crate) use layout::{answer_length, data_length, lacks_count};
 pub use request_key::RequestKey;

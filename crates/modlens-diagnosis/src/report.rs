@@ -12,7 +12,6 @@ pub use course::Course;
 pub use unexplained::UNEXPLAINED;
 
 use modlens_engine::records::DiagnosisRow;
-use modlens_protocol::finding::Severity;
 use modlens_protocol::framing::{Mode, Verdict as FrameVerdict};
 use modlens_protocol::oddity::{Printed, Reported};
 use modlens_protocol::timestamp::time_text;
@@ -79,12 +78,12 @@ impl Report {
         let requests: Share = buses.iter().map(|(_, bus)| bus.requests_seen.share()).sum();
         let has_broadcasts_only = verdict::broadcasts_only(&buses).is_some();
         let is_checked = |bus: &BusContrast| {
-            let has_checksums = bus.frames.frames[FrameVerdict::NoChecksum as usize] == 0;
+            let has_checksums = bus.frames.of(FrameVerdict::NoChecksum) == 0;
             has_checksums && bus.received_damage == 0 && bus.facts.mode != Some(Mode::Tcp)
         };
         let answers: u64 = buses.iter().map(|(_, bus)| bus.answers_alone()).sum::<u64>() + requests.total - requests.failed;
         let is_whole = buses.iter().all(|(_, bus)| is_checked(bus));
-        let good: u64 = buses.iter().map(|(_, bus)| bus.frames.frames[FrameVerdict::Ok as usize]).sum();
+        let good: u64 = buses.iter().map(|(_, bus)| bus.frames.of(FrameVerdict::Ok)).sum();
         let all: u64 = buses.iter().flat_map(|(_, bus)| bus.frames.frames).sum();
         let open: u64 = buses.iter().flat_map(|(_, bus)| bus.units.values()).map(|unit| unit.not_seen.failed).sum();
         let printed = Printed {
@@ -213,16 +212,11 @@ fn spoiled(claim: &Claim) -> u64 {
 
 /// The order of diagnoses: by severity, then by how many failures they explain, then by how sure they are.
 fn harm(spoiled: u64, row: &DiagnosisRow) -> (u8, u64, u64, std::cmp::Reverse<String>) {
-    let severity = match row.severity {
-        Severity::Error => 2,
-        Severity::Warning => 1,
-        Severity::Info => 0,
-    };
     let sureness = row.chance.map_or(0, |chance| (-chance.max(1e-300).log10() * 10.0) as u64);
     // Without a chance, it is what a first sight suspects: of as many examples, the best explanation is first.
     let code = if row.chance.is_some() { row.code } else { "" };
     let sureness = if row.certainty == Certainty::Likely.text() { sureness.max(1) } else { sureness };
-    (severity, spoiled, sureness, std::cmp::Reverse(code.to_owned()))
+    (sentences::rank(row.severity), spoiled, sureness, std::cmp::Reverse(code.to_owned()))
 }
 
 fn row_json(row: &DiagnosisRow, course: &Course) -> Json {

@@ -7,7 +7,6 @@ use crate::contrast::{Symptom, UnitCounts};
 use crate::observation::Figures;
 use crate::protocols::PROTOCOLS;
 use crate::table::{diagnoses, Diagnosis, UNNAMED};
-use modlens_protocol::framing::Mode;
 
 /// More examples of one symptom than these add no certainty: they may share a reason.
 const MOST_COUNTED: u64 = 4;
@@ -121,8 +120,7 @@ fn is_echoed(view: &View<'_>) -> bool {
 
 /// Whether no answer of a unit on a serial line is valid.
 fn has_no_valid_answer(view: &View<'_>, unit: u8) -> bool {
-    let is_line = !view.bus.facts.is_network && view.bus.facts.mode != Some(Mode::Tcp);
-    is_line && view.bus.units.get(&unit).is_some_and(|counts| counts.failures.failed == counts.failures.total)
+    view.bus.facts.is_line() && view.bus.units.get(&unit).is_some_and(|counts| counts.failures.failed == counts.failures.total)
 }
 
 /// Whether a part of an answer of a unit is right, whatever is wrong with the rest: then the line settings are.

@@ -50,6 +50,11 @@ pub struct BusFacts {
 }
 
 impl BusFacts {
+    /// Whether it is a serial line, as far as its frames tell.
+    pub fn is_line(&self) -> bool {
+        !self.is_network && self.mode != Some(Mode::Tcp)
+    }
+
     pub(super) fn learn(&mut self, row: &Bus) {
         self.is_network = row.network.is_some();
         self.clock = row.clock;

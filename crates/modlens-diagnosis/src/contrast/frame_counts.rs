@@ -13,9 +13,9 @@ use crate::observation::{FrameObservation, DAMAGED_PARTS};
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameCounts {
     /// By verdict, in the order of `Verdict::ALL`.
-    pub frames: [u64; 5],
+    pub frames: [u64; Verdict::ALL.len()],
     /// Bytes by verdict.
-    pub bytes: [u64; 5],
+    pub bytes: [u64; Verdict::ALL.len()],
     /// Bytes of frames with a right checksum that may be an accident of noise.
     pub unconfirmed_bytes: u64,
     /// First and last time.
@@ -41,6 +41,21 @@ pub struct FrameCounts {
 }
 
 impl FrameCounts {
+    /// Frames with this verdict.
+    pub fn of(&self, verdict: Verdict) -> u64 {
+        self.frames[verdict as usize]
+    }
+
+    /// Bytes of frames with this verdict.
+    pub fn bytes_of(&self, verdict: Verdict) -> u64 {
+        self.bytes[verdict as usize]
+    }
+
+    /// Bytes of frames that are right as far as their bytes can tell.
+    pub fn good_bytes(&self) -> u64 {
+        self.bytes_of(Verdict::Ok) + self.bytes_of(Verdict::NoChecksum)
+    }
+
     pub(super) fn count(&mut self, seen: &FrameObservation) {
         self.settle();
         self.count_size(seen.verdict as usize, seen.length, seen.place.time);

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use modlens_protocol::framing::Verdict;
+use modlens_protocol::oddity::is_of_driver;
 use modlens_protocol::Ns;
 
 use super::sample::Sample;
@@ -46,8 +47,8 @@ pub struct NoiseRuns {
     pub ends_in_zero: Tally,
     /// Runs of one or two bytes, those of 00, FF and what a driver leaves when it is switched.
     pub strays: Tally,
-    /// Bytes 00; FF; with high bits set and low ones not, or the other way round (FE, FC, F8, 80, C0, E0); printable; others.
-    pub kinds: [u64; 5],
+    /// Bytes 00; FF; with high bits set and low ones not (FE, FC, F8, F0, E0, C0, 80); printable; others.
+    kinds: [u64; 5],
     /// Runs of four bytes or more that are no answer.
     pub compared: u64,
     /// These by how they begin.
@@ -122,6 +123,21 @@ impl Bursts {
 }
 
 impl NoiseRuns {
+    /// All bytes.
+    pub fn bytes(&self) -> u64 {
+        self.kinds.iter().sum()
+    }
+
+    /// Bytes as a driver leaves them that is switched, or a line that nobody drives.
+    pub fn of_driver(&self) -> u64 {
+        self.kinds[..PRINTABLE].iter().sum()
+    }
+
+    /// Bytes of text.
+    pub fn printable(&self) -> u64 {
+        self.kinds[PRINTABLE]
+    }
+
     /// Counts a run; one right after a request is its damaged answer and not compared with others.
     pub(super) fn count(&mut self, seen: &FrameObservation, is_answer: bool) {
         if seen.length >= 3 {
@@ -130,7 +146,7 @@ impl NoiseRuns {
                 self.ends_in_zero.count(seen.bytes.last() == Some(&0), seen.place);
             }
         } else if seen.verdict == Verdict::Noise {
-            self.strays.count(seen.bytes.iter().all(|byte| kind(*byte) < 3), seen.place);
+            self.strays.count(seen.bytes.iter().all(|byte| is_of_driver(*byte)), seen.place);
         }
         self.bursts.count(&seen.bytes, seen.gap.is_none() && seen.place.time.is_some(), is_answer);
         for byte in &seen.bytes {
@@ -192,13 +208,16 @@ impl NoiseCounts {
     }
 }
 
+/// The class of printable bytes; those of a driver are below it.
+const PRINTABLE: usize = 3;
+
 /// The class of a byte, as in `kinds`.
 fn kind(byte: u8) -> usize {
     match byte {
         0 => 0,
         0xFF => 1,
-        _ if byte.leading_ones() + byte.trailing_zeros() == 8 => 2,
-        b' '..=b'~' | b'\r' | b'\n' => 3,
+        _ if is_of_driver(byte) => 2,
+        b' '..=b'~' | b'\r' | b'\n' => PRINTABLE,
         _ => 4,
     }
 }

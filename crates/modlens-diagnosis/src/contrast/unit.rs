@@ -439,9 +439,11 @@ impl UnitCounts {
     }
 }
 
+const HOUR_NS: Ns = 3600 * 1_000_000_000;
+
 /// The hour of the day.
 fn hour(time: Ns) -> usize {
-    time.div_euclid(3_600_000_000_000).rem_euclid(24) as usize
+    time.div_euclid(HOUR_NS).rem_euclid(24) as usize
 }
 
 fn merge_each(own: &mut [Tally], later: &[Tally]) {

@@ -1,6 +1,5 @@
 //! Answers that come late, for a while not at all, or never.
 
-use modlens_protocol::framing::Mode;
 use modlens_protocol::Ns;
 
 use crate::claim::{duration, percent, Claim, View};
@@ -26,8 +25,8 @@ fn overtaken(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let share = Share { failed: answers.failed.min(counts.failures.total), total: counts.failures.total };
     let asks_ahead: Share =
         view.units().map(|(_, counts)| Share { failed: counts.overtaken.answers.failed, total: counts.failures.total }).sum();
-    let has_ids = view.bus.facts.is_network || view.bus.facts.mode == Some(Mode::Tcp);
-    if !has_ids || view.bus.connections.clients.sorted().len() > 1 || asks_ahead.rate() > 0.5 {
+    // On a line, no answer has an identifier by which it finds its request.
+    if view.bus.facts.is_line() || view.bus.connections.clients.sorted().len() > 1 || asks_ahead.rate() > 0.5 {
         return None;
     }
     if asks_together(counts) {

@@ -32,7 +32,7 @@ const NOISE_SPARES_HEAD: f64 = 0.92;
 /// One or two stray bytes where drivers are switched.
 pub(super) fn no_bias(view: &View<'_>) -> Vec<Claim> {
     let mut strays = view.bus.noise.strays.clone();
-    let turns = view.bus.frames.frames[Verdict::Ok as usize];
+    let turns = view.bus.frames.of(Verdict::Ok);
     // Strays of other bytes than a driver leaves speak against it.
     if strays.failed * 10 < strays.total * 8 || turns == 0 || super::foreign::have_preamble(view) {
         return Vec::new();
@@ -94,8 +94,8 @@ pub(super) fn line_noise(view: &View<'_>) -> Vec<Claim> {
         return of_writes.to_vec();
     }
     let frames = &view.bus.frames;
-    let damaged = frames.frames[Verdict::BadChecksum as usize] + frames.frames[Verdict::Incomplete as usize];
-    let good = frames.frames[Verdict::Ok as usize];
+    let damaged = frames.of(Verdict::BadChecksum) + frames.of(Verdict::Incomplete);
+    let good = frames.of(Verdict::Ok);
     let share = Share { failed: damaged, total: damaged + good };
     let (Some(chance), true) = (view.beyond_accident(share), good > damaged || (good * 4 > damaged && hits_both_sides(view)))
     else {

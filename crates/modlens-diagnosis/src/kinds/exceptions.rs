@@ -3,7 +3,7 @@
 
 use super::blocks::{covered, end, range_in_words, uncovered};
 use super::writes::is_of_value;
-use crate::claim::{Claim, View};
+use crate::claim::{Claim, View, REFUSED_BY_ACCIDENT, SUGGESTED};
 use crate::contrast::RequestCounts;
 use crate::observation::RequestKey;
 use crate::statistics::{at_least, in_runs_at_most, Share};
@@ -47,9 +47,9 @@ fn answered<'a>(all: &[Request<'a>], key: &RequestKey) -> Vec<&'a RequestKey> {
 fn claim(view: &View<'_>, code: &'static str, request: Request<'_>) -> Option<Claim> {
     let (key, counts) = request;
     let share = Share { failed: counts.refusals() + counts.silent, total: counts.sent() };
-    let chance = view.corrected(at_least(share, 0.01));
+    let chance = view.corrected(at_least(share, REFUSED_BY_ACCIDENT));
     // Of a few requests, each is an example; how certain it is, the report says.
-    (chance < 0.05 || view.is_small()).then(|| {
+    (chance < SUGGESTED || view.is_small()).then(|| {
         Claim::new(code, &counts.bad, chance)
             .of_unit(key.unit)
             .at(key.function, key.address)
@@ -206,7 +206,7 @@ fn lost_addresses(view: &View<'_>, all: &[Request<'_>], unit: u8) -> Option<Clai
         return None;
     }
     let share: Share = of_unit.iter().map(refused_of).sum();
-    let chance = view.significant(at_least(share, 0.01))?;
+    let chance = view.significant(at_least(share, REFUSED_BY_ACCIDENT))?;
     let mut blocks: Vec<String> = of_unit.iter().map(|(key, _)| key.block()).collect();
     blocks.dedup();
     let claim = Claim::new("register_hole", &view.bus.units.get(&unit)?.exceptions[2], chance).of_unit(unit).with_share(share);
@@ -226,7 +226,7 @@ fn no_address(view: &View<'_>, all: &[Request<'_>], unit: u8) -> Option<Claim> {
         return None;
     }
     let share = Share { failed: refused.failed, total };
-    let chance = view.significant(at_least(share, 0.01))?;
+    let chance = view.significant(at_least(share, REFUSED_BY_ACCIDENT))?;
     let claim = Claim::new("register_hole", refused, chance).of_unit(unit).with_share(share);
     let check = "Whether the addresses count from 0 (40001 in a manual is address 0 on the wire), the function (input registers are function 4, holding registers 3), and whether the device of this unit is the one whose map the master has.";
     let experiment = "Ask for one register that the manual names: at its address, at the one before, and by the other function.";
@@ -386,8 +386,8 @@ pub(super) fn wrong_function(view: &View<'_>) -> Vec<Claim> {
             other.0.unit == key.unit && other.0.function == key.function && is_always_refused(other.1) && other.1.refusals() > 0
         };
         let share: Share = all.iter().filter(same).map(refused_of).sum();
-        let chance = view.corrected(at_least(share, 0.01));
-        if chance >= 0.05 {
+        let chance = view.corrected(at_least(share, REFUSED_BY_ACCIDENT));
+        if chance >= SUGGESTED {
             continue;
         }
         let instead = instead(&all, key).map_or(String::new(), |other| format!("; function {other} answers there"));

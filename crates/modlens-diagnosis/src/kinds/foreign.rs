@@ -4,13 +4,13 @@ use std::cmp::Reverse;
 
 use super::unreadable::is_of_slower_line;
 use crate::claim::{duration, Claim, View};
-use crate::contrast::NoiseCounts;
+use crate::contrast::{NoiseCounts, NoiseKey, NoiseRuns};
 use crate::protocols::PROTOCOLS;
 use crate::statistics::{at_least, Share};
 
 pub(super) fn is_text(view: &View<'_>) -> bool {
-    let kinds = &view.bus.noise.kinds;
-    kinds[3] * 10 > kinds.iter().sum::<u64>() * 9
+    let noise = &view.bus.noise;
+    noise.printable() * 10 > noise.bytes() * 9
 }
 
 /// Whether nearly all runs begin alike and go on differently. Requests at a wrong rate are the same from the first byte to the
@@ -71,8 +71,7 @@ pub(super) fn is_surely_foreign(view: &View<'_>) -> bool {
     if known(view).is_some() {
         return true;
     }
-    let repeated = noise.runs.sorted().into_iter().max_by_key(|(key, counts)| (counts.seen.failed, (*key).clone()));
-    let is_most = repeated.is_some_and(|(_, counts)| counts.seen.failed * 5 >= noise.compared * 2);
+    let is_most = most_frequent(noise).is_some_and(|(_, counts)| counts.seen.failed * 5 >= noise.compared * 2);
     is_most && foreign_runs(view).is_some()
 }
 
@@ -81,18 +80,30 @@ fn begins_as_frame(view: &View<'_>, head: &[u8]) -> bool {
     view.bus.requests.sorted().iter().any(|(key, _)| head.starts_with(&[key.unit, key.function]))
 }
 
+/// The beginning that most runs have.
+fn most_frequent(noise: &NoiseRuns) -> Option<(&NoiseKey, &NoiseCounts)> {
+    noise.runs.sorted().into_iter().max_by_key(|(key, counts)| (counts.seen.failed, *key))
+}
+
+/// How likely so many of so many runs begin with the very same bytes, so many of them, if bytes are 00 or FF every third time.
+fn by_chance(share: Share, bytes: usize) -> f64 {
+    at_least(share, (1.0f64 / 3.0).powi(bytes as i32))
+}
+
+/// Whether all bytes are 00 or FF.
+fn is_plain(bytes: &[u8]) -> bool {
+    bytes.iter().all(|byte| matches!(byte, 0 | 0xFF))
+}
+
 /// Runs that begin alike.
 fn foreign_runs(view: &View<'_>) -> Option<Claim> {
     let noise = &view.bus.noise;
-    let repeated = noise.runs.sorted().into_iter().max_by_key(|(key, counts)| (counts.seen.failed, (*key).clone()));
-    let (key, counts) = repeated.filter(|(_, counts)| counts.seen.failed >= LEAST_ALIKE)?;
-    // How likely is it that so many runs begin with these very bytes, if bytes are 00 or FF every third time?
-    let chance = at_least(Share { failed: counts.seen.failed, total: noise.compared }, (1.0f64 / 3.0).powi(key.len() as i32));
-    let chance = view.significant(chance)?;
-    if key.iter().all(|byte| matches!(byte, 0 | 0xFF)) || begins_as_frame(view, key) || counts.seen.failed * 4 < noise.compared {
+    let (key, counts) = most_frequent(noise).filter(|(_, counts)| counts.seen.failed >= LEAST_ALIKE)?;
+    let share = Share { failed: counts.seen.failed, total: noise.compared };
+    let chance = view.significant(by_chance(share, key.len()))?;
+    if is_plain(key) || begins_as_frame(view, key) || counts.seen.failed * 4 < noise.compared {
         return None;
     }
-    let share = Share { failed: counts.seen.failed, total: noise.compared };
     Some(Claim::new("foreign_protocol", &counts.seen, chance).with_share(share).fact("period", period(counts)))
 }
 
@@ -105,9 +116,8 @@ fn foreign_bursts(view: &View<'_>) -> Option<Claim> {
     heads.sort_unstable();
     let most = heads.chunk_by(|one, other| one == other).max_by_key(|alike| (alike.len(), Reverse(alike[0])))?;
     let share = Share { failed: most.len() as u64, total: heads.len() as u64 };
-    let chance = view.significant(at_least(share, (1.0f64 / 3.0).powi(HEAD as i32)))?;
-    let is_plain = most[0].iter().all(|byte| matches!(byte, 0 | 0xFF));
-    if is_plain || begins_as_frame(view, most[0]) || share.failed < LEAST_ALIKE || share.failed * 2 < share.total {
+    let chance = view.significant(by_chance(share, HEAD))?;
+    if is_plain(most[0]) || begins_as_frame(view, most[0]) || share.failed < LEAST_ALIKE || share.failed * 2 < share.total {
         return None;
     }
     Some(Claim::new("foreign_protocol", &view.bus.noise.strays, chance).with_share(share).fact("period", ""))

@@ -6,7 +6,6 @@ use crate::contrast::{RequestCounts, UnitCounts};
 use crate::observation::RequestKey;
 use crate::statistics::{fisher, Share};
 use modlens_protocol::decimal::thousands;
-use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, StandardLayout};
 
 /// Requests that are heard twice.
@@ -30,7 +29,7 @@ pub(super) fn own_echo(view: &View<'_>) -> Vec<Claim> {
 pub(super) fn bystander(view: &View<'_>) -> Vec<Claim> {
     let mut found: Vec<Claim> = Vec::new();
     // On a network it is a gateway that answers with another number (gateway_mixup, device_busy).
-    let is_line = !view.bus.facts.is_network && view.bus.facts.mode != Some(Mode::Tcp);
+    let is_line = view.bus.facts.is_line();
     for (asked, counts) in view.bus.units.iter().filter(|_| is_line) {
         for (unit, tally) in counts.answered_by.iter().filter(|(unit, _)| *unit != asked) {
             let share = Share { failed: tally.failed, total: counts.failures.total.max(tally.failed) };

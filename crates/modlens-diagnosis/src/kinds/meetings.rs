@@ -7,7 +7,7 @@ use super::interleaved::Interleaved;
 use crate::claim::{were, Claim, View};
 use crate::contrast::tally::Tally;
 use crate::contrast::{Pair, UnitCounts};
-use crate::observation::DamagedPart;
+use crate::observation::{DamagedPart, READ_REQUEST_BYTES};
 use crate::statistics::{at_least, at_most, both, Share};
 use crate::MAX_CHANCE;
 use modlens_protocol::decimal::thousands;
@@ -63,13 +63,10 @@ pub(super) fn two_masters(view: &View<'_>) -> Vec<Claim> {
 /// A valid request while another one is open, which is answered after all: noise makes one failure in so many look so.
 const CROSSED_BY_NOISE: f64 = 0.01;
 
-/// Characters of a request.
-const REQUEST_CHARACTERS: i64 = 8;
-
 /// Requests that came so soon after another one that no unit could have begun to answer that: a master waits for its timeout.
 fn hasty(view: &View<'_>) -> u64 {
     let fastest = view.units().filter_map(|(_, counts)| counts.response_times.percentile(0.05)).min();
-    let request = REQUEST_CHARACTERS * view.bus.facts.char_ns.unwrap_or(0);
+    let request = i64::from(READ_REQUEST_BYTES) * view.bus.facts.char_ns.unwrap_or(0);
     fastest.map_or(0, |fastest| view.bus.hasty.below(fastest + request))
 }
 

@@ -22,7 +22,7 @@ pub(super) fn noise_of_writes_once(view: &View<'_>) -> Rc<[Claim]> {
 fn noise_of_writes(view: &View<'_>) -> Option<Claim> {
     let [elsewhere, behind] = view.bus.noise.by_write;
     let frames = &view.bus.frames;
-    let good = frames.frames[Verdict::Ok as usize] + frames.frames[Verdict::NoChecksum as usize];
+    let good = frames.of(Verdict::Ok) + frames.of(Verdict::NoChecksum);
     let of_one = of_one_write(view);
     let (behind, frames_behind) =
         of_one.map_or((behind, frames.behind_writes), |write| (write.counts.bursts, write.counts.frames));

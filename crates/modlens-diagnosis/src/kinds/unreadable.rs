@@ -1,7 +1,6 @@
 //! Lines on which nothing can be read.
 
 use modlens_engine::line_search::is_slower;
-use modlens_protocol::framing::{Mode, Verdict};
 
 use crate::claim::View;
 use crate::contrast::UnitCounts;
@@ -14,17 +13,16 @@ pub(super) const LEAST_BYTES: u64 = 50;
 /// Bytes of the recording by frame: those of good frames, and those of all others. A frame that may be an accident of noise is
 /// none of the good ones: among bytes that are no Modbus there is one now and then, and it may be long.
 pub(super) fn bytes(view: &View<'_>) -> (u64, u64) {
-    let bytes = &view.bus.frames.bytes;
-    let good = bytes[Verdict::Ok as usize] + bytes[Verdict::NoChecksum as usize] - view.bus.frames.unconfirmed_bytes;
-    (good, bytes.iter().sum::<u64>() - good)
+    let frames = &view.bus.frames;
+    let good = frames.good_bytes() - frames.unconfirmed_bytes;
+    (good, frames.bytes.iter().sum::<u64>() - good)
 }
 
 /// Whether nothing on the line can be read.
 pub(super) fn is_unreadable(view: &View<'_>) -> bool {
     let (good, other) = bytes(view);
-    let serial = !view.bus.facts.is_network && view.bus.facts.mode != Some(Mode::Tcp);
     let is_lost = good * 20 < other && !fit_but_for_their_edge(view);
-    serial && other >= LEAST_BYTES && (is_lost || only_requests_are_valid(view))
+    view.bus.facts.is_line() && other >= LEAST_BYTES && (is_lost || only_requests_are_valid(view))
 }
 
 /// Whether every request was sent well and none was answered in bytes that make sense: the log of a client.

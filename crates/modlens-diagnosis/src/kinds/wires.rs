@@ -16,8 +16,8 @@ use modlens_protocol::line::Parity;
 
 /// Share of the noise whose bytes are 00, FF or a run of equal bits at one end.
 fn inverted_share(view: &View<'_>) -> f64 {
-    let kinds = &view.bus.noise.kinds;
-    kinds[..3].iter().sum::<u64>() as f64 / kinds.iter().sum::<u64>().max(1) as f64
+    let noise = &view.bus.noise;
+    noise.of_driver() as f64 / noise.bytes().max(1) as f64
 }
 
 /// Bytes of registers are mostly 0 bits. With the wires swapped, those that a client receives are mostly 1 bits.
@@ -39,8 +39,7 @@ fn is_inverted(view: &View<'_>) -> bool {
     if only_requests_are_valid(view) && mostly_ones(view) {
         return true;
     }
-    let bytes = view.bus.noise.kinds.iter().sum::<u64>();
-    if only_requests_are_valid(view) && bytes >= LEAST_BYTES && inverted_share(view) > 0.95 {
+    if only_requests_are_valid(view) && view.bus.noise.bytes() >= LEAST_BYTES && inverted_share(view) > 0.95 {
         return true;
     }
     if is_of_slower_line(view) {
@@ -78,8 +77,7 @@ pub(super) fn swapped_wires(view: &View<'_>) -> Vec<Claim> {
     }
     let ends = &view.bus.noise.ends_in_zero;
     if only_requests_are_valid(view) {
-        let kinds = &view.bus.noise.kinds;
-        let share = Share { failed: kinds[..3].iter().sum(), total: kinds.iter().sum() };
+        let share = Share { failed: view.bus.noise.of_driver(), total: view.bus.noise.bytes() };
         let chance = view.corrected(at_least(share, 0.5));
         let claim = Claim::new("swapped_wires", &view.bus.requests_seen, chance).with_share(share).fact("where", "at the master");
         return vec![
@@ -136,7 +134,7 @@ const MOSTLY_ERRORS: f64 = 0.5;
 fn errors_on_all(view: &View<'_>) -> Option<Claim> {
     let sides = [0, 1].map(|side: usize| view.units().map(|(_, counts)| counts.line_errors[side].failed).sum::<u64>());
     let errors: Tally = view.units().flat_map(|(_, counts)| &counts.line_errors).sum();
-    let frames = view.bus.frames.frames.iter().sum::<u64>() - view.bus.frames.frames[Verdict::Noise as usize];
+    let frames = view.bus.frames.frames.iter().sum::<u64>() - view.bus.frames.of(Verdict::Noise);
     let share = Share { failed: errors.failed.min(frames), total: frames };
     if sides.iter().any(|side| *side * 4 < errors.failed) || least_rate(share) < MOSTLY_ERRORS {
         return None;

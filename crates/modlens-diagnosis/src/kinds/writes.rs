@@ -2,7 +2,7 @@
 
 use modlens_protocol::functions::{Functions, StandardLayout};
 
-use crate::claim::{Claim, View};
+use crate::claim::{Claim, View, REFUSED_BY_ACCIDENT};
 use crate::contrast::RequestCounts;
 use crate::observation::RequestKey;
 use crate::statistics::{at_least, Share};
@@ -21,7 +21,7 @@ pub(super) fn value_refused(view: &View<'_>) -> Vec<Claim> {
     let of_value = all.iter().filter(|(key, counts)| is_of_value(key, counts) && counts.refused[2] > 1);
     let claims = of_value.filter_map(|(key, counts)| {
         let share = Share { failed: counts.refused[2], total: counts.sent() };
-        let chance = view.significant(at_least(share, 0.01))?;
+        let chance = view.significant(at_least(share, REFUSED_BY_ACCIDENT))?;
         let taken = if counts.good > 0 { ", and other values were taken" } else { "" };
         let claim = Claim::new("value_refused", &counts.bad, chance).of_unit(key.unit).at(key.function, key.address);
         Some(claim.with_share(share).fact("block", key.block()).fact("taken", taken))

@@ -105,13 +105,13 @@ impl FrameObservation {
 
     /// Whether it is a request to read, as no answer looks.
     pub(crate) fn is_read_request(&self) -> bool {
-        let is_read = self.code.is_some_and(|code| (1..=4).contains(&code)) && self.length == READ_REQUEST;
+        let is_read = self.code.is_some_and(|code| (1..=4).contains(&code)) && self.length == READ_REQUEST_BYTES;
         is_read && self.mode == Mode::Rtu && self.direction == Direction::Request && self.verdict == Verdict::Ok
     }
 }
 
 /// The length of a request to read on a serial line (application protocol, 6.1 to 6.4).
-const READ_REQUEST: u32 = 8;
+pub(crate) const READ_REQUEST_BYTES: u32 = 8;
 
 /// Whether a function code is one of the public functions that write registers or coils.
 #[inline]

@@ -47,12 +47,16 @@ fn three_digits(figure: f64) -> f64 {
     format!("{figure:.2e}").parse().expect("a number in its own words")
 }
 
-fn least(one: Severity, other: Severity) -> Severity {
-    let rank = |severity| match severity {
+/// The place of a severity, the worst one last.
+pub(super) fn rank(severity: Severity) -> u8 {
+    match severity {
         Severity::Info => 0,
         Severity::Warning => 1,
         Severity::Error => 2,
-    };
+    }
+}
+
+fn least(one: Severity, other: Severity) -> Severity {
     if rank(one) <= rank(other) {
         one
     } else {

@@ -5,12 +5,9 @@ use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 use serde_json::{json, Value as Json};
 
-use crate::claim::duration;
+use crate::claim::{duration, FEW};
 use crate::contrast::{BusContrast, RequestCounts};
 use modlens_protocol::timestamp::time_text;
-
-/// Requests below which shares say little.
-const FEW: u64 = 10;
 
 const BOTH_DIRECTIONS: &str = "a recording that hears both directions, such as a tap on the line itself";
 
@@ -28,7 +25,7 @@ pub(super) fn of_bus(name: &str, bus: &BusContrast) -> Vec<Json> {
         say("too few requests for percentages", "a longer recording: ten requests to each unit at least, a hundred are better");
     }
     let silent: u64 = bus.units.values().map(|unit| unit.silent.failed).sum();
-    if requests > 0 && requests == silent && bus.frames.frames[Verdict::Noise as usize] == 0 {
+    if requests > 0 && requests == silent && bus.frames.of(Verdict::Noise) == 0 {
         say("whether the units answer at all: no answer is in the recording", BOTH_DIRECTIONS);
     }
     let has_times = bus.units.values().any(|unit| unit.response_times.count + unit.waited.count > 0);
@@ -38,7 +35,7 @@ pub(super) fn of_bus(name: &str, bus: &BusContrast) -> Vec<Json> {
             "a recording with times of a millisecond or better, such as one of modlens tap",
         );
     }
-    if bus.frames.frames[Verdict::NoChecksum as usize] > 0 {
+    if bus.frames.of(Verdict::NoChecksum) > 0 {
         say("damage on the wire: the recording has no checksums", "a recording of the bytes on the wire");
     }
     if bus.facts.mode == Some(Mode::Rtu) && !bus.facts.is_network && bus.facts.char_ns.is_none() && requests > 0 {

@@ -95,7 +95,7 @@ pub(super) fn verdict(
     open: Option<&DiagnosisRow>,
 ) -> (Verdict, String) {
     let share: Share = buses.iter().map(|(_, bus)| bus.requests_seen.share()).sum();
-    let bytes = |verdict: FrameVerdict| -> u64 { buses.iter().map(|(_, bus)| bus.frames.bytes[verdict as usize]).sum() };
+    let bytes = |verdict: FrameVerdict| -> u64 { buses.iter().map(|(_, bus)| bus.frames.bytes_of(verdict)).sum() };
     let is_diagnosed = |row: &&DiagnosisRow| row.certainty == Certainty::Diagnosed.text();
     let worst = rows.iter().find(is_diagnosed).filter(|row| row.severity != Severity::Info);
     let suspected = rows.iter().find(|row| !is_diagnosed(row)).map(|row| format!("{}: {}", word(row.certainty), row.sentence));
@@ -141,7 +141,7 @@ pub(super) fn verdict(
     }
     let alone: u64 = buses.iter().map(|(_, bus)| bus.answers_alone()).sum();
     let is_whole =
-        buses.iter().all(|(_, bus)| (bytes_of_frames(bus), bus.symptoms.all().count()) == (bytes_of_good_frames(bus), 0));
+        buses.iter().all(|(_, bus)| (bytes_of_frames(bus), bus.symptoms.all().count()) == (bus.frames.good_bytes(), 0));
     let is_heard = buses.iter().any(|(_, bus)| bus.heard.is_some());
     let whole = told(buses).filter(|told| is_whole && !is_heard && share.total == 0 && told.is_plain);
     if let Some(sentence) = whole.and_then(without_other_half) {
@@ -333,10 +333,6 @@ fn too_few(share: Share, refused: Share, is_whole: bool, of_no_frame: u64) -> St
 
 fn bytes_of_frames(bus: &BusContrast) -> u64 {
     bus.frames.bytes.iter().sum()
-}
-
-fn bytes_of_good_frames(bus: &BusContrast) -> u64 {
-    bus.frames.bytes[FrameVerdict::Ok as usize] + bus.frames.bytes[FrameVerdict::NoChecksum as usize]
 }
 
 /// Returns the unit that refused more than it answered in some stretch of time: of all its requests, or of one of them.

@@ -10,14 +10,12 @@ use modlens_protocol::Ns;
 use super::super::context::{Around, LEAST_ANSWER_BYTES};
 use super::super::good_frame::GoodFrame;
 use super::{BusContrast, WINDOW};
-use crate::observation::{is_swapped_answer, is_write, write_of_compact, written, FrameObservation};
+use crate::observation::{is_swapped_answer, is_write, write_of_compact, written, FrameObservation, READ_REQUEST_BYTES};
 
 /// A request begins after a silence of 3.5 characters (serial line, 2.5.1.1), rounded down for the clock.
 const SILENCE_CHARACTERS: Ns = 3;
 /// A character at 115200 baud.
 const LEAST_CHAR_NS: Ns = 95_000;
-/// A request to read has so many bytes.
-const REQUEST_BYTES: u32 = 8;
 
 impl BusContrast {
     /// Takes the next frame.
@@ -153,7 +151,7 @@ impl BusContrast {
         let silence = SILENCE_CHARACTERS * self.facts.char_ns.unwrap_or(LEAST_CHAR_NS);
         let is_apart = seen.gap.is_some_and(|gap| gap >= silence);
         let is_of_driver = seen.bytes.iter().all(|byte| is_of_driver(*byte));
-        seen.mode == Mode::Rtu && seen.txn.is_none() && is_apart && seen.length <= REQUEST_BYTES && !is_of_driver
+        seen.mode == Mode::Rtu && seen.txn.is_none() && is_apart && seen.length <= READ_REQUEST_BYTES && !is_of_driver
     }
 
     /// Counts a frame with parity or framing errors.
