@@ -1,5 +1,7 @@
 //! One sentence first: healthy, works but has problems, broken, or cannot be judged, and why.
 
+mod few;
+
 use modlens_engine::records::DiagnosisRow;
 use modlens_protocol::decimal::thousands;
 use modlens_protocol::finding::Severity;
@@ -7,11 +9,12 @@ use modlens_protocol::framing::Verdict as FrameVerdict;
 
 use crate::claim::{percent, were, Certainty, ACCIDENT, FEW};
 use crate::contrast::gaps::without_lone;
-use crate::contrast::told::{Told, REQUEST};
+use crate::contrast::told::Told;
 use crate::contrast::{BusContrast, Contrast, Symptom};
 use crate::statistics::{at_least, least_rate, Share};
 use crate::table::{diagnosis, Diagnosis};
 use crate::MAX_CHANCE;
+use few::{beside, nothing_wrong, too_few, without_other_half};
 
 /// The verdict on a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,6 +39,9 @@ impl Verdict {
 
 /// How the sentence begins where there is no verdict.
 pub(super) const UNJUDGED: &str = "Cannot be judged";
+
+/// A line is broken where surely more than this share of its requests fails, and a cause is known.
+const MANY_FAILED: f64 = 0.3;
 
 /// A line is not healthy where surely more than this share of its requests is refused.
 const MANY_REFUSED: f64 = 0.2;
@@ -94,136 +100,216 @@ pub(super) fn verdict(
     rows: &[DiagnosisRow],
     open: Option<&DiagnosisRow>,
 ) -> (Verdict, String) {
-    let share: Share = buses.iter().map(|(_, bus)| bus.requests_seen.share()).sum();
-    let bytes = |verdict: FrameVerdict| -> u64 { buses.iter().map(|(_, bus)| bus.frames.bytes_of(verdict)).sum() };
-    let is_diagnosed = |row: &&DiagnosisRow| row.certainty == Certainty::Diagnosed.text();
-    let worst = rows.iter().find(is_diagnosed).filter(|row| row.severity != Severity::Info);
-    let suspected = rows.iter().find(|row| !is_diagnosed(row)).map(|row| format!("{}: {}", word(row.certainty), row.sentence));
-    let refused = Share { failed: buses.iter().map(|(_, bus)| refused(bus)).sum(), total: share.total };
-    let refusals = |link: &str| match refused.failed {
-        0 => String::new(),
-        count => format!("{link} {} refused (exception)", were(count)),
-    };
-    let numbers = if share.failed == 0 && refused.failed > 0 {
-        format!("{} of {} requests were refused (exception)", thousands(refused.failed), thousands(refused.total))
-    } else {
-        format!("{} of {} requests failed{}", thousands(share.failed), thousands(share.total), refusals(" and"))
-    };
-    let judged = Judged::of(buses, contrast);
-    if let Some(lists) = buses.iter().find_map(|(_, bus)| bus.lists.as_ref()) {
-        return (Verdict::Unknown, suspected.unwrap_or_else(|| format!("{UNJUDGED}: {}.", lists.words())));
+    let case = Case::of(buses, contrast, rows);
+    case.of_lists()
+        .or_else(|| case.of_worst())
+        .or_else(|| case.of_suspicion())
+        .or_else(|| case.without_requests())
+        .or_else(|| case.of_few())
+        .or_else(|| case.without_cause(open))
+        .unwrap_or_else(|| case.of_answered())
+}
+
+/// What a verdict rests on. Each step gives the verdict if it is the one to decide, and they are asked one after the other.
+struct Case<'a> {
+    buses: &'a [(&'a str, BusContrast)],
+    rows: &'a [DiagnosisRow],
+    judged: Judged,
+    /// Requests that tell how the line works, and which of them failed.
+    share: Share,
+    /// The same requests, and which of them were refused.
+    refused: Share,
+}
+
+impl<'a> Case<'a> {
+    fn of(buses: &'a [(&'a str, BusContrast)], contrast: &Contrast, rows: &'a [DiagnosisRow]) -> Self {
+        let share: Share = buses.iter().map(|(_, bus)| bus.requests_seen.share()).sum();
+        let refused = Share { failed: buses.iter().map(|(_, bus)| refused(bus)).sum(), total: share.total };
+        Self { buses, rows, judged: Judged::of(buses, contrast), share, refused }
     }
-    if let Some(worst) = worst {
+
+    fn bytes(&self, verdict: FrameVerdict) -> u64 {
+        self.buses.iter().map(|(_, bus)| bus.frames.bytes_of(verdict)).sum()
+    }
+
+    /// The refusals behind this word; nothing without any.
+    fn refusals(&self, link: &str) -> String {
+        match self.refused.failed {
+            0 => String::new(),
+            count => format!("{link} {} refused (exception)", were(count)),
+        }
+    }
+
+    /// How many requests failed, or were refused.
+    fn numbers(&self) -> String {
+        let (share, refused) = (self.share, self.refused);
+        if share.failed == 0 && refused.failed > 0 {
+            format!("{} of {} requests were refused (exception)", thousands(refused.failed), thousands(refused.total))
+        } else {
+            format!("{} of {} requests failed{}", thousands(share.failed), thousands(share.total), self.refusals(" and"))
+        }
+    }
+
+    fn problems(&self) -> String {
+        self.judged.problems(&self.numbers())
+    }
+
+    /// What a few examples suggest, in words.
+    fn suspected(&self) -> Option<String> {
+        self.rows.iter().find(|row| !is_diagnosed(row)).map(|row| format!("{}: {}", word(row.certainty), row.sentence))
+    }
+
+    /// Whether all bytes are good frames, and nothing is odd.
+    fn is_whole(&self) -> bool {
+        self.buses.iter().all(|(_, bus)| (bytes_of_frames(bus), bus.symptoms.all().count()) == (bus.frames.good_bytes(), 0))
+    }
+
+    /// Two lists one after the other have no pairs to judge.
+    fn of_lists(&self) -> Option<(Verdict, String)> {
+        let lists = self.buses.iter().find_map(|(_, bus)| bus.lists.as_ref())?;
+        Some((Verdict::Unknown, self.suspected().unwrap_or_else(|| format!("{UNJUDGED}: {}.", lists.words()))))
+    }
+
+    /// The worst diagnosis decides.
+    fn of_worst(&self) -> Option<(Verdict, String)> {
+        let (share, refused) = (self.share, self.refused);
+        let worst = self.rows.iter().find(|row| is_diagnosed(row)).filter(|row| row.severity != Severity::Info)?;
         // Where nothing but refusals came, a cause that explains none is not the cause.
         let is_of_refusals = diagnosis(worst.code).is_some_and(Diagnosis::explains_refusals);
         let is_aside = share.failed == 0 && refused.failed > 0 && !is_of_refusals;
-        let cause = format!("{}: {}", if is_aside { "What else was found" } else { rest(rows) }, worst.sentence);
+        let cause = format!("{}: {}", if is_aside { "What else was found" } else { rest(self.rows) }, worst.sentence);
         if share.total == 0 {
             // Requests to all units have no outcome.
-            let is_empty = buses.iter().all(|(_, bus)| bus.broadcasts == 0);
+            let is_empty = self.buses.iter().all(|(_, bus)| bus.broadcasts == 0);
             let text = if is_empty { format!("No valid request was found. {cause}") } else { worst.sentence.clone() };
-            return (Verdict::Broken, text);
+            return Some((Verdict::Broken, text));
         }
-        if least_rate(share) > 0.3 {
-            return (Verdict::Broken, format!("{}. {cause}", judged.state("is broken", &numbers)));
+        if least_rate(share) > MANY_FAILED {
+            return Some((Verdict::Broken, format!("{}. {cause}", self.judged.state("is broken", &self.numbers()))));
         }
         if share.failed == 0 && refused.failed == 0 {
-            return (Verdict::Trouble, all_answered(share.total, rows, worst));
+            return Some((Verdict::Trouble, all_answered(share.total, self.rows, worst)));
         }
-        return (Verdict::Trouble, format!("{}. {cause}", judged.problems(&numbers)));
+        Some((Verdict::Trouble, format!("{}. {cause}", self.problems())))
     }
-    if let Some(suspected) = suspected {
-        return suspicion(share, &judged.problems(&numbers), &suspected);
+
+    /// Examples suggest a cause.
+    fn of_suspicion(&self) -> Option<(Verdict, String)> {
+        let suspected = self.suspected()?;
+        if self.share.total < FEW {
+            return Some((Verdict::Unknown, suspected));
+        }
+        Some((Verdict::Trouble, format!("{}. {suspected}", self.problems())))
     }
-    if share.total == 0 && bytes(FrameVerdict::Noise) > bytes(FrameVerdict::Ok) {
-        let count = thousands(bytes(FrameVerdict::Noise));
-        return (Verdict::Unknown, format!("{UNJUDGED}: {count} bytes, and no request among them."));
+
+    /// No request shows what came of it: the recording holds something else.
+    fn without_requests(&self) -> Option<(Verdict, String)> {
+        let (buses, total) = (self.buses, self.share.total);
+        let unknown = |text: String| Some((Verdict::Unknown, text));
+        let noise = self.bytes(FrameVerdict::Noise);
+        if total == 0 && noise > self.bytes(FrameVerdict::Ok) {
+            return unknown(format!("{UNJUDGED}: {} bytes, and no request among them.", thousands(noise)));
+        }
+        let is_heard = buses.iter().any(|(_, bus)| bus.heard.is_some());
+        let whole = told(buses).filter(|told| total == 0 && !is_heard && told.is_plain && self.is_whole());
+        if let Some(sentence) = whole.and_then(without_other_half) {
+            return unknown(sentence);
+        }
+        let alone: u64 = buses.iter().map(|(_, bus)| bus.answers_alone()).sum();
+        if total == 0 && alone > 1 {
+            let what = format!("{} answers, and no request among them", thousands(alone));
+            return unknown(format!("{UNJUDGED}: {what}: the recording hears one direction."));
+        }
+        if let Some(count) = broadcasts_only(buses) {
+            let writes =
+                if count == 1 { String::from("the only request is") } else { format!("all {} requests are", thousands(count)) };
+            let what = format!("{writes} to unit 0, that is to all units, and none answers that: a master does not wait there");
+            return unknown(format!("{UNJUDGED}: {what}."));
+        }
+        if let [(_, BusContrast { heard: Some(unit), .. })] = buses {
+            let what =
+                format!("What was received is a request to unit {unit}, not an answer. That is right in the log of a unit");
+            return unknown(format!("{what}; in that of a master, another master is on the line, or it hears itself."));
+        }
+        None
     }
-    let alone: u64 = buses.iter().map(|(_, bus)| bus.answers_alone()).sum();
-    let is_whole =
-        buses.iter().all(|(_, bus)| (bytes_of_frames(bus), bus.symptoms.all().count()) == (bus.frames.good_bytes(), 0));
-    let is_heard = buses.iter().any(|(_, bus)| bus.heard.is_some());
-    let whole = told(buses).filter(|told| is_whole && !is_heard && share.total == 0 && told.is_plain);
-    if let Some(sentence) = whole.and_then(without_other_half) {
-        return (Verdict::Unknown, sentence);
-    }
-    if share.total == 0 && alone > 1 {
-        let count = thousands(alone);
-        return (
-            Verdict::Unknown,
-            format!("{UNJUDGED}: {count} answers, and no request among them: the recording hears one direction."),
-        );
-    }
-    if let Some(count) = broadcasts_only(buses) {
-        let writes =
-            if count == 1 { String::from("the only request is") } else { format!("all {} requests are", thousands(count)) };
-        let what = format!("{writes} to unit 0, that is to all units, and none answers that: a master does not wait there");
-        return (Verdict::Unknown, format!("{UNJUDGED}: {what}."));
-    }
-    if let [(_, BusContrast { heard: Some(unit), .. })] = buses {
-        let what = format!("What was received is a request to unit {unit}, not an answer. That is right in the log of a unit");
-        return (Verdict::Unknown, format!("{what}; in that of a master, another master is on the line, or it hears itself."));
-    }
-    if share.total < FEW {
+
+    /// Too few requests for a verdict; what came of them is told all the same.
+    fn of_few(&self) -> Option<(Verdict, String)> {
+        let (buses, share, refused) = (self.buses, self.share, self.refused);
+        if share.total >= FEW {
+            return None;
+        }
+        let is_whole = self.is_whole();
         let open =
             buses.iter().flat_map(|(_, bus)| bus.units.values()).map(|unit| unit.not_seen.failed - unit.silent.failed).sum();
         let troubles: u64 = buses.iter().map(|(_, bus)| bus.troubles).sum();
         if is_whole && share.total > 0 && refused.failed == 0 && troubles == 0 {
-            return (Verdict::Unknown, format!("{}{}.", nothing_wrong(share.total, told(buses), open > 0), beside(share, open)));
+            let text = format!("{}{}.", nothing_wrong(share.total, told(buses), open > 0), beside(share, open));
+            return Some((Verdict::Unknown, text));
         }
-        let why = too_few(share, refused, is_whole, bytes(FrameVerdict::Noise));
-        return (Verdict::Unknown, format!("{UNJUDGED}: {why}{}.", beside(share, open)));
+        let why = too_few(share, refused, is_whole, self.bytes(FrameVerdict::Noise));
+        Some((Verdict::Unknown, format!("{UNJUDGED}: {why}{}.", beside(share, open))))
     }
-    if let Some(open) = open.filter(|open| open.severity != Severity::Info) {
-        return (Verdict::Trouble, format!("{}. {}", judged.problems(&numbers), open.sentence));
+
+    /// Requests fail, or are refused, and no cause explains it; `open` is what a unit bears.
+    fn without_cause(&self, open: Option<&DiagnosisRow>) -> Option<(Verdict, String)> {
+        let share = self.share;
+        let trouble = |why: &str| Some((Verdict::Trouble, format!("{}. {why}", self.problems())));
+        if let Some(open) = open.filter(|open| open.severity != Severity::Info) {
+            return trouble(&open.sentence);
+        }
+        // What the master has searched for once is no failure of the line.
+        let is_over = |row: &&DiagnosisRow| row.severity == Severity::Info && row.until.is_some() && row.failed == row.total;
+        let searched: u64 = self.rows.iter().filter(is_over).map(|row| row.failed).sum();
+        let failing = Share { failed: share.failed.saturating_sub(searched), total: share.total };
+        if failing.failed > 0 && at_least(failing, ACCIDENT) < MAX_CHANCE {
+            let most = self.rows.iter().find(|row| is_diagnosed(row) && row.failed * 2 > share.failed);
+            return trouble(most.map_or("No known cause explains it.", |row| &row.sentence));
+        }
+        if least_rate(self.refused) > MANY_REFUSED {
+            return trouble("There is no single reason; each transaction names its own.");
+        }
+        None
     }
-    // What the master has searched for once is no failure of the line.
-    let is_over = |row: &&DiagnosisRow| row.severity == Severity::Info && row.until.is_some() && row.failed == row.total;
-    let searched: u64 = rows.iter().filter(is_over).map(|row| row.failed).sum();
-    let failing = Share { failed: share.failed.saturating_sub(searched), total: share.total };
-    if failing.failed > 0 && at_least(failing, ACCIDENT) < MAX_CHANCE {
-        let most = rows.iter().find(|row| is_diagnosed(row) && row.failed * 2 > share.failed);
-        let why = most.map_or(String::from("No known cause explains it."), |row| row.sentence.clone());
-        let text = format!("{}. {why}", judged.problems(&numbers));
-        return (Verdict::Trouble, text);
-    }
-    if least_rate(refused) > MANY_REFUSED {
-        let text = format!("{}. There is no single reason; each transaction names its own.", judged.problems(&numbers));
-        return (Verdict::Trouble, text);
-    }
-    let answered = format!(
-        "{} of {} requests were answered ({}){}",
-        thousands(share.total - share.failed),
-        thousands(share.total),
-        percent(1.0 - share.rate()),
-        refusals(", but")
-    );
-    if let Some((unit, stretch)) = buses.iter().find_map(|(_, bus)| refused_for_a_while(bus)) {
-        let (some, all) = (thousands(stretch.failed), thousands(stretch.total));
-        let text = judged.problems(&answered);
-        return (Verdict::Trouble, format!("{text}. In one stretch of time, unit {unit} refused {some} of {all} requests."));
-    }
-    let of_no_frame =
-        Share { failed: bytes(FrameVerdict::Noise), total: buses.iter().map(|(_, bus)| bytes_of_frames(bus)).sum() };
-    if least_rate(of_no_frame) > MUCH_OF_NO_FRAME {
-        let (some, all) = (thousands(of_no_frame.failed), thousands(of_no_frame.total));
-        let text = judged.problems(&answered);
-        return (
-            Verdict::Trouble,
-            format!("{text}, and {some} of {all} bytes belong to no frame. No known cause explains them."),
+
+    /// Hardly a request failed: the line is healthy, unless a unit refused for a while, or much belongs to no frame.
+    fn of_answered(&self) -> (Verdict, String) {
+        let share = self.share;
+        let answered = format!(
+            "{} of {} requests were answered ({}){}",
+            thousands(share.total - share.failed),
+            thousands(share.total),
+            percent(1.0 - share.rate()),
+            self.refusals(", but")
         );
+        let trouble = |what: String| (Verdict::Trouble, format!("{}{what}", self.judged.problems(&answered)));
+        if let Some((unit, stretch)) = self.buses.iter().find_map(|(_, bus)| refused_for_a_while(bus)) {
+            let (some, all) = (thousands(stretch.failed), thousands(stretch.total));
+            return trouble(format!(". In one stretch of time, unit {unit} refused {some} of {all} requests."));
+        }
+        let all = self.buses.iter().map(|(_, bus)| bytes_of_frames(bus)).sum();
+        let of_no_frame = Share { failed: self.bytes(FrameVerdict::Noise), total: all };
+        if least_rate(of_no_frame) > MUCH_OF_NO_FRAME {
+            let (some, all) = (thousands(of_no_frame.failed), thousands(of_no_frame.total));
+            return trouble(format!(", and {some} of {all} bytes belong to no frame. No known cause explains them."));
+        }
+        let runs = runs_of_no_frame(self.buses);
+        if least_rate(Share { failed: runs, total: share.total + runs }) > MANY_RUNS {
+            let runs = thousands(runs);
+            return trouble(format!(", and {runs} runs of bytes belong to no frame. No known cause explains them."));
+        }
+        let others = if self.judged.is_part {
+            " More servers and units are in it than are counted, and those are not judged."
+        } else {
+            ""
+        };
+        (Verdict::Healthy, self.judged.state("is healthy", &format!("{answered}.{others}")))
     }
-    let runs = runs_of_no_frame(buses);
-    if least_rate(Share { failed: runs, total: share.total + runs }) > MANY_RUNS {
-        let text = judged.problems(&answered);
-        return (
-            Verdict::Trouble,
-            format!("{text}, and {} runs of bytes belong to no frame. No known cause explains them.", thousands(runs)),
-        );
-    }
-    let others =
-        if judged.is_part { " More servers and units are in it than are counted, and those are not judged." } else { "" };
-    (Verdict::Healthy, judged.state("is healthy", &format!("{answered}.{others}")))
+}
+
+fn is_diagnosed(row: &DiagnosisRow) -> bool {
+    row.certainty == Certainty::Diagnosed.text()
 }
 
 /// Runs of bytes between frames that are neither a frame nor what a driver leaves when it is switched.
@@ -242,28 +328,11 @@ pub(super) fn broadcasts_only(buses: &[(&str, BusContrast)]) -> Option<u64> {
     (count > 0 && !buses.iter().any(|(_, bus)| has_others(bus))).then_some(count)
 }
 
-/// The verdict where examples suggest a cause.
-fn suspicion(share: Share, problems: &str, suspected: &str) -> (Verdict, String) {
-    if share.total < FEW {
-        return (Verdict::Unknown, suspected.to_owned());
-    }
-    (Verdict::Trouble, format!("{problems}. {suspected}"))
-}
-
 fn word(certainty: &str) -> &'static str {
     if certainty == Certainty::Likely.text() {
         "Likely"
     } else {
         "Suspected"
-    }
-}
-
-/// The requests whose outcome the recording does not show, beside others.
-fn beside(share: Share, open: u64) -> String {
-    match open {
-        _ if share.total == 0 || open == 0 => String::new(),
-        1 => String::from("; no answer to another one is in the recording"),
-        count => format!("; no answer to {count} others is in the recording"),
     }
 }
 
@@ -273,62 +342,6 @@ pub(super) fn told<'a>(buses: &'a [(&str, BusContrast)]) -> Option<&'a Told> {
         [(_, bus)] => bus.told.as_ref(),
         _ => None,
     }
-}
-
-/// What is said of a few requests with whole frames that were all answered: what they say, and, unless others are `open`, where to
-/// look.
-fn nothing_wrong(requests: u64, told: Option<&Told>, is_open: bool) -> String {
-    let first = told.and_then(|told| told.answered.as_ref());
-    let answered = match requests {
-        1 => format!("1 request was answered{}", first.map_or(String::new(), |what| format!(": {what}"))),
-        count => {
-            format!("all {count} requests were answered{}", first.map_or(String::new(), |what| format!("; the first: {what}")))
-        }
-    };
-    let few = if requests == 1 { "1 request is" } else { "they are" };
-    let rest = if is_open { format!("; {few}") } else { format!(". {OUTSIDE}; {few}") };
-    format!("Nothing is wrong in these frames: {answered}{rest} too few to judge the line")
-}
-
-/// Where to look if the frames are right.
-const OUTSIDE: &str =
-    "If something fails, it is not in these bytes: look at what the program makes of them (address, data type, word order), and \
-                       at what is not printed here";
-
-/// What is said of whole frames of which each is a request, or an answer, without the other half.
-fn without_other_half(told: &Told) -> Option<String> {
-    let (what, rest) = told.alone.split_first()?;
-    let what = if rest.is_empty() { format!("it is {what}") } else { format!("the first is {what}") };
-    let has_answers = told.alone.iter().any(|one| !one.starts_with(REQUEST));
-    let missing = if has_answers { "what was asked for" } else { "whether an answer came" };
-    let frames = if rest.is_empty() { "this frame" } else { "these frames" };
-    Some(format!("Nothing is wrong in {frames}: {what}. The recording does not show {missing}."))
-}
-
-/// Why so few requests are no ground for a verdict, and what came of them all the same: who pastes three lines of a log into a
-/// file wants to hear that they were read.
-fn too_few(share: Share, refused: Share, is_whole: bool, of_no_frame: u64) -> String {
-    let requests = match share.total {
-        0 if is_whole => {
-            return "the recording does not show the outcome of any request; what it holds are whole frames".to_owned()
-        }
-        0 => return "the recording does not show the outcome of any request".to_owned(),
-        1 => "1 request is too few".to_owned(),
-        count => format!("{count} requests are too few"),
-    };
-    let failed = match share.failed {
-        0 if refused.failed == 0 && of_no_frame > 1 => {
-            format!("; what was asked was answered, and {} bytes are of no frame", thousands(of_no_frame))
-        }
-        0 if refused.failed == 0 => String::from("; what was asked was answered"),
-        0 => String::new(),
-        count => format!("; {count} of {} failed", share.total),
-    };
-    let refusals = match refused.failed {
-        0 => String::new(),
-        count => format!("; {} refused (exception)", were(count)),
-    };
-    format!("{requests}{failed}{refusals}")
 }
 
 fn bytes_of_frames(bus: &BusContrast) -> u64 {
