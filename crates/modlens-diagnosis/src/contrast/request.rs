@@ -54,7 +54,7 @@ pub struct RequestCounts {
     /// Good answers.
     pub good: u64,
     /// Refusals by exception 1, 2 and 3, and others.
-    pub refused: [u64; 4],
+    refused: [u64; 4],
     /// Without an answer.
     pub silent: u64,
     /// Exchanges whose answer, or whose request, was damaged.
@@ -307,6 +307,11 @@ impl RequestCounts {
     /// How often it was sent, with a known end.
     pub fn sent(&self) -> u64 {
         self.bad.total
+    }
+
+    /// How often it was refused with this exception: 1, 2 or 3.
+    pub fn refused_with(&self, exception: u8) -> u64 {
+        self.refused[usize::from(exception) - 1]
     }
 
     /// How often it was refused.

@@ -1,11 +1,18 @@
 //! Answers that come late, for a while not at all, or never.
 
+use std::rc::Rc;
+
 use modlens_protocol::Ns;
 
 use crate::claim::{duration, percent, Claim, View};
 use crate::contrast::UnitCounts;
 use crate::statistics::{at_least, fisher, in_runs_at_most, Share};
 use crate::MAX_CHANCE;
+
+/// The claims of `slow_answers`, recognized once for all kinds: a late answer shows itself as other troubles as well.
+pub(super) fn slow_answers_once(view: &View<'_>) -> Rc<[Claim]> {
+    view.once("slow_answers", slow_answers)
+}
 
 /// Answers that come after the master has given up, or that press against its timeout.
 pub(super) fn slow_answers(view: &View<'_>) -> Vec<Claim> {

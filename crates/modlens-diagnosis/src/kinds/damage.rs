@@ -1,5 +1,6 @@
 //! Damage, told apart by where in the frame it is and whose frames it hits.
 
+use super::answers::slow_answers_once;
 use super::switched::{failures_after_writes, noise_of_writes_once};
 use crate::claim::{duration, severity_of, Claim, View, FEW};
 use crate::contrast::tally::Tally;
@@ -159,7 +160,7 @@ fn hits_both_sides(view: &View<'_>) -> bool {
 /// Whether damage may all be that of late answers. One meets the next request or its answer, so damage is theirs where it comes
 /// after a failure, or is that of a unit that answers late (`slow_answers`).
 fn is_of_late_answers(view: &View<'_>) -> bool {
-    let slow: Vec<Option<u8>> = view.once("slow_answers", super::answers::slow_answers).iter().map(|claim| claim.unit).collect();
+    let slow: Vec<Option<u8>> = slow_answers_once(view).iter().map(|claim| claim.unit).collect();
     let late: u64 = view.units().map(|(_, counts)| counts.late.failed).sum();
     let others = view.units().filter(|(unit, _)| !slow.contains(&Some(*unit)));
     let rest = others.map(|(_, counts)| counts.damage_after_failure[0]).sum();
@@ -337,7 +338,7 @@ pub(super) fn duplicate_address(view: &View<'_>) -> Vec<Claim> {
         return Vec::new();
     }
     // A late answer meets the next request, and its answer.
-    let slow = view.once("slow_answers", super::answers::slow_answers);
+    let slow = slow_answers_once(view);
     let is_slow = |unit: u8| slow.iter().any(|claim| claim.unit == Some(unit));
     let others = view.units().filter(|(unit, counts)| answers_twice(view, *unit, counts) || !is_slow(*unit));
     others.filter_map(|(unit, counts)| duplicate(view, unit, counts)).collect()

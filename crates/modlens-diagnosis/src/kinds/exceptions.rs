@@ -16,7 +16,7 @@ type Request<'a> = (&'a RequestKey, &'a RequestCounts);
 /// Requests that were refused with exception 2 or 3 each time, or from one moment on to another; twice at least. Values that are
 /// refused say nothing about addresses.
 fn refused<'a>(all: &[Request<'a>]) -> Vec<Request<'a>> {
-    let is_refused = |counts: &RequestCounts| is_always_refused(counts) && counts.refused[1] + counts.refused[2] >= 2;
+    let is_refused = |counts: &RequestCounts| is_always_refused(counts) && counts.refused_with(2) + counts.refused_with(3) >= 2;
     all.iter().filter(|(key, counts)| is_refused(counts) && !is_of_value(key, counts)).copied().collect()
 }
 
@@ -92,7 +92,7 @@ fn reason(all: &[Request<'_>], request: Request<'_>) -> Reason {
     // Where each register is answered in some other block, none is missing; where one is, all that are refused have it.
     let is_near = longest.zip(shortest_bad).is_some_and(|(longest, shortest)| shortest > longest && is_sharp(longest, shortest));
     let no_hole = covered == u32::from(key.quantity) || has_no_hole(all, key) || (is_near && several_refused(all, key));
-    if let (true, Some(longest)) = (is_limit && (no_hole || request.1.refused[2] > request.1.refused[1]), longest) {
+    if let (true, Some(longest)) = (is_limit && (no_hole || request.1.refused_with(3) > request.1.refused_with(2)), longest) {
         return Reason::TooLong { good: longest };
     }
     if let (Some(first), 1) = (key.address.checked_sub(1), key.address % 10) {
@@ -132,7 +132,7 @@ fn several_refused(all: &[Request<'_>], key: &RequestKey) -> bool {
 /// An address that is refused while its neighbour is answered.
 pub(super) fn address_off_by_one(view: &View<'_>) -> Vec<Claim> {
     let all = view.bus.requests.sorted();
-    let few = || all.iter().filter(|(_, counts)| view.is_small() && counts.good == 0 && counts.refused[1] > 0).copied();
+    let few = || all.iter().filter(|(_, counts)| view.is_small() && counts.good == 0 && counts.refused_with(2) > 0).copied();
     let refused = refused(&all);
     let claims = if refused.is_empty() { few().collect() } else { refused }.into_iter().filter_map(|request| {
         let shifted = |address| RequestKey { address, ..*request.0 }.block();
@@ -175,7 +175,7 @@ pub(super) fn register_hole(view: &View<'_>) -> Vec<Claim> {
         let parts = match reason(&all, request) {
             Reason::Hole => parts_in_words(&all, request.0),
             // Refusals of a value tell nothing about addresses.
-            Reason::Unknown if request.1.refused[1] > 0 => String::new(),
+            Reason::Unknown if request.1.refused_with(2) > 0 => String::new(),
             Reason::OfManuals(_) if view.is_small() => String::new(),
             _ => return None,
         };
@@ -201,7 +201,7 @@ fn parts_in_words(all: &[Request<'_>], key: &RequestKey) -> String {
 /// changed, not the map of each block.
 fn lost_addresses(view: &View<'_>, all: &[Request<'_>], unit: u8) -> Option<Claim> {
     let of_unit: Vec<Request<'_>> = all.iter().filter(|(key, _)| key.unit == unit).copied().collect();
-    let is_lost = |counts: &RequestCounts| counts.good > 0 && counts.refused[1] >= 2 && is_always_refused(counts);
+    let is_lost = |counts: &RequestCounts| counts.good > 0 && counts.refused_with(2) >= 2 && is_always_refused(counts);
     if of_unit.len() < 2 || !of_unit.iter().all(|(_, counts)| is_lost(counts)) {
         return None;
     }
@@ -220,7 +220,7 @@ fn lost_addresses(view: &View<'_>, all: &[Request<'_>], unit: u8) -> Option<Clai
 fn no_address(view: &View<'_>, all: &[Request<'_>], unit: u8) -> Option<Claim> {
     let counts = view.bus.units.get(&unit)?;
     let (refused, total) = (&counts.exceptions[2], counts.failures.total);
-    let blocks = all.iter().filter(|(key, counts)| key.unit == unit && counts.refused[1] > 0).count();
+    let blocks = all.iter().filter(|(key, counts)| key.unit == unit && counts.refused_with(2) > 0).count();
     let is_answered = all.iter().any(|(key, counts)| key.unit == unit && counts.good > 0);
     if blocks < 2 || is_answered || refused.failed + counts.failures.failed < total {
         return None;
@@ -276,7 +276,7 @@ fn limit(all: &[Request<'_>], request: Request<'_>) -> Option<(String, String)> 
     if let Reason::TooLong { good } = reason_of_length(all, request) {
         return Some((format!("blocks of up to {good} were answered"), good.to_string()));
     }
-    let is_of_quantity = counts.refused[2] > counts.refused[1] && key.quantity != 1 && !is_of_value(key, counts);
+    let is_of_quantity = counts.refused_with(3) > counts.refused_with(2) && key.quantity != 1 && !is_of_value(key, counts);
     if !is_of_quantity || !answered(all, key).is_empty() {
         return None;
     }
@@ -291,7 +291,8 @@ fn limit(all: &[Request<'_>], request: Request<'_>) -> Option<(String, String)> 
 
 /// Requests that are refused each time, or never answered while shorter ones are.
 fn failing<'a>(all: &[Request<'a>]) -> Vec<Request<'a>> {
-    let is_failing = |counts: &RequestCounts| counts.good == 0 && counts.refused[1] + counts.refused[2] + counts.silent >= 2;
+    let is_failing =
+        |counts: &RequestCounts| counts.good == 0 && counts.refused_with(2) + counts.refused_with(3) + counts.silent >= 2;
     all.iter().filter(|(key, counts)| is_failing(counts) && !is_of_value(key, counts)).copied().collect()
 }
 
@@ -345,7 +346,7 @@ fn is_function_refused(all: &[Request<'_>], key: &RequestKey) -> bool {
         .filter(|(other, _)| other.function == key.function)
         .all(|(_, counts)| is_always_refused(counts));
     // A unit that refuses the addresses of all functions from one moment on knows the functions.
-    let says_function = all.iter().any(|(other, counts)| *other == key && counts.refused[0] > 0);
+    let says_function = all.iter().any(|(other, counts)| *other == key && counts.refused_with(1) > 0);
     if same && says_function {
         return true;
     }
@@ -377,7 +378,7 @@ pub(super) fn wrong_function(view: &View<'_>) -> Vec<Claim> {
     let all = view.bus.requests.sorted();
     let mut found: Vec<Claim> = Vec::new();
     for (key, counts) in &all {
-        let refusals = counts.refused[0] + counts.refused[1];
+        let refusals = counts.refused_with(1) + counts.refused_with(2);
         let is_new = !found.iter().any(|claim| (claim.unit, claim.function) == (Some(key.unit), Some(key.function)));
         if !is_always_refused(counts) || refusals < 2 || !is_new || !is_function_refused(&all, key) {
             continue;

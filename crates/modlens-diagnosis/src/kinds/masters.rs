@@ -1,5 +1,6 @@
 //! Who speaks on the line besides the master and the unit asked: an echo, a unit that answers for others, a writer.
 
+use super::answers::slow_answers_once;
 use crate::claim::{duration, Certainty, Claim, ShownBy, View};
 use crate::contrast::tally::{Place, Tally};
 use crate::contrast::{RequestCounts, UnitCounts};
@@ -72,7 +73,7 @@ fn upset(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let several = after_answers().count() as f64;
     let corrected = view.significant(chance * several)?;
     // A unit whose answers are late answers into the request after the next one, too (slow_answers).
-    let is_slow = || view.once("slow_answers", super::answers::slow_answers).iter().any(|claim| claim.unit == Some(other));
+    let is_slow = || slow_answers_once(view).iter().any(|claim| claim.unit == Some(other));
     if inside.rate() <= 3.0 * outside.rate() || is_slow() {
         return None;
     }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::answers::slow_answers_once;
 use super::damage::NOISE_OF_ONE_BIT;
 use super::interleaved::Interleaved;
 use crate::claim::{were, Claim, View};
@@ -41,7 +42,7 @@ pub(super) fn two_masters(view: &View<'_>) -> Vec<Claim> {
     let is_certain = has_one_list || (crossings.failed > 0 && by_noise(odd) <= MAX_CHANCE) || is_hasty;
     let met = by_noise(crossings.failed + view.bus.frames.collisions.failed);
     // A late answer meets the next request, too: who asks it is one master.
-    let is_slow = || !view.once("slow_answers", super::answers::slow_answers).is_empty();
+    let is_slow = || !slow_answers_once(view).is_empty();
     if !is_certain
         && (is_refuted || is_foreign || is_slow() || !order(view).is_some_and(|order| order.tells(both(met, superimposed(view)))))
     {

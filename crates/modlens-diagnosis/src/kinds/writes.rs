@@ -12,15 +12,15 @@ use crate::statistics::{at_least, Share};
 pub(super) fn is_of_value(key: &RequestKey, counts: &RequestCounts) -> bool {
     let kind = Functions::embedded().standard_request(key.function).map(|request| request.kind);
     let is_write = matches!(kind, Some(StandardLayout::WriteOne | StandardLayout::WriteBits | StandardLayout::WriteRegisters));
-    is_write && counts.refused[2] > counts.refused[1] && (key.quantity == 1 || counts.good > 0)
+    is_write && counts.refused_with(3) > counts.refused_with(2) && (key.quantity == 1 || counts.good > 0)
 }
 
 /// Writes of values that are refused.
 pub(super) fn value_refused(view: &View<'_>) -> Vec<Claim> {
     let all = view.bus.requests.sorted();
-    let of_value = all.iter().filter(|(key, counts)| is_of_value(key, counts) && counts.refused[2] > 1);
+    let of_value = all.iter().filter(|(key, counts)| is_of_value(key, counts) && counts.refused_with(3) > 1);
     let claims = of_value.filter_map(|(key, counts)| {
-        let share = Share { failed: counts.refused[2], total: counts.sent() };
+        let share = Share { failed: counts.refused_with(3), total: counts.sent() };
         let chance = view.significant(at_least(share, REFUSED_BY_ACCIDENT))?;
         let taken = if counts.good > 0 { ", and other values were taken" } else { "" };
         let claim = Claim::new("value_refused", &counts.bad, chance).of_unit(key.unit).at(key.function, key.address);
