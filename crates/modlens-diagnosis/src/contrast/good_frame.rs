@@ -1,4 +1,4 @@
-//! The last good frame, and what it tells of the frame after it.
+//! The last good frame, and what it shows about the frame after it.
 
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Mode;

@@ -1,4 +1,4 @@
-//! What a request asks for, by which requests are told apart.
+//! What a request asks for, by which requests are distinguished.
 
 use modlens_protocol::mix::mix;
 

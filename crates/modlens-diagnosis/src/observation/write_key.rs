@@ -1,4 +1,4 @@
-//! What a write writes, by which writes are told apart.
+//! What a write writes, by which writes are distinguished.
 
 use modlens_protocol::mix::mix;
 

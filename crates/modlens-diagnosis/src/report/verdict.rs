@@ -132,7 +132,7 @@ impl<'a> Case<'a> {
         self.buses.iter().map(|(_, bus)| bus.frames.bytes_of(verdict)).sum()
     }
 
-    /// The refusals behind this word; nothing without any.
+    /// The refusals that this word stands for; nothing without any.
     fn refusals(&self, link: &str) -> String {
         match self.refused.failed {
             0 => String::new(),
@@ -234,7 +234,7 @@ impl<'a> Case<'a> {
         None
     }
 
-    /// Too few requests for a verdict; what came of them is told all the same.
+    /// Too few requests for a verdict; what came of them is reported all the same.
     fn of_few(&self) -> Option<(Verdict, String)> {
         let (buses, share, refused) = (self.buses, self.share, self.refused);
         if share.total >= FEW {
