@@ -2,7 +2,7 @@
 
 use crate::text::proved::{hex_front, longest_hex, sender, single_bytes, single_digits};
 use crate::text::reports::{reported, Said};
-use modlens_protocol::annotate::spaced_hex;
+use modlens_protocol::annotate::{exception_name, spaced_hex};
 use modlens_protocol::checksum::{crc16, crc_valid, CRC_BYTES};
 use modlens_protocol::direction::possible_directions;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
@@ -64,6 +64,9 @@ fn odd_bytes<'a>(lines: impl Iterator<Item = UnreadLine<'a>>) -> Option<String> 
     for UnreadLine { number, text, before: read } in lines {
         let line = without_emphasis(text);
         let Some(bytes) = single_digits(&line).or_else(|| longest_hex(&line)) else { continue };
+        if let Some(refusal) = [&before[..], read].into_iter().find_map(|asked| bare_refusal(asked, &bytes)) {
+            return Some(format!("in line {number} {refusal}"));
+        }
         if bytes.len() < LEAST_BYTES {
             continue;
         }
@@ -82,6 +85,20 @@ fn odd_bytes<'a>(lines: impl Iterator<Item = UnreadLine<'a>>) -> Option<String> 
         (before, side_before) = (bytes, side);
     }
     None
+}
+
+/// What is said of two bytes that refuse the request before: a refusal without its unit and its checksum.
+fn bare_refusal(asked: &[u8], bytes: &[u8]) -> Option<String> {
+    let [refused, code] = *bytes else { return None };
+    let function = refused & !EXCEPTION_BIT;
+    let is_request = |pdu: &[u8]| pdu.first() == Some(&function) && possible_directions(Functions::embedded(), pdu).0;
+    let unit_and_pdu = asked.strip_suffix(&crc16(&asked[..asked.len().saturating_sub(CRC_BYTES)]).to_le_bytes()).unwrap_or(asked);
+    let is_of_request = is_request(asked) || unit_and_pdu.get(1..).is_some_and(is_request);
+    let name = exception_name(code).filter(|_| refused != function && is_of_request)?;
+    Some(format!(
+        "the bytes {refused:02X} {code:02X} are a refusal without unit and checksum, as programs print it: function {function} is refused with \
+         exception {code} ({name})"
+    ))
 }
 
 /// What is said of a request without its last byte where it was received.
