@@ -77,7 +77,7 @@ def test_requests_that_were_all_received_are_no_echo(tmp_path: Path) -> None:
 def test_what_one_side_received_distorted_is_first_a_matter_of_settings(tmp_path: Path) -> None:
     lines = [f"I send {ASK.hex(' ')}", f"and receive {(ASK[:-2] + bytes([0x04, 0x0A])).hex(' ')}"]
     sentence = said(lines, tmp_path)
-    assert "some bits changed: rate, parity, data bits or levels differ" in sentence
+    assert "in 2 of its 8 bytes: what receives it has other data bits, parity" in sentence
 
 
 def test_refusals_without_a_checksum_are_named(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ use modlens_engine::records::{Batch, Transaction};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, Operation};
+use modlens_protocol::oddity::Altered;
 use modlens_protocol::register_type::Space;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
@@ -133,7 +134,7 @@ pub struct Observation {
     /// What came as the answer is the request itself, whole or cut.
     pub is_own_echo: bool,
     /// The same with some of its bits changed.
-    pub is_altered_echo: bool,
+    pub altered_echo: Option<Altered>,
     /// The answer stops before its end, and is right as far as it goes.
     pub is_cut: bool,
     /// One bit of the answer would make its checksum right, and no frame of the function.
@@ -223,7 +224,7 @@ impl Observation {
             findings,
             request_head: request_head(batch, row),
             is_own_echo: echo::is_echo(batch, row),
-            is_altered_echo: echo::is_altered_echo(batch, row),
+            altered_echo: echo::altered_echo(batch, row),
             is_cut: row.status == Status::BadResponse && findings.has(Finding::Incomplete),
             has_chance_bit: damage::has_chance_bit(batch, row),
             layout: if findings.is_empty() { None } else { layout::layout_fault(batch, row, |finding| findings.has(finding)) },

@@ -79,7 +79,8 @@ impl Report {
         let has_broadcasts_only = verdict::broadcasts_only(&buses).is_some();
         let is_checked = |bus: &BusContrast| {
             let has_checksums = bus.frames.of(FrameVerdict::NoChecksum) == 0;
-            has_checksums && bus.received_damage == 0 && bus.facts.mode != Some(Mode::Tcp)
+            let is_all_of_frames = bus.frames.of(FrameVerdict::Noise) == 0;
+            has_checksums && is_all_of_frames && bus.received_damage == 0 && bus.facts.mode != Some(Mode::Tcp)
         };
         let answers: u64 = buses.iter().map(|(_, bus)| bus.answers_alone()).sum::<u64>() + requests.total - requests.failed;
         let is_whole = buses.iter().all(|(_, bus)| is_checked(bus));

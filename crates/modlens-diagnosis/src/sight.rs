@@ -7,6 +7,7 @@ use crate::contrast::{Symptom, UnitCounts};
 use crate::observation::Figures;
 use crate::protocols::PROTOCOLS;
 use crate::table::{diagnoses, Diagnosis, UNNAMED};
+use modlens_protocol::framing::Verdict;
 
 /// More examples of one symptom than these add no certainty: they may share a reason.
 const MOST_COUNTED: u64 = 4;
@@ -61,6 +62,7 @@ fn by_symptom(view: &View<'_>) -> Vec<Seen> {
             (Symptom::AnswerWhole, Some(unit)) if has_no_valid_answer(view, unit) && !is_right_in_part(view, unit) => {
                 Symptom::NeverValid
             }
+            (Symptom::Noise, _) if is_beside_whole_frames(view, tally) => Symptom::Extra,
             _ => symptom,
         };
         add(view, &mut seen, (shown, symptom), unit, tally);
@@ -79,6 +81,16 @@ fn add(view: &View<'_>, seen: &mut Vec<Seen>, (shown, counted): (Symptom, Sympto
         None => seen.push((shown, tally.clone(), unit, view.bus.symptoms.figures(counted, unit))),
     }
 }
+
+/// Whether bytes of no frame are too few for one, and others are whole frames.
+fn is_beside_whole_frames(view: &View<'_>, tally: &Tally) -> bool {
+    let bytes = view.bus.frames.bytes;
+    let (all, whole) = (bytes.iter().sum::<u64>(), bytes[Verdict::Ok as usize]);
+    whole > 0 && view.bus.received_damage == 0 && all - whole <= MOST_EXTRA * tally.failed
+}
+
+/// The shortest frame has four bytes.
+const MOST_EXTRA: u64 = 3;
 
 /// A byte or two in front of each answer that lacks its last byte: who counts bytes has read them in its place.
 fn push_out(view: &View<'_>, seen: &mut Vec<Seen>) {
@@ -162,7 +174,8 @@ pub(crate) fn with_figures(words: &str, figures: Option<Figures>) -> String {
         .replace("{protocol}", protocol)
         .replace("{first}", &first.to_string())
         .replace("{second}", &second.to_string())
-        .replace("{first_byte}", &format!("{first:02X}"));
+        .replace("{first_byte}", &format!("{first:02X}"))
+        .replace("{second_byte}", &format!("{second:02X}"));
     words.replace("{first_bytes}", &pair(first)).replace("{second_bytes}", &pair(second))
 }
 

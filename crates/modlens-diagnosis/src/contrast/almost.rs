@@ -1,7 +1,8 @@
-//! What would make a damaged answer right: a byte less, another byte count, a place further on, or inverted levels.
+//! What would make a damaged answer right: a byte less, another byte count, a place further on, inverted levels, or bits that are
+//! missing throughout.
 
 use modlens_engine::line_search::is_inverted;
-use modlens_protocol::checksum::{crc_valid, CRC_BYTES};
+use modlens_protocol::checksum::{crc16, crc_valid, CRC_BYTES};
 use modlens_protocol::functions::Functions;
 use modlens_protocol::mbap::layout_fits;
 use modlens_protocol::oddity::{is_of_driver, lacks_last};
@@ -60,10 +61,67 @@ const LEAST_STRAYS: usize = 3;
 
 /// Whether what came is the beginning of the answer that is due, as far as the request shows it, as swapped wires change it.
 pub(super) fn is_on_swapped_wires(seen: &Observation) -> bool {
-    let Some(key) = seen.key() else { return false };
+    beginning(seen).is_some_and(|head| is_inverted(&seen.answer_head, &head))
+}
+
+/// How the answer to the request begins: unit, function, and byte count or address.
+fn beginning(seen: &Observation) -> Option<Vec<u8>> {
+    let key = seen.key()?;
     let rest = match data_length(key.function, key.quantity) {
         Some(count) if matches!(key.function, 1..=4) => vec![count as u8],
         _ => key.address.to_be_bytes().to_vec(),
     };
-    is_inverted(&seen.answer_head, &[&[key.unit, key.function], &rest[..]].concat())
+    Some([&[key.unit, key.function], &rest[..]].concat())
+}
+
+/// Whether the answer to a read is whole but for the two bytes of its checksum.
+pub(super) fn lacks_checksum_only(seen: &Observation) -> bool {
+    let is_read = matches!(seen.function, 1..=4);
+    is_read
+        && due(seen) == Some(seen.lengths[1] + CRC_BYTES as u32)
+        && beginning(seen).is_some_and(|head| seen.answer_head.starts_with(&head))
+}
+
+/// The bits of a byte without the highest one.
+const SEVEN: u8 = 0x7F;
+
+/// Whether no byte of an answer has its highest bit, and its checksum is right with that bit in some bytes of its data: in any of a few,
+/// or in one of many, so that chance makes it so once in sixty times at most.
+pub(super) fn lacks_highest_bits(seen: &Observation) -> bool {
+    let Some((head, bytes)) = as_long_as_due(seen).filter(|(_, bytes)| bytes.iter().all(|byte| *byte <= SEVEN)) else {
+        return false;
+    };
+    let Some((body, there)) = bytes.split_last_chunk::<CRC_BYTES>() else { return false };
+    let right = |body: &[u8]| crc16(body).to_le_bytes().map(|byte| byte & SEVEN) == *there;
+    let whole = [&head[..], &body[head.len()..]].concat();
+    let places: Vec<usize> = (head.len()..whole.len()).collect();
+    let fits_with = |raised: &mut dyn Iterator<Item = usize>| {
+        let mut whole = whole.clone();
+        raised.for_each(|at| whole[at] |= !SEVEN);
+        right(&whole)
+    };
+    if places.len() > MOST_BITS {
+        return fits_with(&mut std::iter::empty()) || places.iter().any(|at| fits_with(&mut std::iter::once(*at)));
+    }
+    (0..1_u32 << places.len())
+        .any(|chosen| fits_with(&mut places.iter().copied().filter(|at| chosen >> (at - head.len()) & 1 == 1)))
+}
+
+/// All bits of so many bytes are tried.
+const MOST_BITS: usize = 8;
+
+/// Whether what came is the answer in seven bits, with a parity bit as the highest of each byte.
+pub(super) fn has_parity_bits(seen: &Observation) -> bool {
+    let Some((_, bytes)) = as_long_as_due(seen) else { return false };
+    let is_odd = |byte: &u8| byte.count_ones() % 2 == 1;
+    bytes.iter().all(is_odd) || !bytes.iter().any(is_odd)
+}
+
+/// How the answer begins, and what came, where it is as long as what is due and the same in the lower bits.
+fn as_long_as_due(seen: &Observation) -> Option<(Vec<u8>, &[u8])> {
+    let (head, bytes) = (beginning(seen)?, &seen.answer_head[..]);
+    let is_whole =
+        bytes.len() == seen.lengths[1] as usize && due(seen) == Some(seen.lengths[1]) && bytes.len() > head.len() + CRC_BYTES;
+    let is_alike = head.iter().zip(bytes).all(|(one, other)| one & SEVEN == other & SEVEN);
+    (is_whole && is_alike).then_some((head, bytes))
 }

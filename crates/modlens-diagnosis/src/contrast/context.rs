@@ -9,7 +9,7 @@ use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::EXCEPTION_BIT;
-use modlens_protocol::oddity::{bare_refusals, is_altered};
+use modlens_protocol::oddity::{bare_refusals, Altered};
 use modlens_protocol::Ns;
 
 use super::before::Before;
@@ -202,7 +202,7 @@ impl Context {
         seen.is_own_echo = seen.id.is_none() && run.bytes[..head] == seen.request_head[..head];
         // The last byte or two may be missing.
         let is_as_long = (seen.lengths[0].saturating_sub(2)..=seen.lengths[0]).contains(&run.length);
-        seen.is_altered_echo = is_as_long && is_altered(&seen.request_head, &run.bytes);
+        seen.altered_echo = Altered::of(&seen.request_head, &run.bytes).filter(|_| is_as_long);
         seen.lengths[1] = run.length;
     }
 

@@ -1,12 +1,16 @@
 //! The symptom that an odd transaction shows, and the numbers that go with it.
 
+use modlens_protocol::annotate::exception_name;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::{Functions, StandardLayout, EXCEPTION_BIT};
 use modlens_protocol::mbap::PREFIX_BYTES;
 use modlens_protocol::oddity::{bare_refusals, is_of_driver, is_text, lacks_last, Oddity};
 use modlens_protocol::Ns;
 
-use super::almost::{added_byte, counted_more, due, is_on_swapped_wires, place_behind_strays};
+use super::almost::{
+    added_byte, counted_more, due, has_parity_bits, is_on_swapped_wires, lacks_checksum_only, lacks_highest_bits,
+    place_behind_strays,
+};
 use super::before::Before;
 use super::symptom::Symptom;
 use super::tally::Place;
@@ -20,13 +24,18 @@ pub(super) fn of_transaction(seen: &Observation, before: Before) -> Option<Sympt
     let has = |finding| seen.findings.has(finding);
     let symptom = match seen.outcome {
         _ if seen.layout.is_some() => layout(seen, before)?,
+        // An answer to the open request looks like such a request where its header is wrong.
+        Outcome::Silent | Outcome::NotSeen if has(Finding::QuantityLimit) && has_open_id(seen, before) => Symptom::HeaderLength,
         Outcome::Silent | Outcome::NotSeen if has(Finding::QuantityLimit) => beyond_limit(seen)?,
         Outcome::Silent => Symptom::NoAnswer,
-        _ if seen.is_altered_echo => Symptom::AlteredEcho,
+        _ if seen.altered_echo.is_some_and(|echo| echo.is_from_first) => Symptom::DistortedEcho,
+        _ if seen.altered_echo.is_some() => Symptom::AlteredEcho,
         _ if seen.is_own_echo || has(Finding::LocalEcho) => Symptom::Echo,
         Outcome::Garbled if has(Finding::ResponseLength) && fits_before(seen, before) => Symptom::StepBehind,
         Outcome::Garbled if has(Finding::ResponseLength) => Symptom::OtherLength,
+        Outcome::Garbled if lacks_checksum_only(seen) => Symptom::AnswerBare,
         Outcome::Garbled if seen.is_cut && seen.damage.is_none() => cut(seen),
+        Outcome::Garbled if seen.damage.is_none() && seen.checksum.is_some() => Symptom::AnswerLrc,
         Outcome::Garbled | Outcome::NotSeen if seen.damage.is_some() => return garbled(seen, before),
         Outcome::BadRequest if seen.damage == Some(DamagedPart::End) => Symptom::RequestEnd,
         Outcome::BadRequest if lacks_checksum(seen) => Symptom::RequestBare,
@@ -39,6 +48,7 @@ pub(super) fn of_transaction(seen: &Observation, before: Before) -> Option<Sympt
         _ if seen.answered_by.is_some() => Symptom::OtherUnit,
         _ if has(Finding::WrongFunction) => Symptom::OtherFunction,
         _ if has(Finding::EchoMismatch) => Symptom::OtherValue,
+        _ if has(Finding::TransactionId) && seen.figures.is_some_and(is_swapped_id) => Symptom::SwappedId,
         _ if has(Finding::TransactionId) => Symptom::OtherId,
         _ if has(Finding::ResponseLength) => Symptom::OtherLength,
         _ if seen.is_step_behind && is_crossed(seen, before) => Symptom::RequestCrossed,
@@ -46,6 +56,11 @@ pub(super) fn of_transaction(seen: &Observation, before: Before) -> Option<Sympt
         _ => return None,
     };
     Some(symptom)
+}
+
+/// Whether a request carries the identifier of another one that is open.
+fn has_open_id(seen: &Observation, before: Before) -> bool {
+    seen.id.is_some() && seen.id == before.id && before.is_open
 }
 
 /// The symptom of a request with a value that its function does not allow.
@@ -119,6 +134,7 @@ fn of_reference(seen: &Observation) -> Option<Figures> {
 pub(super) fn figures(symptom: Symptom, seen: &Observation, before: Before) -> Option<Figures> {
     match symptom {
         Symptom::RefusedReference => of_reference(seen),
+        Symptom::RefusalChecksum => Some([damaged_refusal(seen)?.into(), 0]),
         Symptom::RefusalBare => Some([(*seen.answer_head.last()?).into(), 0]),
         Symptom::OtherFunction if seen.outcome == Outcome::Unasked => {
             Some([seen.function, before.asked?.function].map(u32::from))
@@ -129,7 +145,12 @@ pub(super) fn figures(symptom: Symptom, seen: &Observation, before: Before) -> O
         | Symptom::OtherLength
         | Symptom::OtherFunction
         | Symptom::OtherValue => seen.figures,
-        Symptom::OtherId => Some([seen.id?, before.id?].map(u32::from)).filter(|[one, other]| one != other),
+        Symptom::OtherId | Symptom::SwappedId => {
+            let own = || Some([seen.id?, before.id?].map(u32::from)).filter(|[one, other]| one != other);
+            seen.figures.or_else(own)
+        }
+        Symptom::CountOdd => Some([(*seen.answer_head.get(2)?).into(), 0]),
+        Symptom::AlteredEcho | Symptom::DistortedEcho => seen.altered_echo.map(|echo| [echo.changed, echo.sent]),
         Symptom::RequestLimit => limits(seen),
         Symptom::AnswerForeign => Some([protocols::known(&seen.answer_head)? as u32, 0]),
         // The lengths of a line in ASCII are characters.
@@ -140,10 +161,22 @@ pub(super) fn figures(symptom: Symptom, seen: &Observation, before: Before) -> O
         Symptom::OtherUnit if seen.outcome == Outcome::Unasked => Some([seen.unit, before.asked?.unit].map(u32::from)),
         Symptom::OtherUnit | Symptom::OtherUnitNumber => Some([seen.answered_by?, seen.unit].map(u32::from)),
         Symptom::AnswerShort => Some([seen.lengths[1], due(seen)?]),
-        Symptom::AnswerInside | Symptom::AnswerBit | Symptom::RequestInside => seen.checksum,
+        Symptom::AnswerInside | Symptom::AnswerBit | Symptom::AnswerLrc | Symptom::RequestInside => seen.checksum,
+        // The first half of the checksum is right, and the whole answer is there.
+        Symptom::AnswerEnd if due(seen) == Some(seen.lengths[1]) => Some(seen.checksum?.map(|pair| pair & 0xFF)),
         _ if symptom.is_refusal() => Some([seen.exception?.into(), 0]),
         _ => None,
     }
+}
+
+/// Whether the identifier of an answer is that of the request with its bytes swapped.
+fn is_swapped_id([answered, asked]: Figures) -> bool {
+    answered != asked && (answered >> 8 | (answered & 0xFF) << 8) == asked
+}
+
+/// Whether an answer has an odd number of bytes for registers, which have two each.
+fn has_odd_count(seen: &Observation) -> bool {
+    matches!(seen.answer_head[..], [_, 3 | 4, count, ..] if count % 2 == 1 && u32::from(count) + 5 == seen.lengths[1])
 }
 
 /// Whether the answer has the length that the request before asks for, to which none came.
@@ -164,6 +197,16 @@ fn lacks_checksum(seen: &Observation) -> bool {
 fn is_bare_refusal(seen: &Observation) -> bool {
     matches!(seen.answer_head[..], [unit, function, 1..=11] if unit == seen.unit && function == seen.function | EXCEPTION_BIT)
 }
+
+/// The code of an answer with the length of a refusal of the request, whose checksum is wrong.
+fn damaged_refusal(seen: &Observation) -> Option<u8> {
+    let [unit, function, code, ..] = *seen.answer_head.as_slice() else { return None };
+    let is_refusal = seen.lengths[1] == REFUSAL_BYTES && unit == seen.unit && function == seen.function | EXCEPTION_BIT;
+    Some(code).filter(|code| is_refusal && exception_name(*code).is_some())
+}
+
+/// Unit, function, code and checksum.
+const REFUSAL_BYTES: u32 = 5;
 
 /// Whether what came begins with the unit and lacks bytes after it: a part of what is due, and more than strays.
 fn lacks_bytes(seen: &Observation) -> bool {
@@ -205,6 +248,8 @@ fn garbled(seen: &Observation, before: Before) -> Option<Symptom> {
     let symptom = match seen.damage? {
         _ if bare_refusals(bytes).is_some() || is_bare_refusal(seen) => Symptom::RefusalBare,
         _ if seen.findings.has(Finding::Collision) => Symptom::Collision,
+        DamagedPart::Inside | DamagedPart::Whole if lacks_highest_bits(seen) => Symptom::AnswerSeven,
+        DamagedPart::Inside | DamagedPart::Whole if has_parity_bits(seen) => Symptom::AnswerParity,
         DamagedPart::Start => Symptom::AnswerStart,
         DamagedPart::End => Symptom::AnswerEnd,
         DamagedPart::Bit => Symptom::AnswerBit,
@@ -224,6 +269,7 @@ fn garbled(seen: &Observation, before: Before) -> Option<Symptom> {
         DamagedPart::Whole if bytes.len() >= 3 && bytes.iter().all(|byte| is_of_driver(*byte)) => Symptom::AnswerInverted,
         DamagedPart::Whole if is_rest(seen, before) => Symptom::AnswerRest,
         DamagedPart::Whole if lacks_bytes(seen) => Symptom::AnswerShort,
+        DamagedPart::Whole if damaged_refusal(seen).is_some() => Symptom::RefusalChecksum,
         DamagedPart::Whole if bytes.first() == Some(&seen.unit) => Symptom::AnswerUnit,
         DamagedPart::Whole => Symptom::AnswerWhole,
     };
@@ -250,6 +296,9 @@ const STEPS: u16 = 3;
 
 fn unasked(seen: &Observation, before: Before) -> Option<Symptom> {
     if let Some((id, last)) = seen.id.zip(before.id).filter(|(id, last)| id != last) {
+        if is_swapped_id([id, last].map(u32::from)) {
+            return Some(Symptom::SwappedId);
+        }
         return Some(if (1..=STEPS).contains(&last.wrapping_sub(id)) { Symptom::StepBehind } else { Symptom::OtherId });
     }
     match before.asked {
@@ -260,7 +309,7 @@ fn unasked(seen: &Observation, before: Before) -> Option<Symptom> {
             Some(refusal(seen))
         }
         // Without any request before it, the recording began after it was sent.
-        None => None,
+        None => has_odd_count(seen).then_some(Symptom::CountOdd),
         Some(key) if seen.id.is_some() && key.unit != seen.unit && key.function != seen.function => Some(Symptom::OtherHead),
         Some(key) if seen.answer_head.get(1..3) == Some(&[key.unit, key.function]) => Some(Symptom::AnswerShifted),
         Some(key) if key.unit != seen.unit => Some(Symptom::OtherUnit),

@@ -35,6 +35,8 @@ symptoms! {
     StepBehind = "step_behind",
     /// The answer carries the identifier of no open request.
     OtherId = "other_id",
+    /// The answer carries the identifier of the request with its two bytes swapped.
+    SwappedId = "swapped_id",
     /// The answer carries the identifier of the request, but neither its unit nor its function.
     OtherHead = "other_head",
     /// Another unit answered.
@@ -51,6 +53,8 @@ symptoms! {
     CountWide = "count_wide",
     /// The byte count is not that of the bytes that follow, and the checksum is right.
     CountWrong = "count_wrong",
+    /// The byte count of registers is odd, and the checksum is right.
+    CountOdd = "count_odd",
     /// The layout is not that of the function in another way, and the checksum is right.
     OtherLayout = "other_layout",
     /// The length field of an MBAP header is wrong.
@@ -73,14 +77,20 @@ symptoms! {
     RequestCoil = "request_coil",
     /// The byte count of the answer is not that of what was asked for, and the reader has stopped where the right one would end it.
     AnswerCounted = "answer_counted",
+    /// The answer is whole but for its checksum, which is missing.
+    AnswerBare = "answer_bare",
     /// A refusal without a checksum.
     RefusalBare = "refusal_bare",
+    /// A refusal with a wrong checksum.
+    RefusalChecksum = "refusal_checksum",
     /// A refusal without its code, and with a right checksum.
     RefusalShort = "refusal_short",
     /// What came as the answer is a frame in hex digits.
     AnswerDigits = "answer_digits",
     /// The answer is the request with some of its bits changed.
     AlteredEcho = "altered_echo",
+    /// The same, and the first byte is among those that are changed.
+    DistortedEcho = "distorted_echo",
     /// The answer stops before its end, and is right as far as it goes.
     AnswerCut = "answer_cut",
     /// After such an answer, what came as the next one does not begin as an answer.
@@ -97,6 +107,12 @@ symptoms! {
     AnswerEnd = "answer_end",
     /// One bit of the answer is wrong.
     AnswerBit = "answer_bit",
+    /// The answer lacks the highest bit of each byte.
+    AnswerSeven = "answer_seven",
+    /// The highest bit of each byte of the answer is the parity of the others.
+    AnswerParity = "answer_parity",
+    /// In ASCII, the checksum of the answer is wrong, and its layout is right.
+    AnswerLrc = "answer_lrc",
     /// The answer is right but for one byte too many.
     AnswerAdded = "answer_added",
     /// The answer is damaged after an intact beginning.
@@ -155,6 +171,8 @@ symptoms! {
     Text = "text",
     /// Other bytes between frames.
     Noise = "noise",
+    /// A few of them beside whole frames; only a first sight names this (`sight`).
+    Extra = "extra",
 }
 
 impl Symptom {

@@ -96,6 +96,9 @@ impl Symptoms {
         if symptom == Symptom::HeaderLength && seen.bytes.len() == seen.length as usize && is_whole() {
             counted.figures = counted.figures.or(figures_of_header(&seen.bytes));
         }
+        if let (Symptom::Noise, [byte]) = (symptom, &seen.bytes[..]) {
+            counted.figures = counted.figures.or(Some([(*byte).into(), 0]));
+        }
         if symptom == Symptom::CountWrong {
             counted.figures = counted.figures.or(self::counted(seen));
         }

@@ -2,7 +2,7 @@
 
 use modlens_engine::records::{Batch, Transaction};
 use modlens_protocol::framing::Mode;
-use modlens_protocol::oddity::is_altered;
+use modlens_protocol::oddity::Altered;
 use modlens_protocol::status::Status;
 
 /// Fewer bytes of the request are no echo.
@@ -14,8 +14,8 @@ pub(super) fn is_echo(batch: &Batch, row: &Transaction) -> bool {
     row.status == Status::BadResponse && answer.len() >= LEAST_CUT && request.starts_with(answer)
 }
 
-/// Whether the damaged answer of a row is the request with some of its bits changed.
-pub(super) fn is_altered_echo(batch: &Batch, row: &Transaction) -> bool {
+/// What the damaged answer of a row is, where it is the request with some of its bits changed.
+pub(super) fn altered_echo(batch: &Batch, row: &Transaction) -> Option<Altered> {
     let [request, answer] = [&row.request, &row.response].map(|part| part.wire.of(&batch.arena));
-    row.status == Status::BadResponse && row.mode == Mode::Rtu && is_altered(request, answer)
+    Altered::of(request, answer).filter(|_| row.status == Status::BadResponse && row.mode == Mode::Rtu)
 }

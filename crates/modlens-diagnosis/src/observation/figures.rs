@@ -1,11 +1,12 @@
 //! The two numbers that show what is wrong with a frame, as far as its bytes tell: what it says, and what is there.
 
 use modlens_engine::records::{Batch, Transaction};
-use modlens_protocol::checksum::{crc16, crc_valid, CRC_BYTES};
+use modlens_protocol::checksum::{crc16, crc_valid, lrc, CRC_BYTES};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
-use modlens_protocol::mbap::{layout_lengths, PREFIX_BYTES};
+use modlens_protocol::hex::parse_hex;
+use modlens_protocol::mbap::{layout_fits, layout_lengths, PREFIX_BYTES};
 use modlens_protocol::status::Status;
 
 /// What a frame says, and what is there or belongs there.
@@ -24,6 +25,10 @@ pub(super) fn of(batch: &Batch, row: &Transaction, has: impl Fn(Finding) -> bool
             return Some([more, 0]);
         }
         return if header[0] == header[1] { of_count(odd, PREFIX_BYTES, 0) } else { Some(header) };
+    }
+    if has(Finding::TransactionId) && row.mode == Mode::Tcp {
+        let id = |frame: &[u8]| Some(u32::from(u16::from_be_bytes([*frame.first()?, *frame.get(1)?])));
+        return Some([id(answer)?, id(request)?]).filter(|[one, other]| one != other);
     }
     if has(Finding::WrongFunction) {
         let codes = [&row.response, &row.request].map(|part| part.pdu.of(&batch.arena).first().copied());
@@ -49,8 +54,20 @@ pub(super) fn checksum(batch: &Batch, row: &Transaction) -> Option<Figures> {
         Status::BadRequest => &row.request,
         _ => return None,
     };
-    let (body, there) = damaged.wire.of(&batch.arena).split_last_chunk::<CRC_BYTES>().filter(|_| row.mode == Mode::Rtu)?;
+    let wire = damaged.wire.of(&batch.arena);
+    if row.mode == Mode::Ascii {
+        return of_characters(wire).filter(|_| row.status == Status::BadResponse);
+    }
+    let (body, there) = wire.split_last_chunk::<CRC_BYTES>().filter(|_| row.mode == Mode::Rtu)?;
     Some([there, &crc16(body).to_le_bytes()].map(|pair| u16::from_be_bytes(*pair).into()))
+}
+
+/// The checksum of a frame in ASCII, and the one that belongs there, where its layout is that of its function.
+fn of_characters(wire: &[u8]) -> Option<Figures> {
+    let bytes = parse_hex(std::str::from_utf8(wire.get(1..)?).ok()?.trim_end())?;
+    let (there, body) = bytes.split_last()?;
+    let is_whole = layout_fits(Functions::embedded(), body.get(1..).filter(|pdu| !pdu.is_empty())?);
+    (is_whole && *there != lrc(body)).then(|| [*there, lrc(body)].map(u32::from))
 }
 
 /// The first of address and value in which the confirmation of a write differs from it: as confirmed, and as written.
@@ -66,11 +83,12 @@ pub(crate) fn of_header(frame: &[u8]) -> Option<Figures> {
     Some([u16::from_be_bytes([field[0], field[1]]).into(), (frame.len() - PREFIX_BYTES) as u32])
 }
 
-/// How many bytes follow a frame over Modbus/TCP whose header is right by the layout of its function.
+/// How many bytes follow a frame over Modbus/TCP whose header is right by the layout of its function, and which is none with them.
 pub(crate) fn added(bytes: &[u8]) -> Option<u32> {
     let [announced, present] = of_header(bytes)?;
     let whole = PREFIX_BYTES + announced as usize;
-    let is_right = present > announced && layout_lengths(Functions::embedded(), bytes).contains(&Some(whole));
+    let lengths = layout_lengths(Functions::embedded(), bytes);
+    let is_right = present > announced && lengths.contains(&Some(whole)) && !lengths.contains(&Some(bytes.len()));
     is_right.then(|| present - announced)
 }
 

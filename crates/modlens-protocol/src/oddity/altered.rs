@@ -7,9 +7,37 @@ const LEAST_QUARTERS: usize = 3;
 /// A distorted request that comes about by chance more often than this is none.
 const MAX_CHANCE: f64 = 0.002;
 
+/// A request that came back with some of its bits changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Altered {
+    /// So many of its bytes are changed or missing.
+    pub changed: u32,
+    /// The bytes of the request.
+    pub sent: u32,
+    /// The first byte is among them, as where a driver is switched on late; not where all bytes lack their upper bits.
+    pub is_from_first: bool,
+}
+
+impl Altered {
+    /// How the bytes differ from the request, where they are the request with some of its bits changed.
+    pub fn of(request: &[u8], bytes: &[u8]) -> Option<Self> {
+        let same = request.iter().zip(bytes).filter(|(one, other)| one == other).count();
+        is_altered(request, bytes).then(|| Self {
+            changed: (request.len() - same) as u32,
+            sent: request.len() as u32,
+            is_from_first: request.first() != bytes.first() && !lacks_upper_bits(request, bytes),
+        })
+    }
+}
+
+/// Whether bytes are others without their upper bits, as a port with too few data bits reads them.
+fn lacks_upper_bits(whole: &[u8], bytes: &[u8]) -> bool {
+    [0x7F, 0x3F, 0x1F].iter().any(|mask| whole.iter().zip(bytes).all(|(one, other)| one & mask == *other))
+}
+
 /// Whether these bytes are an RTU request to read with some of its bits changed: in a byte or two, or in many, but all in the
 /// same sense, as a wrong level or a weak driver changes them. A write is confirmed by its own bytes.
-pub fn is_altered(request: &[u8], bytes: &[u8]) -> bool {
+pub(super) fn is_altered(request: &[u8], bytes: &[u8]) -> bool {
     let same = request.iter().zip(bytes).filter(|(one, other)| one == other).count();
     let is_read = request.get(1).is_some_and(|function| (1..=4).contains(function));
     let is_alike = same >= LEAST_ALIKE && same * 4 >= bytes.len() * LEAST_QUARTERS && bytes.len() <= request.len();

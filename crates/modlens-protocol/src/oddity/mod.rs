@@ -4,7 +4,8 @@
 mod altered;
 mod words;
 
-pub use altered::is_altered;
+use altered::is_altered;
+pub use altered::Altered;
 
 use crate::annotate::exception_name;
 use crate::checksum::{correctable_bit, crc16, crc_valid, CRC_BYTES};

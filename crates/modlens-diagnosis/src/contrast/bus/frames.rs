@@ -4,6 +4,7 @@ use modlens_engine::records::{Batch, Exchange, ExchangeRun, Frame, Side};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
+use modlens_protocol::in_words;
 use modlens_protocol::oddity::is_of_driver;
 use modlens_protocol::Ns;
 
@@ -124,7 +125,9 @@ impl BusContrast {
             self.count_pause(seen);
             return;
         }
-        self.received_damage += u64::from(seen.side == Some(Side::Received) && seen.length >= LEAST_ANSWER_BYTES);
+        // A frame without its checksum is whole: a text leaves it out.
+        let is_damaged = seen.length >= LEAST_ANSWER_BYTES && seen.bytes.get(1..).and_then(in_words::pdu).is_none();
+        self.received_damage += u64::from(seen.side == Some(Side::Received) && is_damaged);
         self.noise.count(seen, attached.is_some_and(|(direction, _)| direction == Direction::Request));
         let is_answer =
             seen.length >= LEAST_ANSWER_BYTES && attached.is_some_and(|(direction, _)| direction == Direction::Request);
