@@ -1,14 +1,13 @@
 //! A map that keeps the keys with the least hashes. Which ones these are depends on neither order nor parts, so that maps of
 //! parts merge to the map of the whole.
 
-use std::collections::BTreeMap;
-
 /// Up to `LIMIT` entries, by the hash of their keys.
 #[derive(Clone, Debug)]
 pub struct Sample<K, V, const LIMIT: usize> {
-    /// Where the value of each key is in `slots`.
-    order: BTreeMap<(u64, K), usize>,
     slots: Vec<(K, V)>,
+    /// The hash of each key and where it is in `slots`, in the order of hashes, then of keys. Insertion moves the greater ones,
+    /// which for so few is faster than a tree.
+    order: Vec<(u64, u32)>,
     /// The greatest hash of all keys if there is no more room, else the greatest there is.
     last_hash: u64,
     /// Whether a key was left out.
@@ -17,7 +16,7 @@ pub struct Sample<K, V, const LIMIT: usize> {
 
 impl<K, V, const LIMIT: usize> Default for Sample<K, V, LIMIT> {
     fn default() -> Self {
-        Self { order: BTreeMap::new(), slots: Vec::new(), last_hash: u64::MAX, overflowed: false }
+        Self { slots: Vec::new(), order: Vec::new(), last_hash: u64::MAX, overflowed: false }
     }
 }
 
@@ -42,28 +41,29 @@ impl<K: Ord + Clone, V: Default, const LIMIT: usize> Sample<K, V, LIMIT> {
             self.overflowed = true;
             return None;
         }
-        let full_key = (hash, key);
-        if let Some(at) = self.order.get(&full_key) {
-            return Some(*at);
-        }
-        let entry = (full_key.1.clone(), V::default());
+        let place = self.order.binary_search_by(|(own, at)| own.cmp(&hash).then_with(|| self.slots[*at as usize].0.cmp(&key)));
+        let place = match place {
+            Ok(found) => return Some(self.order[found].1 as usize),
+            Err(place) => place,
+        };
+        let entry = (key, V::default());
         let at = if self.slots.len() < LIMIT {
             self.slots.push(entry);
             self.slots.len() - 1
         } else {
             self.overflowed = true;
-            let (_, at) = self.order.pop_last()?;
-            self.slots[at] = entry;
-            at
+            let (_, at) = self.order.pop()?;
+            self.slots[at as usize] = entry;
+            at as usize
         };
-        self.order.insert(full_key, at);
+        self.order.insert(place, (hash, at as u32));
         self.note_last();
         Some(at)
     }
 
     fn note_last(&mut self) {
-        let last = self.order.last_key_value().filter(|_| self.slots.len() >= LIMIT);
-        self.last_hash = last.map_or(u64::MAX, |((hash, _), _)| *hash);
+        let last = self.order.last().filter(|_| self.slots.len() >= LIMIT);
+        self.last_hash = last.map_or(u64::MAX, |(hash, _)| *hash);
     }
 
     /// Whether keys with this hash are beyond those that there is room for; that one was left out is noted then.
@@ -80,7 +80,7 @@ impl<K: Ord + Clone, V: Default, const LIMIT: usize> Sample<K, V, LIMIT> {
         if hash != self.last_hash || self.slots.len() < LIMIT {
             return hash > self.last_hash;
         }
-        self.order.last_key_value().is_some_and(|((_, last_key), _)| last_key < key)
+        self.order.last().is_some_and(|(_, at)| self.slots[*at as usize].0 < *key)
     }
 
     /// The entry at this place, if it is still that of this key.
@@ -92,9 +92,10 @@ impl<K: Ord + Clone, V: Default, const LIMIT: usize> Sample<K, V, LIMIT> {
     /// Adds what came later.
     pub fn merge(&mut self, later: &Self, merge: impl Fn(&mut V, &V)) {
         self.overflowed |= later.overflowed;
-        for ((hash, key), at) in &later.order {
+        for (hash, at) in &later.order {
+            let (key, value) = &later.slots[*at as usize];
             if let Some(own) = self.entry(*hash, key.clone()) {
-                merge(own, &later.slots[*at].1);
+                merge(own, value);
             }
         }
     }
@@ -111,16 +112,16 @@ impl<K: Ord + Clone, V: Default, const LIMIT: usize> Sample<K, V, LIMIT> {
 
     /// The hashes of the keys.
     pub fn hashes(&self) -> impl Iterator<Item = u64> + '_ {
-        self.order.keys().map(|(hash, _)| *hash)
+        self.order.iter().map(|(hash, _)| *hash)
     }
 
     /// Leaves out the entries whose hash does not meet this.
     pub fn retain(&mut self, keeps: impl Fn(u64) -> bool) {
         let mut slots: Vec<Option<(K, V)>> = std::mem::take(&mut self.slots).into_iter().map(Some).collect();
-        self.order.retain(|(hash, _), _| keeps(*hash));
-        for at in self.order.values_mut() {
-            self.slots.extend(slots[*at].take());
-            *at = self.slots.len() - 1;
+        self.order.retain(|(hash, _)| keeps(*hash));
+        for (_, at) in &mut self.order {
+            self.slots.extend(slots[*at as usize].take());
+            *at = self.slots.len() as u32 - 1;
         }
         self.note_last();
     }
@@ -132,7 +133,7 @@ impl<K: Ord + Clone, V: Default, const LIMIT: usize> Sample<K, V, LIMIT> {
 
     /// The entries, in the order of their keys' hashes.
     fn entries(&self) -> impl Iterator<Item = (&K, &V)> {
-        self.order.iter().map(|((_, key), at)| (key, &self.slots[*at].1))
+        self.order.iter().map(|(_, at)| &self.slots[*at as usize]).map(|(key, value)| (key, value))
     }
 
     /// The entries, in the order of their keys.

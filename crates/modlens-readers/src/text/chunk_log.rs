@@ -1,11 +1,17 @@
-//! Parses modlens' own chunk log: one JSON object per read, such as `{"t": 12.5, "hex": "0503", "line": "A"}`.
+//! Parses modlens' own chunk log, one JSON object per read, such as `{"t": 12.5, "hex": "0503", "line": "A"}`, and those of
+//! others, which call the time and the bytes otherwise, such as `{"timestamp": "2026-11-24T12:30:05.250Z", "data": "05 03"}`.
 
 use memchr::memchr;
 use serde_json::Value as Json;
 
+use crate::text::json_times;
 use crate::text::timestamps::TimestampParser;
 use modlens_protocol::hex::decode_pairs;
 use modlens_protocol::Ns;
+
+/// What others call the bytes of a read. An object with another key beside these and its time tells more than bytes, such as
+/// who sent them, which is not for this parser.
+const OTHER_NAMES: [&str; 4] = ["data", "bytes", "payload", "raw"];
 
 /// Parses one line of a chunk log and appends its bytes to `out`.
 ///
@@ -24,9 +30,12 @@ pub(super) fn parse(line: &[u8], timestamps: &mut TimestampParser, out: &mut Vec
         out.truncate(before);
     }
     let Ok(Json::Object(object)) = serde_json::from_slice::<Json>(line) else { return None };
+    if !object.contains_key("hex") {
+        return other(line, &object, timestamps, out);
+    }
     let bytes = object.get("hex").and_then(Json::as_str).and_then(modlens_protocol::hex::parse_hex)?;
     let time = match object.get("t") {
-        Some(Json::Number(_)) => Some(time_digits(line).and_then(|text| timestamps.seconds(text))?),
+        Some(Json::Number(_)) => Some(json_times::number(line).and_then(|text| timestamps.seconds(text))?),
         None | Some(Json::Null) => None,
         Some(_) => return None,
     };
@@ -57,10 +66,27 @@ fn split_own_form(line: &[u8]) -> Option<(&[u8], &[u8], u8)> {
     (plain && hex.len() % 2 == 0).then_some((time, hex, line))
 }
 
-/// The digits of `t` as they are in the text, because a float would lose nanoseconds.
-fn time_digits(line: &[u8]) -> Option<&[u8]> {
-    let at = line.windows(3).position(|key| key == b"\"t\"")? + 3;
-    let rest = line[at..].trim_ascii_start().strip_prefix(b":")?.trim_ascii_start();
-    let length = rest.iter().take_while(|b| !matches!(b, b',' | b'}' | b' ')).count();
-    Some(&rest[..length])
+/// Parses an object of somebody else's, of which each line has a time and bytes and nothing more.
+fn other(
+    line: &[u8],
+    object: &serde_json::Map<String, Json>,
+    timestamps: &mut TimestampParser,
+    out: &mut Vec<u8>,
+) -> Option<(Option<Ns>, u8)> {
+    let mut bytes = None;
+    let mut time = None;
+    for (key, value) in object {
+        match value {
+            Json::String(text) if OTHER_NAMES.contains(&key.as_str()) && bytes.is_none() => {
+                bytes = Some(modlens_protocol::hex::parse_hex(text)?);
+            }
+            Json::String(text) if json_times::KEYS.contains(&key.as_str()) => time = Some(timestamps.find(text.as_bytes())?),
+            Json::Number(_) if json_times::KEYS.contains(&key.as_str()) => {
+                time = Some(timestamps.number_of_time(json_times::number(line)?)?);
+            }
+            _ => return None,
+        }
+    }
+    out.extend(bytes?);
+    Some((Some(time?), 0))
 }

@@ -24,6 +24,7 @@ mod entries;
 pub mod foreign_protocols;
 mod frame_evidence;
 mod header_run;
+mod json_times;
 mod notation;
 mod oddities;
 mod prefix;

@@ -47,7 +47,7 @@ enum Element {
     Prefix,
     /// Bytes in one of these notations; strings end at this character.
     Bytes(Vec<Notation>, Option<u8>),
-    /// A whole line of modlens' own chunk log.
+    /// A whole line of a chunk log, modlens' own or somebody else's.
     ChunkLog,
     /// Bytes anywhere in the line that a checksum proves; `reader::proved_lines` reads them.
     Proved,

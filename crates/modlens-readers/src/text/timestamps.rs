@@ -6,7 +6,7 @@ use crate::text::cached_second::CachedSecond;
 use crate::text::clock::{ClockKind, ClockSettings};
 use crate::text::date::{date, date_in_words, fraction, number, time_of_day, zone, DateOrder, POWERS_OF_TEN};
 use crate::text::decimal::{decimal, digits, SECOND_NS};
-use crate::text::ticks;
+use crate::text::{json_times, ticks};
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 
@@ -122,6 +122,19 @@ impl TimestampParser {
         Some(value)
     }
 
+    /// Parses a number that is known to be a time: seconds with a fraction, or seconds, milliseconds, microseconds or
+    /// nanoseconds since 1970, which have 10, 13, 16 and 19 digits from 2001 to 2286.
+    pub fn number_of_time(&mut self, text: &[u8]) -> Option<Ns> {
+        match text.len() {
+            _ if text.contains(&b'.') => self.seconds(text),
+            10 => self.seconds(text),
+            13 => self.count(text, 1_000_000, 3),
+            16 => self.count(text, 1000, 6),
+            19 => self.count(text, 1, 9),
+            _ => None,
+        }
+    }
+
     /// Adds a difference that the log prints instead of a time, and returns the sum of all of them.
     pub fn add_delta(&mut self, delta: Ns) -> Ns {
         self.note_clock(ClockKind::Relative, 3);
@@ -206,6 +219,9 @@ impl TimestampParser {
         let text = front.trim_ascii_start();
         if let Some((time, _)) = self.milliseconds(text) {
             return Some(time);
+        }
+        if text.first() == Some(&b'{') {
+            return json_times::number(text).and_then(|number| self.number_of_time(number));
         }
         let text = text.strip_prefix(b"[").or_else(|| text.strip_prefix(b"(")).unwrap_or(text).trim_ascii_start();
         let text = text.strip_prefix(b"+").unwrap_or(text);
