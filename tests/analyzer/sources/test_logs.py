@@ -14,6 +14,7 @@ import pytest
 
 import _modlens
 from analyzer import decode
+from analyzer.api import Decoding
 from dissectors.errors import SourceError
 from tests.conftest import Modlens, command, environment
 from tests.support.logs import NOON, LogEntry, write
@@ -234,6 +235,29 @@ def test_a_clock_of_seconds_gives_no_response_time(tmp_path: Path) -> None:
     path.write_text(write("goburrow", EXCHANGE), encoding="utf-8")
     (txn,) = decode(path)
     assert (txn.status, txn.response_time_us) == ("ok", None)
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ('"timestamp": 1697041234.250', '"timestamp": 1697041234.270'),
+        ('"ts": 1697041234250', '"ts": 1697041234270'),
+        ('"time": 1697041234250000000', '"time": 1697041234270000000'),
+        ('"t": "2023-10-11T16:20:34.250Z"', '"t": "2023-10-11T16:20:34.270Z"'),
+    ],
+)
+def test_objects_of_a_time_and_bytes(first: str, second: str, tmp_path: Path) -> None:
+    """JSON objects of other programs have times, and are read without a valid frame."""
+    path = tmp_path / "reads.jsonl"
+
+    def read(*parts: str) -> Decoding:
+        rows = zip((first, second), parts, strict=True)
+        path.write_text("".join(f'{{{time}, "data": "{part}"}}\n' for time, part in rows), "utf-8")
+        return decode(path)
+
+    (exchange,) = read(*WIRE).transactions
+    assert exchange.response_time_us == 20_000
+    assert b"".join(row.hex for row in read("0103", "c4").frames).hex() == "0103c4"
 
 
 def test_nodes_times_between_lines(tmp_path: Path) -> None:

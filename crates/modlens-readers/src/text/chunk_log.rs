@@ -9,7 +9,7 @@ use crate::text::timestamps::TimestampParser;
 use modlens_protocol::hex::decode_pairs;
 use modlens_protocol::Ns;
 
-/// What others call the bytes of a read. An object with another key beside these and its time tells more than bytes, such as
+/// What others call the bytes of a read. An object with another key beside these and its time says more than bytes, such as
 /// who sent them, which is not for this parser.
 const OTHER_NAMES: [&str; 4] = ["data", "bytes", "payload", "raw"];
 

@@ -18,12 +18,13 @@ pub(super) enum DateOrder {
     MonthFirst,
 }
 
-/// Parses 1 to 18 decimal digits as a number.
+/// Parses decimal digits as a number; `None` for one beyond 64 bits.
 pub(super) fn number(text: &[u8]) -> Option<i64> {
-    if text.is_empty() || text.len() > 18 {
+    if text.is_empty() {
         return None;
     }
-    text.iter().try_fold(0i64, |value, b| b.is_ascii_digit().then(|| value * 10 + i64::from(b - b'0')))
+    let digit = |b: &u8| b.is_ascii_digit().then(|| i64::from(b - b'0'));
+    text.iter().try_fold(0i64, |value, b| value.checked_mul(10)?.checked_add(digit(b)?))
 }
 
 /// Parses the two decimal digits at `at`.
