@@ -301,6 +301,9 @@ fn requests_in_flight_and_answers_that_are_a_step_behind_are_counted() {
     }
     let row = only(&behind);
     assert_eq!((row.in_flight_max, row.lockstep), (1, 5));
+    // The last of the six answers came 200 ms after the first late one.
+    let (last, answers) = row.lockstep_until;
+    assert_eq!((last.zip(row.lockstep_since).map(|(last, first)| last - first), answers), (Some(200_000_000), 6));
 }
 
 #[test]

@@ -33,8 +33,12 @@ pub struct Connections {
     pub first_lost: Tally,
     /// Answers that the client took for those of the next request.
     pub lockstep: u64,
-    /// When the first connection with such answers began.
+    /// When the first of these came.
     pub lockstep_since: Option<Place>,
+    /// When the last one came.
+    pub lockstep_until: Option<Place>,
+    /// Answers since then.
+    pub answers_in_step: u64,
     /// Connections with answers that begin before one with answers is over.
     pub side_by_side: u64,
     /// When the last connection with answers is over; never where it is open at the end.
@@ -163,9 +167,13 @@ impl Connections {
     fn progress(&mut self, seen: &Connection, new: Counted, place: Place) {
         self.answered += new.answered;
         self.answers += new.answers;
+        self.answers_in_step += new.answers;
         if new.lockstep > 0 {
+            let (last, answers) = seen.lockstep_until;
             self.lockstep += new.lockstep;
             self.lockstep_since.get_or_insert(Place { time: seen.lockstep_since.or(place.time), ..place });
+            self.lockstep_until = Some(Place { time: last.or(place.time), ..place });
+            self.answers_in_step = seen.answers - answers;
         }
         if let Some(client) = self.clients.entry(mix_bytes(seen.client.as_bytes()), seen.client.clone()) {
             client.count(seen, new, place);
@@ -184,6 +192,9 @@ impl Connections {
         self.first_lost.merge(&later.first_lost);
         self.lockstep += later.lockstep;
         self.lockstep_since = self.lockstep_since.or(later.lockstep_since);
+        self.lockstep_until = later.lockstep_until.or(self.lockstep_until);
+        let in_step = if later.lockstep > 0 { 0 } else { self.answers_in_step };
+        self.answers_in_step = in_step + later.answers_in_step;
         self.answered += later.answered;
         self.answers += later.answers;
         self.clients.merge(&later.clients, ClientCounts::merge);

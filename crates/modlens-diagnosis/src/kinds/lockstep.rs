@@ -25,11 +25,12 @@ pub(super) fn lockstep(view: &View<'_>) -> Vec<Claim> {
     let counts = &view.bus.connections;
     let share = Share { failed: counts.lockstep.min(counts.answers), total: counts.answers };
     let Some(chance) = view.beyond_accident(share).filter(|_| !mixes_clients_up(view)) else { return Vec::new() };
-    let place = counts.lockstep_since;
-    let tally = Tally { failed: share.failed, total: share.total, first: place, last: place, ..Tally::default() };
+    // A client is out of step from an answer on that came too late; how many were in step before is not counted.
+    let (first, last) = (counts.lockstep_since, counts.lockstep_until);
+    let after = counts.answers_in_step.min(share.total - share.failed);
+    let tally = Tally { failed: share.failed, total: share.total, first, last, after, ..Tally::default() };
     let mut claim = of_client(Claim::new("lockstep", &tally, chance).with_share(share));
-    (claim.has_begun, claim.last) = (true, None);
-    claim.episodes.clear();
+    claim.has_begun = true;
     vec![claim]
 }
 

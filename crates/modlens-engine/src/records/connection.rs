@@ -71,6 +71,8 @@ pub struct Connection {
     pub lockstep: u64,
     /// When the first of these came, or the request that followed it.
     pub lockstep_since: Option<Ns>,
+    /// When the last of these came, and how many answers had come then.
+    pub lockstep_until: (Option<Ns>, u64),
     /// The framing in which the client writes: a framing of Modbus, or `other`; `None` where it has sent nothing.
     pub client_framing: Option<&'static str>,
     /// The framing in which the server writes.

@@ -116,6 +116,7 @@ fn counted(tally: &ConnectionTally, (source, clock): (Arc<str>, Clock)) -> Conne
         in_flight_max: tally.in_flight.most,
         lockstep: tally.in_flight.lockstep,
         lockstep_since: tally.in_flight.lockstep_since,
+        lockstep_until: tally.in_flight.lockstep_until,
         ..Connection::default()
     }
 }

@@ -70,6 +70,8 @@ const LEAST_BEHIND: [u32; 1 + MOST_LAG] = [0, 1, 3, 3];
 #[derive(Clone, Debug, Default)]
 pub(crate) struct InFlight {
     waiting: VecDeque<Sent>,
+    /// Whether the newest of all requests is among them.
+    newest_waits: bool,
     /// The most that waited at the same time.
     pub(crate) most: u32,
     /// Answers that came in the place of those to the request after theirs.
@@ -88,6 +90,8 @@ pub(crate) struct InFlight {
     answering: Option<(u8, bool)>,
     /// When the first answer came in the place of that to the request after its own.
     pub(crate) lockstep_since: Option<Ns>,
+    /// When the last one came, and how many answers had come then.
+    pub(crate) lockstep_until: (Option<Ns>, u64),
     /// Answers.
     pub(crate) answers: u64,
     /// When the last one came.
@@ -145,8 +149,7 @@ impl InFlight {
         let has_given_up = waited.is_some_and(|waited| waited > self.longest && may_give_up(waited));
         let goes_on = waited.zip(self.patience).is_some_and(|(waited, limit)| waited < limit);
         if self.stale_answer.take().is_some_and(|delay| goes_on || delay < SOON * self.longest) {
-            self.lockstep += 1;
-            self.lockstep_since = self.lockstep_since.or(time);
+            self.note_lockstep(time);
             self.give_up();
         } else if has_given_up {
             self.patience = waited;
@@ -156,6 +159,7 @@ impl InFlight {
             self.waiting.pop_front();
         }
         self.waiting.push_back(Sent { id, time, is_given_up: false });
+        self.newest_waits = true;
         self.most = self.most.max(self.waiting.iter().filter(|sent| !sent.is_given_up).count() as u32);
     }
 
@@ -168,7 +172,10 @@ impl InFlight {
         let at = self.waiting.iter().rposition(|sent| sent.id == id).unwrap_or(newest);
         let Some(sent) = self.waiting.remove(at) else { return };
         if at == newest {
-            self.compare(shape, time);
+            // Where answers overtake each other, the newest request that still waits is not the newest one that was sent.
+            if std::mem::take(&mut self.newest_waits) {
+                self.compare(shape, time);
+            }
             self.stale_answer = None;
             if let Some(took) = time.zip(sent.time).map(|(answered, asked)| answered - asked).filter(|_| self.waiting.is_empty())
             {
@@ -195,8 +202,7 @@ impl InFlight {
         }
         let is_behind = |lag: usize| fits[lag] && self.behind[lag] >= LEAST_BEHIND[lag];
         if (1..=MOST_LAG).any(is_behind) {
-            self.lockstep += 1;
-            self.lockstep_since = self.lockstep_since.or(time);
+            self.note_lockstep(time);
         }
     }
 
@@ -204,6 +210,12 @@ impl InFlight {
     fn note_unit(&mut self, unit: u8) {
         let (first, several) = self.answering.unwrap_or((unit, false));
         self.answering = Some((first, several || first != unit));
+    }
+
+    fn note_lockstep(&mut self, time: Option<Ns>) {
+        self.lockstep += 1;
+        self.lockstep_since = self.lockstep_since.or(time);
+        self.lockstep_until = (time, self.answers);
     }
 
     fn give_up(&mut self) {
@@ -299,6 +311,20 @@ mod tests {
     fn requests_that_are_sent_without_waiting_are_in_flight_together() {
         let window = [(Ok(1), 0), (Ok(2), 1), (Err(1), 20), (Ok(3), 21), (Err(2), 40), (Ok(4), 41), (Err(3), 60)];
         assert_eq!(played(&window), (2, 0));
+    }
+
+    #[test]
+    fn answers_that_overtake_each_other_are_in_step() {
+        // Bursts of three requests for other lengths each, answered in all orders with their own identifiers.
+        let orders = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
+        let mut events = Vec::new();
+        for turn in 0..24u16 {
+            let at = Ns::from(turn) * 100;
+            events.extend([0, 1, 2].map(|one: u16| (Ok(3 * turn + one), at, 5 + 2 * usize::from(one))));
+            let answered = orders[usize::from(turn) % 6].into_iter().zip([10, 11, 19]);
+            events.extend(answered.map(|(one, took)| (Err(3 * turn + one), at + took, 5 + 2 * usize::from(one))));
+        }
+        assert_eq!(played_with_lengths(&events), (3, 0));
     }
 
     #[test]
