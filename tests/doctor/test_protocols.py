@@ -84,3 +84,23 @@ def test_a_slower_line_is_no_other_protocol(tmp_path: Path, times: int) -> None:
         tape.add(slower(rtu(17, bytes([3, 4, 1, rng.randrange(256), 2, 9])), times), 20)
     (found,) = tape.doctor(tmp_path)["diagnoses"]
     assert found["code"] == "wrong_line_settings"
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_requests_that_meet_its_frames_are_not_asked_too_soon(tmp_path: Path, seed: int) -> None:
+    """A meter is read on the wires of two units; what comes right after it meets its frame."""
+    tape, rng = Tape(), Random(seed)
+    for number in range(400):
+        meets = False
+        if number % 13 == 5:
+            tape.add(mbus(rng), 60)
+            meets = rng.random() < 0.4
+        unit = 1 + number % 2
+        tape.add(rtu(unit, read_request(3, 0, 4)), 4 if meets else 60)
+        answer = rtu(unit, bytes([3, 8]) + rng.randbytes(8))
+        at = rng.randrange(6)
+        tape.add(answer[:at] + rng.randbytes(5) + answer[at + 3 :] if meets else answer, 8)
+        tape.now += 300_000_000 if meets else 0
+    found = tape.codes(tmp_path)
+    assert found[:1] == ["foreign_protocol"]
+    assert "polled_too_fast" not in found

@@ -1,5 +1,6 @@
 //! Trouble with pace: too soon, in blocks, too much.
 
+use super::foreign::foreign_protocol;
 use crate::claim::{duration, Claim, View};
 use crate::contrast::tally::Tally;
 use crate::contrast::RequestCounts;
@@ -16,6 +17,10 @@ pub(super) fn polled_too_fast(view: &View<'_>) -> Vec<Claim> {
 fn too_fast(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     // What a write switches spoils the answer after it, however soon that was asked for (line_noise).
     if counts.garbled.failed * 2 > counts.failures.failed && !super::switched::noise_of_writes_once(view).is_empty() {
+        return None;
+    }
+    // The silence is short because something else speaks, whose frames meet those of the unit (foreign_protocol).
+    if counts.silent.failed * 2 < counts.failures.failed && !view.once("foreign_protocol", foreign_protocol).is_empty() {
         return None;
     }
     let always = Split::likeliest(counts.by_gap.splits()).filter(|split| !explained_by_previous(unit, counts, split, true));
