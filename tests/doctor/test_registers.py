@@ -81,3 +81,48 @@ def test_a_hole_is_named_where_all_else_is_answered(tmp_path: Path) -> None:
     (found,) = asked(blocks).doctor(tmp_path)["diagnoses"]
     assert found["code"] == "register_hole"
     assert "all but 20 and 21 of them were answered" in found["sentence"]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_registers_that_are_read_twice_change_together(tmp_path: Path, seed: int) -> None:
+    """Two functions read the same registers, and all powers are 0 from one moment on."""
+    tape, rng = Tape(), Random(seed)
+    night = range(60, 100)
+    for number in range(160):
+        for function, quantity in ((3, 8), (4, 6), (4, 5)):
+            tape.add(rtu(7, read_request(function, 10, quantity)), 40)
+            power = 0 if number in night else 3000 + rng.randrange(20)
+            values = [230, power, power, 17, power, 40, 41, 42][:quantity]
+            data = b"".join(value.to_bytes(2, "big") for value in values)
+            tape.add(rtu(7, bytes([function, len(data)]) + data), 8)
+    assert tape.codes(tmp_path) == []
+
+
+@pytest.mark.parametrize("writes", [6, 8])
+def test_writes_of_the_same_values_that_begin_later_are_named(tmp_path: Path, writes: int) -> None:
+    """Each of two set points is written too seldom to be sure, and both together are not."""
+    tape = Tape()
+    for number in range(300):
+        tape.add(rtu(4, read_request(3, 0, 2)), 300)
+        tape.add(rtu(4, bytes([3, 4, 0, number % 256, 0, 9])), 8)
+        if number >= 150 and number % 9 == 0 and number < 150 + 18 * writes:
+            write = rtu(4, bytes([6, 0, 4 + 2 * (number // 9 % 2), 1, 44]))
+            tape.add(write, 40)
+            tape.add(write, 8)
+    document = tape.doctor(tmp_path)
+    (found,) = document["diagnoses"]
+    assert (found["code"], found["severity"], found["unit"]) == ("unexpected_writer", "info", 4)
+    assert f"{2 * writes} writes of address 4 and of address 6" in found["sentence"]
+    assert len(found["episodes"]) == 1
+
+
+def test_a_few_writes_at_the_start_are_not(tmp_path: Path) -> None:
+    tape = Tape()
+    for number in range(300):
+        tape.add(rtu(4, read_request(3, 0, 2)), 300)
+        tape.add(rtu(4, bytes([3, 4, 0, number % 256, 0, 9])), 8)
+        if number < 12:
+            write = rtu(4, bytes([6, 0, number % 4, 1, 44]))
+            tape.add(write, 40)
+            tape.add(write, 8)
+    assert tape.codes(tmp_path) == []

@@ -117,36 +117,70 @@ fn best_by_request(view: &View<'_>, unit: u8) -> f64 {
     own().map(|inside| fisher(inside, all.without(inside))).fold(1.0, f64::min)
 }
 
+/// So many writes that do not change anything are no accident ...
+const LEAST_WRITES: u64 = 10;
+
+/// ... of one request, or of several of the same unit that were written so often each.
+const LEAST_WRITES_EACH: u64 = 5;
+
 /// Writes that never change anything.
 pub(super) fn unexpected_writer(view: &View<'_>) -> Vec<Claim> {
-    let requests = view.bus.requests.sorted();
+    let writes = constant_writes(view);
+    let of_one: Vec<Claim> = writes.iter().filter(|(_, counts)| are_many(counts, LEAST_WRITES)).map(needless).collect();
+    if !of_one.is_empty() {
+        return of_one;
+    }
+    let of_units = writes.chunk_by(|(one, _), (other, _)| one.unit == other.unit).filter_map(needless_together);
+    let of_units: Vec<Claim> = of_units.collect();
+    if of_units.is_empty() {
+        new_writer(view).into_iter().collect()
+    } else {
+        of_units
+    }
+}
+
+/// A request that writes.
+type Write<'a> = (&'a RequestKey, &'a RequestCounts);
+
+/// The requests that write the same again and again, by unit.
+fn constant_writes<'a>(view: &View<'a>) -> Vec<Write<'a>> {
     // The addresses of function 23 are those that it reads.
     let kind = |key: &RequestKey| Functions::embedded().standard_request(key.function).map(|request| request.kind);
     let is_known = |key: &RequestKey| kind(key) != Some(StandardLayout::ReadWriteRegisters);
-    let writes = requests.into_iter().filter(|(key, counts)| {
-        counts.writes && is_known(key) && counts.written.failed >= 10 && counts.good >= 10 && counts.changes == 0
-    });
-    let claims = writes.map(|(key, counts)| {
-        let period = counts.period.percentile(0.5).map_or(String::new(), |period| format!(", one each {}", duration(period)));
-        Claim::new("unexpected_writer", &counts.written, 0.0)
-            .of_unit(key.unit)
-            .at(key.function, key.address)
-            .fact(
-                "what",
-                format!(
-                    "is written to without need: {} writes of {} did not change anything",
-                    thousands(counts.written.failed),
-                    key.block()
-                ),
-            )
-            .fact("period", period)
-    });
-    let claims: Vec<Claim> = claims.collect();
-    if claims.is_empty() {
-        new_writer(view).into_iter().collect()
-    } else {
-        claims
-    }
+    let is_constant = |counts: &RequestCounts| counts.writes && counts.changes == 0 && are_many(counts, LEAST_WRITES_EACH);
+    let requests = view.bus.requests.sorted().into_iter();
+    let mut writes: Vec<Write<'a>> = requests.filter(|(key, counts)| is_known(key) && is_constant(counts)).collect();
+    writes.sort_by_key(|(key, _)| key.unit);
+    writes
+}
+
+fn are_many(counts: &RequestCounts, least: u64) -> bool {
+    counts.written.failed >= least && counts.good >= least
+}
+
+/// Claims that these writes of one request are without need.
+fn needless((key, counts): &Write<'_>) -> Claim {
+    let period = counts.period.percentile(0.5).map_or(String::new(), |period| format!(", one each {}", duration(period)));
+    without_need(&counts.written, &key.block()).of_unit(key.unit).at(key.function, key.address).fact("period", period)
+}
+
+/// Claims that the writes of several requests to a unit are, where they are enough together.
+fn needless_together(writes: &[Write<'_>]) -> Option<Claim> {
+    let written = || writes.iter().map(|(_, counts)| &counts.written);
+    let count = written().map(|one| one.failed).sum();
+    // They are not in one order, but the first and the last are known.
+    let first = written().filter_map(|one| one.first).min_by_key(|place| place.number);
+    let last = written().filter_map(|one| one.last).max_by_key(|place| place.number);
+    let all = Tally { failed: count, total: count, first, last, ..Tally::default() };
+    let blocks: Vec<String> = writes.iter().map(|(key, _)| key.block()).collect();
+    let claim = || without_need(&all, &blocks.join(" and of ")).of_unit(writes[0].0.unit).fact("period", "");
+    (writes.len() > 1 && count >= LEAST_WRITES).then(claim)
+}
+
+fn without_need(written: &Tally, blocks: &str) -> Claim {
+    let count = thousands(written.failed);
+    let what = format!("is written to without need: {count} writes of {blocks} did not change anything");
+    Claim::new("unexpected_writer", written, 0.0).fact("what", what)
 }
 
 /// A client writes so often at least, or it may be one that always writes, now and then.

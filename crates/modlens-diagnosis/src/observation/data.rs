@@ -24,6 +24,11 @@ impl Data {
     pub fn is_plain(self) -> bool {
         self.all_ones || self.all_zeros
     }
+
+    /// Whether those that are compared are, or nothing is.
+    pub(crate) fn opens_plain(self) -> bool {
+        self.opening.is_none_or(|bytes| bytes == [0; COMPARED_BYTES] || bytes == [0xFF; COMPARED_BYTES])
+    }
 }
 
 /// Answers to different requests are compared by so many bytes.

@@ -59,19 +59,30 @@ impl Context {
         all.filter(move |key| key.unit == unit).take(MOST_LAG)
     }
 
-    /// Whether the data are those that another request was answered with a moment ago, and far from its own.
+    /// Whether the data are those that another request was answered with a moment ago, and far from its own. Of requests whose
+    /// answers were alike before, such as those for the same registers by another function, each goes on like the other.
     fn is_of_another(&self, key: RequestKey, data: Data) -> bool {
-        let is_far = || self.recent.last_of(key).is_some_and(|(_, own)| distance(own.head, data.head) >= FAR);
-        self.is_like_another(key, data) && is_far()
+        let Some((_, own)) = self.recent.last_of(key).filter(|(_, own)| distance(own.head, data.head) >= FAR) else {
+            return false;
+        };
+        let is_near_own = |answer: &Answer| answer.length > 0 && distance(answer.head, own.head) < FAR;
+        let were_alike =
+            |other: RequestKey| self.recent.newest_first().any(|answer| answer.key() == other && is_near_own(&answer));
+        self.others_like(key, data).any(|other| !were_alike(other))
     }
 
     /// Whether the data begin as those that another request to the unit was answered with a moment ago.
     fn is_like_another(&self, key: RequestKey, data: Data) -> bool {
-        if data.length < LEAST_COMPARED_BYTES || data.is_plain() {
-            return false;
-        }
-        let mut others = self.recent.newest_first().take(COMPARED).filter(|others| others.begins_like(data));
-        others.any(|others| others.key().unit == key.unit && others.key() != key)
+        self.others_like(key, data).next().is_some()
+    }
+
+    /// The other requests to the unit that were answered a moment ago with data that begin like these. Registers without a value
+    /// are alike everywhere.
+    fn others_like(&self, key: RequestKey, data: Data) -> impl Iterator<Item = RequestKey> + '_ {
+        let is_compared = data.length >= LEAST_COMPARED_BYTES && !data.is_plain() && !data.opens_plain();
+        let recent = self.recent.newest_first().take(if is_compared { COMPARED } else { 0 });
+        let others = recent.filter(move |others| others.begins_like(data)).map(|others| others.key());
+        others.filter(move |other| other.unit == key.unit && *other != key)
     }
 
     /// Shortly after a silence: whether the values go on as those of an earlier request did in front of it; `before` is the last one.
