@@ -5,7 +5,7 @@ mod frames;
 use std::collections::{BTreeMap, VecDeque};
 
 use modlens_engine::records::{Bus, Connection, Side};
-use modlens_protocol::framing::Mode;
+use modlens_protocol::framing::{Mode, Verdict as FrameVerdict};
 use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
@@ -123,6 +123,19 @@ impl BusContrast {
     pub fn answers_alone(&self) -> u64 {
         let of_other_units = |unit: &UnitCounts| -> u64 { unit.answers_for.values().map(|tally| tally.failed).sum() };
         self.units.values().map(|unit| unit.second_answers.failed + of_other_units(unit)).sum()
+    }
+
+    /// Whether it has no times, no answers and no request twice: frames that somebody quotes side by side, and no recording of a line.
+    pub(crate) fn is_quoted(&self) -> bool {
+        let requests = self.requests.sorted();
+        let is_silent = |unit: &UnitCounts| unit.failures.total == unit.silent.failed;
+        let is_single = |counts: &RequestCounts| counts.good == 0 && counts.bad.failed <= 1;
+        let is_all_silent = self.answers_alone() == 0 && self.units.values().all(is_silent);
+        self.facts.clock == Clock::None
+            && requests.len() > 1
+            && is_all_silent
+            && requests.iter().all(|(_, counts)| is_single(counts))
+            && self.frames.bytes.iter().sum::<u64>() == self.frames.bytes_of(FrameVerdict::Ok)
     }
 
     /// Forgets what could be found again: requests have been left out, or rows came that are not in the memory of answers.

@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use modlens_protocol::checksum::crc_valid;
+use modlens_protocol::checksum::{crc_valid, CRC_BYTES};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::Functions;
 use modlens_protocol::in_words;
-use modlens_protocol::mbap::layout_lengths;
+use modlens_protocol::mbap::{layout_lengths, PREFIX_BYTES};
 use modlens_protocol::oddity::{bare_refusals, is_of_driver, is_swapped, is_text, Oddity};
 
 use super::before::Before;
@@ -67,8 +67,21 @@ impl Symptoms {
     pub(super) fn lone_layout(&mut self, seen: &FrameObservation) {
         let is_odd = seen.findings.has(Finding::LengthMismatch) || seen.findings.has(Finding::MbapLength);
         if is_odd && seen.txn.is_none() && seen.verdict == Verdict::Ok {
-            self.count(Symptom::OtherLayout, seen.unit, seen.place);
+            let (symptom, figures) =
+                layout(seen).map_or((Symptom::OtherLayout, None), |(symptom, figures)| (symptom, Some(figures)));
+            let counted = self.count(symptom, seen.unit, seen.place);
+            counted.figures = counted.figures.or(figures);
         }
+    }
+
+    /// Counts a message over Modbus/TCP whose length field no message can have, and which is therefore taken for no frame; whether
+    /// it is one.
+    pub(super) fn impossible_header(&mut self, seen: &FrameObservation) -> bool {
+        let figures = impossible_header(&seen.bytes).filter(|_| seen.txn.is_none());
+        if figures.is_some() {
+            self.count(Symptom::HeaderLength, seen.bytes.get(PREFIX_BYTES).copied(), seen.place).figures = figures;
+        }
+        figures.is_some()
     }
 
     /// Counts bytes that belong to no transaction, near this unit; `is_behind_header` as `Around` says it.
@@ -133,6 +146,37 @@ fn counted(seen: &FrameObservation) -> Option<Figures> {
     let is_kept_whole = seen.mode == Mode::Rtu && seen.bytes.len() == seen.length as usize;
     (is_kept_whole && usize::from(*count) != data.len()).then_some([u32::from(*count), data.len() as u32])
 }
+
+/// The byte count of a whole frame and the bytes of data after it, where the two differ, and what that is.
+fn layout(seen: &FrameObservation) -> Option<(Symptom, Figures)> {
+    let pdu = match seen.mode {
+        _ if seen.bytes.len() != seen.length as usize => None,
+        Mode::Tcp => seen.bytes.get(PREFIX_BYTES + 1..),
+        Mode::Rtu => seen.bytes.get(1..seen.bytes.len().checked_sub(CRC_BYTES)?),
+        Mode::Ascii => None,
+    };
+    let differ = |count: u8, data: &[u8]| Some([u32::from(count), data.len() as u32]).filter(|[one, other]| one != other);
+    match pdu? {
+        [0x0F | 0x10, _, _, _, _, count, data @ ..] => Some((Symptom::RequestLayout, differ(*count, data)?)),
+        [1..=4, count, data @ ..] if data.len() != READ_REST => Some((Symptom::CountWrong, differ(*count, data)?)),
+        _ => None,
+    }
+}
+
+/// What follows the first byte of the address in a request to read: the second one, and the quantity.
+const READ_REST: usize = 3;
+
+/// The length field of a header, and what follows it by the layout of its function, where no message can be as long as the field says.
+fn impossible_header(bytes: &[u8]) -> Option<Figures> {
+    let [announced, present] = figures_of_header(bytes)?;
+    // On a serial line, this would be a unit and a public function.
+    let may_be_serial = matches!(bytes[..2], [1..=247, 1..=24]);
+    let whole = layout_lengths(Functions::embedded(), bytes).into_iter().flatten().find(|whole| *whole <= bytes.len())?;
+    (announced > LONGEST && present > 2 && !may_be_serial).then(|| [announced, (whole - PREFIX_BYTES) as u32])
+}
+
+/// The most bytes after a length field: the unit and a PDU of 253 (Modbus messaging on TCP/IP, 3.1.3).
+const LONGEST: u32 = 254;
 
 /// Whether bytes begin as a frame over Modbus/TCP.
 fn is_header(bytes: &[u8]) -> bool {

@@ -73,7 +73,7 @@ fn in_manuals(seen: &Observation) -> String {
 fn alone(seen: &Observation, mode: Option<Mode>) -> Option<String> {
     let unit = seen.unit;
     match seen.outcome {
-        Outcome::NotSeen => {
+        Outcome::NotSeen | Outcome::Silent => {
             Some(format!("{REQUEST} to unit {unit}: {}{}{}", asked(seen)?, or_confirmed(seen.function), in_manuals(seen)))
         }
         Outcome::Unasked => {

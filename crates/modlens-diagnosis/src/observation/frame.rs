@@ -2,6 +2,7 @@
 
 use modlens_engine::records::{Batch, Exchange, Frame, InnerPauses, Side};
 use modlens_protocol::direction::Direction;
+use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::oddity::is_swapped;
 use modlens_protocol::Ns;
@@ -34,7 +35,7 @@ pub struct FrameObservation {
     pub code: Option<u8>,
     /// Number of its transaction.
     pub txn: Option<u64>,
-    /// The first bytes of what is damaged or noise.
+    /// The first bytes of what is damaged, noise, or of another layout than that of its function.
     pub bytes: Vec<u8>,
     /// Silence before it.
     pub gap: Option<Ns>,
@@ -80,7 +81,9 @@ impl FrameObservation {
     /// What a row shows.
     pub fn of(batch: &Batch, row: &Frame) -> Self {
         let wire = row.wire.of(&batch.arena);
-        let kept = if row.verdict.is_good() { 0 } else { wire.len().min(NOISE_BYTES) };
+        let findings = FindingSet::of(row.findings.of(&batch.codes));
+        let is_odd = findings.has(Finding::LengthMismatch) || findings.has(Finding::MbapLength);
+        let kept = if row.verdict.is_good() && !is_odd { 0 } else { wire.len().min(NOISE_BYTES) };
         Self {
             place: Place { number: row.txn.unwrap_or(0), elapsed: row.elapsed, time: row.start },
             number: row.number,
@@ -88,7 +91,7 @@ impl FrameObservation {
             direction: row.direction,
             mode: row.mode,
             unit: row.unit,
-            findings: FindingSet::of(row.findings.of(&batch.codes)),
+            findings,
             length: row.wire.length,
             code: row.code,
             txn: row.txn,

@@ -215,6 +215,11 @@ impl<'a> Case<'a> {
         if let Some(sentence) = whole.and_then(without_other_half) {
             return unknown(sentence);
         }
+        if let [(_, bus)] = buses {
+            if let Some(sentence) = told(buses).filter(|_| bus.is_quoted()).and_then(without_other_half) {
+                return unknown(sentence);
+            }
+        }
         let alone: u64 = buses.iter().map(|(_, bus)| bus.answers_alone()).sum();
         if total == 0 && alone > 1 {
             let what = format!("{} answers, and no request among them", thousands(alone));
@@ -248,7 +253,8 @@ impl<'a> Case<'a> {
             let text = format!("{}{}.", nothing_wrong(share.total, told(buses), open > 0), beside(share, open));
             return Some((Verdict::Unknown, text));
         }
-        let why = too_few(share, refused, is_whole, self.bytes(FrameVerdict::Noise));
+        let of_no_frame = buses.iter().map(|(_, bus)| bytes_of_frames(bus) - bus.frames.good_bytes()).sum();
+        let why = too_few(share, refused, is_whole, of_no_frame);
         Some((Verdict::Unknown, format!("{UNJUDGED}: {why}{}.", beside(share, open))))
     }
 

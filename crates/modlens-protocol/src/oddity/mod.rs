@@ -22,6 +22,14 @@ const LEAST_REFUSAL: usize = 3;
 /// A request to read, without its checksum.
 const READ_BYTES: usize = 6;
 
+/// The same with its checksum.
+const READ_FRAME: usize = 8;
+
+/// So many bytes that are nearly all the same, or of so few values that each is there so often, are no accident.
+const LEAST_SAME: usize = 16;
+const LEAST_OF_FEW: usize = 24;
+const BYTES_PER_VALUE: usize = 5;
+
 /// Fewer letters say nothing.
 const LEAST_LETTERS: usize = 6;
 
@@ -75,6 +83,29 @@ pub enum Oddity {
         asked: u8,
         /// What came.
         answered: u8,
+    },
+    /// The byte count of the answer to a read is not that of what was asked for, and the rest of it shows no other request.
+    OtherCount {
+        /// What the answer says.
+        counted: u8,
+        /// What was asked for.
+        due: u8,
+    },
+    /// Nearly all bytes are the same, which is neither 00 nor a character of a text; which, how many, and of how many.
+    Constant {
+        /// The byte.
+        byte: u8,
+        /// How often it is there.
+        times: usize,
+        /// All bytes.
+        of: usize,
+    },
+    /// Many bytes of few values, as no frame is; how many, and which.
+    FewValues {
+        /// All bytes.
+        bytes: usize,
+        /// The values.
+        values: Vec<u8>,
     },
     /// The answer to a read is the read itself.
     Echo,
@@ -170,6 +201,55 @@ impl Oddity {
         }
         let [asked, answered] = [asked[1], answer[1]];
         (answered & !EXCEPTION_BIT != asked).then_some(Self::OtherFunction { asked, answered })
+    }
+
+    /// Whether an answer that is no valid frame counts other bytes than a request to read asks for.
+    ///
+    /// ```
+    /// use modlens_protocol::oddity::Oddity;
+    /// // Three registers have six bytes; 06 and 26 (38) differ in one bit.
+    /// let request = [0x11, 3, 0, 0x6B, 0, 3, 0x76, 0x87];
+    /// assert_eq!(Oddity::of_count(&request, &[0x11, 3, 0x26, 2, 0x2B]), Some(Oddity::OtherCount { counted: 0x26, due: 6 }));
+    /// assert_eq!(Oddity::of_count(&request, &[0x11, 3, 6, 2, 0x2B]), None);
+    /// ```
+    pub fn of_count(request: &[u8], answer: &[u8]) -> Option<Self> {
+        let (asked, _) = request.split_at_checked(READ_BYTES).filter(|(asked, _)| is_read(asked))?;
+        let [unit, function, counted, ..] = *answer else { return None };
+        let quantity = usize::from(u16::from_be_bytes([asked[4], asked[5]]));
+        let due = u8::try_from(if function <= 2 { quantity.div_ceil(8) } else { 2 * quantity }).ok()?;
+        // Six bytes, or eight, may be another request.
+        let is_answer =
+            asked[..2] == [unit, function] && !matches!(answer.len(), READ_BYTES | READ_FRAME) && answer.len() > LEAST_FRAME;
+        (is_answer && counted != due && !crc_valid(answer)).then_some(Self::OtherCount { counted, due })
+    }
+
+    /// What a receiver sees that gets no Modbus: one value over and over, levels, or few values.
+    ///
+    /// ```
+    /// use modlens_protocol::oddity::Oddity;
+    /// assert_eq!(Oddity::of_signal(&[0xB5; 20]), Some(Oddity::Constant { byte: 0xB5, times: 20, of: 20 }));
+    /// assert_eq!(Oddity::of_signal(&[0, 0, 0xFF, 0, 0xFE, 0, 0, 0, 0xF8, 0, 0, 0xFF]), Some(Oddity::Levels));
+    /// assert_eq!(Oddity::of_signal(&[1, 3, 20, 0, 0, 0, 7, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xC4, 0x0B]), None);
+    /// ```
+    pub fn of_signal(bytes: &[u8]) -> Option<Self> {
+        let mut counts = [0usize; 256];
+        for byte in bytes {
+            counts[usize::from(*byte)] += 1;
+        }
+        let most = (0..=u8::MAX).max_by_key(|byte| counts[usize::from(*byte)])?;
+        let times = counts[usize::from(most)];
+        let is_frame = matches!(bytes[..bytes.len().min(2)], [1..=247, code] if is_known(code));
+        if is_of_levels(bytes) {
+            return Some(Self::Levels);
+        }
+        if bytes.len() >= LEAST_SAME && times * 20 >= bytes.len() * 19 && most != 0 && !most.is_ascii_graphic() && most != b' ' {
+            return Some(Self::Constant { byte: most, times, of: bytes.len() });
+        }
+        let values: Vec<u8> = (0..=u8::MAX).filter(|byte| counts[usize::from(*byte)] > 0).collect();
+        // Registers are often 0, and a text has signs.
+        let is_few = bytes.len() >= LEAST_OF_FEW && values.len() * BYTES_PER_VALUE <= bytes.len() && values.len() > 2;
+        let is_mixed = counts[0] * 2 < bytes.len() && times * 4 < bytes.len() * 3;
+        (is_few && is_mixed && !is_frame && !is_text(bytes)).then_some(Self::FewValues { bytes: bytes.len(), values })
     }
 
     /// What is odd about bytes beside those before them, as where one list is what was sent, and the other what was received.

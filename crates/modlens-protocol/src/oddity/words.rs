@@ -56,6 +56,25 @@ impl Oddity {
                 "the answer begins with function {answered:02X}, and function {asked:02X} was asked for: what answers does not \
                  speak Modbus, or its bytes are damaged (rate, parity, levels)"
             ),
+            Self::OtherCount { counted, due } => format!(
+                "the answer counts {counted} bytes of data, and {due} are those that were asked for{}",
+                if (counted ^ due).is_power_of_two() {
+                    ": one bit of the byte count is wrong, so that the reader takes the frame for longer or shorter than it is; that is \
+                     damage on the line (termination, biasing, ground, noise)"
+                } else {
+                    ": its byte count is damaged, or it is the answer to another request"
+                }
+            ),
+            Self::Constant { byte, times, of } => format!(
+                "{times} of {of} bytes are {byte:02X}: no frame is in them; the receiver sees one pattern over and over, as with wrong \
+                 line settings (rate, parity, data bits), swapped wires, or a signal that is no serial data"
+            ),
+            Self::FewValues { bytes, values } => format!(
+                "{bytes} bytes have {} values ({}), which no frames have: the receiver makes them of a signal at another rate or with \
+                 other settings, or of swapped wires",
+                values.len(),
+                values.iter().map(|value| format!("{value:02X}")).collect::<Vec<_>>().join(", ")
+            ),
             Self::Echo => String::from(
                 "the answer is the request itself: the adapter hears its own transmission, and nothing else answers; turn its echo \
                  off, or read and discard as many bytes as were sent",

@@ -241,16 +241,11 @@ fn unproved(scored: &[(Arc<Dialect>, RowScore)], text: &[u8]) -> Option<FormatGu
     let why = foreign.or(odd).map_or_else(String::new, |kind| format!("; {kind}"));
     match scored.iter().max_by_key(|(row, score)| (score.bytes, !row.generic, row.is_plain_hex)) {
         Some((row, score)) => {
-            let left =
-                hex_left(text).map_or_else(String::new, |(lines, bytes, _)| format!("; {lines} {bytes} bytes of hex in all"));
-            let reason = format!("no valid checksum in {} byte string{}{why}{left}", score.records, plural(score.records));
+            let reason = format!("no valid checksum in {} byte string{}{why}", score.records, plural(score.records));
             Some((row.name.clone(), UNPROVED / 2.0, reason))
         }
         None if why.is_empty() => None,
-        None => {
-            let left = unproved_hex(text).map_or_else(String::new, |left| format!("; {left}"));
-            Some(("raw".into(), UNPROVED / 2.0, format!("no known dialect{why}{left}")))
-        }
+        None => Some(("raw".into(), UNPROVED / 2.0, format!("no known dialect{why}"))),
     }
 }
 

@@ -33,6 +33,7 @@ mod reader;
 mod reports;
 mod role;
 mod sample;
+mod signal;
 mod template;
 mod ticks;
 mod timestamps;

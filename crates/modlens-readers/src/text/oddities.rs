@@ -1,7 +1,8 @@
 //! What a text without a proven frame says all the same: what is odd about its bytes, or what the program itself reports.
 
-use crate::text::proved::{hex_front, longest_hex, sender, single_bytes, single_digits};
+use crate::text::proved::{byte_of_line, hex_front, longest_hex, sender, single_bytes, single_digits};
 use crate::text::reports::{reported, Said};
+use crate::text::signal::{self, latin_bytes};
 use modlens_protocol::annotate::{exception_name, spaced_hex};
 use modlens_protocol::checksum::{crc16, crc_valid, CRC_BYTES};
 use modlens_protocol::direction::possible_directions;
@@ -37,12 +38,20 @@ pub(super) struct UnreadLine<'a> {
 
 /// What the bytes of a text show, or what it reports in words; `None` if neither says anything.
 pub(super) fn named(text: &[u8]) -> Option<String> {
-    let lines = text.split(|&byte| byte == b'\n').take(MOST_LINES);
-    named_lines((1..).zip(lines).map(|(number, text)| UnreadLine { number, text, before: &[] })).map(|said| said.words)
+    let lines = text.split(|&byte| byte == b'\n').take(MOST_LINES).map(<[u8]>::trim_ascii_end);
+    let lines = (1..).zip(lines).map(|(number, text)| UnreadLine { number, text, before: &[] });
+    named_lines(lines.filter(|line| !line.text.is_empty())).map(|said| said.words)
 }
 
 /// The same of lines that nothing could read.
 pub(super) fn named_lines<'a>(lines: impl Iterator<Item = UnreadLine<'a>> + Clone) -> Option<Said> {
+    let joined = joined_bytes(lines.clone());
+    let whole = joined.iter().map(|one| UnreadLine { number: one.number, text: &one.text, before: one.before });
+    // Line by line, because the joined ones live shorter.
+    let mut all: Vec<UnreadLine<'_>> = Vec::new();
+    lines.for_each(|line| all.push(line));
+    all.extend(whole);
+    let lines = all.iter().copied();
     let words = || reported(lines.clone().map(|line| line.text));
     let bytes: Vec<NoFrame> = lines.clone().filter_map(no_frame).collect();
     // Of bytes that have the layout of a frame, it is known what is wrong with them; of others, words say more.
@@ -50,11 +59,38 @@ pub(super) fn named_lines<'a>(lines: impl Iterator<Item = UnreadLine<'a>> + Clon
     let read =
         lines.clone().filter_map(|line| single_bytes(&without_emphasis(line.text)).filter(|bytes| bytes.len() >= MIN_DAMAGED));
     let odd = odd_bytes(lines.clone()).or_else(|| few_bits(&read.collect::<Vec<_>>()));
+    // Where no line has the layout of a frame, all of them together may show what the receiver sees.
+    let odd =
+        odd.or_else(|| signal::named(lines.clone().map(|line| line.text)).filter(|_| bytes.iter().all(|one| !one.is_known)));
     // A text may leave the checksum of a request out.
-    let has_bytes = odd.is_some() || bytes.iter().any(|one| !one.is_bare);
+    let has_bytes = odd.is_some() || !joined.is_empty() || bytes.iter().any(|one| !one.is_bare);
     let mut said = odd.map(Said::from).or_else(|| first(true)).or_else(words).or_else(|| first(false))?;
     said.has_bytes = has_bytes;
     Some(said)
+}
+
+/// Bytes of several lines with one each, in one line.
+struct Joined<'a> {
+    /// The number of the first line.
+    number: u64,
+    text: Vec<u8>,
+    before: &'a [u8],
+}
+
+/// The bytes of lines in a row that hold one each.
+fn joined_bytes<'a>(lines: impl Iterator<Item = UnreadLine<'a>>) -> Vec<Joined<'a>> {
+    let mut all: Vec<(u64, Vec<u8>, &[u8])> = Vec::new();
+    let mut last = 0;
+    for UnreadLine { number, text, before } in lines {
+        let Some(byte) = byte_of_line(text) else { continue };
+        match all.last_mut().filter(|_| last + 1 == number) {
+            Some((_, bytes, _)) => bytes.push(byte),
+            None => all.push((number, vec![byte], before)),
+        }
+        last = number;
+    }
+    let all = all.into_iter().filter(|(_, bytes, _)| bytes.len() >= LEAST_BYTES);
+    all.map(|(number, bytes, before)| Joined { number, text: spaced_hex(&bytes).into_bytes(), before }).collect()
 }
 
 /// What the bytes of the first line show whose bytes are odd by themselves, or beside those of the line before.
@@ -63,7 +99,7 @@ fn odd_bytes<'a>(lines: impl Iterator<Item = UnreadLine<'a>>) -> Option<String> 
     let mut side_before = None;
     for UnreadLine { number, text, before: read } in lines {
         let line = without_emphasis(text);
-        let Some(bytes) = single_digits(&line).or_else(|| longest_hex(&line)) else { continue };
+        let Some(bytes) = single_digits(&line).or_else(|| latin_bytes(text)).or_else(|| longest_hex(&line)) else { continue };
         if let Some(refusal) = [&before[..], read].into_iter().find_map(|asked| bare_refusal(asked, &bytes)) {
             return Some(format!("in line {number} {refusal}"));
         }
@@ -76,7 +112,8 @@ fn odd_bytes<'a>(lines: impl Iterator<Item = UnreadLine<'a>>) -> Option<String> 
         let of_answer = |before: &[u8]| Oddity::of_answer(before, &bytes).filter(|_| is_of_other);
         let beside = |before: &[u8]| of_answer(before).or_else(|| Oddity::of_copy(before, &bytes));
         let own = || Oddity::of(&bytes);
-        if let Some(oddity) = Oddity::of_copy(read, &bytes).or_else(own).or_else(|| beside(&before)) {
+        let beside_read = Oddity::of_copy(read, &bytes).or_else(|| Oddity::of_count(read, &bytes));
+        if let Some(oddity) = beside_read.or_else(own).or_else(|| beside(&before)) {
             if oddity == Oddity::CutRequest && is_received(&line) {
                 return Some(format!("in line {number} {CUT_ECHO}"));
             }
@@ -116,7 +153,8 @@ fn no_frame(UnreadLine { number, text, before }: UnreadLine<'_>) -> Option<NoFra
     let line = without_emphasis(text);
     let bytes = single_bytes(&line).filter(|bytes| (MIN_DAMAGED..=MAX_FRAME).contains(&bytes.len()))?;
     let is_part = before.windows(bytes.len()).any(|part| part == bytes);
-    let is_only_bytes = line.len() <= 4 * bytes.len() + MOST_WORDS && !crc_valid(&bytes) && !is_part;
+    let is_only_bytes = line.len() <= 4 * bytes.len() + MOST_WORDS;
+    let is_new = !crc_valid(&bytes) && !is_part;
     let shown = spaced_hex(&bytes[..bytes.len().min(MOST_SHOWN)]);
     let more = if bytes.len() > MOST_SHOWN { " \u{2026}" } else { "" };
     let usual = || String::from("are no frame: they are damaged, cut, or of another protocol");
@@ -126,7 +164,9 @@ fn no_frame(UnreadLine { number, text, before }: UnreadLine<'_>) -> Option<NoFra
     let known = wrong_checksum(&bytes).filter(|_| !is_request).or_else(|| cut_answer(&bytes));
     let is_known = known.is_some();
     let why = known.or_else(|| lacks_parts(&bytes)).unwrap_or_else(usual);
-    is_only_bytes.then(|| NoFrame {
+    // Whatever a program prints in front of them, what it puts in brackets are bytes.
+    let is_bracketed = || hex_front(&line).is_some_and(|front| matches!(front.trim_ascii_end().last(), Some(b'[' | b'{' | b'(')));
+    (is_new && (is_only_bytes || is_known && is_bracketed())).then(|| NoFrame {
         words: format!("in line {number} the bytes {shown}{more} {why}"),
         is_known,
         is_bare: is_request && !is_known,
@@ -293,6 +333,35 @@ mod tests {
         let other = UnreadLine { text: b"answer: 9A 3C E1 55 47 B2 0D 66", ..heard };
         let said = named_lines([other].into_iter()).expect("a reason");
         assert!(said.words.contains("are no frame"), "{said:?}");
+    }
+
+    #[test]
+    fn bytes_come_before_words_wherever_they_stand() {
+        // 11 04 00 08 00 01 has the checksum B2 98; here it is B2 9A, beside a complaint and a remark.
+        let code = b"no response at all\nbyte q[] = {0x11,0x04,0x00,0x08,0x00,0x01,0xb2,0x9a}; // asks for register 8 with a valid checksum\n";
+        assert!(named(code).is_some_and(|said| said.contains("in line 2 the bytes") && said.contains("b2 98 belongs there")));
+        // Twelve registers have 24 bytes, and the checksum two.
+        let cut = b"[7][E] some/long/path/of/a/program/and/the/file/in/which/it/is.cpp - Size: [11], Content: [11 03 18 00 01 00 02 00 03 00 04 ]\nCRC error\n";
+        assert!(named(cut).is_some_and(|said| said.contains("8 of 26 bytes are there")));
+        let prose = b"CRC error, and I read somewhere that my device 11 03 18 00 01 00 02 00 03 00 04 is what people call an odd one out\n";
+        assert!(named(prose).is_some_and(|said| said.starts_with("a line reports a wrong checksum")));
+    }
+
+    #[test]
+    fn bytes_of_one_line_each_are_read_together() {
+        // Asked for three registers, of which the answer has six bytes; 46 is 06 with a bit more.
+        let asked = [0x11, 3, 0, 0x6B, 0, 3, 0x76, 0x87];
+        let texts = [
+            "received Byte 17 (0X11)",
+            "received Byte 3 (0X3)",
+            "received Byte 70 (0X46)",
+            "received Byte 2 (0x2)",
+            "received Byte 43 (0x2b)",
+        ];
+        let lines = (4..).zip(texts).map(|(number, text)| UnreadLine { number, text: text.as_bytes(), before: &asked });
+        let said = named_lines(lines).expect("a reason");
+        assert!(said.words.starts_with("in line 4 the answer counts 70 bytes of data, and 6 are those"), "{said:?}");
+        assert!(said.has_bytes);
     }
 
     #[test]

@@ -76,7 +76,7 @@ const REPORTS: [(&[&str], &str, Beside); 11] = [
         Beside::Nothing,
     ),
     (
-        &["checksum error", "crc error", "crc check error", "crccheckerror", "crc mismatch", "crcmismatch", "crc received", "invalid crc", "wrong crc", "crc check failed", "bad crc", "incorrect crc", "crc fail", "crc not match", "crc does not match", "crc doesn't match", "does not match the crc", "checksums failed to match", "checksum mismatch", "invalid checksum", "wrong checksum", "lrc error"],
+        &["checksum error", "crc error", "crc check error", "crccheckerror", "crc mismatch", "crcmismatch", "crc received", "invalid crc", "wrong crc", "crc check failed", "bad crc", "incorrect crc", "crc fail", "crc not match", "crc does not match", "crc doesn't match", "does not match the crc", "checksums failed to match", "checksum mismatch", "invalid checksum", "wrong checksum", "bad (should be", "lrc error"],
         "a wrong checksum: bits changed on the line, other line settings, or bytes lost by a program; a recording of the bytes shows which",
         Beside::WholeFrames {
             answers: "a wrong checksum, and the answers that are printed here have right ones: they are whole, so that the program checks \

@@ -132,7 +132,8 @@ impl BusContrast {
         let is_answer =
             seen.length >= LEAST_ANSWER_BYTES && attached.is_some_and(|(direction, _)| direction == Direction::Request);
         // On Modbus/TCP, only what begins with a header is taken for the answer of a transaction.
-        if seen.txn.is_none() && (!is_answer || seen.mode == Mode::Tcp) {
+        let is_header = self.symptoms.impossible_header(seen);
+        if !is_header && seen.txn.is_none() && (!is_answer || seen.mode == Mode::Tcp) {
             self.symptoms.frame(seen, attached.and_then(|(_, unit)| unit), around.is_behind_header);
         }
         if let (Some((Direction::Response, Some(unit))), true) = (attached, self.may_be_spoiled_request(seen)) {

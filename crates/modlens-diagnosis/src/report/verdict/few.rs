@@ -58,7 +58,7 @@ pub(super) fn too_few(share: Share, refused: Share, is_whole: bool, of_no_frame:
     };
     let failed = match share.failed {
         0 if refused.failed == 0 && of_no_frame > 1 => {
-            format!("; what was asked was answered, and {} bytes are of no frame", thousands(of_no_frame))
+            format!("; what was asked was answered, and {} bytes are of no valid frame", thousands(of_no_frame))
         }
         0 if refused.failed == 0 => String::from("; what was asked was answered"),
         0 => String::new(),

@@ -6,6 +6,7 @@ use crate::text::frame_evidence::check_frame;
 use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::mbap::PREFIX_BYTES;
+use modlens_protocol::Ns;
 
 /// A copy of a frame is at most so many lines after it.
 const MAX_LINES_TO_COPY: u64 = 10;
@@ -19,6 +20,9 @@ fn is_echoed(bytes: &[u8]) -> bool {
     let at = if check_frame(bytes).1 == Some(Mode::Tcp) { 7 } else { 1 };
     bytes.get(at).is_some_and(|code| ECHOED.contains(code))
 }
+
+/// A line that is logged twice has the second copy at most so much later: a program takes longer to read twice.
+const MAX_TO_LOG_TWICE: Ns = 1_000_000;
 
 impl EntryAssembler {
     /// Whether the log has printed these bytes last.
@@ -81,6 +85,20 @@ impl EntryAssembler {
         let is_same_side = entry_bytes.side == stream.side && !may_be_echo;
         let is_near = entry_bytes.number <= stream.number + MAX_LINES_TO_COPY;
         is_same_side && is_near && check_frame(&stream.group).1 == Some(Mode::Tcp)
+    }
+
+    /// Whether the line is the one before once more, as where two handlers of a logger print it: the same answer over Modbus/TCP, with
+    /// the same transaction identifier, from the same party, and at the same time as far as the clock shows.
+    pub(super) fn is_logged_twice(&self, entry_bytes: &EntryBytes<'_>, framing: Option<Mode>) -> bool {
+        let Some(stream) = self.streams.get(entry_bytes.key) else { return false };
+        let is_near =
+            stream.time.zip(entry_bytes.time).is_some_and(|(one, other)| (0..=MAX_TO_LOG_TWICE).contains(&(other - one)));
+        let is_received = entry_bytes.side == Some(Side::Received) && stream.side == entry_bytes.side;
+        is_near
+            && is_received
+            && framing == Some(Mode::Tcp)
+            && stream.number + 1 == entry_bytes.number
+            && stream.group == entry_bytes.bytes
     }
 
     /// Counts a frame that was delivered already.

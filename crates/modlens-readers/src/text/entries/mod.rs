@@ -52,8 +52,9 @@ struct DeviceStream {
     previous: Vec<u8>,
     /// How often in a row the same frame was delivered.
     same_frames: u32,
-    /// Number of the line of the last bytes.
+    /// Number of the line of the last bytes, and its time.
     number: u64,
+    time: Option<Ns>,
 }
 
 /// What a header line says about the bytes in the lines that follow it.
@@ -325,7 +326,7 @@ impl EntryAssembler {
         while self.streams.len() <= entry_bytes.key {
             self.streams.push(DeviceStream::default());
         }
-        if self.is_inner_copy(entry_bytes, framing) {
+        if self.is_inner_copy(entry_bytes, framing) || self.is_logged_twice(entry_bytes, framing) {
             self.skip(entry_bytes.number, entry_bytes.bytes, DUPLICATE);
             return None;
         }
@@ -335,7 +336,7 @@ impl EntryAssembler {
         let starts_record = is_whole_frame || no_checksum || !stream.is_mid_frame || stream.side != side;
         let is_same = starts_record && stream.group == entry_bytes.bytes;
         stream.same_frames = if is_same { stream.same_frames + 1 } else { 1 };
-        stream.number = entry_bytes.number;
+        (stream.number, stream.time) = (entry_bytes.number, entry_bytes.time);
         if starts_record || stream.group.len() + entry_bytes.bytes.len() > MAX_GROUP_BYTES {
             std::mem::swap(&mut stream.group, &mut stream.previous);
             stream.group.clear();

@@ -122,6 +122,13 @@ pub(in crate::text) fn is_byte_line(line: &[u8]) -> bool {
     line.len() <= MAX_LINE_CHARS && (item(line).is_some() || is_named())
 }
 
+/// The byte of a line that holds nothing else, where its notation is beyond doubt: `0x01,`, `64 (0x40)`.
+pub(in crate::text) fn byte_of_line(line: &[u8]) -> Option<u8> {
+    let last = line.windows(2).rposition(|two| two.eq_ignore_ascii_case(b"0x"))?;
+    let (_, start, [byte, ..]) = item(line)?;
+    byte.filter(|_| start == last)
+}
+
 /// A word of digits as a decimal and as a hex number.
 fn number(word: &[u8]) -> Place {
     let text = std::str::from_utf8(word).unwrap_or_default();

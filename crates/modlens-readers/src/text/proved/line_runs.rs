@@ -51,6 +51,15 @@ pub(in crate::text) fn longest_hex(line: &[u8]) -> Option<Vec<u8>> {
     runs.map(Run::without_number).map(|run| run.bytes).max_by_key(Vec::len)
 }
 
+/// The longest run of hex in a line that is no date; of short ones, which may be parts of a time, the last.
+pub(in crate::text) fn hex_beside_dates(line: &[u8]) -> Option<Vec<u8>> {
+    let part = &line[..part_end(line, 0)];
+    let mut runs = hex_runs(part);
+    runs.retain(|run| !is_other_text(part, &run.text));
+    let all = runs.into_iter().map(Run::without_number).map(|run| run.bytes);
+    all.max_by_key(|bytes| if bytes.len() < MIN_ESCAPED_BYTES { 0 } else { bytes.len() })
+}
+
 /// The bytes of a line that holds nothing else but the mark of a comment in front of them.
 pub(super) fn only_hex(line: &[u8]) -> Option<Vec<u8>> {
     let is_mark = |b: &u8| matches!(b, b' ' | b'\t' | b'/' | b'#' | b'*' | b';');
