@@ -121,6 +121,8 @@ pub struct Observation {
     pub late: Option<Ns>,
     /// So long after an earlier request, which had no answer, this one came that fits it.
     pub belated: Option<Ns>,
+    /// The damaged answer begins as that to this earlier request, which had no answer, and came so long after it.
+    pub intruder: Option<(RequestKey, Ns)>,
     /// It is the late answer to this transaction.
     pub late_response_to: Option<u64>,
     /// Silence before the request.
@@ -218,6 +220,7 @@ impl Observation {
             waited: row.waited,
             late: row.late_response,
             belated: None,
+            intruder: None,
             late_response_to: row.late_response_to,
             gap: row.gap,
             is_retry: row.retry_of.is_some(),

@@ -8,6 +8,8 @@ use crate::observation::RequestKey;
 /// What came before a transaction on its bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Before {
+    /// An answer may still come to a request whose master has given up.
+    pub may_meet_late: bool,
     /// Unit of the transaction before, and whether that was not answered.
     pub previous: Option<(u8, bool)>,
     /// Whether one of the last few failed in any way.

@@ -321,6 +321,11 @@ impl BusContrast {
         if let Some((unit, place, waited, needed)) = before.overtaken {
             self.units.entry(unit).or_default().overtaken.count(place, waited, needed);
         }
+        if let Some((asked, after)) = seen.intruder {
+            let unit = self.units.entry(asked.unit).or_default();
+            unit.intruding.count(true, seen.place);
+            unit.intruding_after.add(after);
+        }
         let Some(key) = seen.key().filter(|_| seen.outcome.counts()) else { return };
         if let Some(index) = self.known.find(key.number()) {
             self.settle_request(index);

@@ -16,7 +16,9 @@ use super::before::Before;
 use super::good_frame::GoodFrame;
 use super::recent::RecentAnswers;
 use super::tally::Place;
-use crate::observation::{answer_length, response_part, DamagedPart, FrameObservation, Observation, Outcome, RequestKey};
+use crate::observation::{
+    answer_length, data_length, response_part, DamagedPart, FrameObservation, Observation, Outcome, RequestKey,
+};
 
 /// A write is remembered for so many transactions.
 const WRITE_MEMORY: u64 = 4;
@@ -26,6 +28,9 @@ const SENT_MEMORY: u64 = 64;
 
 /// An answer that is late meets one of so many requests after its own.
 const FAILURE_MEMORY: u8 = 3;
+
+/// A late answer comes within so many times as long as its master has waited for it.
+const MOST_LATE: Ns = 2;
 
 /// Runs of damage and noise are remembered until their transactions come.
 const MAX_RUNS: usize = 1024;
@@ -104,6 +109,8 @@ pub(super) struct Context {
     is_open: bool,
     /// Of the last two transactions, those without any answer: what was asked, and when.
     unanswered: [Option<(RequestKey, Ns)>; 2],
+    /// Until when an answer may come to a request without any.
+    late_until: Option<Ns>,
     /// The answer to it stops before its end, and lacks so many bytes.
     cut: Option<(RequestKey, u32)>,
     /// The last frame that the program says it sent: who sends such frames, and the number.
@@ -219,6 +226,7 @@ impl Context {
         Before {
             previous: self.previous,
             failed: self.after_failure > 0,
+            may_meet_late: start.zip(self.late_until).is_some_and(|(start, until)| start < until),
             written,
             request,
             is_repeated,
@@ -262,6 +270,9 @@ impl Context {
         self.compare(seen);
         self.note_order(seen);
         self.note_unanswered(seen);
+        if let (Outcome::Silent, Some(start), Some(waited)) = (seen.outcome, seen.starts[0], seen.waited) {
+            self.late_until = Some(start + MOST_LATE * waited);
+        }
         self.open_since = seen.starts[0].filter(|_| seen.outcome == Outcome::NotSeen);
         self.is_open = matches!(seen.outcome, Outcome::Silent | Outcome::NotSeen);
         self.cut = missing(seen);
@@ -302,6 +313,8 @@ impl Context {
             let is_of_another = seen.outcome == Outcome::Garbled && seen.findings.has(Finding::ResponseLength);
             if is_of_another {
                 seen.belated = [before, last].into_iter().flatten().find_map(|asked| belated(seen, asked));
+            } else if seen.outcome == Outcome::Garbled {
+                seen.intruder = [before, last].into_iter().flatten().find_map(|asked| intruder(seen, asked));
             }
         } else if seen.outcome == Outcome::Unasked && seen.late_response_to.is_none() && seen.exception.is_none() {
             seen.belated = self.unanswered.into_iter().flatten().find_map(|asked| belated(seen, asked));
@@ -362,6 +375,7 @@ impl Context {
             self.is_open = later.is_open;
             self.cut = later.cut;
             self.unanswered = later.unanswered;
+            self.late_until = later.late_until.or(self.late_until);
             self.last_id = later.last_id.or(self.last_id);
             self.recent.clone_from(&later.recent);
         }
@@ -379,6 +393,15 @@ fn belated(seen: &Observation, (asked, start): (RequestKey, Ns)) -> Option<Ns> {
     let is_of_unit = (asked.unit, asked.function) == (seen.unit, seen.function) && seen.key() != Some(asked);
     let fits = answer_length(asked.function, asked.quantity) == Some(seen.lengths[1]);
     seen.starts[1].filter(|_| is_of_unit && fits && seen.id.is_none()).map(|came| came - start)
+}
+
+/// An earlier request, and how long after it an answer came, if a damaged answer begins as that to this request of another unit or
+/// function.
+fn intruder(seen: &Observation, (asked, start): (RequestKey, Ns)) -> Option<(RequestKey, Ns)> {
+    let is_other = (asked.unit, asked.function) != (seen.unit, seen.function) && seen.id.is_none();
+    let count = data_length(asked.function, asked.quantity)?;
+    let begins = is_other && seen.answer_head.starts_with(&[asked.unit, asked.function, u8::try_from(count).ok()?]);
+    seen.starts[1].filter(|_| begins).map(|came| (asked, came - start))
 }
 
 /// How many bytes an answer lacks that is right as far as it goes, and what it answers.

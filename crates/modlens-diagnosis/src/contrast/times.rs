@@ -35,6 +35,13 @@ impl ByDuration {
         self.0.iter_mut().zip(&other.0).for_each(|(own, more)| *own = own.with(*more));
     }
 
+    /// The least duration above a limit of `splits` that may have been counted.
+    pub fn least_above(&self, limit: Ns) -> Ns {
+        let halves = FIRST_HALF..FIRST_HALF + HALVES;
+        let edges = halves.zip(&self.0).filter(|(_, share)| share.total > 0).map(|(half, _)| eighth_edge(half * EIGHTHS) as Ns);
+        edges.filter(|edge| *edge >= limit).min().unwrap_or(limit)
+    }
+
     /// Each limit between two counts in ns, with what is below and above it; only where there is something on both sides.
     pub fn splits(&self) -> Vec<(Ns, Share, Share)> {
         let all = self.0.iter().copied().sum::<Share>();
@@ -63,5 +70,7 @@ mod tests {
         let splits = all.splits();
         assert_eq!(splits.len(), 1);
         assert_eq!((splits[0].0, splits[0].1.failed, splits[0].2.failed), (1 << 20, 10, 0));
+        // 50 ms are in the lower half of the octave from 2^25 ns on.
+        assert_eq!(all.least_above(splits[0].0), 1 << 25);
     }
 }

@@ -45,6 +45,10 @@ pub struct UnitCounts {
     pub overtaken: Overtaken,
     /// How long after the request the late ones came.
     pub late_after: Durations,
+    /// Its answers that came as those of requests after it, to other units or of other functions, and damaged these.
+    pub intruding: Tally,
+    /// How long after the request those came.
+    pub intruding_after: Durations,
     /// Refusals, by exception code, each among all that was asked.
     pub exceptions: [Tally; EXCEPTIONS],
     /// Response times of good answers.
@@ -354,12 +358,14 @@ impl UnitCounts {
         if let Some(gap) = seen.gap {
             self.by_gap.count(gap, failed);
         }
-        if let ([Some(request), Some(answer)], Outcome::Good | Outcome::Garbled) = (seen.starts, seen.outcome) {
+        // What comes right after a silence may be the answer that was missing there.
+        let is_own = seen.outcome == Outcome::Good || !before.previous.is_some_and(|(_, was_silent)| was_silent);
+        if let ([Some(request), Some(answer)], Outcome::Good | Outcome::Garbled, true) = (seen.starts, seen.outcome, is_own) {
             self.garbled_by_response_time.count(seen.response_time.unwrap_or(answer - request), seen.outcome == Outcome::Garbled);
         }
         if let Some((unit, was_silent)) = before.previous {
-            self.damage_after_failure[usize::from(before.failed)]
-                .count(matches!(seen.outcome, Outcome::Garbled | Outcome::BadRequest));
+            let is_damaged = matches!(seen.outcome, Outcome::Garbled | Outcome::BadRequest);
+            self.damage_after_failure[usize::from(before.failed || (is_damaged && before.may_meet_late))].count(is_damaged);
             if let (Some(gap), true) = (seen.gap, unit != seen.unit) {
                 self.by_gap_after_others.count(gap, failed);
             }
@@ -381,6 +387,7 @@ impl UnitCounts {
             (&mut self.garbled, &later.garbled),
             (&mut self.bad_requests, &later.bad_requests),
             (&mut self.late, &later.late),
+            (&mut self.intruding, &later.intruding),
             (&mut self.second_answers, &later.second_answers),
             (&mut self.doubled, &later.doubled),
             (&mut self.other_functions, &later.other_functions),
@@ -401,6 +408,7 @@ impl UnitCounts {
         merge_each(&mut self.strays, &later.strays);
         merge_each(&mut self.line_errors, &later.line_errors);
         self.late_after.merge(&later.late_after);
+        self.intruding_after.merge(&later.intruding_after);
         self.response_times.merge(&later.response_times);
         self.waited.merge(&later.waited);
         self.by_gap.merge(&later.by_gap);

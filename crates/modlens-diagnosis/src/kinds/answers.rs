@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use modlens_protocol::Ns;
 
-use crate::claim::{duration, percent, Claim, View};
+use crate::claim::{duration, percent, Certainty, Claim, View};
 use crate::contrast::UnitCounts;
 use crate::statistics::{at_least, fisher, in_runs_at_most, Share};
 use crate::MAX_CHANCE;
@@ -21,6 +21,8 @@ pub(super) fn slow_answers(view: &View<'_>) -> Vec<Claim> {
             .or_else(|| overtaken(view, unit, counts))
             .or_else(|| pressing(view, unit, counts))
             .or_else(|| meeting(view, unit, counts))
+            .or_else(|| intruding(view, unit, counts))
+            .or_else(|| spoiling(view, unit, counts))
     };
     view.units().filter_map(|(unit, counts)| slow(unit, counts)).collect()
 }
@@ -109,24 +111,124 @@ fn pressing(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
 
 /// Answers are damaged that come as late as the master waits: they meet its next request, and those that come sooner are whole.
 fn meeting(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
+    let met = meets_next(view, counts)?;
+    let chance = view.significant(met.chance)?;
+    let needed = format!("; answers that take more than {} meet its next request", duration(met.limit));
+    let claim = Claim::new("slow_answers", &counts.failures, chance).of_unit(unit).fact("needed", needed);
+    // Where each late answer meets a request, no silence shows the timeout; it is near the limit.
+    let timeout = waited(view, counts);
+    let claim = match timeout {
+        Some(timeout) => claim.fact("timeout", format!(", after {}", duration(timeout))),
+        None => claim,
+    };
+    Some(suggested(claim, 2 * timeout.unwrap_or(met.limit)))
+}
+
+/// Damaged answers by when they begin.
+struct MeetsNext {
+    limit: Ns,
+    /// Damaged ones that begin later than the limit.
+    late: u64,
+    chance: f64,
+}
+
+/// How long the master waits, by the requests to the unit without any answer, or else to others.
+fn waited(view: &View<'_>, counts: &UnitCounts) -> Option<Ns> {
+    let others = || view.units().filter_map(|(_, counts)| counts.waited.percentile(0.5)).min();
+    counts.waited.percentile(0.5).or_else(others)
+}
+
+/// The limit above which answers are damaged, as far as they begin about when the master asks again, and below which they are whole.
+fn meets_next(view: &View<'_>, counts: &UnitCounts) -> Option<MeetsNext> {
     if view.bus.facts.is_network {
         return None;
     }
-    let timeout = counts.waited.percentile(0.5)?;
+    let timeout = waited(view, counts);
     let splits = counts.garbled_by_response_time.splits();
     let limits = splits.len() as f64;
-    let late = splits.into_iter().filter(|(limit, below, above)| {
-        // A master that goes on sooner than this has not waited for its timeout.
-        limit * 2 > timeout && above.rate() > 0.5 && above.rate() > 10.0 * below.rate()
+    let is_alike = |limit: Ns, late: u64| {
+        let within = splits.iter().filter(|(other, _, _)| *other <= 2 * limit).map(|(_, below, _)| below.failed).max();
+        let all = splits.last().map_or(0, |(_, below, above)| below.failed + above.failed);
+        // Those of the last count have no limit above them.
+        let is_last = splits.last().is_some_and(|(other, _, _)| *other < 2 * limit);
+        is_last || within.is_some_and(|within| (within + late - all) * 5 >= late * 4)
+    };
+    let late = splits.iter().filter(|(limit, below, above)| {
+        // A master that goes on sooner than this has not waited for its timeout. After a request that was met it waits twice.
+        let begin = counts.garbled_by_response_time.least_above(*limit);
+        let is_late = timeout.map_or_else(|| is_alike(*limit, above.failed), |timeout| begin * 3 > timeout);
+        is_late && above.rate() > MOST_MEET && above.rate() > 10.0 * below.rate()
     });
-    let chances = late.map(|(limit, below, above)| (fisher(above, below) * limits, limit));
-    let (chance, limit) = chances.min_by(|one, other| one.0.total_cmp(&other.0))?;
-    let chance = view.significant(chance)?;
-    let claim = Claim::new("slow_answers", &counts.failures, chance)
-        .of_unit(unit)
-        .fact("timeout", format!(", after {}", duration(timeout)))
-        .fact("needed", format!("; answers that take more than {} meet its next request", duration(limit)));
-    Some(suggested(claim, 2 * timeout))
+    let chances = late.map(|(limit, below, above)| MeetsNext {
+        limit: counts.garbled_by_response_time.least_above(*limit),
+        late: above.failed,
+        chance: fisher(*above, *below) * limits,
+    });
+    chances.min_by(|one, other| one.chance.total_cmp(&other.chance))
+}
+
+/// Of answers that come later than the limit, which is a little below the timeout, at least this share meet a request.
+const MOST_MEET: f64 = 0.25;
+
+/// Whether a unit's answers are damaged where they come late, or damage those of others.
+pub(super) fn damages_late(view: &View<'_>, counts: &UnitCounts) -> bool {
+    let meets = meets_next(view, counts).is_some_and(|met| view.significant(met.chance).is_some());
+    meets || intruding(view, 0, counts).is_some()
+}
+
+/// Damage of a unit that no late answer explains: a late one meets the next request or its answer, so it comes after a failure, or
+/// begins as late as the master waits.
+pub(super) fn not_of_late_answers(view: &View<'_>, counts: &UnitCounts) -> Share {
+    let alone = counts.damage_after_failure[0];
+    let late = meets_next(view, counts).filter(|met| met.chance < MAX_CHANCE).map_or(0, |met| met.late);
+    Share { failed: alone.failed.saturating_sub(late), ..alone }
+}
+
+/// Answers came as those of later requests, and damaged these; later than those in time, as of a master that had given up.
+fn intruding(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
+    let failed = counts.intruding.failed + counts.late.failed;
+    let share = Share { failed: failed.min(counts.failures.total), total: counts.failures.total };
+    let chance = view.beyond_accident(share)?;
+    let (needed, usual) = (counts.intruding_after.percentile(0.5)?, counts.response_times.percentile(0.9)?);
+    if view.bus.facts.is_network || needed < usual {
+        return None;
+    }
+    let mut claim = Claim::new("slow_answers", &counts.failures, chance).of_unit(unit).with_share(share);
+    if let Some(waited) = counts.waited.percentile(0.5) {
+        claim = claim.fact("timeout", format!(", after {}", duration(waited)));
+    }
+    let slowest = counts.intruding_after.percentile(1.0)?;
+    Some(suggested(claim.fact("needed", format!("; the slowest answer took {}", duration(slowest))), slowest + slowest / 2))
+}
+
+/// Whether requests to a unit fail only after the silence of others that answer late: their answers meet it.
+pub(super) fn fails_after_late_answers(view: &View<'_>, unit: u8, counts: &UnitCounts) -> bool {
+    let slow = slow_answers_once(view);
+    let is_slow = |other: u8| other != unit && slow.iter().any(|claim| claim.unit == Some(other));
+    let after = counts.by_previous.iter().filter(|((other, was_silent), _)| *was_silent && is_slow(*other));
+    let after = after.fold(Share::default(), |sum, (_, share)| sum.with(*share));
+    let all = counts.by_previous.values().fold(Share::default(), |sum, share| sum.with(*share));
+    let damaged = counts.garbled.failed + counts.bad_requests.failed;
+    let rest = if damaged * 5 > counts.failures.failed * 4 { counts.damage_after_failure[0] } else { all.without(after) };
+    after.failed > 0 && view.beyond_accident(rest).is_none()
+}
+
+/// One unit alone stays silent more often than others, and what comes within the time of a late answer is damaged more often than all
+/// else: its answers may have come then. Noise spares no unit, and does not wait for a silence.
+fn spoiling(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
+    let [alone, after] = view.units().fold([Share::default(); 2], |[alone, after], (_, counts)| {
+        [alone.with(counts.damage_after_failure[0]), after.with(counts.damage_after_failure[1])]
+    });
+    let (own, others) = (counts.silent.share(), view.others(unit, |other| other.silent.share()));
+    let has_answered = counts.failures.failed < counts.failures.total;
+    if view.bus.facts.is_network || !has_answered || own.rate() < 5.0 * others.rate() || after.rate() < 5.0 * alone.rate() {
+        return None;
+    }
+    let chance = view.significant(fisher(own, others).max(fisher(after, alone)))?;
+    let mut claim = Claim::new("slow_answers", &counts.failures, chance).of_unit(unit);
+    claim.certainty = Certainty::Likely;
+    let words = format!("; {} frames that follow within the time of a late answer are damaged", after.failed);
+    Some(claim.fact("needed", words))
 }
 
 /// With the timeout to set, which is the same in what to check and in its proof.

@@ -163,7 +163,7 @@ fn is_of_late_answers(view: &View<'_>) -> bool {
     let slow: Vec<Option<u8>> = slow_answers_once(view).iter().map(|claim| claim.unit).collect();
     let late: u64 = view.units().map(|(_, counts)| counts.late.failed).sum();
     let others = view.units().filter(|(unit, _)| !slow.contains(&Some(*unit)));
-    let rest = others.map(|(_, counts)| counts.damage_after_failure[0]).sum();
+    let rest = others.map(|(_, counts)| super::answers::not_of_late_answers(view, counts)).sum();
     (late > 0 || !slow.is_empty()) && view.beyond_accident(rest).is_none()
 }
 
@@ -341,6 +341,7 @@ pub(super) fn duplicate_address(view: &View<'_>) -> Vec<Claim> {
     let slow = slow_answers_once(view);
     let is_slow = |unit: u8| slow.iter().any(|claim| claim.unit == Some(unit));
     let others = view.units().filter(|(unit, counts)| answers_twice(view, *unit, counts) || !is_slow(*unit));
+    let others = others.filter(|(unit, counts)| !super::answers::fails_after_late_answers(view, *unit, counts));
     others.filter_map(|(unit, counts)| duplicate(view, unit, counts)).collect()
 }
 

@@ -46,6 +46,11 @@ pub(super) fn bystander(view: &View<'_>) -> Vec<Claim> {
             if counts.misfits.get(asked).is_some_and(|misfits| misfits * 2 > tally.failed) {
                 continue;
             }
+            // A damaged request names a unit that was not asked.
+            let damaged = view.bus.units.get(asked).map_or(0, |counts| counts.bad_requests.failed);
+            if tally.failed <= damaged {
+                continue;
+            }
             let total = view.bus.units.get(asked).map_or(0, |counts| counts.failures.total).max(tally.failed);
             let share = Share { failed: tally.failed, total };
             let Some(chance) = view.beyond_accident(share) else { continue };

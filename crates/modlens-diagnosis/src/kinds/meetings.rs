@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::answers::slow_answers_once;
+use super::answers::{self, slow_answers_once};
 use super::damage::NOISE_OF_ONE_BIT;
 use super::interleaved::Interleaved;
 use crate::claim::{were, Claim, View};
@@ -39,6 +39,9 @@ pub(super) fn two_masters(view: &View<'_>) -> Vec<Claim> {
     let drifts = twice.as_ref().is_some_and(|twice| twice.chance() <= DECIDES);
     let is_refuted = !drifts && twice.as_ref().is_some_and(Interleaved::is_refuted);
     let has_one_list = drifts || (!is_refuted && has_one_list_twice(view));
+    if !drifts && is_of_one_slow_master(view) {
+        return Vec::new();
+    }
     let is_certain = has_one_list || (crossings.failed > 0 && by_noise(odd) <= MAX_CHANCE) || is_hasty;
     let met = by_noise(crossings.failed + view.bus.frames.collisions.failed);
     // A late answer meets the next request, too: who asks it is one master.
@@ -59,6 +62,15 @@ pub(super) fn two_masters(view: &View<'_>) -> Vec<Claim> {
     let mut claim = Claim::new("two_masters", &tally, chance).fact("met", met);
     claim.harm = (odd + failed).min(total);
     vec![claim.at_most(Severity::Error)]
+}
+
+/// Whether all damage is that of answers later than the master waits: they meet its next request. Where most requests come soon after
+/// a failure, that shows nothing.
+fn is_of_one_slow_master(view: &View<'_>) -> bool {
+    let rest = view.units().fold(Share::default(), |sum, (_, counts)| sum.with(answers::not_of_late_answers(view, counts)));
+    let asked: u64 = view.units().map(|(_, counts)| counts.failures.total).sum();
+    let damage_is_late = view.units().any(|(_, counts)| answers::damages_late(view, counts));
+    damage_is_late && rest.total * 2 > asked && view.beyond_accident(rest).is_none()
 }
 
 /// A valid request while another one is open, which is answered after all: noise makes one failure in so many look so.

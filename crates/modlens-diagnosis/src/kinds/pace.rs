@@ -23,6 +23,9 @@ fn too_fast(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     if counts.silent.failed * 2 < counts.failures.failed && !view.once("foreign_protocol", foreign_protocol).is_empty() {
         return None;
     }
+    if super::answers::fails_after_late_answers(view, unit, counts) {
+        return None;
+    }
     let always = Split::likeliest(counts.by_gap.splits()).filter(|split| !explained_by_previous(unit, counts, split, true));
     let after_others = Split::likeliest(counts.by_gap_after_others.splits());
     let after_others = after_others.filter(|split| !explained_by_previous(unit, counts, split, false));
