@@ -87,7 +87,7 @@ impl EntryAssembler {
         is_same_side && is_near && check_frame(&stream.group).1 == Some(Mode::Tcp)
     }
 
-    /// Whether the line is the one before once more, as where two handlers of a logger print it: the same answer over Modbus/TCP, with
+    /// Whether the line repeats the one before, as where two handlers of a logger print it: the same answer over Modbus/TCP, with
     /// the same transaction identifier, from the same party, and at the same time as far as the clock shows.
     pub(super) fn is_logged_twice(&self, entry_bytes: &EntryBytes<'_>, framing: Option<Mode>) -> bool {
         let Some(stream) = self.streams.get(entry_bytes.key) else { return false };
