@@ -241,11 +241,16 @@ fn unproved(scored: &[(Arc<Dialect>, RowScore)], text: &[u8]) -> Option<FormatGu
     let why = foreign.or(odd).map_or_else(String::new, |kind| format!("; {kind}"));
     match scored.iter().max_by_key(|(row, score)| (score.bytes, !row.generic, row.is_plain_hex)) {
         Some((row, score)) => {
-            let reason = format!("no valid checksum in {} byte string{}{why}", score.records, plural(score.records));
+            let left =
+                hex_left(text).map_or_else(String::new, |(lines, bytes, _)| format!("; {lines} {bytes} bytes of hex or more"));
+            let reason = format!("no valid checksum in {} byte string{}{why}{left}", score.records, plural(score.records));
             Some((row.name.clone(), UNPROVED / 2.0, reason))
         }
         None if why.is_empty() => None,
-        None => Some(("raw".into(), UNPROVED / 2.0, format!("no known dialect{why}"))),
+        None => {
+            let left = unproved_hex(text).map_or_else(String::new, |left| format!("; {left}"));
+            Some(("raw".into(), UNPROVED / 2.0, format!("no known dialect{why}{left}")))
+        }
     }
 }
 
@@ -255,7 +260,7 @@ fn unproved_hex(text: &[u8]) -> Option<String> {
     Some(format!("{lines} {bytes} bytes of hex that no checksum proves, the first is line {first}"))
 }
 
-/// How many lines hold hex, in words, how many bytes, and which is the first.
+/// How many lines hold hex, in words, how many bytes, but for short runs, and which is the first.
 fn hex_left(text: &[u8]) -> Option<(String, usize, usize)> {
     let bytes = |line: &[u8]| hex_bytes(clean(line, false, false, &mut Vec::new()));
     let found: Vec<(usize, usize)> = text.split(|&b| b == b'\n').map(bytes).zip(1..).filter(|(bytes, _)| *bytes > 0).collect();
