@@ -263,3 +263,33 @@ def test_the_timer_of_a_recorder_is_no_pause_of_a_sender(seed: int, tmp_path: Pa
     )
     rows = judged("".join(lines).encode(), str(line), tmp_path)["diagnoses"]
     assert "gaps_in_frames" not in [row["code"] for row in rows]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("kinds_of_damage", [3, 6])
+def test_a_few_answers_without_checksum_are_no_layout(
+    seed: int, kinds_of_damage: int, tmp_path: Path
+) -> None:
+    """Where others are spoiled elsewhere, what took two bytes of some was no program."""
+    rng = Random(seed)
+    scene = Scene(rng, random_plant(rng, units=2, functions=(3,)))
+    unit = scene.plant.units[0].address
+
+    answered = [0]
+
+    def spoil(exchange: Exchange, answers: list[Answer]) -> list[Answer]:
+        if exchange.unit != unit:
+            return answers
+        answered[0] += 1
+        turn, rest = divmod(answered[0], 3)
+        if rest == 0:
+            kind, data = turn % kinds_of_damage, bytearray(answers[0].data)
+            data[kind] ^= 0x5A if kind else 0
+            whole = bytes(data if kind else data[:-2])
+            answers[0] = Answer(whole, answers[0].delay_s, right=False)
+        return answers
+
+    scene.habits.retries = 0
+    scene.run(400, Changes(spoil))
+    codes = [row["code"] for row in report(scene, tmp_path)["diagnoses"]]
+    assert "wrong_layout" not in codes

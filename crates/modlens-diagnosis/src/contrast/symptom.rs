@@ -181,6 +181,11 @@ impl Symptom {
         (Self::CountMissing..=Self::AnswerDigits).contains(&self)
     }
 
+    /// Whether no checksum proves it: damage makes a few frames look like that, too.
+    pub fn is_like_damage(self) -> bool {
+        matches!(self, Self::RequestBare | Self::AnswerCounted | Self::AnswerBare | Self::RefusalBare | Self::RefusalChecksum)
+    }
+
     /// Whether a frame shows it by itself, whatever came before it.
     pub fn is_of_frame(self) -> bool {
         self.is_of_layout() || self.is_refusal() || matches!(self, Self::Stray | Self::Text)

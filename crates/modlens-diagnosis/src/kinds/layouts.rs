@@ -22,7 +22,15 @@ fn of_layout<'a>(view: &'a View<'_>) -> impl Iterator<Item = (Symptom, Option<u8
     };
     // Answers to the request before have other lengths, too.
     let is_behind = !view.once("lockstep", super::lockstep::lockstep).is_empty();
-    all.filter(move |(symptom, unit, tally)| symptom.is_of_layout() || (!is_behind && is_usual(*symptom, *unit, tally)))
+    let all =
+        all.filter(move |(symptom, unit, tally)| symptom.is_of_layout() || (!is_behind && is_usual(*symptom, *unit, tally)));
+    all.filter(|(symptom, unit, tally)| !symptom.is_like_damage() || are_most_of_the_damaged(view, *unit, tally))
+}
+
+/// Whether most damaged frames of a unit are these. A program builds its frames alike; what cuts frames and mixes them makes all kinds.
+fn are_most_of_the_damaged(view: &View<'_>, unit: Option<u8>, tally: &Tally) -> bool {
+    let counts = unit.and_then(|unit| view.bus.units.get(&unit));
+    counts.is_none_or(|counts| 2 * tally.failed > counts.garbled.failed + counts.bad_requests.failed)
 }
 
 /// The requests to a unit.
