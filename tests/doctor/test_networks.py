@@ -11,7 +11,7 @@ import pytest
 from analyzer import decode
 from tests.doctor.frames import mbap
 from tests.doctor.plant import Poll
-from tests.doctor.tcp_model import CLIENTS, Client, Reply, Request, Server, Site
+from tests.doctor.tcp_model import CLIENTS, Client, Reply, Request, Server, Site, together
 
 SEEDS = (11, 12, 13)
 WRITES = 15
@@ -150,3 +150,32 @@ def test_a_gateway_that_answers_with_one_number_is_not_one_step_late(
     _, rows = judged(site, tmp_path)
     assert "lockstep" not in [row["code"] for row in rows]
     assert rows
+
+
+class Shared(Server):
+    """A gateway: the requests of all connections wait for its line, and some take long."""
+
+    free_s = 0.0
+
+    def delay(self, request: Request) -> float:
+        """Until the line is free, and then that of the unit."""
+        takes_s = self.rng.uniform(0.15, 0.3) if request.number % 7 == 0 else 0.05
+        self.free_s = max(self.free_s, request.start_s) + takes_s
+        return self.free_s - request.start_s
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("programs", [2, 3])
+def test_programs_on_one_computer_do_not_overtake_each_other(
+    seed: int, programs: int, tmp_path: Path
+) -> None:
+    """Each waits for its answer, on a connection of its own."""
+    site = Site(Random(seed))
+    gateway = Shared(site.plant, site.rng)
+    clients = [site.client(0, gateway) for _ in range(programs)]
+    for client in clients:
+        client.period_s, client.timeout_s = 0.3, 2.5
+        client.polls = [poll for poll in client.polls if poll.values is None]
+    together(clients, 300)
+    _, rows = judged(site, tmp_path)
+    assert [row["code"] for row in rows if row["severity"] != "info"] == []

@@ -20,6 +20,8 @@ const FUNCTIONS: usize = 128;
 pub(crate) struct Clean {
     /// Number and time.
     pub place: Place,
+    /// Index of its bus, or of its connection.
+    pub bus: u32,
     /// Which request.
     pub key: RequestKey,
     /// Whether it writes.
@@ -62,6 +64,7 @@ impl Clean {
         let shape = Shape::of(row_of_function);
         Some(Self {
             place: Place { number: row.number, elapsed: row.elapsed, time: row.start },
+            bus: row.bus,
             key: RequestKey { unit: row.unit, function: row.function, address, quantity },
             writes: shape.writes,
             request: row.request.pdu,
@@ -155,6 +158,7 @@ impl<'a> Exchanges<'a> {
         let data = shape.data(self.batch.arena.get(from as usize..end as usize));
         Some(Clean {
             place: Place { number, elapsed: None, time: None },
+            bus: 0,
             key: RequestKey { unit, function, address, quantity },
             writes: shape.writes,
             request: pdu,

@@ -93,6 +93,8 @@ pub const MOST_LAG: usize = 3;
 pub struct Observation {
     /// Its number and time.
     pub place: Place,
+    /// Index of its bus, or of its connection.
+    pub bus: u32,
     /// Unit asked, or, of an answer alone, answering.
     pub unit: u8,
     /// Function code without the exception bit.
@@ -206,6 +208,7 @@ impl Observation {
         let data = block.map_or(Data::default(), |(block, bits)| data(block, bits));
         Self {
             place: Place { number: row.number, elapsed: row.elapsed, time: row.start },
+            bus: row.bus,
             unit: row.unit,
             function: row.function,
             outcome: outcome(row.status),

@@ -207,7 +207,7 @@ impl BusContrast {
             self.context.transaction(&mut seen);
             self.first_transactions.push_back(seen);
         } else {
-            let before = self.context.before(seen.key(), seen.starts[0]);
+            let before = self.context.before(seen.key(), seen.bus, seen.starts[0]);
             self.context.transaction(&mut seen);
             self.count_transaction(&seen, before);
         }

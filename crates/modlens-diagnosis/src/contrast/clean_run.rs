@@ -216,11 +216,13 @@ impl BusContrast {
                 counts.registers.count(seen.registers.of(&exchanges.batch.arena), seen.place);
             }
         }
-        if let Some((unit, place, waited, needed)) = self.context.overtaken(seen.starts[0]) {
+        if let Some((unit, place, waited, needed)) = self.context.overtaken(seen.bus, seen.starts[0]) {
             self.units.entry(unit).or_default().overtaken.count(place, waited, needed);
         }
         self.context.previous_answer = match seen.starts {
-            [Some(requested), Some(came)] => Some(PreviousAnswer { unit: seen.key.unit, place: seen.place, requested, came }),
+            [Some(requested), Some(came)] => {
+                Some(PreviousAnswer { bus: seen.bus, unit: seen.key.unit, place: seen.place, requested, came })
+            }
             _ => None,
         };
     }

@@ -75,6 +75,7 @@ struct PreviousRequest {
 /// The good answer to the last request.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PreviousAnswer {
+    pub bus: u32,
     pub unit: u8,
     pub place: Place,
     pub requested: Ns,
@@ -213,14 +214,14 @@ impl Context {
         seen.lengths[1] = run.length;
     }
 
-    /// What came before a request with this key and start.
-    pub fn before(&self, key: Option<RequestKey>, start: Option<Ns>) -> Before {
+    /// What came before a request with this key, bus and start.
+    pub fn before(&self, key: Option<RequestKey>, bus: u32, start: Option<Ns>) -> Before {
         // A request sent again, and one after bytes that could not be read, say nothing about the order of requests.
         let is_repeated =
             self.previous_request.is_some_and(|before| before.age == 0 && !before.failed && Some(before.key) == key);
         let request = self.previous_request.filter(|before| before.age == 0 && Some(before.key) != key);
         let request = request.map(|before| (before.key.hash(), before.failed));
-        let (written, overtaken) = (self.is_behind_write(), self.overtaken(start));
+        let (written, overtaken) = (self.is_behind_write(), self.overtaken(bus, start));
         let asked = self.asked;
         let hasty = self.open_since.zip(start).map(|(open, start)| start - open);
         Before {
@@ -239,11 +240,12 @@ impl Context {
         }
     }
 
-    /// Whether the answer before came after a request with this start: its unit, its place, how long the master waited, and
-    /// how long it would have had to.
+    /// Whether the answer before came after a request of the same connection with this start: its unit, its place, how long the
+    /// master waited, and how long it would have had to. Programs on one computer wait each on its own connection.
     #[inline]
-    pub fn overtaken(&self, start: Option<Ns>) -> Option<(u8, Place, Ns, Ns)> {
-        let (before, start) = self.previous_answer.zip(start).filter(|(before, start)| before.came > *start)?;
+    pub fn overtaken(&self, bus: u32, start: Option<Ns>) -> Option<(u8, Place, Ns, Ns)> {
+        let before = self.previous_answer.filter(|before| before.bus == bus);
+        let (before, start) = before.zip(start).filter(|(before, start)| before.came > *start)?;
         Some((before.unit, before.place, start - before.requested, before.came - before.requested))
     }
 
@@ -278,7 +280,7 @@ impl Context {
         self.cut = missing(seen);
         self.previous_answer = match (seen.outcome, seen.starts) {
             (Outcome::Good | Outcome::Refused, [Some(requested), Some(came)]) => {
-                Some(PreviousAnswer { unit: seen.unit, place: seen.place, requested, came })
+                Some(PreviousAnswer { bus: seen.bus, unit: seen.unit, place: seen.place, requested, came })
             }
             _ => None,
         };
