@@ -226,12 +226,23 @@ const MOST_CODED: usize = 24;
 
 /// What a line in lower case reports: the index in `EXCEPTIONS`, or after all of these in `REPORTS`.
 fn report_in(line: &str) -> Option<usize> {
-    let says = |words: &[&str]| words.iter().any(|word| line.contains(word));
+    let says = |words: &[&str]| {
+        words.iter().any(|word| line.match_indices(word).any(|(at, _)| !is_setting(word, &line[at + word.len()..])))
+    };
     let codes: Vec<u8> = exception_codes(line).collect();
     let exception = EXCEPTIONS.iter().position(|(code, names, _)| codes.contains(code) || says(names));
     let report = || Some(EXCEPTIONS.len() + REPORTS.iter().position(|(words, ..)| says(words))?);
     exception.or_else(report)
 }
+
+/// Whether a word and what follows it give a time and no event: `timeout=10000`, `Timeout setting: 1100.0 ms`.
+fn is_setting(word: &str, rest: &str) -> bool {
+    let value = rest.trim_start_matches(" setting").trim_start().strip_prefix([':', '=']);
+    TIMES.contains(&word) && value.is_some_and(|value| value.trim_start().starts_with(|c: char| c.is_ascii_digit()))
+}
+
+/// The words of reports that are names of settings, too.
+const TIMES: [&str; 2] = ["timeout", "time out"];
 
 /// The numbers after the word "exception": `exception 2`, `exception code: 2`, `exception = 2`.
 fn exception_codes(line: &str) -> impl Iterator<Item = u8> + '_ {
@@ -241,4 +252,20 @@ fn exception_codes(line: &str) -> impl Iterator<Item = u8> + '_ {
         let rest = rest.strip_prefix([' ', ':', '='])?.trim_start_matches([' ', '=']);
         rest.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_time_that_is_set_is_no_report() {
+        let said = |line: &str| reported([line.as_bytes()].into_iter()).map(|said| said.words);
+        for setting in ["worker: started, timeout=2500", "Timeout: 300 ms", "timeout = 1.5", "Timeout setting: 850.0 ms."] {
+            assert_eq!(said(setting), None, "{setting}");
+        }
+        for event in ["timeout", "Timeout: no data", "TIMEOUT 300 ms", "read timeout (timeout=300)", "no answer, timeout=300"] {
+            assert!(said(event).is_some_and(|words| words.contains("no answer came in time")), "{event}");
+        }
+    }
 }
