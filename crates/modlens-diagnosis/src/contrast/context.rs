@@ -9,7 +9,7 @@ use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::EXCEPTION_BIT;
-use modlens_protocol::oddity::{bare_refusals, Altered};
+use modlens_protocol::oddity::{bare_refusals, is_doubled, Altered};
 use modlens_protocol::Ns;
 
 use super::before::Before;
@@ -53,6 +53,8 @@ pub(super) struct Around {
     pub is_doubled: bool,
     /// On Modbus/TCP, it is in the line or packet of the frame before, or begins as an answer to it with a wrong length.
     pub is_behind_header: bool,
+    /// On a serial line, it is in the line of a whole answer whose sender is named, and does not begin with its unit.
+    pub is_behind_answer: bool,
 }
 
 /// A run of damaged frames and noise after a good frame.
@@ -137,7 +139,7 @@ impl Context {
             self.note_sent(seen.side, seen.direction, seen.number);
             let sender = (seen.direction, seen.unit);
             let good = GoodFrame::after(self.last_good, seen.number, sender, seen.mode, seen.code, seen.write);
-            self.last_good = Some(good.at(seen.origins[1]));
+            self.last_good = Some(good.at(seen.origins[1], seen.side));
             return Around { is_other_framing, is_foreign, ..Around::default() };
         }
         let Some(good) = self.last_good else { return Around::default() };
@@ -160,8 +162,13 @@ impl Context {
             && matches!(seen.bytes[..], [_, _, 0, 0, _, _, unit, code, ..] if Some(unit) == good.unit && Some(code & !EXCEPTION_BIT) == good.function);
         let is_same_record = good.origin != 0 && good.origin == seen.origins[0];
         let is_behind_header = good.mode == Mode::Tcp && seen.verdict == Verdict::Noise && (is_same_record || is_answer);
+        let is_behind_answer = good.mode == Mode::Rtu
+            && is_same_record
+            && good.direction == Direction::Response
+            && seen.length >= LEAST_ANSWER_BYTES
+            && seen.bytes.first() != good.unit.as_ref();
         let attached = Some((good.direction, good.unit));
-        Around { attached, burst, is_doubled, is_behind_header, ..Around::default() }
+        Around { attached, burst, is_doubled, is_behind_header, is_behind_answer, ..Around::default() }
     }
 
     /// Notes who sends what the program says it has sent.
@@ -192,7 +199,7 @@ impl Context {
         if seen.outcome == Outcome::Garbled {
             seen.lengths[1] = run.length;
             // What follows the frame may be the rest of it.
-            if bare_refusals(&run.bytes).is_some() || run.bytes.starts_with(&seen.answer_head) {
+            if bare_refusals(&run.bytes).is_some() || is_doubled(&run.bytes) || run.bytes.starts_with(&seen.answer_head) {
                 seen.answer_head.clone_from(&run.bytes);
             }
         }

@@ -1,5 +1,6 @@
 //! The last good frame, and what it shows about the frame after it.
 
+use modlens_engine::records::Side;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::EXCEPTION_BIT;
@@ -21,7 +22,7 @@ pub(super) struct GoodFrame {
     pub since_write: u8,
     /// What that one writes, where it is known.
     write: Option<WriteKey>,
-    /// On Modbus/TCP, line or packet of its last byte; else 0.
+    /// Line or packet of its last byte, on Modbus/TCP and where the recording says who sent it; else 0.
     pub origin: u64,
 }
 
@@ -45,10 +46,11 @@ impl GoodFrame {
         Self { number, direction: sender.0, unit: sender.1, function, mode, since_write, write, origin: 0 }
     }
 
-    /// The same, with the line or packet of its last byte, which counts on Modbus/TCP alone.
+    /// The same, with the line or packet of its last byte, where that counts.
     #[inline]
-    pub fn at(self, origin: u64) -> Self {
-        Self { origin: if self.mode == Mode::Tcp { origin } else { 0 }, ..self }
+    pub fn at(self, origin: u64, side: Option<Side>) -> Self {
+        let counts = self.mode == Mode::Tcp || side.is_some();
+        Self { origin: if counts { origin } else { 0 }, ..self }
     }
 
     /// Whether this frame in another framing is the answer to it, or asks something else. The log of a gateway has both framings,

@@ -4,7 +4,7 @@ use modlens_protocol::annotate::exception_name;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::{Functions, StandardLayout, EXCEPTION_BIT};
 use modlens_protocol::mbap::PREFIX_BYTES;
-use modlens_protocol::oddity::{bare_refusals, is_of_driver, is_text, lacks_last, Oddity};
+use modlens_protocol::oddity::{bare_refusals, is_doubled, is_of_driver, is_text, lacks_last, Oddity};
 use modlens_protocol::Ns;
 
 use super::almost::{
@@ -247,6 +247,7 @@ fn garbled(seen: &Observation, before: Before) -> Option<Symptom> {
     let bytes = &seen.answer_head;
     let symptom = match seen.damage? {
         _ if bare_refusals(bytes).is_some() || is_bare_refusal(seen) => Symptom::RefusalBare,
+        _ if is_doubled(bytes) => Symptom::AnswerDoubled,
         _ if seen.findings.has(Finding::Collision) => Symptom::Collision,
         DamagedPart::Inside | DamagedPart::Whole if lacks_highest_bits(seen) => Symptom::AnswerSeven,
         DamagedPart::Inside | DamagedPart::Whole if has_parity_bits(seen) => Symptom::AnswerParity,

@@ -85,6 +85,8 @@ symptoms! {
     RefusalChecksum = "refusal_checksum",
     /// A refusal without its code, and with a right checksum.
     RefusalShort = "refusal_short",
+    /// Each byte of the answer is there twice.
+    AnswerDoubled = "answer_doubled",
     /// What came as the answer is a frame in hex digits.
     AnswerDigits = "answer_digits",
     /// The answer is the request with some of its bits changed.
@@ -169,6 +171,8 @@ symptoms! {
     Stray = "stray",
     /// Text between frames.
     Text = "text",
+    /// Three or more bytes of no frame in the line or packet of a whole answer, after it.
+    AfterAnswer = "after_answer",
     /// Other bytes between frames.
     Noise = "noise",
     /// A few of them beside whole frames; only a first sight names this (`sight`).

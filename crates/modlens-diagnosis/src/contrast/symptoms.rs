@@ -11,6 +11,7 @@ use modlens_protocol::mbap::{layout_lengths, PREFIX_BYTES};
 use modlens_protocol::oddity::{bare_refusals, is_of_driver, is_swapped, is_text, Oddity};
 
 use super::before::Before;
+use super::context::Around;
 use super::odd_transaction::{figures, of_transaction};
 use super::symptom::Symptom;
 use super::tally::{Place, Tally};
@@ -84,8 +85,9 @@ impl Symptoms {
         figures.is_some()
     }
 
-    /// Counts bytes that belong to no transaction, near this unit; `is_behind_header` as `Around` says it.
-    pub(super) fn frame(&mut self, seen: &FrameObservation, unit: Option<u8>, is_behind_header: bool) {
+    /// Counts bytes that belong to no transaction, near this unit.
+    pub(super) fn frame(&mut self, seen: &FrameObservation, unit: Option<u8>, around: Around) {
+        let is_behind_header = around.is_behind_header;
         if let Some((unit, code, times)) = bare_refusals(&seen.bytes) {
             for _ in 0..times {
                 self.count(Symptom::RefusalBare, Some(unit), seen.place).figures = Some([code.into(), 0]);
@@ -102,6 +104,7 @@ impl Symptoms {
             [1..=247, pdu @ ..] if seen.mode == Mode::Tcp && in_words::pdu(pdu).is_some() => Symptom::HeaderMissing,
             bytes if bytes.len() < 3 && bytes.iter().all(|byte| is_of_driver(*byte)) => Symptom::Stray,
             bytes if is_text(bytes) => Symptom::Text,
+            _ if around.is_behind_answer => Symptom::AfterAnswer,
             _ => Symptom::Noise,
         };
         let counted = self.count(symptom, unit, seen.place);
@@ -111,6 +114,9 @@ impl Symptoms {
         }
         if let (Symptom::Noise, [byte]) = (symptom, &seen.bytes[..]) {
             counted.figures = counted.figures.or(Some([(*byte).into(), 0]));
+        }
+        if let (Symptom::AfterAnswer, [byte, ..]) = (symptom, &seen.bytes[..]) {
+            counted.figures = counted.figures.or(Some([(*byte).into(), seen.length]));
         }
         if symptom == Symptom::CountWrong {
             counted.figures = counted.figures.or(self::counted(seen));

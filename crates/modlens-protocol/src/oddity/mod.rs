@@ -109,6 +109,8 @@ pub enum Oddity {
     },
     /// The answer to a read is the read itself.
     Echo,
+    /// Each byte is there twice, and one of each two makes a frame.
+    Doubled,
     /// The bytes of the line before with so many in front.
     StrayBeside(usize),
     /// The request of the line before with some of its bits changed.
@@ -171,6 +173,9 @@ impl Oddity {
         }
         if is_swapped(bytes) {
             return Some(Self::SwappedChecksum);
+        }
+        if is_doubled(bytes) {
+            return Some(Self::Doubled);
         }
         if is_out_of_step(bytes) {
             return Some(Self::OutOfStep);
@@ -314,6 +319,21 @@ pub fn opening(bytes: &[u8]) -> String {
 pub fn is_swapped(frame: &[u8]) -> bool {
     let Some((content, sent)) = frame.split_last_chunk::<2>() else { return false };
     content.len() >= 2 && is_known(frame[1]) && crc16(content).to_be_bytes() == *sent && sent[0] != sent[1]
+}
+
+/// Whether each byte is there twice, and one of each two makes a frame.
+///
+/// ```
+/// use modlens_protocol::oddity::is_doubled;
+/// // The refusal 01 83 02 with its checksum C0 F1.
+/// assert!(is_doubled(&[1, 1, 0x83, 0x83, 2, 2, 0xC0, 0xC0, 0xF1, 0xF1]));
+/// assert!(!is_doubled(&[1, 1, 0x83, 0x83, 2, 2, 0xC0, 0xC0, 0xF1, 0xF0]));
+/// ```
+pub fn is_doubled(bytes: &[u8]) -> bool {
+    let (pairs, rest) = bytes.as_chunks::<2>();
+    let half: Vec<u8> = pairs.iter().map(|[byte, _]| *byte).collect();
+    let are_alike = rest.is_empty() && pairs.iter().all(|[one, other]| one == other);
+    are_alike && half.len() >= LEAST_FRAME && is_known(half[1]) && crc_valid(&half)
 }
 
 /// Whether the last byte, put in front, makes a frame.

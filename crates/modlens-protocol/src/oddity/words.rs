@@ -18,6 +18,10 @@ impl Oddity {
                 "the checksum is right, but its two bytes are swapped: on the wire its low byte comes first; correct the program that \
                  makes the frame",
             ),
+            Self::Doubled => String::from(
+                "each byte is there twice, and one of each two makes a frame with a right checksum: the program that reads or prints \
+                 them takes each byte twice, or two recorders of one line write into the same text",
+            ),
             Self::OutOfStep => String::from(
                 "the last byte belongs in front: the reader is one byte out of step; discard what is left in the receive buffer \
                  before each request",

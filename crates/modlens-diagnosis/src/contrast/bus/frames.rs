@@ -48,7 +48,7 @@ impl BusContrast {
         let sender = (row.direction, row.unit);
         let write = row.code.filter(|code| is_write(*code)).and_then(|_| written(batch, row));
         let good = GoodFrame::after(self.context.last_good, row.number, sender, row.mode, row.code, write);
-        self.context.last_good = Some(good.at(row.last_origin));
+        self.context.last_good = Some(good.at(row.last_origin, row.side));
         self.count_behind_write(good);
         self.frames.rates.count(row.direction, row.unit, row.pauses, self.facts.char_ns);
         self.frames.count_clean(row);
@@ -134,7 +134,7 @@ impl BusContrast {
         // On Modbus/TCP, only what begins with a header is taken for the answer of a transaction.
         let is_header = self.symptoms.impossible_header(seen);
         if !is_header && seen.txn.is_none() && (!is_answer || seen.mode == Mode::Tcp) {
-            self.symptoms.frame(seen, attached.and_then(|(_, unit)| unit), around.is_behind_header);
+            self.symptoms.frame(seen, attached.and_then(|(_, unit)| unit), around);
         }
         if let (Some((Direction::Response, Some(unit))), true) = (attached, self.may_be_spoiled_request(seen)) {
             self.units.entry(unit).or_default().spoiled_after.count(true, seen.place);

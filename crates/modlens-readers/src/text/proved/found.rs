@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::chunk::Side;
 use crate::text::proved::line_runs::hex_bytes;
-use crate::text::proved::runs::Run;
+use crate::text::proved::runs::{Run, Style};
 use crate::text::proved::sender::sender;
 use crate::text::proved::shapes::{shape, Shape};
 use modlens_protocol::checksum::crc_valid;
@@ -59,7 +59,7 @@ pub(super) fn with_fronts(line: &[u8], start: usize, runs: &[(Run, Vec<Range<usi
                 all.push(found(line, front, run.bytes.clone(), shape, Worth::Beside));
             }
         } else {
-            for (range, worth) in parts(run, frames) {
+            for (range, worth) in parts(line, run, frames) {
                 all.push(found(line, front.clone(), run.bytes[range].to_vec(), shape, worth));
             }
         }
@@ -68,15 +68,16 @@ pub(super) fn with_fronts(line: &[u8], start: usize, runs: &[(Run, Vec<Range<usi
     all
 }
 
-/// The parts of a run: its frames, and the bytes between them.
-fn parts(run: &Run, frames: &[Range<usize>]) -> Vec<(Range<usize>, Worth)> {
+/// The parts of a run in this line: its frames, and the bytes between them.
+fn parts(line: &[u8], run: &Run, frames: &[Range<usize>]) -> Vec<(Range<usize>, Worth)> {
     let mut parts = Vec::new();
     let mut at = 0;
     let is_glued = |edge: usize| !run.edges.contains(&edge);
     for (i, frame) in frames.iter().enumerate() {
         let gap = at..frame.start;
         let ties = is_glued(gap.end) && (i == 0 || is_glued(gap.start));
-        parts.push((gap.clone(), gap_worth(&run.bytes[gap], ties, i > 0)));
+        let is_inside = i > 0 || (!gap.is_empty() && is_no_label(line, run, gap.len()));
+        parts.push((gap.clone(), gap_worth(&run.bytes[gap], ties, is_inside)));
         parts.push((frame.clone(), Worth::Frame));
         at = frame.end;
     }
@@ -92,11 +93,39 @@ fn parts(run: &Run, frames: &[Range<usize>]) -> Vec<(Range<usize>, Worth)> {
         {
             parts = vec![(0..run.bytes.len(), Worth::LikeFrames)];
         }
-        _ => parts.push((gap.clone(), gap_worth(&run.bytes[gap.clone()], is_glued(gap.start), false))),
+        _ => {
+            let is_inside = !gap.is_empty() && ends_line(line, run, gap.len());
+            parts.push((gap.clone(), gap_worth(&run.bytes[gap.clone()], is_glued(gap.start), is_inside)));
+        }
     }
     let is_listed = |bytes: &[u8]| bytes.len() >= MIN_LISTED_BYTES && !may_be_date(bytes);
     parts.retain(|(range, worth)| !range.is_empty() && (*worth != Worth::Beside || is_listed(&run.bytes[range.clone()])));
     parts
+}
+
+/// Whether a few bytes in front of the first frame of a run cannot be a number of other meaning, such as that of the line or a
+/// counter: words and a sign that ends them are in front of them, and they do not count what follows.
+fn is_no_label(line: &[u8], run: &Run, count: usize) -> bool {
+    let front = line[..run.text.start].trim_ascii_end();
+    let is_named = matches!(front, [.., before, b':' | b'=' | b'>'] if before.is_ascii_alphabetic());
+    is_hex(run) && is_named && !counts(&run.bytes[..count], run.bytes.len() - count)
+}
+
+/// Whether a few bytes after the last frame of a run end the line, and do not count the bytes before them.
+fn ends_line(line: &[u8], run: &Run, count: usize) -> bool {
+    let (before, last) = run.bytes.split_at(run.bytes.len() - count);
+    is_hex(run) && !counts(last, before.len()) && !line[run.text.end..].iter().any(u8::is_ascii_alphanumeric)
+}
+
+fn is_hex(run: &Run) -> bool {
+    matches!(run.style, Style::Pairs | Style::Prefixed)
+}
+
+/// Whether a byte is this number, as hex or as decimal digits, with itself or without.
+fn counts(bytes: &[u8], number: usize) -> bool {
+    let &[byte] = bytes else { return false };
+    let decimal = usize::from(byte >> 4) * 10 + usize::from(byte & 15);
+    [usize::from(byte), decimal].iter().any(|count| (number..=number + 1).contains(count))
 }
 
 /// Whether so few decimal digits may be a date and a time.
