@@ -50,6 +50,18 @@ def test_a_frame_alone_is_said(tmp_path: Path) -> None:
         assert sentence.startswith("Nothing is wrong in this frame")
 
 
+@pytest.mark.parametrize(("function", "value"), [(6, 0), (6, 0x1234), (5, 0xFF00)])
+@pytest.mark.parametrize("is_tcp", [False, True])
+def test_the_value_of_a_write_alone_is_said(
+    function: int, value: int, is_tcp: bool, tmp_path: Path
+) -> None:
+    """Application protocol, 6.5 and 6.6: address and value; the answer repeats both."""
+    asked = struct.pack(">BHH", function, 40, value)
+    frame = mbap(9, 3, asked) if is_tcp else rtu(3, asked)
+    sentence = said([f"sent {frame.hex(' ')}"], tmp_path)
+    assert f"40 (function {function}) with {value} (hex {value:04X}), or its confirm" in sentence
+
+
 @pytest.mark.parametrize(
     ("function", "quantity", "most"),
     [(3, 0, 125), (3, 126, 125), (4, 200, 125), (1, 2001, 2000), (2, 4000, 2000)],
@@ -173,6 +185,8 @@ def test_a_pdu_alone_is_read_as_such(bytes_of: str, says: str, tmp_path: Path) -
         ("serial: could not open port 'COM3'", "a port that the program cannot open"),
         ("PortNotOpenError: Port Not Open", "a port that the program cannot open"),
         ("read tcp: connection reset by peer", "a connection that the other side closed"),
+        ("modbus: read failed: unexpected EOF", "a connection that the other side closed"),
+        ("client: retry because of EOF", "a connection that the other side closed"),
     ],
 )
 def test_words_of_programs_are_explained(line: str, says: str, tmp_path: Path) -> None:

@@ -11,9 +11,11 @@ mod request_key;
 mod write_key;
 
 use modlens_engine::records::{Batch, Transaction};
+use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, Operation};
+use modlens_protocol::mbap::PREFIX_BYTES;
 use modlens_protocol::oddity::Altered;
 use modlens_protocol::register_type::Space;
 use modlens_protocol::status::Status;
@@ -299,13 +301,17 @@ fn outcome(status: Status) -> Outcome {
     }
 }
 
-/// Bytes of a request that are kept for comparison, where no answer came.
+/// Bytes of a request that are kept for comparison, where no answer came: a read or a write of one value in RTU.
 const HEAD_BYTES: usize = 8;
+
+/// The same over Modbus/TCP: with the header, and without a checksum.
+const HEAD_BYTES_TCP: usize = HEAD_BYTES + PREFIX_BYTES - CRC_BYTES;
 
 fn request_head(batch: &Batch, row: &Transaction) -> Vec<u8> {
     let wire = row.request.wire.of(&batch.arena);
     let is_open = matches!(row.status, Status::NoResponse | Status::NotObserved);
-    let kept = if is_open { wire.len().min(HEAD_BYTES) } else { 0 };
+    let most = if row.mbap_id.is_some() { HEAD_BYTES_TCP } else { HEAD_BYTES };
+    let kept = if is_open { wire.len().min(most) } else { 0 };
     wire[..kept].to_vec()
 }
 

@@ -74,26 +74,32 @@ fn alone(seen: &Observation, mode: Option<Mode>) -> Option<String> {
     let unit = seen.unit;
     match seen.outcome {
         Outcome::NotSeen | Outcome::Silent => {
-            Some(format!("{REQUEST} to unit {unit}: {}{}{}", asked(seen)?, or_confirmed(seen.function), in_manuals(seen)))
+            Some(format!("{REQUEST} to unit {unit}: {}{}{}", asked(seen)?, or_confirmed(seen, mode), in_manuals(seen)))
         }
-        Outcome::Unasked => {
-            let head = match mode? {
-                Mode::Rtu => 1,
-                Mode::Tcp => PREFIX_BYTES + 1,
-                Mode::Ascii => return None,
-            };
-            Some(format!("an answer of unit {unit}: {}", answer(seen.answer_head.get(head..)?)?))
-        }
+        Outcome::Unasked => Some(format!("an answer of unit {unit}: {}", answer(seen.answer_head.get(head(mode?)?..)?)?)),
         _ => None,
     }
 }
 
-/// That a write of one value may be its confirmation.
-fn or_confirmed(function: u8) -> &'static str {
-    let is_alike = Functions::embedded().standard_request(function).is_some_and(|one| one.kind == StandardLayout::WriteOne);
-    if is_alike {
-        ", or its confirmation, which has the same bytes"
-    } else {
-        ""
+/// The bytes of a frame before its PDU; of a line in ASCII, a frame has characters.
+fn head(mode: Mode) -> Option<usize> {
+    match mode {
+        Mode::Rtu => Some(1),
+        Mode::Tcp => Some(PREFIX_BYTES + 1),
+        Mode::Ascii => None,
     }
+}
+
+/// The value that a write of one has, for the reader to compare, and that it may be its confirmation.
+fn or_confirmed(seen: &Observation, mode: Option<Mode>) -> String {
+    let layout = Functions::embedded().standard_request(seen.function);
+    if layout.is_none_or(|one| one.kind != StandardLayout::WriteOne) {
+        return String::new();
+    }
+    let value = mode.and_then(head).and_then(|head| match seen.request_head.get(head..)? {
+        [_, _, _, high, low, ..] => Some(u16::from_be_bytes([*high, *low])),
+        _ => None,
+    });
+    let written = value.map_or(String::new(), |value| format!(" with {value} (hex {value:04X})"));
+    format!("{written}, or its confirmation, which has the same bytes")
 }

@@ -65,7 +65,7 @@ const REPORTS: [(&[&str], &str, Beside); 11] = [
         Beside::Nothing,
     ),
     (
-        &["connection reset", "broken pipe", "econnreset", "epipe", "closed by the remote", "forcibly closed", "connection lost", "connection closed"],
+        &["connection reset", "broken pipe", "econnreset", "epipe", "closed by the remote", "forcibly closed", "connection lost", "connection closed", "because of eof", "unexpected eof"],
         "a connection that the other side closed: how many clients it takes, how long it keeps an idle one, and requests that it does not know",
         Beside::Nothing,
     ),
