@@ -68,6 +68,36 @@ def test_timeouts_beside_answers_send_nobody_to_the_wires(tmp_path: Path) -> Non
     assert "wires" not in sentence
 
 
+def chunk(action: str, data: bytes) -> list[str]:
+    """Print a chunk as a log of Node.js does."""
+    return [
+        f"  modbus-serial {{ action: '{action} serial ascii port',",
+        f"  modbus-serial   data: <Buffer {data.hex(' ')}> }} +5ms",
+    ]
+
+
+def test_an_ascii_answer_that_is_cut_is_compared_with_what_was_asked(tmp_path: Path) -> None:
+    # Three registers have 6 bytes. 11 03 00 00 00 03 has the LRC E9.
+    asked = chunk("send", b":110300000003E9\r\n")
+    for announced, says in (
+        (b":11030C00", "is 12, and 6 is due"),
+        (b":11030400", "is 4, and 6 is due"),
+    ):
+        sentence = doctor([*asked, *chunk("receive", announced)], tmp_path)["sentence"]
+        assert says in sentence
+        assert "as far as it goes" not in sentence
+    # The count is that of the request: characters are not counted against bytes.
+    sentence = doctor([*asked, *chunk("receive", b":11030600")], tmp_path)["sentence"]
+    assert "as far as it goes" in sentence
+    assert "bytes are there" not in sentence
+
+
+def test_a_timeout_that_is_set_is_none(tmp_path: Path) -> None:
+    for setting in ("worker started, timeout=2500", "Timeout setting: 850.0 ms"):
+        lines = [setting, f"Tx: {REQUEST.hex(' ')}", f"Rx: {ANSWER.hex(' ')}"]
+        assert "in time" not in doctor(lines, tmp_path)["sentence"]
+
+
 def test_a_timeout_where_nothing_was_answered_does(tmp_path: Path) -> None:
     lines = [f"Tx: {REQUEST.hex(' ')}", "ERROR Connection timed out: select"]
     assert "power, wires, rate and address" in doctor(lines, tmp_path)["sentence"]

@@ -4,6 +4,7 @@
 use modlens_engine::line_search::is_inverted;
 use modlens_protocol::checksum::{crc16, crc_valid, CRC_BYTES};
 use modlens_protocol::functions::Functions;
+use modlens_protocol::hex::parse_hex;
 use modlens_protocol::mbap::layout_fits;
 use modlens_protocol::oddity::{is_of_driver, lacks_last};
 
@@ -23,6 +24,19 @@ pub(super) fn counted_more(seen: &Observation) -> Option<Figures> {
     let is_right = u32::from(count) > asked + 1 || lacks_last(&seen.answer_head);
     (is_as_due && is_right).then_some([count.into(), asked])
 }
+
+/// The byte count of an answer in ASCII to a read, and the one that was due, where the two differ.
+pub(super) fn announced(seen: &Observation) -> Option<Figures> {
+    let digits = seen.answer_head.strip_prefix(b":")?.get(..ANNOUNCING)?;
+    let bytes = parse_hex(std::str::from_utf8(digits).ok()?)?;
+    let [unit, function @ 1..=4, count] = *bytes.as_slice() else { return None };
+    let asked = seen.key().and_then(|key| data_length(key.function, key.quantity))?;
+    let differs = (unit, function) == (seen.unit, seen.function) && u32::from(count) != asked;
+    differs.then_some([count.into(), asked])
+}
+
+/// The digits of unit, function and byte count.
+const ANNOUNCING: usize = 6;
 
 /// The byte that a damaged answer has too many, and its place counted from 1: without it the answer has the layout of its function and
 /// a right checksum, or, of bytes that a line leaves, the first half of one, where the reader has stopped before the second.

@@ -8,7 +8,7 @@ use modlens_protocol::oddity::{bare_refusals, is_doubled, is_of_driver, is_text,
 use modlens_protocol::Ns;
 
 use super::almost::{
-    added_byte, counted_more, due, has_parity_bits, is_on_swapped_wires, lacks_checksum_only, lacks_highest_bits,
+    added_byte, announced, counted_more, due, has_parity_bits, is_on_swapped_wires, lacks_checksum_only, lacks_highest_bits,
     place_behind_strays,
 };
 use super::before::Before;
@@ -34,6 +34,7 @@ pub(super) fn of_transaction(seen: &Observation, before: Before) -> Option<Sympt
         Outcome::Garbled if has(Finding::ResponseLength) && fits_before(seen, before) => Symptom::StepBehind,
         Outcome::Garbled if has(Finding::ResponseLength) => Symptom::OtherLength,
         Outcome::Garbled if lacks_checksum_only(seen) => Symptom::AnswerBare,
+        Outcome::Garbled if seen.is_cut && announced(seen).is_some() => Symptom::AnswerAnnounces,
         Outcome::Garbled if seen.is_cut && seen.damage.is_none() => cut(seen),
         Outcome::Garbled if seen.damage.is_none() && seen.checksum.is_some() => Symptom::AnswerLrc,
         Outcome::Garbled | Outcome::NotSeen if seen.damage.is_some() => return garbled(seen, before),
@@ -153,9 +154,11 @@ pub(super) fn figures(symptom: Symptom, seen: &Observation, before: Before) -> O
         Symptom::AlteredEcho | Symptom::DistortedEcho => seen.altered_echo.map(|echo| [echo.changed, echo.sent]),
         Symptom::RequestLimit => limits(seen),
         Symptom::AnswerForeign => Some([protocols::known(&seen.answer_head)? as u32, 0]),
-        // The lengths of a line in ASCII are characters.
+        // The lengths of a line in ASCII are characters, which are no bytes.
+        Symptom::AnswerCut if seen.answer_head.first() == Some(&b':') => None,
         Symptom::AnswerCut => Some([seen.lengths[1], due(seen).filter(|due| seen.id.is_none() && seen.lengths[1] < *due)?]),
         Symptom::AnswerCounted => counted_more(seen),
+        Symptom::AnswerAnnounces => announced(seen),
         Symptom::AnswerAdded => added_byte(seen),
         Symptom::AnswerBehind => Some([place_behind_strays(seen)?, 0]),
         Symptom::OtherUnit if seen.outcome == Outcome::Unasked => Some([seen.unit, before.asked?.unit].map(u32::from)),

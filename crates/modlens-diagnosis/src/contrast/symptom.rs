@@ -77,6 +77,8 @@ symptoms! {
     RequestCoil = "request_coil",
     /// The byte count of the answer is not that of what was asked for, and the reader has stopped where the right one would end it.
     AnswerCounted = "answer_counted",
+    /// In ASCII, the byte count of an answer that stops before its end is not that of what was asked for.
+    AnswerAnnounces = "answer_announces",
     /// The answer is whole but for its checksum, which is missing.
     AnswerBare = "answer_bare",
     /// A refusal without a checksum.
