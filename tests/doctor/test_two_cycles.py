@@ -7,6 +7,8 @@ from itertools import pairwise
 from pathlib import Path
 from random import Random
 
+import pytest
+
 from tests.doctor.frames import read_request, rtu
 from tests.doctor.test_joint import Tape
 
@@ -48,3 +50,24 @@ def test_damage_at_any_time_is_not(tmp_path: Path) -> None:
 
 def test_two_cycles_are_no_trouble(tmp_path: Path) -> None:
     assert record(lambda _: False).codes(tmp_path) == []
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_one_master_with_a_time_for_each_request_is_one(seed: int, tmp_path: Path) -> None:
+    """A unit that fails after the answers of another one spoils no byte, as two that meet do."""
+    rng, tape = Random(seed), Tape()
+    units = rng.sample(range(1, 60), 4)
+    polls = [(units[at], 10 * at, rng.uniform(1.0, 1.8)) for at in (0, 1, 1, 2, 2, 3)]
+    due = [rng.random() for _ in polls]
+    begin, before = tape.now, 0
+    while min(due) < 300:
+        at = due.index(min(due))
+        unit, address, every = polls[at]
+        tape.now = max(tape.now, begin + int(due[at] * 1e9))
+        tape.add(rtu(unit, read_request(3, address + at, 2)), 20)
+        if unit == units[2] and before == units[1] and rng.random() < 0.9:
+            tape.now += 300_000_000
+        else:
+            tape.add(rtu(unit, bytes([3, 4, 7 * at, rng.randrange(256), 1, 44 + at])), 12)
+        due[at], before = due[at] + every, unit
+    assert tape.codes(tmp_path) == ["bystander"]

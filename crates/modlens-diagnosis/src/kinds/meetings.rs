@@ -25,6 +25,10 @@ pub(super) fn two_masters(view: &View<'_>) -> Vec<Claim> {
     let odd = crossings.failed + view.bus.frames.collisions.failed + mixed(view);
     let failed = view.bus.requests_seen.failed;
     let total = view.bus.requests_seen.total.max(odd + failed);
+    // Two frames that meet spoil each other: where no byte is damaged, what fails is silent for another reason.
+    if odd + damaged(view) == 0 {
+        return Vec::new();
+    }
     let late: u64 = view.units().map(|(_, counts)| counts.late.failed).sum();
     let (Some(chance), false) = (view.beyond_accident(Share { failed: odd + failed, total }), late > odd) else {
         return Vec::new();
@@ -86,6 +90,11 @@ fn hasty(view: &View<'_>) -> u64 {
 /// Noise makes one damaged frame in so many look like the meeting of two.
 const ODD_BY_NOISE: f64 = 0.05;
 
+/// Damaged answers and requests of all units.
+fn damaged(view: &View<'_>) -> u64 {
+    view.units().map(|(_, counts)| counts.garbled.failed + counts.bad_requests.failed).sum()
+}
+
 /// Answers that fit no open request of their unit. Those of one unit to the requests of others may be its own fault (`bystander`);
 /// where masters meet, it happens to all, so the unit with most of them is left out.
 fn mixed(view: &View<'_>) -> u64 {
@@ -110,9 +119,8 @@ const NOISE_OF_ODD_LENGTH: f64 = 0.3;
 /// Of one unit alone, it is that unit's doing; damage that follows a failure may be that of a late answer.
 fn superimposed(view: &View<'_>) -> f64 {
     let worst = view.units().map(|(_, counts)| counts.garbled.failed).max().unwrap_or(0);
-    let all: u64 = view.units().map(|(_, counts)| counts.garbled.failed + counts.bad_requests.failed).sum();
     let asked: u64 = view.units().map(|(_, counts)| counts.failures.total).sum();
-    if view.beyond_accident(Share { failed: all - worst, total: asked }).is_none() {
+    if view.beyond_accident(Share { failed: damaged(view) - worst, total: asked }).is_none() {
         return 1.0;
     }
     let sum = |value: &dyn Fn(&UnitCounts) -> u64| view.units().map(|(_, counts)| value(counts)).sum::<u64>();
@@ -140,13 +148,12 @@ fn has_one_list_twice(view: &View<'_>) -> bool {
         .collect();
     let repeated = reads.iter().filter(|share| share.failed > 0).count();
     let all = reads.iter().copied().sum();
-    let damaged: u64 = view.units().map(|(_, counts)| counts.garbled.failed + counts.bad_requests.failed).sum();
     let asked: u64 = view.units().map(|(_, counts)| counts.failures.total).sum();
     reads.len() > 2
         && repeated * 2 >= reads.len()
         && reads.iter().all(|share| share.rate() < TWICE_IN_LIST)
         && view.beyond_accident(all).is_some()
-        && view.beyond_accident(Share { failed: damaged.min(asked), total: asked }).is_some()
+        && view.beyond_accident(Share { failed: damaged(view).min(asked), total: asked }).is_some()
 }
 
 /// The order of requests: that of one master's list, and how often they come in another one.
