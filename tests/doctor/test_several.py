@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from random import Random
 
+import pytest
+
 from tests.doctor.case import Case
 from tests.doctor.examine import Row, diagnose, ran, subject_fits, written
 from tests.doctor.kinds.damage import Noise
@@ -70,6 +72,17 @@ def test_two_troubles_are_both_named_each_with_its_share(tmp_path: Path) -> None
         struck = sum(one.struck or unit == dead for one in exchanges if one.unit == unit)
         assert by_code[code]["unit"] == unit
         assert abs(by_code[code]["failed"] - struck) <= 1
+
+
+@pytest.mark.parametrize("seed", range(41, 45))
+def test_a_unit_that_is_not_there_is_named_on_a_noisy_line(seed: int, tmp_path: Path) -> None:
+    """A damaged request reaches no unit, and says nothing against one."""
+    scene = plain_scene(seed, units=4)
+    dead = scene.plant.units[seed % 4].address
+    scene.run(600, Both(Dead(scene.rng, dead, 0.0), Noise(scene.rng, 0.15)))
+    rows = examined(scene.case("dead_unit_cost", unit=dead), tmp_path)
+    named = {(row["code"], row["unit"]) for row in rows if row["severity"] == "error"}
+    assert named == {("line_noise", None), ("dead_unit_cost", dead)}
 
 
 def test_a_trouble_that_ended_says_until_when(tmp_path: Path) -> None:

@@ -239,7 +239,7 @@ fn suggested(claim: Claim, timeout: Ns) -> Claim {
 
 /// A unit that never answers.
 pub(super) fn dead_unit_cost(view: &View<'_>) -> Vec<Claim> {
-    let dead: Vec<(u8, &UnitCounts)> = view.units().filter(|(unit, counts)| is_never_heard(*unit, counts)).collect();
+    let dead: Vec<(u8, &UnitCounts)> = view.units().filter(|(unit, counts)| is_never_heard(view, *unit, counts)).collect();
     // A search for devices asks each address once or twice, which is no contrast by itself, but is one of many.
     let silent = dead.iter().map(|(_, counts)| counts.silent.share()).sum();
     let of_many = view.significant(at_least(silent, MOST_SILENCE)).filter(|_| dead.len() > FEW_SILENT);
@@ -258,13 +258,23 @@ pub(super) fn usual_silence(view: &View<'_>, unit: u8) -> f64 {
     view.others(unit, |other| other.silent.share()).rate().clamp(LEAST_SILENCE, MOST_SILENCE)
 }
 
-/// Whether each request of a unit failed, at least nine in ten of them without any answer, and none was answered late. A refusal is
-/// an answer.
-fn is_never_heard(unit: u8, counts: &UnitCounts) -> bool {
-    // On a noisy line some of its requests are damaged, and noise may stand where its response would.
+/// Whether each request of a unit failed, most of them without any answer, and none was answered late. A refusal is an answer.
+fn is_never_heard(view: &View<'_>, unit: u8, counts: &UnitCounts) -> bool {
     let (silent, failures) = (counts.silent.failed, counts.failures.share());
-    unit != 0 && failures.failed == failures.total && silent * 10 >= failures.total * 9 && counts.late.failed == 0
+    if unit == 0 || failures.failed < failures.total || silent * 2 <= failures.total || counts.late.failed > 0 {
+        return false;
+    }
+    // On a noisy line some of its requests are damaged, and noise may stand where its response would: as often as with others.
+    let damaged = |other: &UnitCounts| {
+        let failed = other.garbled.failed + other.bad_requests.failed;
+        Share { failed: failed.min(other.failures.total), total: other.failures.total }
+    };
+    let usual = view.others(unit, damaged).rate().max(NOISE_OF_SILENCE);
+    at_least(Share { failed: failures.total - silent, total: failures.total }, usual) > MAX_CHANCE
 }
+
+/// So many requests to a unit that is not there may be followed by noise, or damaged.
+const NOISE_OF_SILENCE: f64 = 0.1;
 
 /// Claims that a unit never answers; `of_many` is the chance of all that are silent, where they are many.
 fn dead_unit(view: &View<'_>, unit: u8, counts: &UnitCounts, of_many: Option<f64>) -> Option<Claim> {
