@@ -1,8 +1,8 @@
 """What the doctor costs beside statistics, in instructions: `python -m bench.doctor_cost`.
 
-Each runs on 1 MiB of exchanges and on a few, whose figure is taken off: start and imports. Raw RTU,
-lines with times, and such lines with one frame in thirty damaged. Needs valgrind, and a core that
-was built as it is released.
+Each runs on 1 MiB of exchanges (or `--mebibytes`) and on a few, whose figure is taken off: start
+and imports. Raw RTU, lines with times, and such lines with one frame in thirty damaged. Needs
+valgrind, and a core that was built as it is released.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from random import Random
 
 from bench.support.workload import traffic
 
-SIZE, START = 1 << 20, 1 << 12
+START = 1 << 12
 DAMAGED = 1 / 30
 CHARACTER_S = 10 / 19200
 ASKED = (
@@ -57,16 +57,18 @@ def instructions(what: str, path: Path) -> int:
 
 def main() -> None:
     """Print a line for each recording."""
-    argparse.ArgumentParser(description=__doc__.split("\n", 1)[0] if __doc__ else "").parse_args()
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0] if __doc__ else "")
+    parser.add_argument("--mebibytes", type=int, default=1)
+    size = parser.parse_args().mebibytes << 20
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        pairs = zip(recordings(SIZE, folder), recordings(START, folder), strict=True)
+        pairs = zip(recordings(size, folder), recordings(START, folder), strict=True)
         for whole, start in pairs:
             stats, doctor = (
                 instructions(what, whole) - instructions(what, start)
                 for what in ("stats", "doctor")
             )
-            name = whole.name.removeprefix(f"{SIZE}.")
+            name = whole.name.removeprefix(f"{size}.")
             sys.stdout.write(f"{name}: stats {stats:,}, doctor {doctor:,}: {doctor / stats:.2f}\n")
 
 
