@@ -84,8 +84,8 @@ fn add(view: &View<'_>, seen: &mut Vec<Seen>, (shown, counted): (Symptom, Sympto
 
 /// Whether bytes of no frame are too few for one, and others are whole frames.
 fn is_beside_whole_frames(view: &View<'_>, tally: &Tally) -> bool {
-    let bytes = view.bus.frames.bytes;
-    let (all, whole) = (bytes.iter().sum::<u64>(), bytes[Verdict::Ok as usize]);
+    let frames = &view.bus.frames;
+    let (all, whole) = (frames.bytes.iter().sum::<u64>(), frames.bytes_of(Verdict::Ok));
     whole > 0 && view.bus.received_damage == 0 && all - whole <= MOST_EXTRA * tally.failed
 }
 

@@ -148,6 +148,11 @@ impl UnitCounts {
         self.failures.total - self.failures.failed
     }
 
+    /// Answers and requests that are damaged.
+    pub fn damaged_frames(&self) -> u64 {
+        self.garbled.failed + self.bad_requests.failed
+    }
+
     /// Answers that are damaged in this part.
     pub fn damaged(&self, part: DamagedPart) -> u64 {
         self.damaged_parts[part as usize].failed

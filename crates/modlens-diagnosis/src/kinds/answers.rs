@@ -208,7 +208,7 @@ pub(super) fn fails_after_late_answers(view: &View<'_>, unit: u8, counts: &UnitC
     let after = counts.by_previous.iter().filter(|((other, was_silent), _)| *was_silent && is_slow(*other));
     let after = after.fold(Share::default(), |sum, (_, share)| sum.with(*share));
     let all = counts.by_previous.values().fold(Share::default(), |sum, share| sum.with(*share));
-    let damaged = counts.garbled.failed + counts.bad_requests.failed;
+    let damaged = counts.damaged_frames();
     let rest = if damaged * 5 > counts.failures.failed * 4 { counts.damage_after_failure[0] } else { all.without(after) };
     after.failed > 0 && view.beyond_accident(rest).is_none()
 }
@@ -265,10 +265,8 @@ fn is_never_heard(view: &View<'_>, unit: u8, counts: &UnitCounts) -> bool {
         return false;
     }
     // On a noisy line some of its requests are damaged, and noise may stand where its response would: as often as with others.
-    let damaged = |other: &UnitCounts| {
-        let failed = other.garbled.failed + other.bad_requests.failed;
-        Share { failed: failed.min(other.failures.total), total: other.failures.total }
-    };
+    let damaged =
+        |other: &UnitCounts| Share { failed: other.damaged_frames().min(other.failures.total), total: other.failures.total };
     let usual = view.others(unit, damaged).rate().max(NOISE_OF_SILENCE);
     at_least(Share { failed: failures.total - silent, total: failures.total }, usual) > MAX_CHANCE
 }

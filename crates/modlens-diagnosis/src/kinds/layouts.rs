@@ -30,7 +30,7 @@ fn of_layout<'a>(view: &'a View<'_>) -> impl Iterator<Item = (Symptom, Option<u8
 /// Whether most damaged frames of a unit are these. A program builds its frames alike; what cuts frames and mixes them makes all kinds.
 fn are_most_of_the_damaged(view: &View<'_>, unit: Option<u8>, tally: &Tally) -> bool {
     let counts = unit.and_then(|unit| view.bus.units.get(&unit));
-    counts.is_none_or(|counts| 2 * tally.failed > counts.garbled.failed + counts.bad_requests.failed)
+    counts.is_none_or(|counts| 2 * tally.failed > counts.damaged_frames())
 }
 
 /// The requests to a unit.

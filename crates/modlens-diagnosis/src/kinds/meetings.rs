@@ -92,7 +92,7 @@ const ODD_BY_NOISE: f64 = 0.05;
 
 /// Damaged answers and requests of all units.
 fn damaged(view: &View<'_>) -> u64 {
-    view.units().map(|(_, counts)| counts.garbled.failed + counts.bad_requests.failed).sum()
+    view.units().map(|(_, counts)| counts.damaged_frames()).sum()
 }
 
 /// Answers that fit no open request of their unit. Those of one unit to the requests of others may be its own fault (`bystander`);

@@ -21,7 +21,7 @@ pub(super) fn of_bus(name: &str, bus: &BusContrast, claims: &[Claim]) -> Vec<Jso
             let own = timeout.of_unit(counts);
             json!({
                 "bus": name, "unit": unit, "requests": requests, "answered": requests - failed,
-                "damaged": counts.garbled.failed + counts.bad_requests.failed, "late": counts.late.failed,
+                "damaged": counts.damaged_frames(), "late": counts.late.failed,
                 "line_errors": counts.line_errors.iter().map(|side| side.failed).sum::<u64>(),
                 "timed": counts.response_times.count, "response_time_p99_us": p99.map(us), "timeout_us": own.map(us),
                 "clock": clock(bus),
