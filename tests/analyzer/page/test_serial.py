@@ -198,6 +198,8 @@ def test_the_settings_are_found(
     begin(opened, table, "")
     opened.wait("document.getElementById('serial-said').textContent.startsWith('found')", 30)
     opened.wait(f"{STATE} === 'live'")
+    heard = opened.run("return window.port.given")
+    opened.wait(f"window.port.given > {heard + 8}")
     end(opened)
     rows = assert_rows_of_tap(opened, tmp_path, modlens)
     # The first answer may have a request that was not heard, the last request an end instead.
