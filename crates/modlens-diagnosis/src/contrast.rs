@@ -8,6 +8,7 @@ mod clean_units;
 mod context;
 mod cycles;
 mod epochs;
+mod followed;
 mod frame_counts;
 pub mod gaps;
 mod good_frame;
@@ -41,6 +42,7 @@ use modlens_engine::records::{Batch, Connection, Part};
 
 pub use bus::{BusContrast, BusFacts, WINDOW};
 pub use epochs::Epochs;
+pub use followed::{Followed, FollowedAnswers};
 pub use network::{ClientCounts, Connections, Counted};
 pub use noise::{NoiseCounts, NoiseKey, NoiseRuns};
 pub use overtaken::Overtaken;

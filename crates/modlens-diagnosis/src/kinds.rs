@@ -18,6 +18,7 @@ mod pace;
 mod rates;
 mod switched;
 mod together;
+mod unheard;
 mod unreadable;
 mod values;
 mod wires;

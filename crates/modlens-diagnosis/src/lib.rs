@@ -10,8 +10,9 @@
 //! `dissectors/diagnoses.toml` says in words what a kind needs and how it is said.
 //!
 //! **Memory is bounded.** A bus has counters for at most 248 units (TCP: 256), each with histograms of fixed size; for the
-//! 1,024 requests, 256 clients, 256 runs of noise with the least hashes of those seen; and 4 examples for each claim. All
-//! buses together have at most 4,096 units and 16,384 requests; a scan of a network does not fill the memory.
+//! 1,024 requests with 48 of their answers each, 256 clients, 256 runs of noise with the least hashes of those seen; and 4
+//! examples for each claim. All buses together have at most 4,096 units and 16,384 requests; a scan of a network does not fill
+//! the memory.
 //! A choice by hash depends on neither order nor chance.
 //!
 //! **Counters merge.** Parts of a recording, observed apart and merged in order, give what one pass gives. What needs the

@@ -2,6 +2,7 @@
 
 use modlens_protocol::Ns;
 
+use super::followed::Followed;
 use super::tally::Place;
 use crate::observation::RequestKey;
 
@@ -19,6 +20,8 @@ pub(super) struct Before {
     /// The answer to the request before came after this request: its unit, its place, how long the master waited before it
     /// went on, and how long it would have had to.
     pub overtaken: Option<(u8, Place, Ns, Ns)>,
+    /// The answer to the request before: what was asked, in which transaction, and how long after it this request came.
+    pub followed: Option<(RequestKey, u64, Followed)>,
     /// Hash of the request before, if it is another one and came right before, and whether it failed.
     pub request: Option<(u64, bool)>,
     /// The request before is the same, came right before, and went well.

@@ -13,6 +13,7 @@ use modlens_protocol::Ns;
 use super::before::Before;
 use super::clean_units::CleanUnits;
 use super::context::Context;
+use super::followed::Followed;
 use super::frame_counts::FrameCounts;
 use super::known_requests::RequestMemory;
 use super::lists::Lists;
@@ -207,7 +208,7 @@ impl BusContrast {
             self.context.transaction(&mut seen);
             self.first_transactions.push_back(seen);
         } else {
-            let before = self.context.before(seen.key(), seen.bus, seen.starts[0]);
+            let before = self.context.before(seen.key(), seen.bus, seen.starts[0], seen.gap);
             self.context.transaction(&mut seen);
             self.count_transaction(&seen, before);
         }
@@ -295,6 +296,18 @@ impl BusContrast {
         self.forget();
     }
 
+    /// Counts what followed the answer to a request.
+    pub(super) fn count_followed(&mut self, asked: RequestKey, number: u64, followed: Followed) {
+        let slot = self.known.find(asked.number()).and_then(|index| self.known.at(index).slot).map(usize::from);
+        let counts = match slot {
+            Some(slot) if self.requests.at(slot, &asked).is_some() => self.requests.at(slot, &asked),
+            _ => self.requests.entry(asked.hash(), asked),
+        };
+        if let Some(counts) = counts {
+            counts.followed.count(number, followed);
+        }
+    }
+
     fn count_transaction(&mut self, seen: &Observation, before: Before) {
         self.symptoms.transaction(seen, before);
         self.troubles += u64::from(seen.findings.has_trouble());
@@ -320,6 +333,9 @@ impl BusContrast {
         unit.count(seen, before);
         if let Some((unit, place, waited, needed)) = before.overtaken {
             self.units.entry(unit).or_default().overtaken.count(place, waited, needed);
+        }
+        if let Some((asked, number, followed)) = before.followed {
+            self.count_followed(asked, number, followed);
         }
         if let Some((asked, after)) = seen.intruder {
             let unit = self.units.entry(asked.unit).or_default();

@@ -219,10 +219,19 @@ impl BusContrast {
         if let Some((unit, place, waited, needed)) = self.context.overtaken(seen.bus, seen.starts[0]) {
             self.units.entry(unit).or_default().overtaken.count(place, waited, needed);
         }
+        if let Some((asked, number, followed)) = self.context.followed(seen.bus, Some(seen.key), seen.starts[0], seen.gap) {
+            self.count_followed(asked, number, followed);
+        }
         self.context.previous_answer = match seen.starts {
-            [Some(requested), Some(came)] => {
-                Some(PreviousAnswer { bus: seen.bus, unit: seen.key.unit, place: seen.place, requested, came })
-            }
+            [Some(requested), Some(came)] => Some(PreviousAnswer {
+                bus: seen.bus,
+                unit: seen.key.unit,
+                place: seen.place,
+                requested,
+                came,
+                key: Some(seen.key),
+                response: seen.response_time,
+            }),
             _ => None,
         };
     }

@@ -13,6 +13,7 @@ use modlens_protocol::oddity::{bare_refusals, is_doubled, Altered};
 use modlens_protocol::Ns;
 
 use super::before::Before;
+use super::followed::Followed;
 use super::good_frame::GoodFrame;
 use super::recent::RecentAnswers;
 use super::tally::Place;
@@ -74,7 +75,7 @@ struct PreviousRequest {
     age: usize,
 }
 
-/// The good answer to the last request.
+/// The answer to the last request: it is whole, and came in time or before the next one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PreviousAnswer {
     pub bus: u32,
@@ -82,6 +83,10 @@ pub(super) struct PreviousAnswer {
     pub place: Place,
     pub requested: Ns,
     pub came: Ns,
+    /// What was asked, where it went well.
+    pub key: Option<RequestKey>,
+    /// From the end of the request to the start of the answer.
+    pub response: Option<Ns>,
 }
 
 /// After so many requests that cannot be read, the one before is forgotten.
@@ -102,7 +107,7 @@ pub(super) struct Context {
     after_failure: u8,
     /// Start of the request before, if the recording shows no answer to it.
     open_since: Option<Ns>,
-    /// The good answer before, on a network.
+    /// The answer before.
     pub previous_answer: Option<PreviousAnswer>,
     /// The last request that could be read, and whether it failed, or one since.
     previous_request: Option<PreviousRequest>,
@@ -221,8 +226,8 @@ impl Context {
         seen.lengths[1] = run.length;
     }
 
-    /// What came before a request with this key, bus and start.
-    pub fn before(&self, key: Option<RequestKey>, bus: u32, start: Option<Ns>) -> Before {
+    /// What came before a request with this key, bus, start, and silence before it.
+    pub fn before(&self, key: Option<RequestKey>, bus: u32, start: Option<Ns>, gap: Option<Ns>) -> Before {
         // A request sent again, and one after bytes that could not be read, say nothing about the order of requests.
         let is_repeated =
             self.previous_request.is_some_and(|before| before.age == 0 && !before.failed && Some(before.key) == key);
@@ -239,6 +244,7 @@ impl Context {
             request,
             is_repeated,
             overtaken,
+            followed: self.followed(bus, key, start, gap),
             asked,
             id: self.last_id,
             is_open: self.is_open,
@@ -254,6 +260,25 @@ impl Context {
         let before = self.previous_answer.filter(|before| before.bus == bus);
         let (before, start) = before.zip(start).filter(|(before, start)| before.came > *start)?;
         Some((before.unit, before.place, start - before.requested, before.came - before.requested))
+    }
+
+    /// What follows the answer before, if a request with this key and start comes after it on the same connection: what was asked,
+    /// in which transaction, and the times. `gap` is the silence before the next request.
+    #[inline]
+    pub fn followed(
+        &self,
+        bus: u32,
+        key: Option<RequestKey>,
+        start: Option<Ns>,
+        gap: Option<Ns>,
+    ) -> Option<(RequestKey, u64, Followed)> {
+        let before = self.previous_answer.filter(|before| before.bus == bus)?;
+        let start = start.filter(|start| *start >= before.came)?;
+        let pause = gap.map_or(start - before.came, |gap| gap.clamp(0, start - before.came));
+        let response = before.response.unwrap_or(before.came - before.requested).max(0);
+        let is_repeated = before.key == key;
+        let length = start - before.came - pause;
+        Some((before.key?, before.place.number, Followed { response, length, pause, is_repeated }))
     }
 
     /// The request right before the next one, if nothing has failed there.
@@ -287,7 +312,9 @@ impl Context {
         self.cut = missing(seen);
         self.previous_answer = match (seen.outcome, seen.starts) {
             (Outcome::Good | Outcome::Refused, [Some(requested), Some(came)]) => {
-                Some(PreviousAnswer { bus: seen.bus, unit: seen.unit, place: seen.place, requested, came })
+                let key = seen.key().filter(|_| seen.outcome == Outcome::Good);
+                let (bus, unit, place, response) = (seen.bus, seen.unit, seen.place, seen.response_time);
+                Some(PreviousAnswer { bus, unit, place, requested, came, key, response })
             }
             _ => None,
         };

@@ -4,6 +4,7 @@ use modlens_protocol::Ns;
 
 use super::before::Before;
 use super::cycles::Cycles;
+use super::followed::FollowedAnswers;
 use super::known_requests::PendingExchanges;
 use super::registers::Registers;
 use super::runs::Runs;
@@ -77,6 +78,8 @@ pub struct RequestCounts {
     pub all_zeros: Lonely,
     /// Answers with the data of another request, alone between others.
     pub of_another: Lonely,
+    /// What followed some of its answers.
+    pub followed: FollowedAnswers,
     /// What its registers hold, where answers have times.
     pub registers: Registers,
     /// Answers that begin or end with FFFF and are not all FFFF.
@@ -289,6 +292,7 @@ impl RequestCounts {
         self.period.merge(&later.period);
         self.cycles.merge(&later.cycles);
         self.registers.merge(&later.registers);
+        self.followed.merge(&later.followed);
         self.first_start = self.first_start.or(later.first_start);
         self.last_start = later.last_start.or(self.last_start);
         if self.first_written == 0 {

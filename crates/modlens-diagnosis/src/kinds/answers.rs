@@ -4,7 +4,9 @@ use std::rc::Rc;
 
 use modlens_protocol::Ns;
 
+use super::unheard::Unheard;
 use crate::claim::{duration, percent, Certainty, Claim, View};
+use crate::contrast::tally::Tally;
 use crate::contrast::UnitCounts;
 use crate::statistics::{at_least, fisher, in_runs_at_most, Share};
 use crate::MAX_CHANCE;
@@ -23,6 +25,7 @@ pub(super) fn slow_answers(view: &View<'_>) -> Vec<Claim> {
             .or_else(|| meeting(view, unit, counts))
             .or_else(|| intruding(view, unit, counts))
             .or_else(|| spoiling(view, unit, counts))
+            .or_else(|| unheard(view, unit, counts))
     };
     view.units().filter_map(|(unit, counts)| slow(unit, counts)).collect()
 }
@@ -229,6 +232,23 @@ fn spoiling(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     claim.certainty = Certainty::Likely;
     let words = format!("; {} frames that follow within the time of a late answer are damaged", after.failed);
     Some(claim.fact("needed", words))
+}
+
+/// Good answers come when the master has stopped waiting for them, and before it asks again: to the line they are as any other.
+fn unheard(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
+    let found = Unheard::of_unit(view, unit)?;
+    let chance = view.significant(found.chance)?;
+    let times = &counts.response_times;
+    let share = Share {
+        failed: (times.count - times.below(found.timeout.unwrap_or(found.least))).max(found.seen),
+        total: counts.failures.total,
+    };
+    let mut claim = Claim::new("slow_answers", &Tally::default(), chance).of_unit(unit).with_share(share);
+    claim.examples = found.examples;
+    let timeout = found.timeout.map_or(String::new(), |timeout| format!(", after {}", duration(timeout)));
+    let slowest = duration(times.most);
+    let needed = format!("; the slowest answer took {slowest}, and came before the next request, which did not wait for it");
+    Some(suggested(claim.fact("timeout", timeout).fact("needed", needed), times.most + times.most / 2))
 }
 
 /// With the timeout to set, which is the same in what to check and in its proof.
