@@ -52,11 +52,11 @@ fn direction_word(line: &[u8]) -> (Option<Side>, &[u8]) {
     if first.is_ascii_digit() {
         return (None, line);
     }
-    let line = line.strip_prefix(b"[").unwrap_or(line);
-    let Some((side, length)) = leading(line) else { return (None, line) };
-    let rest = &line[length..];
+    let word = line.strip_prefix(b"[").unwrap_or(line);
+    let Some((side, length)) = leading(word) else { return (None, line) };
+    let rest = &word[length..];
     // The first character of `<01><03>` is no arrow: these are bytes.
-    let are_bytes = line[..length] == *b"<" && rest.get(2) == Some(&b'>');
+    let are_bytes = word[..length] == *b"<" && rest.get(2) == Some(&b'>');
     if are_bytes {
         (None, line)
     } else {

@@ -165,12 +165,28 @@ fn begins_with_offset(text: &[u8]) -> bool {
 /// Reads bytes with any separators, and stops at a time of day and at the first word that is neither a byte nor a placeholder
 /// for the checksum. Returns the length of the text.
 pub(super) fn hex(text: &[u8], allow_single_digits: bool, out: &mut Vec<u8>, flags: &mut NotationFlags) -> usize {
+    if allow_single_digits && is_list_of_numbers(text) {
+        return 0;
+    }
     let (before, flags_before) = (out.len(), *flags);
     let length = hex_words(text, allow_single_digits, out, flags);
     let Some(time) = time_within(text, length) else { return length };
     out.truncate(before);
     *flags = flags_before;
     hex_words(&text[..time], allow_single_digits, out, flags)
+}
+
+/// Whether the text begins with an array of JSON or JavaScript, `[0,1,0,16]`: its numbers are decimal and have no leading zeros.
+fn is_list_of_numbers(text: &[u8]) -> bool {
+    let Some(inside) = text.trim_ascii_start().strip_prefix(b"[") else { return false };
+    let Some(end) = memchr::memchr(b']', inside) else { return false };
+    let is_number = |part: &[u8]| match part.trim_ascii() {
+        [digit] => digit.is_ascii_digit(),
+        [b'1'..=b'9', rest @ ..] => rest.len() <= 2 && rest.iter().all(u8::is_ascii_digit),
+        _ => false,
+    };
+    let parts = || inside[..end].split(|&b| b == b',');
+    parts().nth(1).is_some() && parts().all(is_number)
 }
 
 /// Where the first time of day begins that comes after other words in so much of the text.

@@ -177,6 +177,8 @@ mod tests {
         assert_eq!(read(Notation::Hex, "05 03:12:30:05:07").0, [5, 3, 0x12, 0x30, 5, 7]);
         assert_eq!(read(Notation::Decimal, "5, 3, 16 12:30:05").0, [5, 3, 16]);
         assert!(read(Notation::Decimal, "05 03 00 10 C4 4A").0.is_empty());
+        assert!(read(Notation::Loose, "[0,1,0,0,0,6,1,3,0,16,0,2]").0.is_empty(), "an array has decimal numbers");
+        assert_eq!(read(Notation::Loose, "[0,1,0,0,0,6,1,3,0,A,0,2]").0.len(), 12);
         assert!(read(Notation::Hex, "hello").0.is_empty());
         assert!(read(Notation::Hex, "0010  05 03 00 10").0.is_empty());
         assert!(read(Notation::Hex, "0x0010:  0503 0010").0.is_empty());
