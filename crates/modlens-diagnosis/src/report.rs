@@ -58,7 +58,7 @@ impl Report {
             let view = View::new(bus);
             let (claims, odd) = claims(&view);
             rows.extend(
-                claims.iter().map(|claim| (spoiled(claim), sentences::row(name, bus, claim, odd), Course::of(bus, claim, odd))),
+                claims.iter().map(|claim| (loss(claim), sentences::row(name, bus, claim, odd), Course::of(bus, claim, odd))),
             );
             rest.push((*name, odd));
             without_cause.extend(unexplained::of_bus(name, &view, &claims, odd));
@@ -72,7 +72,7 @@ impl Report {
                 "needs": "a recording of a part of the network, or --between for less time",
             }));
         }
-        rows.sort_by_key(|(spoiled, row, _)| std::cmp::Reverse(harm(*spoiled, row)));
+        rows.sort_by_key(|(loss, row, _)| std::cmp::Reverse(harm(*loss, row)));
         let (rows, courses): (Vec<DiagnosisRow>, Vec<Course>) = rows.into_iter().map(|(_, row, course)| (row, course)).unzip();
         let (word, sentence) = verdict::verdict(&buses, contrast, &rows, without_cause.first().map(|(row, _)| row));
         let requests: Share = buses.iter().map(|(_, bus)| bus.requests_seen.share()).sum();
@@ -186,8 +186,9 @@ fn claims(view: &View<'_>) -> (Vec<Claim>, Rest) {
     for claim in &mut claims {
         claim.certainty = certainty(view.bus, claim);
     }
-    if claims.iter().all(|claim| claim.harm == 0) && verdict::is_open(view.bus) {
-        claims.extend(crate::sight::suspected(view));
+    if claims.iter().all(|claim| claim.harm == 0 || claim.certainty != Certainty::Diagnosed) && verdict::is_open(view.bus) {
+        let others = crate::sight::suspected(view, &claims);
+        claims.extend(others);
     }
     let rest = attribute(view, &mut claims, &all);
     (claims, rest)
@@ -211,13 +212,24 @@ fn spoiled(claim: &Claim) -> u64 {
     explains.map_or(claim.harm, |explains| explains.failed + explains.refused)
 }
 
-/// The order of diagnoses: by severity, then by how many failures they explain, then by how sure they are.
-fn harm(spoiled: u64, row: &DiagnosisRow) -> (u8, u64, u64, std::cmp::Reverse<String>) {
+/// Whether a cause loses anything that the master asked for, and how many requests it spoils. Bytes between frames lose nothing, be
+/// they ever so many.
+fn loss(claim: &Claim) -> (bool, u64) {
+    let spoiled = spoiled(claim);
+    let loses = match claim.sight {
+        Some(symptom) => !symptom.is_between_frames(),
+        None => claim.explains.is_none_or(|explains| explains.failed + explains.refused > 0),
+    };
+    (loses && spoiled > 0, spoiled)
+}
+
+/// The order of diagnoses: by severity, then by what is lost and how many failures they explain, then by how sure they are.
+fn harm(loss: (bool, u64), row: &DiagnosisRow) -> (u8, (bool, u64), u64, std::cmp::Reverse<String>) {
     let sureness = row.chance.map_or(0, |chance| (-chance.max(1e-300).log10() * 10.0) as u64);
     // Without a chance, it is what a first sight suspects: of as many examples, the best explanation is first.
     let code = if row.chance.is_some() { row.code } else { "" };
     let sureness = if row.certainty == Certainty::Likely.text() { sureness.max(1) } else { sureness };
-    (sentences::rank(row.severity), spoiled, sureness, std::cmp::Reverse(code.to_owned()))
+    (sentences::rank(row.severity), loss, sureness, std::cmp::Reverse(code.to_owned()))
 }
 
 fn row_json(row: &DiagnosisRow, course: &Course) -> Json {

@@ -3,10 +3,10 @@
 use crate::claim::{Certainty, Claim, View};
 use crate::contrast::lists::Lists;
 use crate::contrast::tally::Tally;
-use crate::contrast::{Symptom, UnitCounts};
+use crate::contrast::Symptom;
 use crate::observation::Figures;
 use crate::protocols::PROTOCOLS;
-use crate::table::{diagnoses, Diagnosis, UNNAMED};
+use crate::table::{diagnoses, diagnosis, Diagnosis, UNNAMED};
 use modlens_protocol::framing::Verdict;
 
 /// More examples of one symptom than these add no certainty: they may share a reason.
@@ -22,9 +22,17 @@ const MOST_CAUSES: usize = 3;
 /// The examples of one symptom.
 type Seen = (Symptom, Tally, Option<u8>, Option<Figures>);
 
-/// The causes that the symptoms suggest, the best explanation first.
-pub fn suspected(view: &View<'_>) -> Vec<Claim> {
-    explained(view, by_symptom(view))
+/// The causes that the symptoms suggest which none of these claims explains, the best explanation first.
+pub fn suspected(view: &View<'_>, claims: &[Claim]) -> Vec<Claim> {
+    let mut seen = by_symptom(view);
+    let causes = || claims.iter().filter(|claim| claim.harm > 0).filter_map(|claim| diagnosis(claim.code));
+    seen.retain(|(symptom, ..)| causes().all(|cause| !explains(cause, *symptom)));
+    explained(view, seen)
+}
+
+/// Whether a cause shows a symptom more often than by chance.
+fn explains(cause: &Diagnosis, symptom: Symptom) -> bool {
+    cause.rate(symptom) >= 2.0 * UNNAMED
 }
 
 /// The same of two lists one after the other: by what each frame shows by itself, and by answers that no request asks for.
@@ -46,7 +54,7 @@ fn explained(view: &View<'_>, mut seen: Vec<Seen>) -> Vec<Claim> {
         if view.bus.units.keys().all(|unit| is_mute(view, *unit)) {
             claim.certainty = Certainty::Suspected;
         }
-        seen.retain(|(symptom, ..)| cause.rate(*symptom) < 2.0 * UNNAMED);
+        seen.retain(|(symptom, ..)| !explains(cause, *symptom));
         claims.push(claim);
     }
     claims
@@ -117,7 +125,9 @@ fn is_mute(view: &View<'_>, unit: u8) -> bool {
     let is_never_heard = counts.is_some_and(|counts| {
         counts.failures.total == counts.silent.failed && counts.late.failed + counts.second_answers.failed == 0
     });
-    let is_silence = |symptom| symptom == Symptom::NoAnswer || (symptom == Symptom::Echo && !is_echoed(view));
+    // A byte or two that a line leaves are no answer.
+    let is_level = |symptom| matches!(symptom, Symptom::NoAnswer | Symptom::Stray);
+    let is_silence = |symptom| is_level(symptom) || (symptom == Symptom::Echo && !is_echoed(view));
     is_never_heard && all(view).all(|(symptom, of, _)| of != Some(unit) || is_silence(symptom))
 }
 
@@ -125,8 +135,7 @@ fn is_mute(view: &View<'_>, unit: u8) -> bool {
 /// alone is a retry.
 fn is_echoed(view: &View<'_>) -> bool {
     let echoes: u64 = all(view).filter(|(symptom, _, _)| *symptom == Symptom::Echo).map(|(_, _, tally)| tally.failed).sum();
-    let answered = |counts: &UnitCounts| counts.failures.total - counts.silent.failed;
-    let requests: u64 = view.bus.units.values().map(|counts| answered(counts) + counts.not_seen.failed).sum();
+    let requests: u64 = view.bus.units.values().map(|counts| counts.heard() + counts.not_seen.failed).sum();
     echoes * 2 >= requests
 }
 

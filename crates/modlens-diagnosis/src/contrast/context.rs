@@ -52,6 +52,8 @@ pub(super) struct Around {
     pub burst: Option<bool>,
     /// It begins with the unit and the function of the answer before.
     pub is_doubled: bool,
+    /// After a request, a damaged answer is before it.
+    pub is_behind_damage: bool,
     /// On Modbus/TCP, it is in the line or packet of the frame before, or begins as an answer to it with a wrong length.
     pub is_behind_header: bool,
     /// On a serial line, it is in the line of a whole answer whose sender is named, and does not begin with its unit.
@@ -153,6 +155,7 @@ impl Context {
         run.length += seen.length;
         run.bytes.extend_from_slice(&seen.bytes);
         let is_burst = run.length >= LEAST_ANSWER_BYTES && !was_burst;
+        let is_behind_damage = was_burst && good.direction == Direction::Request;
         // What comes after the request of a write is its answer.
         let is_answer_to_write = good.since_write == 0 && good.direction == Direction::Request;
         let burst = is_burst.then_some(good.is_behind_write() && !is_answer_to_write);
@@ -173,7 +176,7 @@ impl Context {
             && seen.length >= LEAST_ANSWER_BYTES
             && seen.bytes.first() != good.unit.as_ref();
         let attached = Some((good.direction, good.unit));
-        Around { attached, burst, is_doubled, is_behind_header, is_behind_answer, ..Around::default() }
+        Around { attached, burst, is_doubled, is_behind_damage, is_behind_header, is_behind_answer, ..Around::default() }
     }
 
     /// Notes who sends what the program says it has sent.

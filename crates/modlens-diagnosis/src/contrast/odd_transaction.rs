@@ -1,6 +1,7 @@
 //! The symptom that an odd transaction shows, and the numbers that go with it.
 
 use modlens_protocol::annotate::exception_name;
+use modlens_protocol::checksum::{crc16, CRC_BYTES};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::{Functions, StandardLayout, EXCEPTION_BIT};
 use modlens_protocol::mbap::PREFIX_BYTES;
@@ -165,11 +166,19 @@ pub(super) fn figures(symptom: Symptom, seen: &Observation, before: Before) -> O
         Symptom::OtherUnit | Symptom::OtherUnitNumber => Some([seen.answered_by?, seen.unit].map(u32::from)),
         Symptom::AnswerShort => Some([seen.lengths[1], due(seen)?]),
         Symptom::AnswerInside | Symptom::AnswerBit | Symptom::AnswerLrc | Symptom::RequestInside => seen.checksum,
-        // The first half of the checksum is right, and the whole answer is there.
-        Symptom::AnswerEnd if due(seen) == Some(seen.lengths[1]) => Some(seen.checksum?.map(|pair| pair & 0xFF)),
+        Symptom::AnswerEnd => last_byte(seen),
         _ if symptom.is_refusal() => Some([seen.exception?.into(), 0]),
         _ => None,
     }
+}
+
+/// The last byte of an answer that is as long as it should be, and the one that belongs there, where the first half of the checksum
+/// is right.
+fn last_byte(seen: &Observation) -> Option<Figures> {
+    let bytes =
+        Some(&seen.answer_head).filter(|bytes| due(seen) == Some(bytes.len() as u32) && lacks_last(&bytes[..bytes.len() - 1]))?;
+    let (body, there) = bytes.split_last_chunk::<CRC_BYTES>()?;
+    Some([there[1], crc16(body).to_le_bytes()[1]].map(u32::from))
 }
 
 /// Whether the identifier of an answer is that of the request with its bytes swapped.
@@ -255,6 +264,7 @@ fn garbled(seen: &Observation, before: Before) -> Option<Symptom> {
         DamagedPart::Inside | DamagedPart::Whole if lacks_highest_bits(seen) => Symptom::AnswerSeven,
         DamagedPart::Inside | DamagedPart::Whole if has_parity_bits(seen) => Symptom::AnswerParity,
         DamagedPart::Start => Symptom::AnswerStart,
+        DamagedPart::End if added_byte(seen).is_some_and(|[_, place]| place < seen.lengths[1]) => Symptom::AnswerAdded,
         DamagedPart::End => Symptom::AnswerEnd,
         DamagedPart::Bit => Symptom::AnswerBit,
         DamagedPart::Inside if counted_more(seen).is_some() => Symptom::AnswerCounted,

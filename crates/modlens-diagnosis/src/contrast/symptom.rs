@@ -197,6 +197,11 @@ impl Symptom {
         self.is_of_layout() || self.is_refusal() || matches!(self, Self::Stray | Self::Text)
     }
 
+    /// Whether it is bytes between frames, which take nothing from those.
+    pub fn is_between_frames(self) -> bool {
+        self == Self::NextStart || (Self::Stray..=Self::Extra).contains(&self)
+    }
+
     /// Whether the request was refused by an exception.
     pub fn is_refusal(self) -> bool {
         (Self::RefusedFunction..=Self::RefusedOther).contains(&self)

@@ -148,6 +148,11 @@ impl UnitCounts {
         self.failures.total - self.failures.failed
     }
 
+    /// Requests to which anything came.
+    pub fn heard(&self) -> u64 {
+        self.failures.total - self.silent.failed
+    }
+
     /// Answers and requests that are damaged.
     pub fn damaged_frames(&self) -> u64 {
         self.garbled.failed + self.bad_requests.failed

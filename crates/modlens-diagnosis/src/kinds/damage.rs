@@ -45,7 +45,7 @@ pub(super) fn no_bias(view: &View<'_>) -> Vec<Claim> {
     let Some(chance) = view.beyond_accident(share) else { return Vec::new() };
     (strays.total, strays.before, strays.after) = (turns, 0, 0);
     let sum = |side: usize| -> u64 { view.bus.units.values().map(|counts| counts.strays[side].failed).sum() };
-    let sides = sides([sum(0), sum(1)]);
+    let sides = sides([sum(0), sum(1)], view.units().map(|(_, counts)| counts.heard()).sum());
     vec![Claim::new("no_bias", &strays, chance).with_share(share).fact("sides", sides)]
 }
 
@@ -63,7 +63,7 @@ fn strays_of_one_unit(view: &View<'_>) -> Option<Claim> {
     let mut tally = counts.strays[0].clone();
     tally.merge(&counts.strays[1]);
     (tally.total, tally.before, tally.after) = (counts.failures.total, 0, 0);
-    let sides = sides([counts.strays[0].failed, counts.strays[1].failed]);
+    let sides = sides([counts.strays[0].failed, counts.strays[1].failed], counts.heard());
     Some(
         Claim::new("no_bias", &tally, chance)
             .of_unit(unit)
@@ -73,10 +73,11 @@ fn strays_of_one_unit(view: &View<'_>) -> Option<Claim> {
     )
 }
 
-/// Where the strays are, in words.
-fn sides(counts: [u64; 2]) -> String {
+/// Where the strays are, in words; of so many answers, whole or damaged.
+fn sides(counts: [u64; 2], answers: u64) -> String {
     match counts {
         [0, 0] => String::new(),
+        [before, 0] if answers == 0 => format!(", {before} of them after a request without an answer"),
         [before, after] if after * 9 < before => String::from(", nearly all of them before answers"),
         [before, after] if before * 9 < after => String::from(", nearly all of them after answers"),
         [before, after] => format!(", {before} before answers and {after} after them"),

@@ -153,7 +153,7 @@ fn errors_on_all(view: &View<'_>) -> Option<Claim> {
 /// Parity or framing errors on the answers of one unit, and hardly any elsewhere: the settings of that unit.
 fn errors_of_one(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let answers = |counts: &UnitCounts| {
-        let answered = counts.failures.total - counts.silent.failed;
+        let answered = counts.heard();
         Share { failed: counts.line_errors[1].failed.min(answered), total: answered }
     };
     let requests = view.units().map(|(_, counts)| counts.line_errors[0].failed).sum::<u64>();

@@ -133,7 +133,10 @@ impl BusContrast {
             seen.length >= LEAST_ANSWER_BYTES && attached.is_some_and(|(direction, _)| direction == Direction::Request);
         // On Modbus/TCP, only what begins with a header is taken for the answer of a transaction.
         let is_header = self.symptoms.impossible_header(seen);
-        if !is_header && seen.txn.is_none() && (!is_answer || seen.mode == Mode::Tcp) {
+        // What follows a damaged answer is judged with it, unless it is the unit with which the next one begins.
+        let is_next = seen.bytes.len() == 1 && attached.and_then(|(_, unit)| unit) == seen.bytes.first().copied();
+        let is_of_answer = seen.mode != Mode::Tcp && (is_answer || (around.is_behind_damage && !is_next));
+        if !is_header && seen.txn.is_none() && !is_of_answer {
             self.symptoms.frame(seen, attached.and_then(|(_, unit)| unit), around);
         }
         if let (Some((Direction::Response, Some(unit))), true) = (attached, self.may_be_spoiled_request(seen)) {
@@ -142,7 +145,7 @@ impl BusContrast {
         if seen.length < LEAST_ANSWER_BYTES && seen.txn.is_none() {
             match attached {
                 Some((direction, Some(unit))) => {
-                    let side = usize::from(direction != Direction::Request);
+                    let side = usize::from(direction != Direction::Request || around.is_behind_damage);
                     self.units.entry(unit).or_default().strays[side].count(true, seen.place);
                 }
                 _ => self.strays.count(true, seen.place),
