@@ -34,6 +34,7 @@ pub mod tally;
 pub mod times;
 pub mod told;
 mod unit;
+mod unserved;
 pub mod writes;
 
 use std::collections::BTreeMap;
@@ -52,6 +53,7 @@ pub use runs::Runs;
 pub use symptom::Symptom;
 pub use symptoms::{Seen, Symptoms};
 pub use unit::{LengthRatios, UnitCounts, EXCEPTIONS};
+pub use unserved::{KeptOut, Unserved};
 pub use writes::{AfterWrite, AfterWrites};
 
 use crate::clean::Exchanges;

@@ -116,7 +116,11 @@ const EXPLAINS: &[(&str, &[&str])] = &[
         ],
     ),
     ("gateway_mixup", &["slow_answers", "bystander", "device_absent", "polled_too_fast", "dead_unit_cost"]),
-    ("connection_limit", &["connection_churn", "device_absent", "slow_answers", "polled_too_fast", "bystander"]),
+    (
+        // A client that has waited gets all answers at once when it is served.
+        "connection_limit",
+        &["connection_churn", "device_absent", "slow_answers", "polled_too_fast", "bystander", "lockstep", "gateway_mixup"],
+    ),
     ("foreign_protocol", &["line_noise"]),
     ("bystander", &["duplicate_address"]),
     ("device_absent", &["polled_too_fast", "bystander"]),

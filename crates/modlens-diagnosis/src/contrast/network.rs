@@ -6,6 +6,7 @@ use modlens_protocol::Ns;
 
 use super::sample::Sample;
 use super::tally::{mix_bytes, Place, Tally};
+use super::unserved::{KeptOut, Unserved, IN_VAIN};
 use modlens_engine::durations::Durations;
 
 /// Clients that are counted one by one.
@@ -23,6 +24,10 @@ pub struct Connections {
     pub down: Tally,
     /// Connections of which no request was answered, while another one was served.
     pub unserved: Tally,
+    /// Requests that were not served.
+    pub in_vain: Unserved,
+    /// When clients were kept out.
+    pub kept_out: KeptOut,
     /// Connections that were closed after one or two requests.
     pub short: Tally,
     /// Connections that the server closed though requests had been answered.
@@ -83,23 +88,22 @@ pub struct Counted {
     answers: u64,
     lockstep: u64,
     is_unserved: bool,
+    in_vain: u64,
 }
-
-/// A request that waits for so long while another connection is served waits in vain.
-const IN_VAIN: Ns = 5_000_000_000;
 
 impl Counted {
     /// All that has come so far of a connection that is still open.
     pub fn of_open(seen: &Connection, now: Ns) -> Self {
         let has_waited = seen.begun.is_some_and(|begun| now - begun >= IN_VAIN);
         let is_unserved = has_waited && seen.answered == 0 && seen.is_beside_answered && !is_ignored(seen);
-        Self { is_unserved, ..Self::of(seen) }
+        let in_vain = if is_unserved { seen.requests } else { 0 };
+        Self { is_unserved, in_vain, ..Self::of(seen) }
     }
 
     /// All that has come of a connection.
     fn of(seen: &Connection) -> Self {
         let (requests, answered, answers, lockstep) = (seen.requests, seen.answered, seen.answers, seen.lockstep);
-        Self { requests, writes: seen.writes, answered, answers, lockstep, is_unserved: false }
+        Self { requests, writes: seen.writes, answered, answers, lockstep, is_unserved: false, in_vain: 0 }
     }
 
     /// What has come since.
@@ -111,6 +115,7 @@ impl Counted {
             answers: now.answers.saturating_sub(self.answers),
             lockstep: now.lockstep.saturating_sub(self.lockstep),
             is_unserved: now.is_unserved && !self.is_unserved,
+            in_vain: now.in_vain.saturating_sub(self.in_vain),
         }
     }
 }
@@ -129,10 +134,16 @@ impl Connections {
         self.down.count(is_down, place);
         self.turned_away.count(turned_away, place);
         let is_unserved = is_unanswered && seen.requests > 0 && !turned_away && !is_ignored(seen);
-        if !before.is_unserved {
+        // Where the others asked nothing in its time, nothing says that it was not served.
+        let is_open = seen.requests > 0 && seen.answered == 0 && !is_unserved && !turned_away;
+        if !before.is_unserved && !is_open {
             self.unserved.count(is_unserved, place);
         }
-        self.progress(seen, before.until(Counted::of(seen)), place);
+        let in_vain = self.in_vain.of(seen);
+        let new = before.until(Counted { in_vain, ..Counted::of(seen) });
+        self.in_vain.count(seen, (new.requests, new.in_vain), place);
+        self.count_kept_out(seen, turned_away || is_unserved || in_vain > 0, place);
+        self.progress(seen, new, place);
         if seen.requests > 0 {
             // The first and the last one may be cut by the recording.
             self.short.count(seen.requests <= FEW_REQUESTS && seen.closed.is_some() && seen.opened.is_some(), place);
@@ -153,13 +164,26 @@ impl Connections {
         }
     }
 
+    /// Counts whether a connection keeps its client out, and for how long.
+    fn count_kept_out(&mut self, seen: &Connection, is_kept_out: bool, place: Place) {
+        if is_kept_out {
+            let until = seen.first_wait.answered.or(seen.closed).or(seen.beside_until).or(place.time);
+            self.kept_out.fail(&seen.client, place, Place { time: until, ..place });
+        }
+        if seen.answered > 0 {
+            self.kept_out.serve(&seen.client);
+        }
+    }
+
     /// Counts what has come of a connection that is still open.
     pub(super) fn count_open(&mut self, seen: &Connection, before: Counted, now: Ns) {
         let place = Place { number: 0, elapsed: None, time: Some(now) };
         let new = before.until(Counted::of_open(seen, now));
         if new.is_unserved {
             self.unserved.count(true, place);
+            self.count_kept_out(seen, true, place);
         }
+        self.in_vain.count(seen, (new.requests, new.in_vain), place);
         self.progress(seen, new, place);
     }
 
@@ -184,6 +208,8 @@ impl Connections {
         self.turned_away.merge(&later.turned_away);
         self.down.merge(&later.down);
         self.unserved.merge(&later.unserved);
+        self.in_vain.merge(&later.in_vain);
+        self.kept_out.merge(&later.kept_out);
         self.short.merge(&later.short);
         self.closed_by_server.merge(&later.closed_by_server);
         self.idle.merge(&later.idle);
@@ -202,7 +228,7 @@ impl Connections {
 }
 
 /// Whether nothing is answered on a connection in another framing than MBAP: a server of MBAP drops that without a word.
-fn is_ignored(seen: &Connection) -> bool {
+pub(super) fn is_ignored(seen: &Connection) -> bool {
     seen.client_framing.is_some_and(|framing| framing != "tcp") && seen.answered == 0
 }
 

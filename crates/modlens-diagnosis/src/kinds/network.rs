@@ -4,30 +4,69 @@ use super::answers::usual_silence;
 use crate::claim::{Claim, View};
 use crate::contrast::gaps::without_lone;
 use crate::contrast::tally::Tally;
-use crate::contrast::UnitCounts;
+use crate::contrast::{KeptOut, RequestCounts, UnitCounts};
 use crate::observation::RequestKey;
-use crate::statistics::{at_least, Share};
+use crate::statistics::{at_least, fisher, Share};
 use modlens_protocol::finding::Severity;
 
-/// Connections that are turned away while others are served.
+/// Connections that are turned away, or not served, while others are served.
 pub(super) fn connection_limit(view: &View<'_>) -> Vec<Claim> {
     let counts = &view.bus.connections;
     let mut turned_away = counts.turned_away.clone();
-    if is_in_runs(&counts.unserved) && serves_all_that_is_asked(view) {
+    let serves_all = serves_all_that_is_asked(view);
+    let has_unserved = is_in_runs(&counts.unserved) && serves_all;
+    if has_unserved {
         turned_away.merge(&counts.unserved);
         turned_away.total = counts.turned_away.total.max(counts.unserved.total);
     }
-    let Some(chance) = view.beyond_accident(turned_away.share()) else { return Vec::new() };
-    if counts.answered == 0 || turned_away.failed < 2 {
+    if counts.answered == 0 {
         return Vec::new();
     }
-    let mut claim = Claim::new("connection_limit", &turned_away, chance);
+    let in_vain = Some(&counts.in_vain.requests).filter(|in_vain| serves_all && in_vain.failed >= LEAST_IN_VAIN);
+    let chance = view.beyond_accident(turned_away.share()).filter(|_| turned_away.failed >= 2);
+    let mut claim = if let Some(chance) = chance {
+        let claim = Claim::new("connection_limit", &turned_away, chance).fact("what", "attempts");
+        claim.fact("how", "refused, closed at once or not served, while others were")
+    } else {
+        let of_connections = |in_vain: &Tally| view.significant(by_connection(view, in_vain.failed));
+        let Some((in_vain, chance)) = in_vain.and_then(|in_vain| Some((in_vain, of_connections(in_vain)?))) else {
+            return Vec::new();
+        };
+        let claim = Claim::new("connection_limit", in_vain, chance).fact("what", "requests");
+        claim.fact("how", "sent on connections that it had accepted and did not serve, while it served others")
+    };
+    claim.harm = claim.harm.max(in_vain.map_or(0, |in_vain| in_vain.failed));
+    if has_unserved || in_vain.is_some() || counts.unserved.failed == 0 {
+        claim = in_spells(claim, &counts.kept_out);
+    }
     let clients = counts.clients.sorted();
     let mut turned_away = clients.iter().filter(|(_, client)| client.turned_away.failed > 0);
     if let (Some((name, _)), None) = (turned_away.next(), turned_away.next()) {
         claim.client = Some((*name).clone());
     }
     vec![claim]
+}
+
+/// So few requests that are not served may be those of a slow server.
+const LEAST_IN_VAIN: u64 = 5;
+
+/// How probable it is that all requests of some connections fail by chance, and so many others do not.
+fn by_connection(view: &View<'_>, in_vain: u64) -> f64 {
+    let all = view.bus.requests_seen.share();
+    let own = Share { failed: in_vain, total: in_vain };
+    let others = Share { failed: all.failed.saturating_sub(in_vain), total: all.total.saturating_sub(in_vain) };
+    let connections = view.bus.connections.unserved.total.max(1);
+    fisher(own, others) * connections as f64
+}
+
+/// The claim with the spells in which clients were kept out: one that is let in ends a spell, though it is one connection only.
+fn in_spells(mut claim: Claim, kept_out: &KeptOut) -> Claim {
+    let (spells, is_over) = kept_out.spells();
+    if let (Some(first), Some(last)) = (spells.first(), spells.last()) {
+        (claim.first, claim.last, claim.has_ended) = (Some(first.first), Some(last.last), is_over);
+        claim.episodes = spells.to_vec();
+    }
+    claim
 }
 
 /// Whether nearly all failures are in runs of nothing else: who is not let in stays outside while others are there, and a slow
@@ -48,8 +87,14 @@ fn serves_all_that_is_asked(view: &View<'_>) -> bool {
             (other.unit, other.function) == (key.unit, key.function) && counts.good + counts.refusals() > 0
         })
     };
-    all.iter().all(|(key, _)| is_served(key))
+    // A client may have one request only, which its server does not know and drops.
+    let lost: Vec<&RequestCounts> = all.iter().filter(|(_, counts)| counts.silent > 0).map(|(_, counts)| *counts).collect();
+    let are_known = lost.is_empty() || lost.len() >= MANY_LOST || lost.iter().any(|counts| counts.good > 0);
+    are_known && all.iter().all(|(key, _)| is_served(key))
 }
+
+/// Of so many different requests to units and functions that are served, some are known to the server.
+const MANY_LOST: usize = 4;
 
 /// Up to this share of short connections, of those that the server closes and of other framings is normal, where somebody tries
 /// something out.

@@ -32,7 +32,7 @@ pub(super) struct Unheard {
     pub timeout: Option<Ns>,
     /// Transactions that show it.
     pub examples: Vec<u64>,
-    /// How probable it is that accident makes the pauses that follow them differ.
+    /// How probable it is that the pauses that follow them differ by chance.
     pub chance: f64,
 }
 

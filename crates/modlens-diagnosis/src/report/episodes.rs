@@ -21,7 +21,8 @@ pub(super) fn several(contrast: &BusContrast, claim: &Claim) -> Option<String> {
     let mut named: Vec<&Episode> = claim.episodes.iter().collect();
     named.sort_by_key(|one| std::cmp::Reverse((length(one), one.failed)));
     named.truncate(MOST_NAMED);
-    named.sort_by_key(|one| one.first.number);
+    // Connections have no numbers.
+    named.sort_by_key(|one| (one.first.number, one.first.time));
     let most = if count > MOST_NAMED { ", longest" } else { "" };
     let mut day = String::new();
     let words: Vec<String> = named.iter().map(|one| words(contrast, one, &mut day)).collect();

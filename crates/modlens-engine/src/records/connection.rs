@@ -26,6 +26,17 @@ impl End {
     }
 }
 
+/// How long a connection waits for its first answer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FirstWait {
+    /// When the first request came.
+    pub asked: Option<Ns>,
+    /// When the first answer came.
+    pub answered: Option<Ns>,
+    /// How many requests came until then.
+    pub requests: u64,
+}
+
 /// One TCP connection of a capture, whether or not it carried a byte.
 #[derive(Clone, Debug, Default)]
 pub struct Connection {
@@ -63,6 +74,10 @@ pub struct Connection {
     pub answers: u64,
     /// Another connection to the server was answered while this one was open.
     pub is_beside_answered: bool,
+    /// When another connection to the server was answered last; `None` where it is not known, and if this one was answered.
+    pub beside_until: Option<Ns>,
+    /// How long it took until the first answer came.
+    pub first_wait: FirstWait,
     /// What came of the first request.
     pub first_status: Option<Status>,
     /// The most requests that waited for their answers at the same time.

@@ -8,7 +8,7 @@ use crate::pairing::Pairing;
 use crate::records::{Bus, Connection, Network};
 use crate::session::bus::BusState;
 use crate::session::connection_tally::ConnectionTally;
-use crate::session::connections;
+use crate::session::connections::{self, Beside};
 use crate::session::profiles::Profiles;
 use crate::session::sources::{CaptureOptions, CaptureReport, CaptureState, ReimportState, SlotState};
 use crate::session::{BusOptions, Session};
@@ -150,7 +150,8 @@ impl Session {
             let mode = bus.and_then(|bus| self.decoder.buses[bus].options.mode);
             let source = (Arc::clone(&state.source), state.clock);
             let by_server = ended.history.closed_by.is_some_and(|side| side != ended.client_side);
-            let beside = tally.answered == 0 && is_answered_beside(self, state, &ended.server.to_string(), &tally, by_server);
+            let server = ended.server.to_string();
+            let beside = beside(self, state, &server, &tally, by_server);
             self.connections.end(connections::row(number, ended, source, mode, (tally, beside)));
         }
     }
@@ -339,29 +340,28 @@ pub fn open_connections(session: &Session) -> Vec<Connection> {
         for bus in state.slots.iter().filter_map(|slot| slot.connection.and(slot.bus)) {
             let (own, row) = (&session.decoder.buses[bus], &session.decoder.bus_rows[bus]);
             let tally = &own.connection;
-            let beside = tally.answered == 0 && is_answered_beside(session, state, &row.name, tally, false);
+            let beside = beside(session, state, &row.name, tally, false);
             rows.extend(connections::open_row(row, Arc::clone(&state.source), own.options.mode, (tally, beside)));
         }
     }
     rows
 }
 
-/// Whether another connection to the same server is open and was answered before the server closed this one, or was answered
-/// after this one had asked.
-fn is_answered_beside(
-    session: &Session,
-    state: &CaptureState,
-    server: &str,
-    own: &ConnectionTally,
-    is_closed_by_server: bool,
-) -> bool {
+/// What other connections to the same server show beside one without any answer: whether one is open and was answered before the
+/// server closed this one, or was answered after this one had asked.
+fn beside(session: &Session, state: &CaptureState, server: &str, own: &ConnectionTally, is_closed_by_server: bool) -> Beside {
+    if own.answered > 0 {
+        return Beside::default();
+    }
     let asked = own.in_flight.first_request;
     let is_later = |last: Ns| asked.is_some_and(|asked| last > asked);
+    let last_answer = |bus: usize| {
+        let last = session.decoder.buses[bus].connection.in_flight.last_answer?;
+        (session.decoder.bus_rows[bus].name == server).then_some(last)
+    };
     // A server that is down, or was restarted, has no other connection open; one that hangs answers none.
-    let is_served = |last: Ns| is_closed_by_server || is_later(last);
-    let of_open = state.slots.iter().filter_map(|slot| slot.bus).any(|bus| {
-        let last = session.decoder.buses[bus].connection.in_flight.last_answer;
-        last.is_some_and(is_served) && session.decoder.bus_rows[bus].name == server
-    });
-    of_open || session.last_answers.get(server).copied().is_some_and(is_later)
+    let of_open = state.slots.iter().filter_map(|slot| last_answer(slot.bus?)).max();
+    let of_ended = session.last_answers.get(server).copied();
+    let is_answered = of_open.is_some_and(|last| is_closed_by_server || is_later(last)) || of_ended.is_some_and(is_later);
+    Beside { is_answered, until: of_open.max(of_ended) }
 }

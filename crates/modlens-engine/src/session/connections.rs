@@ -10,6 +10,7 @@ use crate::session::connection_tally::ConnectionTally;
 use crate::transactions::transaction::ConnectionEnd;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::source::Clock;
+use modlens_protocol::Ns;
 use modlens_readers::pcap::{EndedConnection, SideFraming};
 
 /// Rows that may wait for an older connection that is still open; beyond it they are written all the same, out of order.
@@ -68,13 +69,22 @@ pub(super) fn connection_end(ended: &EndedConnection<'_>) -> Option<ConnectionEn
     is_over.then_some(ConnectionEnd { is_reset: history.is_reset, by_client })
 }
 
+/// What the other connections to the server of one that has no answer show.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Beside {
+    /// One of them was answered while this one was open.
+    pub is_answered: bool,
+    /// When one of them was answered last.
+    pub until: Option<Ns>,
+}
+
 /// The row of a connection that is over. `mode` is the framing in which its frames were found, if any were.
 pub(super) fn row(
     number: u64,
     ended: &EndedConnection<'_>,
     (source, clock): (Arc<str>, Clock),
     mode: Option<Mode>,
-    (tally, is_beside_answered): (ConnectionTally, bool),
+    (tally, beside): (ConnectionTally, Beside),
 ) -> Connection {
     let EndedConnection { client, server, client_side, history } = *ended;
     let framing = |side: usize, has_frames: bool| side_framing(history.framing[side], mode.filter(|_| has_frames));
@@ -91,7 +101,8 @@ pub(super) fn row(
         closed_by: history.closed_by.map(|side| if side == client_side { End::Client } else { End::Server }),
         is_refused: history.is_refused,
         is_reset: history.is_reset,
-        is_beside_answered,
+        is_beside_answered: beside.is_answered,
+        beside_until: beside.until,
         client_framing: framing(client_side, tally.requests > 0),
         server_framing: framing(1 - client_side, tally.has_response),
         retransmitted_segments: history.retransmitted,
@@ -112,6 +123,7 @@ fn counted(tally: &ConnectionTally, (source, clock): (Arc<str>, Clock)) -> Conne
         writes: tally.writes,
         answered: tally.answered,
         answers: tally.in_flight.answers,
+        first_wait: tally.in_flight.first_wait,
         first_status: tally.first.map(|(_, status)| status),
         in_flight_max: tally.in_flight.most,
         lockstep: tally.in_flight.lockstep,
@@ -126,7 +138,7 @@ pub(super) fn open_row(
     bus: &Bus,
     source: Arc<str>,
     mode: Option<Mode>,
-    (tally, is_beside_answered): (&ConnectionTally, bool),
+    (tally, beside): (&ConnectionTally, Beside),
 ) -> Option<Connection> {
     let network = bus.network.as_ref()?;
     let framing = |has_frames: bool| mode.filter(|_| has_frames).map(Mode::text);
@@ -137,7 +149,8 @@ pub(super) fn open_row(
         server: network.server.clone(),
         begun: tally.in_flight.first_request,
         is_accepted: true,
-        is_beside_answered,
+        is_beside_answered: beside.is_answered,
+        beside_until: beside.until,
         client_framing: framing(tally.requests > 0),
         server_framing: framing(tally.has_response),
         ..counted(tally, (source, bus.clock))

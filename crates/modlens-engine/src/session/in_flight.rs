@@ -15,6 +15,7 @@
 use std::collections::VecDeque;
 
 use crate::fast_path::expected_exchange::ExpectedExchange;
+use crate::records::FirstWait;
 use modlens_protocol::Ns;
 
 /// Bytes of unit, function and byte count in front of the data of an answer; an exception has no more.
@@ -98,6 +99,8 @@ pub(crate) struct InFlight {
     pub(crate) last_answer: Option<Ns>,
     /// When the first request that was not answered at once came.
     pub(crate) first_request: Option<Ns>,
+    /// How long the first request waited for the first answer.
+    pub(crate) first_wait: FirstWait,
 }
 
 impl InFlight {
@@ -116,6 +119,9 @@ impl InFlight {
         self.asked = [None; 1 + MOST_LAG];
         self.asked[0] = Some(last);
         self.note_unit(last.unit);
+        if self.answers == 0 {
+            self.first_wait = FirstWait { asked: Some(last_answer - longest), answered: Some(last_answer), requests: exchanges };
+        }
         self.answers += exchanges;
         self.last_answer = Some(last_answer);
     }
@@ -145,6 +151,10 @@ impl InFlight {
         self.asked.rotate_right(1);
         self.asked[0] = Some(shape);
         self.first_request = self.first_request.or(time);
+        if self.answers == 0 {
+            self.first_wait.asked = self.first_wait.asked.or(time);
+            self.first_wait.requests += 1;
+        }
         let waited = self.waiting.back().and_then(|newest| Some(time? - newest.time?));
         let has_given_up = waited.is_some_and(|waited| waited > self.longest && may_give_up(waited));
         let goes_on = waited.zip(self.patience).is_some_and(|(waited, limit)| waited < limit);
@@ -166,6 +176,9 @@ impl InFlight {
     /// Notes an answer with its time: to the newest request of its identifier, or to the newest one of all where no request
     /// has its identifier.
     pub(crate) fn answer(&mut self, (id, shape): (Option<u16>, AnswerShape), time: Option<Ns>) {
+        if self.answers == 0 {
+            self.first_wait.answered = time;
+        }
         self.answers += 1;
         self.last_answer = time;
         let newest = self.waiting.len().wrapping_sub(1);
@@ -246,6 +259,22 @@ mod tests {
             }
         }
         (seen.most, seen.lockstep)
+    }
+
+    #[test]
+    fn requests_before_the_first_answer_are_counted() {
+        let shape = AnswerShape { unit: 1, function: 3, length: Some(9) };
+        let mut seen = InFlight::default();
+        for (id, at) in [(1, 0), (2, 3000), (3, 6000)] {
+            seen.request((Some(id), shape), Some(at * MS), |_| true);
+        }
+        seen.answer((Some(1), shape), Some(7000 * MS));
+        seen.request((Some(4), shape), Some(8000 * MS), |_| true);
+        let waited = FirstWait { asked: Some(0), answered: Some(7000 * MS), requests: 3 };
+        assert_eq!(seen.first_wait, waited);
+        let mut soon = InFlight::default();
+        soon.exchange((Some(1), shape), [10 * MS, 14 * MS], |_| true);
+        assert_eq!(soon.first_wait, FirstWait { asked: Some(10 * MS), answered: Some(14 * MS), requests: 1 });
     }
 
     #[test]
