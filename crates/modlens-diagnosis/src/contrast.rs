@@ -53,7 +53,7 @@ pub use runs::Runs;
 pub use symptom::Symptom;
 pub use symptoms::{Seen, Symptoms};
 pub use unit::{LengthRatios, UnitCounts, EXCEPTIONS};
-pub use unserved::{KeptOut, Unserved};
+pub use unserved::{LockedOut, Unserved};
 pub use writes::{AfterWrite, AfterWrites};
 
 use crate::clean::Exchanges;

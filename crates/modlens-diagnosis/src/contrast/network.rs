@@ -6,7 +6,7 @@ use modlens_protocol::Ns;
 
 use super::sample::Sample;
 use super::tally::{mix_bytes, Place, Tally};
-use super::unserved::{KeptOut, Unserved, IN_VAIN};
+use super::unserved::{LockedOut, Unserved, IN_VAIN};
 use modlens_engine::durations::Durations;
 
 /// Clients that are counted one by one.
@@ -27,7 +27,7 @@ pub struct Connections {
     /// Requests that were not served.
     pub in_vain: Unserved,
     /// When clients were kept out.
-    pub kept_out: KeptOut,
+    pub kept_out: LockedOut,
     /// Connections that were closed after one or two requests.
     pub short: Tally,
     /// Connections that the server closed though requests had been answered.

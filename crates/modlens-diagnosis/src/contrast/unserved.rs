@@ -78,13 +78,13 @@ impl Unserved {
 
 /// When clients were kept out: each spell ends where one of them is served on a new connection.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct KeptOut {
+pub struct LockedOut {
     spells: Vec<Episode>,
     /// The clients of the spell that goes on, by hash.
     clients: Vec<u64>,
 }
 
-impl KeptOut {
+impl LockedOut {
     /// Counts an attempt of a client that failed, from a time to another.
     pub(super) fn fail(&mut self, client: &str, from: Place, until: Place) {
         let client = mix_bytes(client.as_bytes());

@@ -16,8 +16,17 @@ type Request<'a> = (&'a RequestKey, &'a RequestCounts);
 /// Requests that were refused with exception 2 or 3 each time, or from one moment on to another; twice at least. Values that are
 /// refused say nothing about addresses.
 fn refused<'a>(all: &[Request<'a>]) -> Vec<Request<'a>> {
-    let is_refused = |counts: &RequestCounts| is_always_refused(counts) && counts.refused_with(2) + counts.refused_with(3) >= 2;
-    all.iter().filter(|(key, counts)| is_refused(counts) && !is_of_value(key, counts)).copied().collect()
+    let is_refused = |(key, counts): &Request<'a>| {
+        is_always_refused(counts) && for_address(all, key, counts) + counts.refused_with(3) >= 2 && !is_of_value(key, counts)
+    };
+    all.iter().filter(|request| is_refused(request)).copied().collect()
+}
+
+/// How often a request was refused for its addresses: exception 1 says so of a function that the unit answers elsewhere, and the
+/// function of no other one.
+fn for_address(all: &[Request<'_>], key: &RequestKey, counts: &RequestCounts) -> u64 {
+    let is_known = counts.refused_with(1) > 0 && !answered(all, key).is_empty();
+    counts.refused_with(2) + if is_known { counts.refused_with(1) } else { 0 }
 }
 
 /// Whether a request was never answered, or is refused in long runs: what does not come and go is no load.
@@ -176,6 +185,9 @@ pub(super) fn register_hole(view: &View<'_>) -> Vec<Claim> {
             Reason::Hole => parts_in_words(&all, request.0),
             // Refusals of a value tell nothing about addresses.
             Reason::Unknown if request.1.refused_with(2) > 0 => String::new(),
+            Reason::Unknown if for_address(&all, request.0, request.1) > 0 => {
+                format!(" (exception 1), and others for function {} were answered", request.0.function)
+            }
             Reason::OfManuals(_) if view.is_small() => String::new(),
             _ => return None,
         };
@@ -352,7 +364,9 @@ fn is_function_refused(all: &[Request<'_>], key: &RequestKey) -> bool {
     }
     let is_answered = |counts: &RequestCounts| counts.good > 0 && !is_always_refused(counts);
     let other = all.iter().filter(of_unit).any(|(other, counts)| other.function != key.function && is_answered(counts));
-    (same && other) || is_answered_elsewhere(all, key)
+    // Exception 2 means an address, and of one block no more is known; of several, none of which exists, it may mean the function.
+    let blocks = all.iter().filter(of_unit).filter(|(other, _)| other.function == key.function).count();
+    (same && other && (blocks > 1 || instead(all, key).is_some())) || is_answered_elsewhere(all, key)
 }
 
 /// Input registers for holding registers, or the other way round; the same with bits. Others than reads have no counterpart.
@@ -398,10 +412,15 @@ pub(super) fn wrong_function(view: &View<'_>) -> Vec<Claim> {
     found
 }
 
+/// Functions of bits, whose addresses are not those of registers.
+const OF_BITS: [u8; 4] = [1, 2, 5, 15];
+
 /// Another function that is answered at an address of this block.
 fn instead(all: &[Request<'_>], key: &RequestKey) -> Option<u8> {
     let overlaps = |other: &RequestKey| u32::from(other.address) < end(key) && u32::from(key.address) < end(other);
-    let is_other = |other: &RequestKey| other.unit == key.unit && other.function != key.function && overlaps(other);
+    let is_alike = |other: &RequestKey| OF_BITS.contains(&other.function) == OF_BITS.contains(&key.function);
+    let is_other =
+        |other: &RequestKey| other.unit == key.unit && other.function != key.function && is_alike(other) && overlaps(other);
     all.iter().find(|(other, counts)| is_other(other) && counts.good > 0).map(|(other, _)| other.function)
 }
 

@@ -4,7 +4,7 @@ use super::answers::usual_silence;
 use crate::claim::{Claim, View};
 use crate::contrast::gaps::without_lone;
 use crate::contrast::tally::Tally;
-use crate::contrast::{KeptOut, RequestCounts, UnitCounts};
+use crate::contrast::{LockedOut, RequestCounts, UnitCounts};
 use crate::observation::RequestKey;
 use crate::statistics::{at_least, fisher, Share};
 use modlens_protocol::finding::Severity;
@@ -60,7 +60,7 @@ fn by_connection(view: &View<'_>, in_vain: u64) -> f64 {
 }
 
 /// The claim with the spells in which clients were kept out: one that is let in ends a spell, though it is one connection only.
-fn in_spells(mut claim: Claim, kept_out: &KeptOut) -> Claim {
+fn in_spells(mut claim: Claim, kept_out: &LockedOut) -> Claim {
     let (spells, is_over) = kept_out.spells();
     if let (Some(first), Some(last)) = (spells.first(), spells.last()) {
         (claim.first, claim.last, claim.has_ended) = (Some(first.first), Some(last.last), is_over);
