@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.doctor.frames import read_request, rtu
+from tests.doctor.frames import read_answer, read_request, rtu
 from tests.doctor.test_pasted_logs import codes, doctor, mbap
 
 # Unit 20 is asked for three input registers from 32 on.
@@ -57,3 +57,35 @@ def test_a_byte_of_an_idle_line_is_no_answer(tmp_path: Path) -> None:
     words = " ".join(row["sentence"] for row in found["diagnoses"])
     assert "before answers" not in words
     assert "3 of them after a request without an answer" in words
+
+
+def test_an_answer_whose_request_is_not_there_makes_no_bystander(tmp_path: Path) -> None:
+    """Another function than was asked for, after the request was answered."""
+    alone = rtu(33, read_answer(3, [1, 2, 3, 4]))
+    found = doctor([*exchange(WHOLE), f"RX: {alone.hex(' ')}"], tmp_path)
+    assert codes(found) == ["two_masters"]
+    assert "An answer of unit 33 came that is none to the last request" in found["sentence"]
+    assert "the text leaves its request out" in found["sentence"]
+
+
+def test_alternate_answers_without_the_requests_of_one_accuse_nobody(tmp_path: Path) -> None:
+    other = rtu(33, WHOLE[1:-2])
+    found = doctor([*exchange(WHOLE), f"RX: {other.hex(' ')}"] * 3, tmp_path)
+    assert "too: " not in found["sentence"]
+    assert "the text leaves its request out" in found["sentence"]
+
+
+def test_who_answers_with_another_number_comes_before_who_does_not(tmp_path: Path) -> None:
+    found = doctor(exchange(rtu(33, WHOLE[1:-2])) * 3, tmp_path)
+    assert "Unit 33 answers, and unit 20 was asked" in found["sentence"]
+    assert "No answer" not in " ".join(row["sentence"] for row in found["diagnoses"])
+
+
+def test_what_was_sent_twice_is_no_answer(tmp_path: Path) -> None:
+    """The second print stops before its end."""
+    sent = [f"Sending: {ASKED.hex(' ')}", f"Sending: {ASKED[:5].hex(' ')}"]
+    found = doctor(sent, tmp_path)
+    said = found["sentence"] + " ".join(row["sentence"] for row in found["diagnoses"])
+    assert "he answer of unit 20" not in said
+    answered = doctor([*exchange(WHOLE), f"TX: {ASKED[:5].hex(' ')}", *exchange(WHOLE)], tmp_path)
+    assert "A request to unit 20 stops before its end (5 bytes" in answered["sentence"]

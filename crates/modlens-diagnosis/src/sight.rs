@@ -3,7 +3,7 @@
 use crate::claim::{Certainty, Claim, View};
 use crate::contrast::lists::Lists;
 use crate::contrast::tally::Tally;
-use crate::contrast::Symptom;
+use crate::contrast::{Symptom, UnitCounts};
 use crate::observation::Figures;
 use crate::protocols::PROTOCOLS;
 use crate::table::{diagnoses, diagnosis, Diagnosis, UNNAMED};
@@ -84,7 +84,8 @@ fn add(view: &View<'_>, seen: &mut Vec<Seen>, (shown, counted): (Symptom, Sympto
     match seen.iter_mut().find(|(other, ..)| *other == shown) {
         Some((_, all, of, figures)) => {
             all.merge(tally);
-            (*of, *figures) = if *of == unit { (unit, *figures) } else { (None, None) };
+            let is_same = *of == unit || *figures == view.bus.symptoms.figures(counted, unit);
+            (*of, *figures) = (unit.filter(|_| *of == unit), figures.filter(|_| is_same));
         }
         None => seen.push((shown, tally.clone(), unit, view.bus.symptoms.figures(counted, unit))),
     }
@@ -160,9 +161,20 @@ fn never_answered<'a>(view: &View<'a>) -> impl Iterator<Item = (Symptom, Option<
     }
     // A single one counts where nothing else is odd, which might be its answer.
     let least = if view.bus.ends_open() || all(view).next().is_some() { 2 } else { 1 };
+    let is_unanswered = |unit: u8, counts: &UnitCounts| counts.not_seen.failed > answered_by_others(view, unit);
     let mute = view.bus.units.iter().filter(|(unit, counts)| counts.not_seen.failed >= least && is_mute(view, **unit));
+    let mute = mute.filter(|(unit, counts)| is_unanswered(**unit, counts));
     let mute: Vec<_> = mute.map(|(unit, counts)| (Symptom::NeverAnswered, Some(*unit), &counts.not_seen)).collect();
     mute.into_iter()
+}
+
+/// How many answers of other units came that fit the requests to this one.
+fn answered_by_others(view: &View<'_>, asked: u8) -> u64 {
+    let of_unit = |counts: &UnitCounts| {
+        let misfits = counts.misfits.get(&asked).copied().unwrap_or_default();
+        counts.answers_for.get(&asked).map_or(0, |tally| tally.failed.saturating_sub(misfits))
+    };
+    view.bus.units.values().map(of_unit).sum()
 }
 
 /// The logarithm of how well a cause explains the symptoms.

@@ -149,7 +149,10 @@ impl Context {
             self.last_good = Some(good.at(seen.origins[1], seen.side));
             return Around { is_other_framing, is_foreign, ..Around::default() };
         }
-        let Some(good) = self.last_good else { return Around::default() };
+        // What the sender of the request sends after it is no answer.
+        let is_of_sender =
+            |good: &GoodFrame| seen.side == Some(Side::Sent) && self.sent == Some((Direction::Request, good.number));
+        let Some(good) = self.last_good.filter(|good| !is_of_sender(good)) else { return Around::default() };
         let run = self.bad_runs.entry(good.number).or_insert_with(|| BadRun { length: 0, bytes: Vec::new() });
         let was_burst = run.length >= LEAST_ANSWER_BYTES;
         run.length += seen.length;

@@ -41,6 +41,7 @@ pub(super) fn of_transaction(seen: &Observation, before: Before) -> Option<Sympt
         Outcome::Garbled | Outcome::NotSeen if seen.damage.is_some() => return garbled(seen, before),
         Outcome::BadRequest if seen.damage == Some(DamagedPart::End) => Symptom::RequestEnd,
         Outcome::BadRequest if lacks_checksum(seen) => Symptom::RequestBare,
+        Outcome::BadRequest if is_cut_request(seen) => Symptom::RequestCut,
         Outcome::BadRequest => Symptom::RequestInside,
         Outcome::Refused => refusal(seen),
         Outcome::Unasked if seen.late_response_to.is_some() => Symptom::LateAnswer,
@@ -162,8 +163,11 @@ pub(super) fn figures(symptom: Symptom, seen: &Observation, before: Before) -> O
         Symptom::AnswerAnnounces => announced(seen),
         Symptom::AnswerAdded => added_byte(seen),
         Symptom::AnswerBehind => Some([place_behind_strays(seen)?, 0]),
-        Symptom::OtherUnit if seen.outcome == Outcome::Unasked => Some([seen.unit, before.asked?.unit].map(u32::from)),
+        Symptom::OtherUnit | Symptom::LoneAnswer if seen.outcome == Outcome::Unasked => {
+            Some([seen.unit, before.asked?.unit].map(u32::from))
+        }
         Symptom::OtherUnit | Symptom::OtherUnitNumber => Some([seen.answered_by?, seen.unit].map(u32::from)),
+        Symptom::RequestCut => Some([seen.lengths[0], REQUEST_BYTES]),
         Symptom::AnswerShort => Some([seen.lengths[1], due(seen)?]),
         Symptom::AnswerInside | Symptom::AnswerBit | Symptom::AnswerLrc | Symptom::RequestInside => seen.checksum,
         Symptom::AnswerEnd => last_byte(seen),
@@ -179,6 +183,12 @@ fn last_byte(seen: &Observation) -> Option<Figures> {
         Some(&seen.answer_head).filter(|bytes| due(seen) == Some(bytes.len() as u32) && lacks_last(&bytes[..bytes.len() - 1]))?;
     let (body, there) = bytes.split_last_chunk::<CRC_BYTES>()?;
     Some([there[1], crc16(body).to_le_bytes()[1]].map(u32::from))
+}
+
+/// Whether an answer has the function and the length of one to this request, whoever was asked.
+fn may_answer(seen: &Observation, asked: RequestKey) -> bool {
+    let is_due = || answer_length(asked.function, asked.quantity).is_none_or(|due| due == seen.lengths[1]);
+    asked.function == seen.function && (seen.exception.is_some() || is_due())
 }
 
 /// Whether the identifier of an answer is that of the request with its bytes swapped.
@@ -204,6 +214,14 @@ fn fits_before(seen: &Observation, before: Before) -> bool {
 fn lacks_checksum(seen: &Observation) -> bool {
     seen.lengths[0] == 6 && (1..=6).contains(&seen.function)
 }
+
+/// Whether a request of a fixed length has fewer bytes.
+fn is_cut_request(seen: &Observation) -> bool {
+    seen.id.is_none() && seen.lengths[0] < REQUEST_BYTES && (1..=6).contains(&seen.function)
+}
+
+/// Unit, function, address, quantity or value, and checksum of functions 1 to 6.
+const REQUEST_BYTES: u32 = 8;
 
 /// Whether the answer is an exception response without a checksum.
 fn is_bare_refusal(seen: &Observation) -> bool {
@@ -326,6 +344,7 @@ fn unasked(seen: &Observation, before: Before) -> Option<Symptom> {
         None => has_odd_count(seen).then_some(Symptom::CountOdd),
         Some(key) if seen.id.is_some() && key.unit != seen.unit && key.function != seen.function => Some(Symptom::OtherHead),
         Some(key) if seen.answer_head.get(1..3) == Some(&[key.unit, key.function]) => Some(Symptom::AnswerShifted),
+        Some(key) if key.unit != seen.unit && !may_answer(seen, key) => Some(Symptom::LoneAnswer),
         Some(key) if key.unit != seen.unit => Some(Symptom::OtherUnit),
         Some(key) if before.is_open && key.function != seen.function => Some(Symptom::OtherFunction),
         Some(_) => Some(Symptom::SecondAnswer),

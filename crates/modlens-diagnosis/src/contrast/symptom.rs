@@ -41,6 +41,8 @@ symptoms! {
     OtherHead = "other_head",
     /// Another unit answered.
     OtherUnit = "other_unit",
+    /// An answer of another unit than the one that was asked last, and to another request.
+    LoneAnswer = "lone_answer",
     /// The answer carries the identifier of the request and another unit.
     OtherUnitNumber = "other_unit_number",
     /// Another function was answered.
@@ -139,6 +141,8 @@ symptoms! {
     AnswerInverted = "answer_inverted",
     /// The request is damaged in its last bytes, or lacks them.
     RequestEnd = "request_end",
+    /// The request stops before its end.
+    RequestCut = "request_cut",
     /// The request is damaged elsewhere.
     RequestInside = "request_inside",
     /// A whole request is among what a program received that sends requests itself.

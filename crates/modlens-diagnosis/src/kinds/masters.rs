@@ -29,8 +29,9 @@ pub(super) fn own_echo(view: &View<'_>) -> Vec<Claim> {
 /// A unit that answers for others, or fails after the traffic of one of them.
 pub(super) fn bystander(view: &View<'_>) -> Vec<Claim> {
     let mut found: Vec<Claim> = Vec::new();
-    // On a network it is a gateway that answers with another number (gateway_mixup, device_busy).
-    let is_line = view.bus.facts.is_line();
+    // On a network it is a gateway that answers with another number (gateway_mixup, device_busy). Of a few exchanges, the request
+    // may be what is missing (sight).
+    let is_line = view.bus.facts.is_line() && !view.is_small();
     for (asked, counts) in view.bus.units.iter().filter(|_| is_line) {
         for (unit, tally) in counts.answered_by.iter().filter(|(unit, _)| *unit != asked) {
             let share = Share { failed: tally.failed, total: counts.failures.total.max(tally.failed) };

@@ -15,6 +15,7 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
+use modlens_readers::chunk::Side;
 
 /// Unit numbers above this are reserved on serial lines (serial line specification, 2.2).
 const LAST_UNIT: u8 = 247;
@@ -376,7 +377,9 @@ impl Pairing {
     ) -> PairingResult {
         if let Some(open) = self.open.back_mut().filter(|open| !open.is_timed_out) {
             let same_header = frame.unit() == open.unit && frame.function() == open.function;
-            if !open.response.is_present() && (same_header || frame.direction != Direction::Request) {
+            // What the sender of the request sends after it is no response.
+            let is_of_sender = (open.request.side, frame.side) == (Some(Side::Sent), Some(Side::Sent));
+            if !open.response.is_present() && !is_of_sender && (same_header || frame.direction != Direction::Request) {
                 open.response.fill(frame);
                 open.findings.extend_from_slice(frame.codes);
                 return PairingResult { txn: Some(open.txn), ..PairingResult::default() };
