@@ -44,7 +44,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let [file, settings, code] = columns.map_err(|_| "three columns are needed")?;
         let contrast = counted(file, settings)?;
         *(if code.is_empty() { &mut healthy } else { &mut troubled }) += 1;
-        for ((score, codes), way) in scores.iter_mut().zip(ordered(&contrast)).zip(WAYS) {
+        for ((score, codes), way) in scores.iter_mut().zip(ordered(contrast)).zip(WAYS) {
             if is_each {
                 writeln!(std::io::stdout(), "{file}: {code}: {way}: {}", codes.join(" "))?;
             }
@@ -80,9 +80,9 @@ fn counted(file: &str, settings: &str) -> Result<Contrast, Box<dyn std::error::E
 }
 
 /// The codes that each way names, the first one first.
-fn ordered(contrast: &Contrast) -> [Vec<&'static str>; WAYS.len()] {
+fn ordered(contrast: Contrast) -> [Vec<&'static str>; WAYS.len()] {
     let (mut left, mut all): (Vec<Claim>, Vec<Claim>) = (Vec::new(), Vec::new());
-    for (_, bus) in contrast.buses() {
+    for (_, bus) in contrast.clone().into_buses() {
         let (own, of_all_kinds) = kinds::claims(&View::new(&bus));
         left.extend(own);
         all.extend(of_all_kinds);

@@ -37,6 +37,7 @@ mod unit;
 mod unserved;
 pub mod writes;
 
+use std::collections::btree_map::Entry;
 use std::collections::BTreeMap;
 
 use modlens_engine::records::{Batch, Connection, Part};
@@ -94,7 +95,7 @@ struct Bounds {
 /// session.flush();
 /// let mut contrast = Contrast::default();
 /// contrast.observe(&session.take());
-/// assert_eq!(contrast.buses().count(), 1);
+/// assert_eq!(contrast.into_buses().count(), 1);
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Contrast {
@@ -106,15 +107,21 @@ pub struct Contrast {
     is_selection: bool,
 }
 
+/// What was counted of what there is.
+#[derive(Clone, Copy, Debug)]
+pub struct Extent {
+    /// A user has chosen what is counted.
+    pub is_selection: bool,
+    /// Whole buses or units were left out.
+    pub is_part: bool,
+    /// There were more buses, units or requests than are counted.
+    pub has_overflowed: bool,
+}
+
 impl Contrast {
     /// Counters of transactions that a user has chosen: they say nothing of the whole line.
     pub fn of_selection() -> Self {
         Self { is_selection: true, ..Self::default() }
-    }
-
-    /// Whether a user has chosen what is counted.
-    pub fn is_selection(&self) -> bool {
-        self.is_selection
     }
 
     /// Counts the rows of a batch. It has to have frames and transactions.
@@ -202,14 +209,10 @@ impl Contrast {
         }
     }
 
-    /// Whether whole buses or units were left out.
-    pub fn is_part(&self) -> bool {
-        self.left_out
-    }
-
-    /// Whether there were more buses, units or requests than are counted.
-    pub fn overflowed(&self) -> bool {
-        self.overflowed || self.buses.values().any(|bus| bus.requests.overflowed)
+    /// What was counted of what there is.
+    pub fn extent(&self) -> Extent {
+        let has_overflowed = self.overflowed || self.buses.values().any(|bus| bus.requests.overflowed);
+        Extent { is_selection: self.is_selection, is_part: self.left_out, has_overflowed }
     }
 
     /// Counts a connection that is over; its bus is its server.
@@ -245,13 +248,11 @@ impl Contrast {
     }
 
     /// Adds what was counted in the part of the recording after this one.
-    pub fn merge(&mut self, later: &Self) {
-        for (name, bus) in &later.buses {
-            match self.buses.get_mut(name) {
-                Some(own) => own.merge(bus),
-                None => {
-                    self.buses.insert(name.clone(), bus.clone());
-                }
+    pub fn merge(&mut self, later: Self) {
+        for (name, bus) in later.buses {
+            match self.buses.entry(name) {
+                Entry::Occupied(mut own) => own.get_mut().merge(bus),
+                Entry::Vacant(none) => drop(none.insert(bus)),
             }
         }
         self.overflowed |= later.overflowed;
@@ -260,8 +261,8 @@ impl Contrast {
     }
 
     /// The buses by name, each with all that has been counted so far.
-    pub fn buses(&self) -> impl Iterator<Item = (&str, BusContrast)> {
-        self.buses.iter().map(|(name, bus)| (name.as_str(), bus.completed()))
+    pub fn into_buses(self) -> impl Iterator<Item = (String, BusContrast)> {
+        self.buses.into_iter().map(|(name, bus)| (name, bus.completed()))
     }
 }
 
@@ -297,7 +298,7 @@ mod tests {
         merged.prune(most);
         let mut later = contrast(25..40);
         later.prune(most);
-        merged.merge(&later);
+        merged.merge(later);
         merged.prune(most);
         let kept = |all: &Contrast| {
             let units: usize = all.buses.values().map(|bus| bus.units.len()).sum();
@@ -305,7 +306,7 @@ mod tests {
             (all.buses.len(), units, requests)
         };
         assert_eq!(kept(&whole), (20, 50, 30));
-        assert!(whole.overflowed() && merged.overflowed());
+        assert!(whole.extent().has_overflowed && merged.extent().has_overflowed);
         assert_eq!(kept(&merged), kept(&whole));
         assert!(whole.buses.keys().eq(merged.buses.keys()));
     }

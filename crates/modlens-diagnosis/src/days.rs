@@ -86,9 +86,9 @@ impl Days {
         let days = self.buses.iter().flat_map(|(name, bus)| bus.days.iter().map(move |(day, contrast)| (name, day, contrast)));
         days.map(|(name, day, contrast)| {
             let mut row = json!({
-                "date": day.map(|day| time_text(day * DAY_NS)[..10].to_owned()), "bus": name, "seconds": seconds(contrast),
+                "date": day.map(|day| time_text(day * DAY_NS)[..10].to_owned()), "bus": name, "seconds": seconds(contrast.clone()),
             });
-            let report = Report::of(contrast);
+            let report = Report::of(contrast.clone());
             let (Json::Object(keys), Json::Object(document)) = (&mut row, report.json()) else { unreachable!("both are maps") };
             keys.extend(document);
             row
@@ -119,7 +119,7 @@ fn day_of(time: Ns) -> i64 {
 }
 
 /// From the first to the last frame.
-fn seconds(contrast: &Contrast) -> Option<f64> {
-    let span = contrast.buses().filter_map(|(_, bus)| bus.frames.span);
+fn seconds(contrast: Contrast) -> Option<f64> {
+    let span = contrast.into_buses().filter_map(|(_, bus)| bus.frames.span);
     span.reduce(|(a, b), (c, d)| (a.min(c), b.max(d))).map(|(first, last)| (last - first) as f64 / 1e9)
 }

@@ -200,7 +200,7 @@ impl Events {
         let mut longest = 0;
         for (scale, contrast) in self.slices.windows() {
             longest = scale;
-            for (row, course) in Report::of(&contrast).troubles() {
+            for (row, course) in Report::of(contrast).troubles() {
                 if row.certainty == "diagnosed" && row.severity != Severity::Info {
                     let key = ((row.bus.clone(), row.unit, row.client.clone()), row.code);
                     let is_sure = row.chance.is_none_or(|chance| chance < BEGIN_CHANCE);

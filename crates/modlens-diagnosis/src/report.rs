@@ -49,8 +49,9 @@ pub struct Report {
 
 impl Report {
     /// Judges what has been counted.
-    pub fn of(contrast: &Contrast) -> Self {
-        let buses: Vec<_> = contrast.buses().collect();
+    pub fn of(contrast: Contrast) -> Self {
+        let extent = contrast.extent();
+        let buses: Vec<_> = contrast.into_buses().collect();
         let mut rows = Vec::new();
         let (mut reserves, mut unjudged) = (Vec::new(), Vec::new());
         let (mut rest, mut without_cause) = (Vec::new(), Vec::new());
@@ -60,49 +61,27 @@ impl Report {
             rows.extend(
                 claims.iter().map(|claim| (loss(claim), sentences::row(name, bus, claim, odd), Course::of(bus, claim, odd))),
             );
-            rest.push((*name, odd));
+            rest.push((name, odd));
             without_cause.extend(unexplained::of_bus(name, &view, &claims, odd));
             reserves.extend(reserves::of_bus(name, bus, &claims));
             unjudged.extend(unjudged::of_bus(name, bus));
         }
-        if contrast.overflowed() {
+        if extent.has_overflowed {
             unjudged.push(json!({
-                "bus": buses.first().map_or("", |(name, _)| *name),
+                "bus": buses.first().map_or("", |(name, _)| name),
                 "what": "everything: there are more buses, units or requests than are counted, and a part of them was left out",
                 "needs": "a recording of a part of the network, or --between for less time",
             }));
         }
         rows.sort_by_key(|(loss, row, _)| std::cmp::Reverse(harm(*loss, row)));
         let (rows, courses): (Vec<DiagnosisRow>, Vec<Course>) = rows.into_iter().map(|(_, row, course)| (row, course)).unzip();
-        let (word, sentence) = verdict::verdict(&buses, contrast, &rows, without_cause.first().map(|(row, _)| row));
+        let (word, sentence) = verdict::verdict(&buses, extent, &rows, without_cause.first().map(|(row, _)| row));
         let requests: Share = buses.iter().map(|(_, bus)| bus.requests_seen.share()).sum();
         let has_broadcasts_only = verdict::broadcasts_only(&buses).is_some();
-        let is_checked = |bus: &BusContrast| {
-            let has_checksums = bus.frames.of(FrameVerdict::NoChecksum) == 0;
-            let is_all_of_frames = bus.frames.of(FrameVerdict::Noise) == 0;
-            has_checksums && is_all_of_frames && bus.received_damage == 0 && bus.facts.mode != Some(Mode::Tcp)
-        };
-        let answers: u64 = buses.iter().map(|(_, bus)| bus.answers_alone()).sum::<u64>() + requests.total - requests.failed;
-        let is_whole = buses.iter().all(|(_, bus)| is_checked(bus));
-        let good: u64 = buses.iter().map(|(_, bus)| bus.frames.of(FrameVerdict::Ok)).sum();
-        let all: u64 = buses.iter().flat_map(|(_, bus)| bus.frames.frames).sum();
-        let open: u64 = buses.iter().flat_map(|(_, bus)| bus.units.values()).map(|unit| unit.not_seen.failed).sum();
-        let printed = Printed {
-            has_answered: requests.failed < requests.total,
-            has_all_answered: requests.failed == 0 && answers > 0 && open == 0,
-            has_whole_answers: answers > 0 && is_whole,
-            is_whole: is_whole && good > 0 && good == all,
-        };
+        let printed = printed(&buses, requests);
         let told = verdict::told(&buses).and_then(|told| told.answered.clone().or_else(|| told.alone.first().cloned()));
-        let unexplained = rest.iter().filter(|(_, rest)| rest.odd.total() > 0);
-        let unexplained = unexplained.map(|(bus, rest)| {
-            let words = course::in_words(rest.unexplained, rest.odd);
-            json!({
-                "bus": bus, "odd": rest.odd.total(), "unexplained": rest.unexplained.total(),
-                "sentence": Some(words).filter(|words| !words.is_empty()).map(|words| format!("no cause above explains {words}.")),
-            })
-        });
-        let unexplained = unexplained.collect();
+        let unexplained =
+            rest.iter().filter(|(_, rest)| rest.odd.total() > 0).map(|(bus, rest)| unexplained_json(bus, rest)).collect();
         Self {
             rows,
             courses,
@@ -175,6 +154,26 @@ impl Report {
     }
 }
 
+/// What the frames of all buses show, with the requests among them.
+fn printed(buses: &[(String, BusContrast)], requests: Share) -> Printed {
+    let is_checked = |bus: &BusContrast| {
+        let has_checksums = bus.frames.of(FrameVerdict::NoChecksum) == 0;
+        let is_all_of_frames = bus.frames.of(FrameVerdict::Noise) == 0;
+        has_checksums && is_all_of_frames && bus.received_damage == 0 && bus.facts.mode != Some(Mode::Tcp)
+    };
+    let is_whole = buses.iter().all(|(_, bus)| is_checked(bus));
+    let answers: u64 = buses.iter().map(|(_, bus)| bus.answers_alone()).sum::<u64>() + requests.total - requests.failed;
+    let good: u64 = buses.iter().map(|(_, bus)| bus.frames.of(FrameVerdict::Ok)).sum();
+    let all: u64 = buses.iter().flat_map(|(_, bus)| bus.frames.frames).sum();
+    let open: u64 = buses.iter().flat_map(|(_, bus)| bus.units.values()).map(|unit| unit.not_seen.failed).sum();
+    Printed {
+        has_answered: requests.failed < requests.total,
+        has_all_answered: requests.failed == 0 && answers > 0 && open == 0,
+        has_whole_answers: answers > 0 && is_whole,
+        is_whole: is_whole && good > 0 && good == all,
+    }
+}
+
 /// The claims of a bus, weighed, and how much of what is odd none explains.
 fn claims(view: &View<'_>) -> (Vec<Claim>, Rest) {
     if let Some(lists) = &view.bus.lists {
@@ -230,6 +229,15 @@ fn harm(loss: (bool, u64), row: &DiagnosisRow) -> (u8, (bool, u64), u64, std::cm
     let code = if row.chance.is_some() { row.code } else { "" };
     let sureness = if row.certainty == Certainty::Likely.text() { sureness.max(1) } else { sureness };
     (sentences::rank(row.severity), loss, sureness, std::cmp::Reverse(code.to_owned()))
+}
+
+/// What is odd on a bus, and how much of it no cause explains.
+fn unexplained_json(bus: &str, rest: &Rest) -> Json {
+    let words = course::in_words(rest.unexplained, rest.odd);
+    json!({
+        "bus": bus, "odd": rest.odd.total(), "unexplained": rest.unexplained.total(),
+        "sentence": Some(words).filter(|words| !words.is_empty()).map(|words| format!("no cause above explains {words}.")),
+    })
 }
 
 fn row_json(row: &DiagnosisRow, course: &Course) -> Json {

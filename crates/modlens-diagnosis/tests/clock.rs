@@ -37,7 +37,7 @@ fn judged(clock: impl Fn(i64) -> Option<i64>) -> Json {
     }
     session.flush();
     contrast.observe(&session.take());
-    Report::of(&contrast).json()
+    Report::of(contrast).json()
 }
 
 fn unjudged(found: &Json) -> Vec<&str> {

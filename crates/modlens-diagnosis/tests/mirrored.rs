@@ -38,7 +38,7 @@ fn judged(frames: impl IntoIterator<Item = (i64, Vec<u8>)>) -> Json {
     session.flush();
     let mut contrast = Contrast::default();
     contrast.observe(&session.take());
-    Report::of(&contrast).json()
+    Report::of(contrast).json()
 }
 
 fn codes(found: &Json) -> Vec<&str> {

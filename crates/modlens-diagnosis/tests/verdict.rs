@@ -26,7 +26,7 @@ fn a_line_with_a_unit_that_refuses_everything_is_not_healthy() {
     }
     session.flush();
     contrast.observe(&session.take());
-    let found = Report::of(&contrast).json();
+    let found = Report::of(contrast).json();
     assert_eq!(found["verdict"], "trouble", "{found}");
     assert!(found["sentence"].as_str().unwrap().contains("Unit 3: 100 of 100 requests were refused"), "{found}");
 }
@@ -57,7 +57,7 @@ fn a_unit_that_never_answers_is_named_although_noise_damages_some_requests() {
     }
     session.flush();
     contrast.observe(&session.take());
-    let found = Report::of(&contrast).json();
+    let found = Report::of(contrast).json();
     assert_eq!(found["diagnoses"][0]["code"], "dead_unit_cost", "{found}");
     assert_eq!(found["diagnoses"][0]["unit"], 2, "{found}");
     assert_eq!(found["diagnoses"][0]["episodes"].as_array().unwrap().len(), 1, "{found}");
@@ -84,7 +84,7 @@ fn judged(after: impl Fn(u16, bool) -> Vec<u8>) -> serde_json::Value {
     }
     session.flush();
     contrast.observe(&session.take());
-    Report::of(&contrast).json()
+    Report::of(contrast).json()
 }
 
 #[test]
@@ -139,7 +139,7 @@ fn in_turn(is_repeated: impl Fn(u16) -> bool) -> serde_json::Value {
     }
     session.flush();
     contrast.observe(&session.take());
-    Report::of(&contrast).json()
+    Report::of(contrast).json()
 }
 
 #[test]

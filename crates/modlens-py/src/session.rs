@@ -376,7 +376,7 @@ impl Session {
     fn conclude(&mut self, py: Python<'_>) -> Batch {
         let batch = py.detach(|| {
             let mut batch = self.take_counted();
-            self.report = self.contrast.as_ref().map(|contrast| self.report_of(contrast));
+            self.report = self.contrast.take().map(|contrast| self.report_of(contrast));
             batch.diagnoses = self.report.as_ref().map_or_else(Vec::new, |report| report.rows().to_vec());
             batch
         });
@@ -474,12 +474,12 @@ impl Session {
     fn report(&self) -> Option<Cow<'_, Report>> {
         match (&self.report, &self.contrast) {
             (Some(report), _) => Some(Cow::Borrowed(report)),
-            (None, contrast) => contrast.as_ref().map(|contrast| Cow::Owned(self.report_of(contrast))),
+            (None, contrast) => contrast.clone().map(|contrast| Cow::Owned(self.report_of(contrast))),
         }
     }
 
     /// What the doctor says, with what the unread lines of texts show.
-    fn report_of(&self, contrast: &Contrast) -> Report {
+    fn report_of(&self, contrast: Contrast) -> Report {
         let said = self.unread.clone().or_else(|| (0..self.buses).find_map(|bus| unread_says(self.core.reader(bus)?)));
         Report::of(contrast).with_unread(|printed| Some(said?.beside(printed)))
     }

@@ -122,7 +122,7 @@ impl Decoding {
         // The recording of a tap may go on in another file, but not here.
         self.session.flush();
         self.take();
-        self.report = self.contrast.as_ref().map(|contrast| self.report_of(contrast));
+        self.report = self.contrast.take().map(|contrast| self.report_of(contrast));
         if let Some(report) = &self.report {
             let mut batch = self.session.take();
             batch.diagnoses = report.rows().to_vec();
@@ -135,7 +135,7 @@ impl Decoding {
     }
 
     /// What the doctor says, with what the unread lines of a text show.
-    fn report_of(&self, contrast: &Contrast) -> Report {
+    fn report_of(&self, contrast: Contrast) -> Report {
         let said = self.recording.unread(&self.session);
         Report::of(contrast).with_unread(|printed| Some(said?.beside(printed)))
     }
@@ -145,7 +145,7 @@ impl Decoding {
         let made;
         let report = match (&self.report, &self.contrast) {
             (None, Some(contrast)) => {
-                made = self.report_of(contrast);
+                made = self.report_of(contrast.clone());
                 Some(&made)
             }
             (report, _) => report.as_ref(),

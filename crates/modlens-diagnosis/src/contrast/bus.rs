@@ -2,6 +2,7 @@
 
 mod frames;
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, VecDeque};
 
 use modlens_engine::records::{Bus, Connection, Side};
@@ -246,35 +247,32 @@ impl BusContrast {
     }
 
     /// With the first rows counted, as if nothing came before them.
-    pub(super) fn completed(&self) -> Self {
+    pub(super) fn completed(self) -> Self {
         let mut all = Self { facts: self.facts.clone(), ..Self::default() };
         // A bus that has already counted everything it takes.
         (all.frames_seen, all.transactions_seen) = (WINDOW as u64, WINDOW as u64);
-        all.merge(self);
         if self.frames_seen <= WINDOW as u64 && self.transactions_seen <= WINDOW as u64 && !self.facts.is_network {
             all.lists = Lists::of(&self.first_frames, &self.first_transactions);
             all.heard = self.heard();
         }
         if self.transactions_seen <= WINDOW as u64 {
-            all.told = Told::of(&self.first_transactions, all.facts.mode);
+            all.told = Told::of(&self.first_transactions, self.facts.mode);
         }
+        all.merge(self);
         all
     }
 
     /// Adds the part after this one.
-    pub(super) fn merge(&mut self, later: &Self) {
+    pub(super) fn merge(&mut self, mut later: Self) {
         self.settle();
-        if later.pending > 0 {
-            let mut settled = later.clone();
-            settled.settle();
-            return self.merge(&settled);
-        }
-        later.first_frames.iter().for_each(|seen| self.frame(seen.clone()));
-        later.first_transactions.iter().for_each(|seen| self.transaction(seen.clone()));
-        self.frames_seen += later.frames_seen - later.first_frames.len() as u64;
-        self.transactions_seen += later.transactions_seen - later.first_transactions.len() as u64;
+        later.settle();
+        let replayed = (later.first_frames.len() as u64, later.first_transactions.len() as u64);
+        later.first_frames.into_iter().for_each(|seen| self.frame(seen));
+        later.first_transactions.into_iter().for_each(|seen| self.transaction(seen));
+        self.frames_seen += later.frames_seen - replayed.0;
+        self.transactions_seen += later.transactions_seen - replayed.1;
         // Where all of them were replayed, the context is already that after them.
-        let all_replayed = later.transactions_seen == later.first_transactions.len() as u64;
+        let all_replayed = later.transactions_seen == replayed.1;
         self.context.follow(&later.context, !all_replayed);
         self.frames.merge(&later.frames);
         self.noise.merge(&later.noise);
@@ -288,11 +286,14 @@ impl BusContrast {
         self.broadcasts += later.broadcasts;
         self.steps_behind.merge(&later.steps_behind);
         self.step_runs.merge(&later.step_runs);
-        for (unit, more) in &later.units {
-            self.units.entry(*unit).or_default().merge(more);
+        for (unit, more) in later.units {
+            match self.units.entry(unit) {
+                Entry::Vacant(none) => drop(none.insert(more)),
+                Entry::Occupied(mut own) => own.get_mut().merge(&more),
+            }
         }
-        self.requests.merge(&later.requests, RequestCounts::merge);
-        self.facts = BusFacts { mode: later.facts.mode.or(self.facts.mode), ..later.facts.clone() };
+        self.requests.merge(later.requests, RequestCounts::merge);
+        self.facts = BusFacts { mode: later.facts.mode.or(self.facts.mode), ..later.facts };
         self.forget();
     }
 

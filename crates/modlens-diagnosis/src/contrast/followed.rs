@@ -55,8 +55,8 @@ impl FollowedAnswers {
     }
 
     pub(super) fn merge(&mut self, later: &Self) {
-        self.any.merge(&later.any, |own, more| *own = *more);
-        self.slowest.merge(&later.slowest, |own, more| *own = *more);
+        self.any.merge(later.any.clone(), |own, more| *own = *more);
+        self.slowest.merge(later.slowest.clone(), |own, more| *own = *more);
     }
 
     /// The answers that are kept, each once, with the numbers of their transactions, in the order of their response times.

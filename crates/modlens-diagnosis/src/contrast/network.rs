@@ -223,7 +223,7 @@ impl Connections {
         self.answers_in_step = in_step + later.answers_in_step;
         self.answered += later.answered;
         self.answers += later.answers;
-        self.clients.merge(&later.clients, ClientCounts::merge);
+        self.clients.merge(later.clients.clone(), ClientCounts::merge);
     }
 }
 

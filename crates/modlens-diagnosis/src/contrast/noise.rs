@@ -169,7 +169,7 @@ impl NoiseRuns {
         self.strays.merge(&later.strays);
         self.kinds.iter_mut().zip(later.kinds).for_each(|(own, more)| *own += more);
         self.compared += later.compared;
-        self.runs.merge(&later.runs, NoiseCounts::merge);
+        self.runs.merge(later.runs.clone(), NoiseCounts::merge);
         for (protocol, more) in &later.protocols {
             self.protocols.entry(*protocol).or_default().merge(more);
         }
@@ -199,7 +199,7 @@ impl NoiseCounts {
         self.seen.merge(&later.seen);
         self.bytes += later.bytes;
         self.period.merge(&later.period);
-        self.wholes.merge(&later.wholes, |own, more| *own += more);
+        self.wholes.merge(later.wholes.clone(), |own, more| *own += more);
         if let Some((last, first)) = self.last.zip(later.first).filter(|(last, first)| last < first) {
             self.period.add(first - last);
         }

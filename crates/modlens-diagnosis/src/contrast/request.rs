@@ -278,7 +278,7 @@ impl RequestCounts {
         self.near_ones += later.near_ones;
         self.near_zeros += later.near_zeros;
         self.repeated += later.repeated;
-        self.after.merge(&later.after, Pair::merge);
+        self.after.merge(later.after.clone(), Pair::merge);
         self.written.merge(&later.written);
         let is_change = self.last_written != 0 && later.first_written != 0 && self.last_written != later.first_written;
         self.changes += later.changes + u64::from(is_change);

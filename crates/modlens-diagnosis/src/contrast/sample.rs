@@ -89,13 +89,19 @@ impl<K: Ord + Clone, V: Default, const LIMIT: usize> Sample<K, V, LIMIT> {
         self.slots.get_mut(slot).filter(|(own, _)| own == key).map(|(_, value)| value)
     }
 
-    /// Adds what came later.
-    pub fn merge(&mut self, later: &Self, merge: impl Fn(&mut V, &V)) {
+    /// Adds what came later. To merge a value with nothing before it is to take it.
+    pub fn merge(&mut self, later: Self, merge: impl Fn(&mut V, &V)) {
         self.overflowed |= later.overflowed;
-        for (hash, at) in &later.order {
-            let (key, value) = &later.slots[*at as usize];
-            if let Some(own) = self.entry(*hash, key.clone()) {
-                merge(own, value);
+        let mut slots: Vec<Option<(K, V)>> = later.slots.into_iter().map(Some).collect();
+        for (hash, at) in later.order {
+            let Some((key, value)) = slots[at as usize].take() else { continue };
+            let entries = self.slots.len();
+            if let Some(slot) = self.slot(hash, key) {
+                if self.slots.len() > entries {
+                    self.slots[slot].1 = value;
+                } else {
+                    merge(&mut self.slots[slot].1, &value);
+                }
             }
         }
     }

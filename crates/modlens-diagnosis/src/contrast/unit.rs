@@ -450,7 +450,7 @@ impl UnitCounts {
         for (unit, more) in &later.misfits {
             *self.misfits.entry(*unit).or_default() += more;
         }
-        self.wrong_heads.merge(&later.wrong_heads, |own, more| *own += more);
+        self.wrong_heads.merge(later.wrong_heads.clone(), |own, more| *own += more);
         self.length_ratios.count += later.length_ratios.count;
         self.length_ratios.came += later.length_ratios.came;
         self.length_ratios.expected += later.length_ratios.expected;

@@ -36,7 +36,7 @@ impl AfterWrites {
 
     /// Adds what came later.
     pub(super) fn merge(&mut self, later: &Self) {
-        self.0.merge(&later.0, |own, more| {
+        self.0.merge(later.0.clone(), |own, more| {
             own.bursts += more.bursts;
             own.frames += more.frames;
         });

@@ -52,7 +52,7 @@ impl Slices {
         while at >= 3 && self.past[at - 3].0 == self.past[at - 1].0 {
             let (length, newer) = self.past.remove(at - 2);
             self.past[at - 3].0 += length;
-            self.past[at - 3].1.merge(&newer);
+            self.past[at - 3].1.merge(newer);
             at -= 2;
         }
         while self.past.iter().map(|(length, _)| length).sum::<u64>() > MOST {
@@ -67,7 +67,7 @@ impl Slices {
         self.past.iter().enumerate().rev().filter_map(move |(at, (length, counted))| {
             let mut all = counted.clone();
             let more = window.take().map_or(0, |(more, newer)| {
-                all.merge(&newer);
+                all.merge(newer);
                 more
             });
             let length = length + more;

@@ -10,7 +10,7 @@ use modlens_protocol::framing::Verdict as FrameVerdict;
 use crate::claim::{percent, were, Certainty, ACCIDENT, FEW};
 use crate::contrast::gaps::without_lone;
 use crate::contrast::told::Told;
-use crate::contrast::{BusContrast, Contrast, Symptom};
+use crate::contrast::{BusContrast, Extent, Symptom};
 use crate::statistics::{at_least, least_rate, Share};
 use crate::table::{diagnosis, Diagnosis};
 use crate::MAX_CHANCE;
@@ -70,14 +70,14 @@ struct Judged {
 }
 
 impl Judged {
-    fn of(buses: &[(&str, BusContrast)], contrast: &Contrast) -> Self {
+    fn of(buses: &[(String, BusContrast)], extent: Extent) -> Self {
         let what = match buses {
-            _ if contrast.is_part() => "What was counted of this recording",
+            _ if extent.is_part => "What was counted of this recording",
             [(_, bus)] if bus.facts.is_network => "This network",
             [_] => "This line",
             _ => "What was recorded",
         };
-        Self { what, is_selection: contrast.is_selection(), is_part: contrast.is_part() }
+        Self { what, is_selection: extent.is_selection, is_part: extent.is_part }
     }
 
     /// How it works, with the numbers that show it.
@@ -95,12 +95,12 @@ impl Judged {
 
 /// The verdict and its sentence; `rows` are the diagnoses, the worst first, `open` what a unit bears without a known cause.
 pub(super) fn verdict(
-    buses: &[(&str, BusContrast)],
-    contrast: &Contrast,
+    buses: &[(String, BusContrast)],
+    extent: Extent,
     rows: &[DiagnosisRow],
     open: Option<&DiagnosisRow>,
 ) -> (Verdict, String) {
-    let case = Case::of(buses, contrast, rows);
+    let case = Case::of(buses, extent, rows);
     case.of_lists()
         .or_else(|| case.of_worst())
         .or_else(|| case.of_suspicion())
@@ -112,7 +112,7 @@ pub(super) fn verdict(
 
 /// What a verdict rests on. Each step gives the verdict if it is the one to decide, and they are asked one after the other.
 struct Case<'a> {
-    buses: &'a [(&'a str, BusContrast)],
+    buses: &'a [(String, BusContrast)],
     rows: &'a [DiagnosisRow],
     judged: Judged,
     /// Requests that tell how the line works, and which of them failed.
@@ -122,10 +122,10 @@ struct Case<'a> {
 }
 
 impl<'a> Case<'a> {
-    fn of(buses: &'a [(&'a str, BusContrast)], contrast: &Contrast, rows: &'a [DiagnosisRow]) -> Self {
+    fn of(buses: &'a [(String, BusContrast)], extent: Extent, rows: &'a [DiagnosisRow]) -> Self {
         let share: Share = buses.iter().map(|(_, bus)| bus.requests_seen.share()).sum();
         let refused = Share { failed: buses.iter().map(|(_, bus)| refused(bus)).sum(), total: share.total };
-        Self { buses, rows, judged: Judged::of(buses, contrast), share, refused }
+        Self { buses, rows, judged: Judged::of(buses, extent), share, refused }
     }
 
     fn bytes(&self, verdict: FrameVerdict) -> u64 {
@@ -319,7 +319,7 @@ fn is_diagnosed(row: &DiagnosisRow) -> bool {
 }
 
 /// Runs of bytes between frames that are neither a frame nor what a driver leaves when it is switched.
-fn runs_of_no_frame(buses: &[(&str, BusContrast)]) -> u64 {
+fn runs_of_no_frame(buses: &[(String, BusContrast)]) -> u64 {
     let is_run = |symptom| matches!(symptom, Symptom::Noise | Symptom::Text);
     let of_bus = |bus: &BusContrast| -> u64 {
         bus.symptoms.all().filter(|(symptom, _, _)| is_run(*symptom)).map(|(_, _, seen)| seen.all.failed).sum()
@@ -328,7 +328,7 @@ fn runs_of_no_frame(buses: &[(&str, BusContrast)]) -> u64 {
 }
 
 /// The requests of a recording that has no others than those to all units.
-pub(super) fn broadcasts_only(buses: &[(&str, BusContrast)]) -> Option<u64> {
+pub(super) fn broadcasts_only(buses: &[(String, BusContrast)]) -> Option<u64> {
     let count = buses.iter().map(|(_, bus)| bus.broadcasts).sum();
     let has_others = |bus: &BusContrast| bus.units.values().any(|unit| unit.failures.total + unit.not_seen.failed > 0);
     (count > 0 && !buses.iter().any(|(_, bus)| has_others(bus))).then_some(count)
@@ -343,7 +343,7 @@ fn word(certainty: &str) -> &'static str {
 }
 
 /// What the frames of a short recording of one bus say.
-pub(super) fn told<'a>(buses: &'a [(&str, BusContrast)]) -> Option<&'a Told> {
+pub(super) fn told(buses: &[(String, BusContrast)]) -> Option<&Told> {
     match buses {
         [(_, bus)] => bus.told.as_ref(),
         _ => None,
