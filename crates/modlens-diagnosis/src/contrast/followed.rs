@@ -59,6 +59,11 @@ impl FollowedAnswers {
         self.slowest.merge(later.slowest.clone(), |own, more| *own = *more);
     }
 
+    /// Whether there are none, as of a recording without times.
+    pub fn is_empty(&self) -> bool {
+        self.any.is_empty()
+    }
+
     /// The answers that are kept, each once, with the numbers of their transactions, in the order of their response times.
     pub fn by_response(&self) -> Vec<(u64, Followed)> {
         let both = self.any.sorted().into_iter().chain(self.slowest.sorted());

@@ -138,7 +138,7 @@ impl<K: Ord + Clone, V: Default, const LIMIT: usize> Sample<K, V, LIMIT> {
     }
 
     /// The entries, in the order of their keys' hashes.
-    fn entries(&self) -> impl Iterator<Item = (&K, &V)> {
+    pub fn entries(&self) -> impl Iterator<Item = (&K, &V)> + Clone {
         self.order.iter().map(|(_, at)| &self.slots[*at as usize]).map(|(key, value)| (key, value))
     }
 

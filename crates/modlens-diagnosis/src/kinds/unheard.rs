@@ -5,8 +5,7 @@
 use modlens_protocol::Ns;
 
 use crate::claim::View;
-use crate::contrast::{Followed, RequestCounts};
-use crate::observation::RequestKey;
+use crate::contrast::Followed;
 use crate::statistics::{fisher, Share};
 
 /// So many answers in time, and not in time, show how each are followed.
@@ -39,10 +38,9 @@ pub(super) struct Unheard {
 impl Unheard {
     /// Those of the request to a unit that shows it best.
     pub(super) fn of_unit(view: &View<'_>, unit: u8) -> Option<Self> {
-        let requests = view.bus.requests.sorted();
-        let own: Vec<&(&RequestKey, &RequestCounts)> = requests.iter().filter(|(key, _)| key.unit == unit).collect();
-        let tried = own.len() as f64;
-        let found = own.iter().filter_map(|(_, counts)| Self::of(&counts.followed.by_response()));
+        let requests = view.bus.requests.entries().filter(|(key, counts)| key.unit == unit && !counts.followed.is_empty());
+        let tried = requests.clone().count() as f64;
+        let found = requests.filter_map(|(_, counts)| Self::of(&counts.followed.by_response()));
         let best = found.min_by(|one, other| one.chance.total_cmp(&other.chance))?;
         Some(Self { chance: best.chance * tried, ..best })
     }
