@@ -6,7 +6,8 @@ use std::rc::Rc;
 
 use crate::contrast::gaps::{without_lone, Episode};
 use crate::contrast::tally::{Place, Tally};
-use crate::contrast::{BusContrast, Symptom, UnitCounts};
+use crate::contrast::{BusContrast, RequestCounts, Symptom, UnitCounts};
+use crate::observation::RequestKey;
 use crate::odd::Odd;
 use crate::statistics::{at_least, greatest_rate, least_rate, Share};
 use crate::MAX_CHANCE;
@@ -29,6 +30,8 @@ pub const FEW: u64 = 10;
 pub struct View<'a> {
     /// Its counters.
     pub bus: &'a BusContrast,
+    /// Its requests, in the order of their keys.
+    pub requests: Vec<(&'a RequestKey, &'a RequestCounts)>,
     /// How many contrasts are looked at, for the correction of chances.
     pub hypotheses: f64,
     recognized: RefCell<BTreeMap<&'static str, Rc<[Claim]>>>,
@@ -41,7 +44,7 @@ impl<'a> View<'a> {
     /// The view of a bus.
     pub fn new(bus: &'a BusContrast) -> Self {
         let hypotheses = (bus.units.len().max(1) * CONTRASTS_PER_UNIT) as f64;
-        Self { bus, hypotheses, recognized: RefCell::default() }
+        Self { bus, requests: bus.requests.sorted(), hypotheses, recognized: RefCell::default() }
     }
 
     /// Returns what is claimed under this name. It is recognized once for all kinds that ask for it.

@@ -140,12 +140,12 @@ fn several_refused(all: &[Request<'_>], key: &RequestKey) -> bool {
 
 /// An address that is refused while its neighbour is answered.
 pub(super) fn address_off_by_one(view: &View<'_>) -> Vec<Claim> {
-    let all = view.bus.requests.sorted();
+    let all = &view.requests;
     let few = || all.iter().filter(|(_, counts)| view.is_small() && counts.good == 0 && counts.refused_with(2) > 0).copied();
-    let refused = refused(&all);
+    let refused = refused(all);
     let claims = if refused.is_empty() { few().collect() } else { refused }.into_iter().filter_map(|request| {
         let shifted = |address| RequestKey { address, ..*request.0 }.block();
-        let (neighbour, how, why, rival) = match reason(&all, request) {
+        let (neighbour, how, why, rival) = match reason(all, request) {
             Reason::OffByOne(neighbour) => {
                 let why = match request.1.aligned_at {
                     Some(_) => format!("values of the profile are at {}", shifted(neighbour)),
@@ -154,13 +154,13 @@ pub(super) fn address_off_by_one(view: &View<'_>) -> Vec<Claim> {
                 (neighbour, "that are off by one", why, None)
             }
             Reason::OffByOneOrHole(neighbour) => {
-                let left = uncovered(request.0, &answered(&all, request.0));
+                let left = uncovered(request.0, &answered(all, request.0));
                 let left = left.first().map_or(String::new(), |range| range_in_words(*range));
                 let why = format!("blocks from {neighbour} on were answered; or of {left} some do not exist");
                 (neighbour, "that are off by one", why, Some("register_hole"))
             }
             // Of a few requests the first sight says it; of many blocks, that none exists.
-            Reason::OfManuals(meant) if !view.is_small() && no_address(view, &all, request.0.unit).is_none() => {
+            Reason::OfManuals(meant) if !view.is_small() && no_address(view, all, request.0.unit).is_none() => {
                 let why = format!("{} is how manuals number address {meant} of the wire", request.0.address);
                 (meant, "as manuals number them", why, Some("register_hole"))
             }
@@ -174,15 +174,15 @@ pub(super) fn address_off_by_one(view: &View<'_>) -> Vec<Claim> {
 
 /// A block of which parts are answered, or blocks that a unit refuses from one moment on.
 pub(super) fn register_hole(view: &View<'_>) -> Vec<Claim> {
-    let all = view.bus.requests.sorted();
-    let of_unit = |unit| lost_addresses(view, &all, unit).or_else(|| no_address(view, &all, unit));
+    let all = &view.requests;
+    let of_unit = |unit| lost_addresses(view, all, unit).or_else(|| no_address(view, all, unit));
     let lost: Vec<(u8, Claim)> = view.units().filter_map(|(unit, _)| Some((unit, of_unit(unit)?))).collect();
-    let claims = refused(&all).into_iter().filter_map(|request| {
-        if is_function_refused(&all, request.0) || lost.iter().any(|(unit, _)| *unit == request.0.unit) {
+    let claims = refused(all).into_iter().filter_map(|request| {
+        if is_function_refused(all, request.0) || lost.iter().any(|(unit, _)| *unit == request.0.unit) {
             return None;
         }
-        let parts = match reason(&all, request) {
-            Reason::Hole => parts_in_words(&all, request.0),
+        let parts = match reason(all, request) {
+            Reason::Hole => parts_in_words(all, request.0),
             // Refusals of a value tell nothing about addresses.
             Reason::Unknown if request.1.refused_with(2) > 0 => String::new(),
             Reason::Unknown if for_address(&all, request.0, request.1) > 0 => {
@@ -263,17 +263,17 @@ fn hole_in_words(key: &RequestKey) -> (String, &'static str, String) {
 
 /// Blocks that fail above a quantity, or whose quantity the protocol does not allow.
 pub(super) fn block_too_long(view: &View<'_>) -> Vec<Claim> {
-    let all = view.bus.requests.sorted();
+    let all = &view.requests;
     let mut found: Vec<Claim> = Vec::new();
-    for request in failing(&all) {
+    for request in failing(all) {
         let key = request.0;
-        let Some((beside, greatest)) = limit(&all, request) else { continue };
+        let Some((beside, greatest)) = limit(all, request) else { continue };
         if found.iter().any(|other| other.unit == Some(key.unit) && other.function.is_some_and(|one| is_akin(one, key.function)))
         {
             continue;
         }
-        let is_of_kind = |other: &Request<'_>| is_like(other.0, key) && limit(&all, *other).is_some();
-        let of_kind = failing(&all).into_iter().filter(is_of_kind);
+        let is_of_kind = |other: &Request<'_>| is_like(other.0, key) && limit(all, *other).is_some();
+        let of_kind = failing(all).into_iter().filter(is_of_kind);
         let least = of_kind.map(|(other, _)| other.quantity).min().unwrap_or(key.quantity);
         let Some(claim) = claim(view, "block_too_long", request) else { continue };
         let blocks = if least == 0 { String::from("blocks of 0") } else { format!("blocks of {least} or more") };
@@ -389,12 +389,12 @@ fn is_answered_elsewhere(all: &[Request<'_>], key: &RequestKey) -> bool {
 
 /// A function that is refused throughout while another one is answered.
 pub(super) fn wrong_function(view: &View<'_>) -> Vec<Claim> {
-    let all = view.bus.requests.sorted();
+    let all = &view.requests;
     let mut found: Vec<Claim> = Vec::new();
-    for (key, counts) in &all {
+    for (key, counts) in all {
         let refusals = counts.refused_with(1) + counts.refused_with(2);
         let is_new = !found.iter().any(|claim| (claim.unit, claim.function) == (Some(key.unit), Some(key.function)));
-        if !is_always_refused(counts) || refusals < 2 || !is_new || !is_function_refused(&all, key) {
+        if !is_always_refused(counts) || refusals < 2 || !is_new || !is_function_refused(all, key) {
             continue;
         }
         let same = |other: &&Request<'_>| {
@@ -405,7 +405,7 @@ pub(super) fn wrong_function(view: &View<'_>) -> Vec<Claim> {
         if chance >= SUGGESTED {
             continue;
         }
-        let instead = instead(&all, key).map_or(String::new(), |other| format!("; function {other} answers there"));
+        let instead = instead(all, key).map_or(String::new(), |other| format!("; function {other} answers there"));
         let claim = Claim::new("wrong_function", &counts.bad, chance).of_unit(key.unit).at(key.function, key.address);
         found.push(claim.with_share(share).fact("function", key.function.to_string()).fact("instead", instead));
     }

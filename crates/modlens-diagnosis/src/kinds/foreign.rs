@@ -77,7 +77,7 @@ pub(super) fn is_surely_foreign(view: &View<'_>) -> bool {
 
 /// Whether a run begins with a unit that is asked on this line and its function: it is what remains of a frame.
 fn begins_as_frame(view: &View<'_>, head: &[u8]) -> bool {
-    view.bus.requests.sorted().iter().any(|(key, _)| head.starts_with(&[key.unit, key.function]))
+    view.requests.iter().any(|(key, _)| head.starts_with(&[key.unit, key.function]))
 }
 
 /// The beginning that most runs have.

@@ -37,7 +37,7 @@ impl Interleaved {
 
 /// The times of the requests that come in two cycles; `None` where most do not.
 pub(super) fn interleaved(view: &View<'_>) -> Option<Interleaved> {
-    let requests = view.bus.requests.sorted();
+    let requests = &view.requests;
     let reads = requests.iter().filter(|(_, counts)| !counts.writes && counts.cycles.two.count >= LEAST);
     let reads: Vec<(Option<i64>, &RequestCounts)> = reads.map(|(_, counts)| (drifting(counts), *counts)).collect();
     let mut all = Interleaved { near: Default::default() };

@@ -103,8 +103,8 @@ fn upset(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
 /// The request to a unit that bears all of these failures, in a cycle in which it always has the same place. It fails nearly
 /// always, but not always: the unit knows it.
 fn fixed_place<'a>(view: &View<'a>, unit: u8, inside: Share) -> Option<(&'a RequestKey, &'a RequestCounts)> {
-    let all = view.bus.requests.sorted();
-    let (key, counts) = all.into_iter().find(|(key, counts)| key.unit == unit && counts.failures() == inside)?;
+    let all = &view.requests;
+    let (key, counts) = all.iter().find(|(key, counts)| key.unit == unit && counts.failures() == inside)?;
     (inside.rate() > 0.8 && counts.good > 0).then_some((key, counts))
 }
 
@@ -117,7 +117,7 @@ fn is_pressed(counts: &UnitCounts) -> bool {
 /// In a fixed cycle, a request always follows the same one. So the chance that some request to the unit fails as often as it
 /// does by chance, whatever came before it.
 fn best_by_request(view: &View<'_>, unit: u8) -> f64 {
-    let requests = view.bus.requests.sorted();
+    let requests = &view.requests;
     let own = || requests.iter().filter(|(key, _)| key.unit == unit).map(|(_, counts)| counts.failures());
     let all: Share = own().sum();
     own().map(|inside| fisher(inside, all.without(inside))).fold(1.0, f64::min)
@@ -154,7 +154,7 @@ fn constant_writes<'a>(view: &View<'a>) -> Vec<Write<'a>> {
     let kind = |key: &RequestKey| Functions::embedded().standard_request(key.function).map(|request| request.kind);
     let is_known = |key: &RequestKey| kind(key) != Some(StandardLayout::ReadWriteRegisters);
     let is_constant = |counts: &RequestCounts| counts.writes && counts.changes == 0 && are_many(counts, LEAST_WRITES_EACH);
-    let requests = view.bus.requests.sorted().into_iter();
+    let requests = view.requests.iter().copied();
     let mut writes: Vec<Write<'a>> = requests.filter(|(key, counts)| is_known(key) && is_constant(counts)).collect();
     writes.sort_by_key(|(key, _)| key.unit);
     writes

@@ -140,7 +140,7 @@ const TWICE_IN_LIST: f64 = 0.3;
 /// Whether several reads now and then come right after themselves, though they were answered, and frames are damaged: two
 /// masters with the same list meet in it as they drift. One master asks for all others before it asks again.
 fn has_one_list_twice(view: &View<'_>) -> bool {
-    let requests = view.bus.requests.sorted();
+    let requests = &view.requests;
     let reads: Vec<Share> = requests
         .iter()
         .filter(|(_, counts)| !counts.writes && counts.sent() >= FEW)
@@ -195,9 +195,9 @@ struct Stratum {
 /// What the order of requests shows, if there is one. Noise makes requests unreadable and so changes the order, too, but then
 /// most of those out of order have failed themselves.
 fn order(view: &View<'_>) -> Option<Order> {
-    let requests = view.bus.requests.sorted();
+    let requests = &view.requests;
     let mut pairs: Vec<(u64, u64, Pair)> = Vec::new();
-    for (key, counts) in &requests {
+    for (key, counts) in requests {
         pairs.extend(counts.after.sorted().into_iter().map(|(before, pair)| (*before, key.hash(), *pair)));
     }
     let (mut of_first, mut of_second) = (BTreeMap::<u64, u64>::new(), BTreeMap::<u64, u64>::new());
@@ -254,8 +254,7 @@ fn by_accident<'a>(strata: impl Iterator<Item = &'a Stratum>) -> f64 {
 /// them is lost.
 fn has_two_cycles(view: &View<'_>) -> bool {
     let lost = view.bus.requests_seen.share().rate();
-    let often: Vec<u64> =
-        view.bus.requests.sorted().iter().map(|(_, counts)| counts.period.count).filter(|count| *count >= FEW).collect();
+    let often: Vec<u64> = view.requests.iter().map(|(_, counts)| counts.period.count).filter(|count| *count >= FEW).collect();
     let Some(most) = often.iter().max() else { return false };
     let is_apart = |count: &u64| {
         let ratio = *most as f64 / *count as f64;

@@ -81,7 +81,7 @@ fn is_in_runs(tally: &Tally) -> bool {
 /// Whether the server answers each unit and function that it is asked for, on some connection: what is not answered on another
 /// one is no unit that is away, and no request that makes the server close the connection.
 fn serves_all_that_is_asked(view: &View<'_>) -> bool {
-    let all = view.bus.requests.sorted();
+    let all = &view.requests;
     let is_served = |key: &RequestKey| {
         all.iter().any(|(other, counts)| {
             (other.unit, other.function) == (key.unit, key.function) && counts.good + counts.refusals() > 0
@@ -148,7 +148,7 @@ pub(super) fn connection_churn(view: &View<'_>) -> Vec<Claim> {
 /// The unit and function of all requests that fail, where none of these was ever answered and the server closes about as many
 /// connections.
 fn fatal_function(view: &View<'_>) -> Option<(u8, u8)> {
-    let requests = view.bus.requests.sorted();
+    let requests = &view.requests;
     let mut failing = requests.iter().filter(|(_, counts)| counts.failures().failed > 0).map(|(key, _)| (key.unit, key.function));
     let one = failing.next().filter(|one| failing.all(|other| other == *one))?;
     let of_it = requests.iter().filter(|(key, _)| (key.unit, key.function) == one);

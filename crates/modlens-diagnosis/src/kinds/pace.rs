@@ -168,7 +168,7 @@ pub(super) fn bus_saturated(view: &View<'_>) -> Vec<Claim> {
     }
     let share = Share { failed: (busy.min(span) / 1e6) as u64, total: (span / 1e6) as u64 };
     let weight = |key: &RequestKey, counts: &RequestCounts| counts.sent() * u64::from(key.quantity);
-    let requests = view.bus.requests.sorted();
+    let requests = &view.requests;
     let all: u64 = requests.iter().map(|(key, counts)| weight(key, counts)).sum();
     let heaviest = requests.iter().max_by_key(|(key, counts)| (weight(key, counts), **key));
     // One of several that are alike is no reason.

@@ -24,8 +24,8 @@ const FEWEST: u64 = 20;
 
 /// Single answers of all FFFF or all 0000, or with the values of another request.
 pub(super) fn value_spike(view: &View<'_>) -> Vec<Claim> {
-    let requests = view.bus.requests.sorted();
-    let claims = requests.into_iter().filter(|(_, counts)| !counts.writes).flat_map(|(key, counts)| {
+    let requests = view.requests.iter().copied();
+    let claims = requests.filter(|(_, counts)| !counts.writes).flat_map(|(key, counts)| {
         let ones = (counts.near_ones == 0).then(|| spike(view, *key, &counts.all_ones, "all FFFF")).flatten();
         // A single register of 0 is a value like any other, and so are several where single ones of them are often 0.
         let zeros = key.quantity > 1 && counts.near_zeros == 0;

@@ -171,7 +171,7 @@ fn errors_of_one(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim
 /// Whether most bursts hold unit and function of a request side by side: an answer's head, which a receiver at another rate
 /// does not get. Their other bytes were lost after the line, as where a client reads no more than the length expected.
 fn bears_heads(view: &View<'_>) -> bool {
-    let heads: Vec<[u8; 2]> = view.bus.requests.sorted().iter().map(|(key, _)| [key.unit, key.function]).collect();
+    let heads: Vec<[u8; 2]> = view.requests.iter().map(|(key, _)| [key.unit, key.function]).collect();
     let is_head = |pair: &[u8]| heads.iter().any(|[unit, function]| pair[0] == *unit && pair[1] & !EXCEPTION_BIT == *function);
     let kept = &view.bus.noise.bursts.kept;
     let held = kept.iter().filter(|burst| burst.windows(2).any(is_head)).count() as u64;

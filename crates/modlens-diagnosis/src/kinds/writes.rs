@@ -17,7 +17,7 @@ pub(super) fn is_of_value(key: &RequestKey, counts: &RequestCounts) -> bool {
 
 /// Writes of values that are refused.
 pub(super) fn value_refused(view: &View<'_>) -> Vec<Claim> {
-    let all = view.bus.requests.sorted();
+    let all = &view.requests;
     let of_value = all.iter().filter(|(key, counts)| is_of_value(key, counts) && counts.refused_with(3) > 1);
     let claims = of_value.filter_map(|(key, counts)| {
         let share = Share { failed: counts.refused_with(3), total: counts.sent() };
