@@ -272,16 +272,34 @@ def _text2pcap(entry: LogEntry) -> str:
     return _head(entry, "O {day6}\n", "I {day6}\n") + rows
 
 
-def _packet(entry: LogEntry) -> str:
+def _ip_packet(entry: LogEntry) -> bytes:
     there = (b"\x0a\0\0\1\x0a\0\0\2", b"\xc3\x50\x01\xf6")
     back = (b"\x0a\0\0\2\x0a\0\0\1", b"\x01\xf6\xc3\x50")
     ends, ports = there if entry.sent else back
     ip = struct.pack(">BBHHHBBH", 0x45, 0, 40 + len(entry.data), 1, 0x4000, 64, 6, 0) + ends
-    packet = ip + ports + struct.pack(">IIBBHHH", 1, 1, 0x50, 0x18, 502, 0, 0) + entry.data
+    return ip + ports + struct.pack(">IIBBHHH", 1, 1, 0x50, 0x18, 502, 0, 0) + entry.data
+
+
+def _packet(entry: LogEntry) -> str:
+    packet = _ip_packet(entry)
     flags = f"Flags [P.], seq 1:{1 + len(entry.data)}, ack 1, win 9, length {len(entry.data)}"
     names = ("10.0.0.1.50000 > 10.0.0.2.502", "10.0.0.2.502 > 10.0.0.1.50000")[not entry.sent]
     rows = _dump(packet, lambda at, row: f"\t0x{at:04x}:  {row.hex(' ', -2):39}  {_visible(row)}")
     return _head(entry, f"{{day6}} IP {names}: {flags}\n") + rows
+
+
+def _wireshark(entry: LogEntry) -> str:
+    """The address of the second station begins as an IPv6 header does."""
+    stations = (bytes.fromhex("001122334455"), bytes.fromhex("66778899aabb"))
+    ends = b"".join(stations if entry.sent else stations[::-1])
+    packet = ends + b"\x08\0" + _ip_packet(entry)
+    names = ("10.0.0.1   10.0.0.2", "10.0.0.2   10.0.0.1")[not entry.sent]
+    ports = ("50000 → 502", "502 → 50000")[not entry.sent]
+    head = "No.     Time           Source     Destination   Protocol Length Info\n"
+    row = (
+        f"      7 0.001000       {names}   TCP      {len(packet)}     {ports} [PSH, ACK] Seq=1\n\n"
+    )
+    return head + row + _dump(packet, lambda at, row: f"{at:04x}  {_low(row):47}   {_visible(row)}")
 
 
 def _socat(entry: LogEntry) -> str:
@@ -391,6 +409,7 @@ _BLOCKS: dict[str, Callable[[LogEntry], str]] = {
     "c-array": _array,
     "text2pcap": _text2pcap,
     "tcpdump": _packet,
+    "wireshark": _wireshark,
     "socat": _socat,
     "interceptty": _interceptty,
     "jpnevulator": _jpnevulator,

@@ -49,12 +49,16 @@ pub(super) fn solarman_sum_fits(frame: &[u8]) -> bool {
     summed.iter().fold(0u8, |sum, &b| sum.wrapping_add(b)) == *sum
 }
 
+/// The place of the type of what is in an Ethernet frame, after the two addresses.
+const ETHERNET_TYPE: usize = 12;
+
 /// The position of the payload of TCP or UDP in a packet that begins with an Ethernet, IPv4 or IPv6 header; the error says
 /// why there is none.
 pub(super) fn network_payload(packet: &[u8]) -> Result<Range<usize>, &'static str> {
-    let ip = match packet {
-        [0x45..=0x4F | 0x60..=0x6F, ..] => 0,
-        [_, _, _, _, _, _, _, _, _, _, _, _, 8, 0, ..] | [_, _, _, _, _, _, _, _, _, _, _, _, 0x86, 0xDD, ..] => 14,
+    // An address of Ethernet may begin as an IP header does.
+    let ip = match (packet.get(ETHERNET_TYPE..), packet) {
+        (Some([8, 0, 0x45..=0x4F, ..] | [0x86, 0xDD, 0x60..=0x6F, ..]), _) => ETHERNET_TYPE + 2,
+        (_, [0x45..=0x4F | 0x60..=0x6F, ..]) => 0,
         _ => return Err("packet without an IP header"),
     };
     let inside = &packet[ip..];
@@ -106,7 +110,9 @@ mod tests {
         packet.extend([0xC3, 0x50, 1, 0xF6, 0, 0, 0, 1, 0, 0, 0, 1, 0x50, 0x18, 0, 0, 0, 0, 0, 0]);
         packet.extend([9, 9]);
         assert_eq!(network_payload(&packet), Ok(40..42));
-        assert_eq!(network_payload(&[&[0u8; 12][..], &[8, 0], &packet[..]].concat()), Ok(54..56));
+        for first in [0, 0x45, 0x66] {
+            assert_eq!(network_payload(&[&[first; 12][..], &[8, 0], &packet[..]].concat()), Ok(54..56));
+        }
         assert_eq!(network_payload(&packet[..40]), Err("packet without data"));
         assert!((0..40).all(|length| network_payload(&packet[..length]).is_err()));
     }
