@@ -101,10 +101,20 @@ impl Report {
     /// The same with what the unread lines of a text show, where its frames say nothing; `said` gets what the frames show.
     #[must_use]
     pub fn with_unread(mut self, said: impl FnOnce(Printed) -> Option<Reported>) -> Self {
-        if self.verdict != Verdict::Unknown.text() || !self.rows.is_empty() || self.has_broadcasts_only {
+        if self.verdict != Verdict::Unknown.text() || self.has_broadcasts_only {
             return self;
         }
-        if let Some(said) = said(self.printed) {
+        let Some(said) = said(self.printed) else { return self };
+        if let Some(first) = self.rows.first() {
+            // What is not read may be the answer that is missing.
+            if first.code == "dead_unit_cost" && said.has_bytes {
+                self.sentence = format!("{} But {}.", self.sentence, said.words);
+            }
+        } else if said.is_unknown {
+            let read = [("in these frames", "in the frames that were read"), ("in this frame", "in the frame that was read")];
+            let sentence = read.iter().fold(self.sentence, |sentence, (all, some)| sentence.replacen(all, some, 1));
+            self.sentence = format!("{sentence} But {}.", said.words);
+        } else {
             let rest =
                 self.sentence.strip_prefix(UNJUDGED).map_or(String::new(), |why| format!(" The rest cannot be judged{why}"));
             let told = self

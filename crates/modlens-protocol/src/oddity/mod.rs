@@ -141,6 +141,8 @@ pub struct Reported {
     pub words: String,
     /// Bytes are among these lines, so that the frames of the text are not all that it prints.
     pub has_bytes: bool,
+    /// All that is known of these lines is that they hold bytes.
+    pub is_unknown: bool,
 }
 
 impl Oddity {

@@ -11,7 +11,7 @@ use crate::text::header_run::HeaderRun;
 use crate::text::notation::{Notation, NotationFlags};
 use crate::text::proved::hex_bytes;
 use crate::text::reader::Marks;
-use crate::text::{foreign_protocols, frame_evidence, oddities, Reader};
+use crate::text::{foreign_protocols, foreign_texts, frame_evidence, oddities, Reader};
 
 /// A format that a file may have: its name, the confidence from 0 to 1, and the reason.
 pub type FormatGuess = (String, f64, String);
@@ -101,6 +101,10 @@ pub fn detect<'a>(sample: &[u8], name: &str, dialects: impl Fn() -> &'a Dialects
         let reason = format!("{control_chars} of {} bytes are control characters: not text", sample.len());
         let confidence = if matches!(suffix.as_str(), "bin" | "raw" | "dat") { 1.0 } else { 0.9 };
         return vec![("raw".into(), confidence, reason)];
+    }
+    if foreign_texts::is_intel_hex(sample) {
+        let reason = format!("no known dialect; it looks like {}", foreign_texts::INTEL_HEX);
+        return vec![("raw".into(), UNPROVED / 2.0, reason)];
     }
     let mut guesses = Vec::new();
     if is_modbus_ascii(sample) {
@@ -236,8 +240,9 @@ fn plural(number: u64) -> &'static str {
 fn unproved(scored: &[(Arc<Dialect>, RowScore)], text: &[u8]) -> Option<FormatGuess> {
     // Bytes that are text may be a frame in letters.
     let odd = oddities::named(text);
-    let foreign =
-        foreign_protocols::name(&bursts(text)).filter(|kind| odd.is_none() || !kind.contains(foreign_protocols::PLAIN_TEXT));
+    let of_bytes =
+        || foreign_protocols::name(&bursts(text)).filter(|kind| odd.is_none() || !kind.contains(foreign_protocols::PLAIN_TEXT));
+    let foreign = foreign_texts::of_can(text).or_else(of_bytes);
     let why = foreign.or(odd).map_or_else(String::new, |kind| format!("; {kind}"));
     match scored.iter().max_by_key(|(row, score)| (score.bytes, !row.generic, row.is_plain_hex)) {
         Some((row, score)) => {

@@ -3,7 +3,8 @@
 //! A dialect is a row of analyzer/sources/dialects.toml (`dialect`). Its templates (`template`) find bytes written in a
 //! certain notation (`notation`) and timestamps (`timestamps`, `date`) in a line. `reader` applies the templates line by line,
 //! `entries` assembles the bytes of one or several lines into entries and drops printed duplicates, `detect` chooses the
-//! rows that a text needs, and `foreign_protocols` names the protocol of a text that is not Modbus. All that this module knows
+//! rows that a text needs, and `foreign_protocols` names the protocol of a text that is not Modbus, `foreign_texts` its
+//! format. All that this module knows
 //! about Modbus is how to verify that a run of bytes is a whole frame (`frame_evidence`).
 //!
 //! Lines that no row can read are read by what checksums prove in them (`proved`). What is left is counted, and the lines
@@ -22,6 +23,7 @@ mod direction_words;
 mod encapsulation;
 mod entries;
 pub mod foreign_protocols;
+mod foreign_texts;
 mod frame_evidence;
 mod header_run;
 mod json_times;

@@ -50,6 +50,7 @@ pub(super) fn named_lines<'a>(lines: impl Iterator<Item = UnreadLine<'a>> + Clon
     // Line by line, because the joined ones live shorter.
     let mut all: Vec<UnreadLine<'_>> = Vec::new();
     lines.for_each(|line| all.push(line));
+    leave_out_beginnings(&mut all);
     all.extend(whole);
     let lines = all.iter().copied();
     let words = || reported(lines.clone().map(|line| line.text));
@@ -67,6 +68,19 @@ pub(super) fn named_lines<'a>(lines: impl Iterator<Item = UnreadLine<'a>> + Clon
     let mut said = odd.map(Said::from).or_else(|| first(true)).or_else(words).or_else(|| first(false))?;
     said.has_bytes = has_bytes;
     Some(said)
+}
+
+/// Leaves out lines whose bytes the next one prints with more after them, as of a receive buffer that fills.
+fn leave_out_beginnings(lines: &mut Vec<UnreadLine<'_>>) {
+    let bytes: Vec<Vec<u8>> = lines.iter().map(|line| single_bytes(&without_emphasis(line.text)).unwrap_or_default()).collect();
+    let is_beginning = |at: usize| {
+        let (Some(line), Some(next)) = (lines.get(at), lines.get(at + 1)) else { return false };
+        let is_begun = bytes[at].len() >= LEAST_BYTES && bytes[at].len() < bytes[at + 1].len();
+        is_begun && line.number + 1 == next.number && bytes[at + 1].starts_with(&bytes[at])
+    };
+    let kept: Vec<bool> = (0..lines.len()).map(|at| !is_beginning(at)).collect();
+    let mut kept = kept.into_iter();
+    lines.retain(|_| kept.next().unwrap_or(true));
 }
 
 /// Bytes of several lines with one each, in one line.

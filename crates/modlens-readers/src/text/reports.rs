@@ -131,6 +131,7 @@ pub struct Said {
     answered: [Option<String>; 2],
     whole: [Option<String>; 2],
     pub(super) has_bytes: bool,
+    is_unknown: bool,
 }
 
 impl Said {
@@ -144,13 +145,23 @@ impl Said {
             (some, printed.has_answered),
         ];
         let instead = instead.into_iter().find_map(|(words, is_so)| words.as_deref().filter(|_| is_so));
-        Reported { words: instead.unwrap_or(&self.words).to_owned(), has_bytes: self.has_bytes }
+        let words = instead.unwrap_or(&self.words).to_owned();
+        Reported { words, has_bytes: self.has_bytes, is_unknown: self.is_unknown }
+    }
+
+    /// What is said of lines with hex of which nothing else is known: how many there are, and which of them holds most.
+    pub(super) fn of_hex(lines: u64, most: u64) -> Self {
+        let words = match lines {
+            1 => format!("line {most} holds hex that could not be read as a frame"),
+            count => format!("{count} lines hold hex that could not be read as frames, line {most} most of it"),
+        };
+        Self { has_bytes: true, is_unknown: true, ..Self::from(words) }
     }
 }
 
 impl From<String> for Said {
     fn from(words: String) -> Self {
-        Self { words, answered: [None, None], whole: [None, None], has_bytes: false }
+        Self { words, answered: [None, None], whole: [None, None], has_bytes: false, is_unknown: false }
     }
 }
 

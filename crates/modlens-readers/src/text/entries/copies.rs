@@ -24,6 +24,12 @@ fn is_echoed(bytes: &[u8]) -> bool {
 /// A line that is logged twice has the second copy at most so much later: a program takes longer to read twice.
 const MAX_TO_LOG_TWICE: Ns = 1_000_000;
 
+/// A frame is received in so much time at the longest: 256 characters at 4800 Bd, and pauses of the system.
+const MAX_TO_RECEIVE: Ns = 1_000_000_000;
+
+/// Unit, function and byte count: less may begin two frames.
+const MIN_BEGINNING: usize = 3;
+
 impl EntryAssembler {
     /// Whether the log has printed these bytes last.
     pub fn has_printed(&self, bytes: &[u8]) -> bool {
@@ -45,6 +51,21 @@ impl EntryAssembler {
             bytes.len()
         } else if grows {
             stream.group.len()
+        } else {
+            0
+        }
+    }
+
+    /// How many bytes a receive buffer held before that the next line prints with more after them: all of a frame so far.
+    pub(super) fn grown(&self, entry_bytes: &EntryBytes<'_>) -> usize {
+        let Some(stream) = self.streams.get(entry_bytes.key).filter(|stream| stream.is_mid_frame) else { return 0 };
+        let side = entry_bytes.side.or(self.side_of_others).filter(|_| !self.ignores_sides);
+        let is_next = stream.number + 1 == entry_bytes.number && stream.side == side && side != Some(Side::Sent);
+        let is_soon = stream.time.zip(entry_bytes.time).is_none_or(|(one, other)| (0..=MAX_TO_RECEIVE).contains(&(other - one)));
+        let before = stream.group.len();
+        let has_more = entry_bytes.bytes.len() > before && entry_bytes.bytes.starts_with(&stream.group);
+        if is_next && is_soon && has_more && before >= MIN_BEGINNING {
+            before
         } else {
             0
         }

@@ -270,6 +270,11 @@ impl EntryAssembler {
         if entry_bytes.bytes.is_empty() {
             return;
         }
+        let grown = self.grown(entry_bytes);
+        if grown > 0 {
+            self.skip(entry_bytes.number, &entry_bytes.bytes[..grown], DUPLICATE);
+        }
+        let entry_bytes = &EntryBytes { bytes: &entry_bytes.bytes[grown..], ..*entry_bytes };
         if let Some(record) = self.place(entry_bytes, check_frame(entry_bytes.bytes)) {
             self.push(record, entry_bytes.bytes, timestamps);
         }
@@ -333,7 +338,8 @@ impl EntryAssembler {
         let side = entry_bytes.side.or(self.side_of_others).filter(|_| !self.ignores_sides);
         let stream = &mut self.streams[entry_bytes.key];
         let no_checksum = entry_bytes.no_checksum && !is_whole_frame;
-        let starts_record = is_whole_frame || no_checksum || !stream.is_mid_frame || stream.side != side;
+        let ends_ascii = stream.side == side && ends_ascii_frame(&stream.group, entry_bytes.bytes);
+        let starts_record = !ends_ascii && (is_whole_frame || no_checksum || !stream.is_mid_frame || stream.side != side);
         let is_same = starts_record && stream.group == entry_bytes.bytes;
         stream.same_frames = if is_same { stream.same_frames + 1 } else { 1 };
         (stream.number, stream.time) = (entry_bytes.number, entry_bytes.time);
@@ -423,4 +429,14 @@ impl EntryAssembler {
         self.records += 1;
         self.ready.push_back((LogEntry { clock: timestamps.clock(), ..record }, start, self.ready_bytes.len()));
     }
+}
+
+/// Whether these bytes are the line end, or its second half, of a frame of Modbus ASCII that was printed in parts.
+fn ends_ascii_frame(frame: &[u8], bytes: &[u8]) -> bool {
+    frame.first() == Some(&b':')
+        && match frame.last() {
+            Some(b'\n') => false,
+            Some(b'\r') => bytes == b"\n",
+            _ => matches!(bytes, b"\r" | b"\r\n"),
+        }
 }

@@ -10,6 +10,7 @@ use crate::text::encapsulation::solarman_rtu_frame;
 use crate::text::frame_evidence::{is_ascii_frame, is_bare_request};
 use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
+use modlens_protocol::hex::parse_hex;
 use modlens_protocol::mbap::{announced_length, layout_fits, PREFIX_BYTES};
 use modlens_protocol::recognize::valid_rtu_frame;
 
@@ -21,6 +22,9 @@ const MIN_RUN_BYTES: usize = 6;
 
 /// The longest RTU frame (serial line specification, 2.5.1).
 const MAX_RTU_BYTES: usize = 256;
+
+/// Unit, function and LRC.
+const MIN_ASCII_BYTES: usize = 3;
 
 /// The longest frame of Modbus ASCII in characters (serial line specification, 2.5.2).
 const MAX_ASCII_CHARS: usize = 513;
@@ -93,6 +97,15 @@ pub(super) fn is_checked_frame(bytes: &[u8]) -> bool {
         && crc_valid(bytes)
         && bytes[1] & !EXCEPTION_BIT != 0
         && fits_known_function(&bytes[1..bytes.len() - 2])
+}
+
+/// Whether these characters are a frame of Modbus ASCII with a valid LRC and the layout of a function that the specification has,
+/// with its line end or without.
+pub(super) fn is_checked_ascii(characters: &[u8]) -> bool {
+    let fits = |bytes: &[u8]| bytes.len() > MIN_ASCII_BYTES && fits_known_function(&bytes[1..bytes.len() - 1]);
+    is_ascii_frame(characters)
+        && characters.len() <= MAX_ASCII_CHARS
+        && std::str::from_utf8(characters[1..].trim_ascii_end()).ok().and_then(parse_hex).is_some_and(|bytes| fits(&bytes))
 }
 
 /// Whether the PDU after an MBAP header of the right length has the layout of its function.

@@ -1,15 +1,16 @@
 //! Joins frames that are listed a byte a line, alone or each after its place: `0x02,`, `00: 02`, `data[3] = 17`, `[0] 01`.
 //!
 //! A line of a list ends with a place that is one more than that of the line before, and a byte in hex, decimal or binary; a
-//! few other lines may be between. A list is a frame if its bytes end with their CRC in one of these notations and have the layout of a function.
+//! few other lines may be between. A list is a frame if its bytes end with their CRC in one of these notations, or are characters of Modbus ASCII
+//! with their LRC, and have the layout of a function.
 
 use crate::chunk::Side;
-use crate::text::proved::frames::is_checked_frame;
+use crate::text::proved::frames::{is_checked_ascii, is_checked_frame};
 use crate::text::proved::pieces::Piece;
 use crate::text::proved::sender::{sender, sender_below};
 
-/// The most bytes of an RTU frame (serial line specification, 2.5.1).
-const MAX_FRAME_BYTES: usize = 256;
+/// The most bytes of a frame in RTU, and characters of one in ASCII (serial line specification, 2.5.1 and 2.5.2).
+const MAX_FRAME_BYTES: usize = 513;
 
 /// How many other lines may be between two of a list.
 const MAX_LINES_BETWEEN: u64 = 8;
@@ -68,7 +69,8 @@ impl Items {
     /// The bytes of the list in this notation, if they are a frame.
     fn frame(&self, notation: usize) -> Option<Vec<u8>> {
         let bytes: Vec<u8> = self.lines.iter().map_while(|(_, readings)| readings[notation]).collect();
-        (bytes.len() == self.lines.len() && is_checked_frame(&bytes)).then_some(bytes)
+        let is_frame = || is_checked_frame(&bytes) || is_checked_ascii(&bytes);
+        (bytes.len() == self.lines.len() && is_frame()).then_some(bytes)
     }
 }
 

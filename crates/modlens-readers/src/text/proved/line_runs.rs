@@ -31,6 +31,9 @@ const MIN_NAMED_BYTES: usize = 3;
 /// A list of so many decimal numbers in brackets may be bytes.
 const MIN_LIST_BYTES: usize = 4;
 
+/// The digits of unit, function and LRC.
+const MIN_ASCII_DIGITS: usize = 6;
+
 /// So many words of two hex digits in a line are bytes, whatever stands between them.
 const MIN_SCATTERED_BYTES: usize = 8;
 
@@ -215,6 +218,20 @@ fn ascii_runs(line: &[u8]) -> Vec<Run> {
         }
     }
     runs
+}
+
+/// What looks like a frame of Modbus ASCII and is none, because of its checksum or because it is cut: a colon that ends no word, and
+/// hex digits. Other lines of the text have to show that it prints such frames.
+pub(super) fn damaged_ascii_runs(line: &[u8]) -> Vec<Run> {
+    let starts = memchr::memchr_iter(b':', line).filter(|&colon| colon == 0 || !line[colon - 1].is_ascii_alphanumeric());
+    let run = |colon: usize| {
+        let digits = line[colon + 1..].iter().take_while(|b| b.is_ascii_hexdigit()).count();
+        let end = colon + 1 + digits;
+        let is_word = !line.get(end).is_some_and(u8::is_ascii_alphanumeric);
+        (is_word && digits >= MIN_ASCII_DIGITS)
+            .then(|| Run::whole(Style::Ascii, colon..end, [&line[colon..end], b"\r\n"].concat()))
+    };
+    starts.filter_map(run).collect()
 }
 
 /// Words of base64 that are a whole frame. They end with its padding or a quote, and not all of their letters are small, as

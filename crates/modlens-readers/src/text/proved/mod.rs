@@ -4,10 +4,11 @@
 //! `runs` finds bytes in all notations, `frames` says which of them are frames, `sender` takes the direction from the words in
 //! front of them. A line whose text in front of the bytes (`shapes`) was seen in front of frames is read even if its bytes
 //! prove nothing, because damaged frames are what people look for. `pieces` joins frames that are printed over several lines,
-//! `listing` those that are printed a field a line, `items` those with the place of each byte in front of it. `labels`
-//! learns what stands below lines without bytes.
+//! `listing` those that are printed a field a line, `items` those with the place of each byte in front of it, `characters` those
+//! of ASCII with a character a line. `labels` learns what stands below lines without bytes.
 
 mod candidates;
+mod characters;
 mod found;
 mod frames;
 mod items;
@@ -26,10 +27,11 @@ use std::ops::Range;
 use crate::chunk::Side;
 use crate::text::frame_evidence::has_frame_layout;
 use candidates::{candidates, fronts, mentions};
+use characters::Characters;
 use found::{found, with_fronts, MIN_LISTED_BYTES, MIN_NEIGHBOUR_BYTES};
 use items::Items;
 use labels::Labels;
-use line_runs::{part_end, proved_runs, shifted, style_of_frames};
+use line_runs::{damaged_ascii_runs, part_end, proved_runs, shifted, style_of_frames};
 use listing::Listing;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use pieces::{Piece, Pieces};
@@ -51,7 +53,10 @@ pub(super) struct ProvedHex {
     pieces: Pieces,
     listing: Listing,
     items: Items,
+    characters: Characters,
     labels: Labels,
+    /// The text holds a frame of Modbus ASCII.
+    has_ascii: bool,
 }
 
 impl ProvedHex {
@@ -92,6 +97,7 @@ impl ProvedHex {
         for line in lines {
             let found = if may_hold_bytes(&line) { mentions(&line) } else { Vec::new() };
             self.labels.add(&line, &found);
+            self.has_ascii |= found.iter().any(|one| one.is_frame && one.style == Style::Ascii);
             all.extend(found);
         }
         self.statements = Statements::learn(&all);
@@ -113,6 +119,9 @@ impl ProvedHex {
             return vec![listed(fields, side, number)];
         }
         if let Some((lines, side)) = self.items.add(line, number) {
+            return vec![listed(lines, side, number)];
+        }
+        if let Some((lines, side)) = self.characters.add(line, number) {
             return vec![listed(lines, side, number)];
         }
         if !line.iter().any(u8::is_ascii_digit) {
@@ -139,6 +148,11 @@ impl ProvedHex {
                 one.side = one.side.or_else(|| self.statements.side(any_shape(&line[one.front.clone()], style)));
             }
             return found;
+        }
+        let damaged = if self.has_ascii { damaged_ascii_runs(&line[start..]) } else { Vec::new() };
+        if !damaged.is_empty() {
+            let fronts = fronts(line, start, shifted(damaged, start));
+            return fronts.map(|(front, run)| found(line, front, run.bytes, None, Worth::LikeFrames)).collect();
         }
         let known = self.runs_like_frames(line, start);
         if known.is_empty() {

@@ -89,9 +89,10 @@ impl UnreadLines {
         self.kept.retain(|(other, _, _)| *other != number);
     }
 
-    /// What the bytes of these lines show, or what the lines report in words; `None` if neither says anything.
+    /// What the bytes of these lines show, or what the lines report in words, or that they hold hex; `None` if they say nothing.
     pub fn says(&self) -> Option<Said> {
-        let lines = self.kept.iter();
-        oddities::named_lines(lines.map(|(number, text, before)| UnreadLine { number: *number, text, before }))
+        let lines = self.kept.iter().map(|(number, text, before)| UnreadLine { number: *number, text, before });
+        let hex = || self.examples.first().filter(|_| self.with_hex > 0).map(|(most, ..)| Said::of_hex(self.with_hex, *most));
+        oddities::named_lines(lines).or_else(hex)
     }
 }
