@@ -185,7 +185,7 @@ pub(super) fn register_hole(view: &View<'_>) -> Vec<Claim> {
             Reason::Hole => parts_in_words(all, request.0),
             // Refusals of a value tell nothing about addresses.
             Reason::Unknown if request.1.refused_with(2) > 0 => String::new(),
-            Reason::Unknown if for_address(&all, request.0, request.1) > 0 => {
+            Reason::Unknown if for_address(all, request.0, request.1) > 0 => {
                 format!(" (exception 1), and others for function {} were answered", request.0.function)
             }
             Reason::OfManuals(_) if view.is_small() => String::new(),

@@ -12,6 +12,9 @@ use crate::statistics::{fisher, Share};
 const FEWEST_IN_TIME: usize = 8;
 const FEWEST_LATE: usize = 5;
 
+/// So many requests of a unit are looked at beside those of others, and so many of others.
+const REFERENCES: usize = 8;
+
 /// Transactions that are named.
 const EXAMPLES: usize = 4;
 
@@ -36,27 +39,54 @@ pub(super) struct Unheard {
 }
 
 impl Unheard {
-    /// Those of the request to a unit that shows it best.
+    /// Those of the request to a unit that shows it best: beside others of its own answers, else beside those of another unit.
     pub(super) fn of_unit(view: &View<'_>, unit: u8) -> Option<Self> {
-        let requests = view.bus.requests.entries().filter(|(key, counts)| key.unit == unit && !counts.followed.is_empty());
-        let tried = requests.clone().count() as f64;
-        let found = requests.filter_map(|(_, counts)| Self::of(&counts.followed.by_response()));
-        let best = found.min_by(|one, other| one.chance.total_cmp(&other.chance))?;
-        Some(Self { chance: best.chance * tried, ..best })
+        let timed = view.requests.iter().filter(|(_, counts)| !counts.followed.is_empty());
+        let own: Vec<Vec<Answer>> =
+            timed.clone().filter(|(key, _)| key.unit == unit).map(|(_, counts)| counts.followed.by_response()).collect();
+        let of_unit = own.iter().filter_map(|answers| {
+            let (in_time, late) = split(answers)?;
+            Self::beside(in_time, late)
+        });
+        let Some(best) = least_probable(of_unit) else {
+            let others =
+                timed.filter(|(key, _)| key.unit != unit).take(REFERENCES).map(|(_, counts)| counts.followed.by_response());
+            let others: Vec<Vec<Answer>> = others.filter(|answers| answers.len() >= FEWEST_IN_TIME).collect();
+            let late = own.iter().filter(|answers| answers.len() >= FEWEST_LATE).take(REFERENCES);
+            let tried = late.clone().count() * others.len();
+            let found = late.flat_map(|late| others.iter().filter_map(|in_time| Self::all_late(in_time, late)));
+            return least_probable(found).map(|best| Self { chance: best.chance * tried as f64, ..best });
+        };
+        Some(Self { chance: best.chance * own.len() as f64, ..best })
     }
 
-    fn of(answers: &[Answer]) -> Option<Self> {
-        let (in_time, late) = split(answers)?;
+    /// All answers to a request, beside those of another unit, which are faster.
+    fn all_late(in_time: &[Answer], late: &[Answer]) -> Option<Self> {
+        let is_slower = in_time.last()?.1.response < late.first()?.1.response;
+        // The answers of the other unit may have another length.
+        let length = Spread::of(late.iter().map(|(_, seen)| seen.length)).middle;
+        let in_time: Vec<Answer> = in_time.iter().map(|(number, seen)| (*number, Followed { length, ..*seen })).collect();
+        Self::beside(&in_time, late).filter(|found| is_slower && found.timeout.is_some() && gain(&in_time) >= 0.5)
+    }
+
+    /// Those that are taken for late, beside some that came in time.
+    fn beside(in_time: &[Answer], late: &[Answer]) -> Option<Self> {
         let (own, other) = (Times::of(in_time), Times::of(late));
         let steady = own.after.width().max(other.next.width()).max(STEADY);
-        let is_longer = other.next.middle >= own.next.middle + TIMES_AS_MUCH * steady;
-        if other.response.width() < TIMES_AS_MUCH * steady || !is_longer {
+        if other.next.middle < own.next.middle + TIMES_AS_MUCH * steady {
             return None;
         }
         let timeout = other.next.middle - own.pause.middle;
         let is_between = own.response.most <= timeout && timeout <= other.response.least + other.length.middle + steady;
+        // The next request goes with the answers in time, or is seen to by how little it varies otherwise.
+        let goes_along = is_between && own.next.width() >= 2 * other.next.width() && gain(in_time) >= 0.5;
+        let goes_by_clock = other.response.width() >= TIMES_AS_MUCH * steady
+            || (goes_along && other.after.width() >= 2 * other.next.width() && gain(late) <= 0.25);
+        if !goes_by_clock {
+            return None;
+        }
         // A master that asks in step with a clock of its own takes any answer, and its next request does not go with it.
-        let goes_by_answer = own.response.width() >= STEADY.max(TIMES_AS_MUCH * own.after.width());
+        let goes_by_answer = goes_along || own.response.width() >= STEADY.max(TIMES_AS_MUCH * own.after.width());
         if !goes_by_answer && !asks_again(in_time, late) && (!is_between || may_be_in_step(&own, &other, steady)) {
             return None;
         }
@@ -67,9 +97,25 @@ impl Unheard {
             seen: late.len() as u64,
             timeout: Some(timeout).filter(|_| is_between),
             examples: late.iter().map(|(number, _)| *number).take(EXAMPLES).collect(),
-            chance: fisher(share(late), share(in_time)) * answers.len() as f64,
+            chance: fisher(share(late), share(in_time)) * (in_time.len() + late.len()) as f64,
         })
     }
+}
+
+fn least_probable(found: impl Iterator<Item = Unheard>) -> Option<Unheard> {
+    found.min_by(|one, other| one.chance.total_cmp(&other.chance))
+}
+
+/// How much later the next request comes for each nanosecond that the answer does: the median of all pairs of answers (Theil and
+/// Sen). It is 1 where the master goes by the answer, 0 where it goes by its clock.
+fn gain(answers: &[Answer]) -> f64 {
+    let pairs =
+        answers.iter().enumerate().flat_map(|(at, (_, one))| answers[at + 1..].iter().map(move |(_, other)| (one, other)));
+    let differing = pairs.filter(|(one, other)| one.response < other.response);
+    let mut gains: Vec<f64> =
+        differing.map(|(one, other)| (other.next() - one.next()) as f64 / (other.response - one.response) as f64).collect();
+    gains.sort_by(f64::total_cmp);
+    gains.get(gains.len() / 2).copied().unwrap_or_default()
 }
 
 type Answer = (u64, Followed);
@@ -179,7 +225,11 @@ mod tests {
     }
 
     fn timeout(responses: &[Ns], next: impl Fn(Ns) -> Ns) -> Option<Ns> {
-        Unheard::of(&answers(responses, next)).filter(|found| found.chance < 1e-4).and_then(|found| found.timeout)
+        let all = answers(responses, next);
+        split(&all)
+            .and_then(|(in_time, late)| Unheard::beside(in_time, late))
+            .filter(|found| found.chance < 1e-4)
+            .and_then(|found| found.timeout)
     }
 
     #[test]
@@ -206,5 +256,32 @@ mod tests {
                 assert_eq!(timeout(&responses, |ms| (ms + 5).max(period)), None, "{period} ms at least");
             }
         }
+    }
+
+    /// Fast answers that vary by a few ms, and slow ones that do so, too.
+    fn of_steady_unit() -> Vec<Ns> {
+        (0..40).map(|turn| if turn % 3 == 0 { 560 + turn * 7 % 9 } else { 31 + turn * 7 % 9 }).collect()
+    }
+
+    #[test]
+    fn answers_that_vary_little_show_what_the_master_goes_by() {
+        let found = timeout(&of_steady_unit(), |ms| if ms <= 400 { ms + 250 } else { 400 + 250 });
+        assert!(found.is_some_and(|found| (found - 400 * MS).abs() < 3 * MS), "{found:?}");
+        assert_eq!(timeout(&of_steady_unit(), |ms| (ms + 48).max(326)), None, "each 326 ms, or right after the answer");
+        assert_eq!(timeout(&of_steady_unit(), |ms| if ms < 400 { 326 } else { 652 }), None, "each 326 ms");
+    }
+
+    #[test]
+    fn all_answers_of_a_unit_are_late_beside_those_of_another_one() {
+        let (fast, slow): (Vec<Ns>, Vec<Ns>) =
+            ((0..40).map(|turn| 24 + turn * 7 % 9).collect(), (0..40).map(|turn| 310 + turn * 31 % 90).collect());
+        let found = |next_fast: fn(Ns) -> Ns, next_slow: fn(Ns) -> Ns| {
+            Unheard::all_late(&answers(&fast, next_fast), &answers(&slow, next_slow)).and_then(|found| found.timeout)
+        };
+        let waited = found(|ms| ms + 260, |_| 250 + 260);
+        assert!(waited.is_some_and(|waited| (waited - 250 * MS).abs() < 3 * MS), "{waited:?}");
+        assert_eq!(found(|ms| ms + 260, |ms| ms + 260), None, "a slow unit, which is heard");
+        assert_eq!(found(|_| 290, |_| 512), None, "a schedule with a time for each");
+        assert_eq!(found(|_| 290, |ms| ms + 120), None, "a schedule for one, the answers of the other");
     }
 }
