@@ -255,10 +255,9 @@ impl BusContrast {
             all.lists = Lists::of(&self.first_frames, &self.first_transactions);
             all.heard = self.heard();
         }
-        if self.transactions_seen <= WINDOW as u64 {
-            all.told = Told::of(&self.first_transactions, self.facts.mode);
-        }
+        let few = (self.transactions_seen <= WINDOW as u64).then(|| self.first_transactions.clone());
         all.merge(self);
+        all.told = few.and_then(|few| Told::of(&few, all.facts.mode));
         all
     }
 
