@@ -6,7 +6,7 @@ use modlens_protocol::Ns;
 
 use super::sample::Sample;
 use super::tally::{mix_bytes, Place, Tally};
-use super::unserved::{LockedOut, Unserved, IN_VAIN};
+use super::unserved::{is_ignored, LockedOut, Unserved, IN_VAIN};
 use modlens_engine::durations::Durations;
 
 /// Clients that are counted one by one.
@@ -225,11 +225,6 @@ impl Connections {
         self.answers += later.answers;
         self.clients.merge(later.clients.clone(), ClientCounts::merge);
     }
-}
-
-/// Whether nothing is answered on a connection in another framing than MBAP: a server of MBAP drops that without a word.
-pub(super) fn is_ignored(seen: &Connection) -> bool {
-    seen.client_framing.is_some_and(|framing| framing != "tcp") && seen.answered == 0
 }
 
 impl ClientCounts {

@@ -6,7 +6,6 @@ use modlens_engine::records::Connection;
 use modlens_protocol::Ns;
 
 use super::gaps::Episode;
-use super::network::is_ignored;
 use super::tally::{mix_bytes, Place, Tally};
 
 /// A request that waits for so long while another connection is served waits in vain.
@@ -139,4 +138,9 @@ impl LockedOut {
 /// One spell of two.
 fn joined(one: &Episode, next: &Episode) -> Episode {
     Episode { last: next.last, failed: one.failed + next.failed, total: one.total + next.total, ..*one }
+}
+
+/// Whether nothing is answered on a connection in another framing than MBAP: a server of MBAP drops that without a word.
+pub(super) fn is_ignored(seen: &Connection) -> bool {
+    seen.client_framing.is_some_and(|framing| framing != "tcp") && seen.answered == 0
 }
