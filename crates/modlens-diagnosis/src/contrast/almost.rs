@@ -82,7 +82,7 @@ pub(super) fn is_on_swapped_wires(seen: &Observation) -> bool {
 fn beginning(seen: &Observation) -> Option<Vec<u8>> {
     let key = seen.key()?;
     let rest = match data_length(key.function, key.quantity) {
-        Some(count) if matches!(key.function, 1..=4) => vec![count as u8],
+        Some(count) if matches!(key.function, 1..=4 | READ_WRITE) => vec![count as u8],
         _ => key.address.to_be_bytes().to_vec(),
     };
     Some([&[key.unit, key.function], &rest[..]].concat())
@@ -90,11 +90,23 @@ fn beginning(seen: &Observation) -> Option<Vec<u8>> {
 
 /// Whether the answer to a read is whole but for the two bytes of its checksum.
 pub(super) fn lacks_checksum_only(seen: &Observation) -> bool {
-    let is_read = matches!(seen.function, 1..=4);
+    if let [unit, READ_FIFO, high, low, ..] = *seen.answer_head.as_slice() {
+        // What is in the queue, the answer alone says.
+        let count = u32::from(u16::from_be_bytes([high, low]));
+        return (unit, READ_FIFO) == (seen.unit, seen.function) && count >= 2 && seen.lengths[1] == FIFO_HEAD + count;
+    }
+    let is_read = matches!(seen.function, 1..=4 | READ_WRITE);
     is_read
         && due(seen) == Some(seen.lengths[1] + CRC_BYTES as u32)
         && beginning(seen).is_some_and(|head| seen.answer_head.starts_with(&head))
 }
+
+/// Functions whose answers have data, besides the four that read.
+const READ_WRITE: u8 = 23;
+const READ_FIFO: u8 = 24;
+
+/// The bytes of an answer with a queue that are in front of what its byte count counts: unit, function and the count itself.
+const FIFO_HEAD: u32 = 4;
 
 /// The bits of a byte without the highest one.
 const SEVEN: u8 = 0x7F;

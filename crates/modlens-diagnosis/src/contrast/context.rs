@@ -48,6 +48,8 @@ pub(super) struct Around {
     pub is_other_framing: bool,
     /// A request that the program received, although it sends requests itself.
     pub is_foreign: bool,
+    /// A whole answer without a checksum, to a request that has one.
+    pub is_bare_answer: bool,
     /// With it, the damage and noise between two good frames are more than strays; and whether that comes after a write.
     pub burst: Option<bool>,
     /// It begins with the unit and the function of the answer before.
@@ -145,9 +147,10 @@ impl Context {
             let is_foreign = self.is_foreign(seen);
             self.note_sent(seen.side, seen.direction, seen.number);
             let sender = (seen.direction, seen.unit);
+            let is_bare_answer = self.last_good.is_some_and(|before| before.is_answered_bare(seen.verdict, seen.mode, sender));
             let good = GoodFrame::after(self.last_good, seen.number, sender, seen.mode, seen.code, seen.write);
-            self.last_good = Some(good.at(seen.origins[1], seen.side));
-            return Around { is_other_framing, is_foreign, ..Around::default() };
+            self.last_good = Some(good.judged(seen.verdict).at(seen.origins[1], seen.side));
+            return Around { is_other_framing, is_foreign, is_bare_answer, ..Around::default() };
         }
         // What the sender of the request sends after it is no answer.
         let is_of_sender =

@@ -2,7 +2,7 @@
 
 use modlens_engine::records::Side;
 use modlens_protocol::direction::Direction;
-use modlens_protocol::framing::Mode;
+use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::EXCEPTION_BIT;
 
 use crate::observation::{is_write, FrameObservation, WriteKey};
@@ -22,6 +22,8 @@ pub(super) struct GoodFrame {
     pub since_write: u8,
     /// What that one writes, where it is known.
     write: Option<WriteKey>,
+    /// It has a checksum, or stands where none is due.
+    pub has_checksum: bool,
     /// Line or packet of its last byte, on Modbus/TCP and where the recording says who sent it; else 0.
     pub origin: u64,
 }
@@ -43,7 +45,20 @@ impl GoodFrame {
             _ => before.map_or(u8::MAX, |before| before.since_write.saturating_add(1)),
         };
         let write = write.or(before.filter(|_| since_write <= WRITE_FRAMES).and_then(|before| before.write));
-        Self { number, direction: sender.0, unit: sender.1, function, mode, since_write, write, origin: 0 }
+        Self { number, direction: sender.0, unit: sender.1, function, mode, since_write, write, has_checksum: true, origin: 0 }
+    }
+
+    /// The same with its verdict.
+    #[inline]
+    pub fn judged(self, verdict: Verdict) -> Self {
+        Self { has_checksum: verdict != Verdict::NoChecksum, ..self }
+    }
+
+    /// Whether a frame is a whole answer without a checksum to this request, which has one.
+    #[inline]
+    pub fn is_answered_bare(&self, verdict: Verdict, mode: Mode, (direction, unit): (Direction, Option<u8>)) -> bool {
+        let is_bare = verdict == Verdict::NoChecksum && mode == Mode::Rtu && direction == Direction::Response;
+        is_bare && self.has_checksum && self.direction == Direction::Request && self.unit == unit
     }
 
     /// The same, with the line or packet of its last byte, where that counts.

@@ -119,6 +119,8 @@ pub struct UnitCounts {
     pub crossings: Tally,
     /// Values that make sense in another order only.
     pub order_mismatches: Tally,
+    /// Answers without a checksum that are taken as they are, while requests have one.
+    pub bare: Tally,
     /// How answers begin that are damaged from the first byte on.
     pub wrong_heads: Sample<u16, u64, MAX_HEADS>,
     /// Bytes of garbled answers against those of the answers expected, in per cent: 50 is half as long.
@@ -407,6 +409,7 @@ impl UnitCounts {
             (&mut self.order_mismatches, &later.order_mismatches),
             (&mut self.not_seen, &later.not_seen),
             (&mut self.odd_lengths, &later.odd_lengths),
+            (&mut self.bare, &later.bare),
             (&mut self.reads_from_unit_0, &later.reads_from_unit_0),
         ];
         for (own, more) in pairs {

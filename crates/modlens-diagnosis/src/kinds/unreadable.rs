@@ -3,7 +3,7 @@
 use modlens_engine::line_search::is_slower;
 
 use crate::claim::View;
-use crate::contrast::UnitCounts;
+use crate::contrast::{Seen, Symptom, UnitCounts};
 use crate::observation::DamagedPart;
 use crate::statistics::Share;
 
@@ -37,14 +37,17 @@ pub(super) fn only_requests_are_valid(view: &View<'_>) -> bool {
         && !fit_but_for_their_edge(view)
 }
 
-/// Whether most bad answers fit their checksum but for the first or the last byte: whoever recorded them reads the line well.
+/// Whether most bad answers fit their checksum but for the first or the last byte, or are whole but for the checksum: whoever
+/// recorded them reads the line well.
 fn fit_but_for_their_edge(view: &View<'_>) -> bool {
     let edges = |counts: &UnitCounts| Share {
         failed: counts.damaged(DamagedPart::Start) + counts.damaged(DamagedPart::End),
         total: counts.garbled.failed,
     };
     let sum: Share = view.units().map(|(_, counts)| edges(counts)).sum();
-    sum.failed * 2 > sum.total
+    let is_bare = |(symptom, _, _): &(Symptom, Option<u8>, &Seen)| *symptom == Symptom::AnswerBare;
+    let bare: u64 = view.bus.symptoms.all().filter(is_bare).map(|(_, _, seen)| seen.all.failed).sum();
+    (sum.failed + bare) * 2 > sum.total
 }
 
 /// Whether nothing can be read, and the bytes look like those of a line that is slower than the receiver.

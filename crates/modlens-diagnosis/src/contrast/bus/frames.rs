@@ -38,6 +38,10 @@ impl BusContrast {
     pub(crate) fn clean_frame(&mut self, batch: &Batch, row: &Frame) -> bool {
         let is_same_framing = self.facts.mode == Some(row.mode);
         let is_clean = row.verdict.is_good() && row.findings.length == 0 && row.pauses.count == 0 && is_same_framing;
+        let is_bare = |good: &GoodFrame| good.is_answered_bare(row.verdict, row.mode, (row.direction, row.unit));
+        if self.context.last_good.as_ref().is_some_and(is_bare) {
+            return false;
+        }
         if !is_clean || self.frames_seen < WINDOW as u64 || self.context.may_be_foreign(row) || is_swapped_answer(batch, row) {
             return false;
         }
@@ -48,7 +52,7 @@ impl BusContrast {
         let sender = (row.direction, row.unit);
         let write = row.code.filter(|code| is_write(*code)).and_then(|_| written(batch, row));
         let good = GoodFrame::after(self.context.last_good, row.number, sender, row.mode, row.code, write);
-        self.context.last_good = Some(good.at(row.last_origin, row.side));
+        self.context.last_good = Some(good.judged(row.verdict).at(row.last_origin, row.side));
         self.count_behind_write(good);
         self.frames.rates.count(row.direction, row.unit, row.pauses, self.facts.char_ns);
         self.frames.count_clean(row);
@@ -114,6 +118,9 @@ impl BusContrast {
             self.symptoms.lone_layout(seen);
             if seen.is_swapped {
                 self.symptoms.swapped_checksum(seen);
+            }
+            if let (Some(unit), true) = (seen.unit, around.is_bare_answer) {
+                self.units.entry(unit).or_default().bare.count(true, seen.place);
             }
             if around.is_foreign {
                 self.symptoms.foreign_request(seen);
