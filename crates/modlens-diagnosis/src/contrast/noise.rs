@@ -16,6 +16,9 @@ use modlens_engine::durations::Durations;
 /// Different runs that are counted one by one.
 const MAX_RUNS: usize = 256;
 
+/// Different first two bytes that are counted one by one.
+const MAX_HEADS: usize = 128;
+
 /// Different runs with the same beginning that are distinguished.
 const MAX_WHOLES: usize = 4;
 
@@ -53,6 +56,8 @@ pub struct NoiseRuns {
     pub compared: u64,
     /// These by how they begin.
     pub runs: Sample<NoiseKey, NoiseCounts, MAX_RUNS>,
+    /// These by their first two bytes.
+    pub heads: Sample<[u8; 2], NoiseCounts, MAX_HEADS>,
     /// These by the place of their protocol among those that are known by more than their beginning.
     pub protocols: BTreeMap<usize, NoiseCounts>,
     /// The first bursts between two silences.
@@ -157,6 +162,11 @@ impl NoiseRuns {
             if let Some(protocol) = protocols::known(&seen.bytes) {
                 self.protocols.entry(protocol).or_default().count(seen);
             }
+            if let [first, second, ..] = *seen.bytes.as_slice() {
+                if let Some(counts) = self.heads.entry(mix_bytes(&[first, second]), [first, second]) {
+                    counts.count(seen);
+                }
+            }
             let key = seen.bytes[..seen.bytes.len().min(KEY_BYTES)].to_vec();
             if let Some(counts) = self.runs.entry(mix_bytes(&key), key) {
                 counts.count(seen);
@@ -170,6 +180,7 @@ impl NoiseRuns {
         self.kinds.iter_mut().zip(later.kinds).for_each(|(own, more)| *own += more);
         self.compared += later.compared;
         self.runs.merge(later.runs.clone(), NoiseCounts::merge);
+        self.heads.merge(later.heads.clone(), NoiseCounts::merge);
         for (protocol, more) in &later.protocols {
             self.protocols.entry(*protocol).or_default().merge(more);
         }

@@ -47,7 +47,8 @@ pub(super) fn foreign_protocol(view: &View<'_>) -> Vec<Claim> {
     if known.is_none() && is_of_slower_line(view) {
         return Vec::new();
     }
-    let found = known.or_else(|| foreign_runs(view).or_else(|| foreign_bursts(view)).map(|one| one.fact("alike", "begin alike")));
+    let unknown = || foreign_runs(view).or_else(|| foreign_bursts(view)).or_else(|| foreign_heads(view));
+    let found = known.or_else(|| unknown().map(|one| one.fact("alike", "begin alike")));
     found.map(|one| one.fact("text", if is_text(view) { ", and are text" } else { "" })).into_iter().collect()
 }
 
@@ -75,10 +76,19 @@ pub(super) fn is_surely_foreign(view: &View<'_>) -> bool {
     is_most && foreign_runs(view).is_some()
 }
 
-/// Whether a run begins with a unit that is asked on this line and its function: it is what remains of a frame.
+/// Whether a run begins with two bytes that stand side by side in the requests of this line, or with the function and the byte count
+/// of their answers: it is what remains of a frame.
 fn begins_as_frame(view: &View<'_>, head: &[u8]) -> bool {
-    view.requests.iter().any(|(key, _)| head.starts_with(&[key.unit, key.function]))
+    let Some(head) = head.first_chunk::<2>() else { return false };
+    view.requests.iter().any(|(key, _)| {
+        let number = key.number().to_be_bytes();
+        let count = u8::try_from(key.quantity.saturating_mul(2)).unwrap_or(u8::MAX);
+        number[NUMBER_FROM..].windows(2).any(|pair| pair == head) || *head == [key.function, count]
+    })
 }
+
+/// Where the number of a request has its unit.
+const NUMBER_FROM: usize = 2;
 
 /// The beginning that most runs have.
 fn most_frequent(noise: &NoiseRuns) -> Option<(&NoiseKey, &NoiseCounts)> {
@@ -122,6 +132,49 @@ fn foreign_bursts(view: &View<'_>) -> Option<Claim> {
     }
     Some(Claim::new("foreign_protocol", &view.bus.noise.strays, chance).with_share(share).fact("period", ""))
 }
+
+/// Runs of which two bytes are alike, and which come by a clock of their own, beside requests that are answered. What is left of
+/// damaged frames may begin alike, too: it begins with bytes of frames of this line, and comes when its requests do.
+fn foreign_heads(view: &View<'_>) -> Option<Claim> {
+    let noise = &view.bus.noise;
+    let heads = noise.heads.sorted();
+    let (head, counts) = heads.into_iter().max_by_key(|(head, counts)| (counts.seen.failed, **head))?;
+    let share = Share { failed: counts.seen.failed, total: noise.compared };
+    let chance = view.significant(by_chance(share, head.len()))?;
+    let is_lone = share.failed >= LEAST_BY_CLOCK && share.failed * 2 >= share.total && !is_plain(head);
+    let asked = view.bus.requests_seen.share();
+    let is_beside = asked.total >= share.failed && asked.failed * 2 < asked.total;
+    if !is_lone || !is_beside || begins_as_frame(view, head) || holds_unit(view, *head) || !has_own_period(view, counts) {
+        return None;
+    }
+    Some(Claim::new("foreign_protocol", &counts.seen, chance).with_share(share).fact("period", period(counts)))
+}
+
+/// Fewer runs have no period.
+const LEAST_BY_CLOCK: u64 = 8;
+
+/// Whether one of two bytes is a unit of this line: one byte more or less makes such a beginning of a damaged frame.
+fn holds_unit(view: &View<'_>, head: [u8; 2]) -> bool {
+    view.bus.units.keys().any(|unit| head.contains(unit))
+}
+
+/// Whether runs come at regular times, some of which may be missing, and none of the requests comes in step with them.
+fn has_own_period(view: &View<'_>, counts: &NoiseCounts) -> bool {
+    let fifths = [0.2, 0.5, 0.8].map(|share| counts.period.percentile(share));
+    let [Some(least), Some(own), Some(most)] = fifths else { return false };
+    let missing = (most + own / 2) / own.max(1);
+    let is_steady = (own - least) * STEADY_PART <= own && (most - missing * own).abs() * STEADY_PART <= own;
+    // A master asks once in so many runs, or so many times from one to the next.
+    let is_near = |one: i64, other: i64| (one - other).abs() <= (own / LEAST_APART).max(own - least);
+    let in_step = |other: i64| (1..=MOST_IN_STEP).any(|times| is_near(times * other, own) || is_near(other, times * own));
+    let mut periods = view.requests.iter().filter_map(|(_, counts)| counts.period.percentile(0.5));
+    is_steady && missing <= MOST_IN_STEP && !periods.any(in_step)
+}
+
+/// Times that differ by less than one part of so many are the same; periods of two that are apart differ by more than the other.
+const STEADY_PART: i64 = 10;
+const LEAST_APART: i64 = 50;
+const MOST_IN_STEP: i64 = 3;
 
 /// Whether the strays are a preamble of another protocol: bursts begin alike, and with such a byte.
 pub(super) fn have_preamble(view: &View<'_>) -> bool {
