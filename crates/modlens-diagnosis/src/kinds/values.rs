@@ -24,13 +24,15 @@ const FEWEST: u64 = 20;
 
 /// Single answers of all FFFF or all 0000, or with the values of another request.
 pub(super) fn value_spike(view: &View<'_>) -> Vec<Claim> {
+    // Where a gateway mixes up answers, those with the values of another request are its work.
+    let is_mixed_up = !view.once("gateway_mixup", super::network::gateway_mixup).is_empty();
     let requests = view.requests.iter().copied();
     let claims = requests.filter(|(_, counts)| !counts.writes).flat_map(|(key, counts)| {
         let ones = (counts.near_ones == 0).then(|| spike(view, *key, &counts.all_ones, "all FFFF")).flatten();
         // A single register of 0 is a value like any other, and so are several where single ones of them are often 0.
         let zeros = key.quantity > 1 && counts.near_zeros == 0;
         let zeros = zeros.then(|| spike(view, *key, &counts.all_zeros, "all 0000")).flatten();
-        let other = spike(view, *key, &counts.of_another, "those of another request");
+        let other = (!is_mixed_up).then(|| spike(view, *key, &counts.of_another, "those of another request")).flatten();
         let whole = [ones, zeros, other];
         let single = if whole.iter().all(Option::is_none) { registers(view, *key, counts) } else { Vec::new() };
         whole.into_iter().flatten().chain(single)
