@@ -365,6 +365,11 @@ pub(super) fn one_answers_twice(view: &View<'_>) -> bool {
     view.units().any(|(unit, counts)| answers_twice(view, unit, counts))
 }
 
+/// Whether this unit is one: what follows its first answer meets the second one.
+pub(super) fn is_answering_twice(view: &View<'_>, unit: u8) -> bool {
+    view.units().any(|(other, counts)| other == unit && answers_twice(view, unit, counts))
+}
+
 /// Whether most bad answers of a unit have a right checksum and another length than was asked for, or are right with inverted levels:
 /// nothing has damaged these.
 fn are_whole(view: &View<'_>, unit: u8, counts: &UnitCounts) -> bool {
@@ -387,7 +392,8 @@ fn duplicate(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     // Noise leaves most first bytes and nearly all lengths as they are, and often hits a single bit. Two devices begin alike
     // if they begin together, but go on differently, and rarely end together.
     let edges = counts.damaged(DamagedPart::Start) + counts.damaged(DamagedPart::End);
-    if begins_alike(view, counts).is_some() || (!has_two && are_whole(view, unit, counts)) {
+    // A driver makes no second answer.
+    if !has_two && (begins_alike(view, counts).is_some() || are_whole(view, unit, counts)) {
         return None;
     }
     let is_overlap =

@@ -1,6 +1,7 @@
 //! Who speaks on the line besides the master and the unit asked: an echo, a unit that answers for others, a writer.
 
 use super::answers::slow_answers_once;
+use super::damage::is_answering_twice;
 use crate::claim::{duration, Certainty, Claim, ShownBy, View};
 use crate::contrast::tally::{Place, Tally};
 use crate::contrast::{RequestCounts, UnitCounts};
@@ -80,7 +81,7 @@ fn upset(view: &View<'_>, unit: u8, counts: &UnitCounts) -> Option<Claim> {
     let corrected = view.significant(chance * several)?;
     // A unit whose answers are late answers into the request after the next one, too (slow_answers).
     let is_slow = || slow_answers_once(view).iter().any(|claim| claim.unit == Some(other));
-    if inside.rate() <= 3.0 * outside.rate() || is_slow() {
+    if inside.rate() <= 3.0 * outside.rate() || is_slow() || is_answering_twice(view, other) {
         return None;
     }
     let mut claim = Claim::new("bystander", &counts.failures, corrected)
