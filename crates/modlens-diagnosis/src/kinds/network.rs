@@ -12,15 +12,15 @@ use modlens_protocol::finding::Severity;
 /// Connections that are turned away, or not served, while others are served.
 pub(super) fn connection_limit(view: &View<'_>) -> Vec<Claim> {
     let counts = &view.bus.connections;
+    if counts.answered == 0 {
+        return Vec::new();
+    }
     let mut turned_away = counts.turned_away.clone();
     let serves_all = serves_all_that_is_asked(view);
     let has_unserved = is_in_runs(&counts.unserved) && serves_all;
     if has_unserved {
         turned_away.merge(&counts.unserved);
         turned_away.total = counts.turned_away.total.max(counts.unserved.total);
-    }
-    if counts.answered == 0 {
-        return Vec::new();
     }
     let in_vain = Some(&counts.in_vain.requests).filter(|in_vain| serves_all && in_vain.failed >= LEAST_IN_VAIN);
     let chance = view.beyond_accident(turned_away.share()).filter(|_| turned_away.failed >= 2);
