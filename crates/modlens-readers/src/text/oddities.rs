@@ -1,6 +1,6 @@
 //! What a text without a proven frame says all the same: what is odd about its bytes, or what the program itself reports.
 
-use crate::text::proved::{byte_of_line, hex_front, longest_hex, sender, single_bytes, single_digits};
+use crate::text::proved::{byte_of_line, hex_front, longest_hex, named_digits, sender, single_bytes, single_digits};
 use crate::text::reports::{reported, Said};
 use crate::text::signal::{self, latin_bytes};
 use modlens_protocol::annotate::{exception_name, spaced_hex};
@@ -54,7 +54,9 @@ pub(super) fn named_lines<'a>(lines: impl Iterator<Item = UnreadLine<'a>> + Clon
     all.extend(whole);
     let lines = all.iter().copied();
     let words = || reported(lines.clone().map(|line| line.text));
-    let bytes: Vec<NoFrame> = lines.clone().filter_map(no_frame).collect();
+    let is_completed = |one: &NoFrame| one.is_bare && adds_checksum(lines.clone(), one.number);
+    let mut bytes: Vec<NoFrame> = lines.clone().filter_map(no_frame).filter(|one| !is_completed(one)).collect();
+    repeated(&mut bytes);
     // Of bytes that have the layout of a frame, it is known what is wrong with them; of others, words say more.
     let first = |is_known: bool| bytes.iter().find(|one| one.is_known || !is_known).map(|one| Said::from(one.words.clone()));
     let read =
@@ -165,27 +167,69 @@ fn is_received(line: &[u8]) -> bool {
 /// A line that is little more than bytes, which are no frame, and no part of the one that was read before.
 fn no_frame(UnreadLine { number, text, before }: UnreadLine<'_>) -> Option<NoFrame> {
     let line = without_emphasis(text);
-    let bytes = single_bytes(&line).filter(|bytes| (MIN_DAMAGED..=MAX_FRAME).contains(&bytes.len()))?;
+    let is_long = |bytes: &Vec<u8>| (MIN_DAMAGED..=MAX_FRAME).contains(&bytes.len());
+    let bytes = single_bytes(&line).filter(is_long).or_else(|| named_digits(&line).filter(is_long))?;
     let is_part = before.windows(bytes.len()).any(|part| part == bytes);
     let is_only_bytes = line.len() <= 4 * bytes.len() + MOST_WORDS;
     let is_new = !crc_valid(&bytes) && !is_part;
     let shown = spaced_hex(&bytes[..bytes.len().min(MOST_SHOWN)]);
     let more = if bytes.len() > MOST_SHOWN { " \u{2026}" } else { "" };
-    let usual = || String::from("are no frame: they are damaged, cut, or of another protocol");
     // Six bytes that are a request to read or write have no room for a checksum.
     let may_ask = bytes.len() == BARE_REQUEST && possible_directions(Functions::embedded(), &bytes[1..]).0;
     let is_request = may_ask && !is_received(&line) && lacks_checksum(&bytes).is_some();
     let known = wrong_checksum(&bytes).filter(|_| !is_request).or_else(|| cut_answer(&bytes));
     let is_known = known.is_some();
-    let why = known.or_else(|| lacks_parts(&bytes)).unwrap_or_else(usual);
+    let why = known.or_else(|| lacks_parts(&bytes));
+    let is_unknown = why.is_none();
+    let why = why.unwrap_or_else(|| String::from(UNKNOWN));
     // Whatever a program prints in front of them, what it puts in brackets are bytes.
     let is_bracketed = || hex_front(&line).is_some_and(|front| matches!(front.trim_ascii_end().last(), Some(b'[' | b'{' | b'(')));
     (is_new && (is_only_bytes || is_known && is_bracketed())).then(|| NoFrame {
         words: format!("in line {number} the bytes {shown}{more} {why}"),
+        number,
+        bytes: if is_unknown { bytes.clone() } else { Vec::new() },
         is_known,
         is_bare: is_request && !is_known,
     })
 }
+
+/// What is said of bytes that have nothing of a frame.
+const UNKNOWN: &str = "are no frame: they are damaged, cut, or of another protocol";
+
+/// The same where they come again and again.
+const REPEATED: &str =
+    "are no frame, and come so again and again. Noise does not repeat itself: the rate, the parity or the wires of the \
+                        receiver are wrong, or they are of another protocol";
+
+/// Of so many lines with the same bytes, chance is no reason.
+const LEAST_ALIKE: usize = 3;
+
+/// Replaces the words for bytes that have nothing of a frame where several lines hold the same.
+fn repeated(all: &mut [NoFrame]) {
+    let counts: Vec<usize> = all.iter().map(|one| all.iter().filter(|other| other.bytes == one.bytes).count()).collect();
+    for (one, count) in all.iter_mut().zip(counts) {
+        if !one.bytes.is_empty() && count >= LEAST_ALIKE {
+            one.words = one.words.replace(UNKNOWN, REPEATED);
+        }
+    }
+}
+
+/// Whether a line is a statement of a program that holds bytes, and one shortly below it computes a checksum, which it adds to them.
+fn adds_checksum<'a>(mut lines: impl Iterator<Item = UnreadLine<'a>> + Clone, number: u64) -> bool {
+    let is_statement = |line: UnreadLine<'_>| {
+        let front = hex_front(line.text).unwrap_or_default().trim_ascii_end();
+        front.contains(&b'=') && matches!(front.last(), Some(b'[' | b'{' | b'('))
+    };
+    let computes = |line: UnreadLine<'_>| {
+        let text = String::from_utf8_lossy(line.text).to_ascii_lowercase();
+        (text.contains("crc") || text.contains("checksum")) && text.contains('(')
+    };
+    let mut below = lines.clone().filter(|line| (number + 1..=number + LINES_TO_CHECKSUM).contains(&line.number));
+    lines.any(|line| line.number == number && is_statement(line)) && below.any(computes)
+}
+
+/// So many lines below its bytes, a program computes their checksum.
+const LINES_TO_CHECKSUM: u64 = 4;
 
 /// Unit, function, address and quantity or value.
 const BARE_REQUEST: usize = 6;
@@ -217,6 +261,9 @@ const LEAST_KINDS: usize = 10;
 /// A line of bytes that are no frame.
 struct NoFrame {
     words: String,
+    number: u64,
+    /// Those that have nothing of a frame.
+    bytes: Vec<u8>,
     /// They have the layout of a frame, or of the beginning of one.
     is_known: bool,
     /// They are a request without its checksum.

@@ -297,20 +297,21 @@ impl EntryAssembler {
         Some(LogEntry { clock: timestamps.clock(), ..record })
     }
 
-    /// The bytes of a frame that one of the last lines has begun, if there is one.
-    fn begun(&self) -> Option<&[u8]> {
-        let is_open = |stream: &&DeviceStream| stream.is_mid_frame && stream.number + MAX_LINES_TO_REST >= self.number;
+    /// The bytes of a frame that one of the last lines has begun, if there is one; so many lines may belong to it.
+    fn begun(&self, between: u64) -> Option<&[u8]> {
+        let is_near = |stream: &DeviceStream| stream.number + MAX_LINES_TO_REST + between >= self.number;
+        let is_open = |stream: &&DeviceStream| stream.is_mid_frame && is_near(stream);
         self.streams.first().filter(is_open).map(|stream| &stream.group[..])
     }
 
     /// Whether one of the last lines has begun a frame.
-    pub fn has_begun(&self) -> bool {
-        self.begun().is_some()
+    pub fn has_begun(&self, between: u64) -> bool {
+        self.begun(between).is_some()
     }
 
     /// Whether these bytes complete the frame that one of the last lines has begun.
-    pub fn completes(&self, bytes: &[u8]) -> bool {
-        self.begun().is_some_and(|begun| check_frame(&[begun, bytes].concat()).0)
+    pub fn completes(&self, bytes: &[u8], between: u64) -> bool {
+        self.begun(between).is_some_and(|begun| check_frame(&[begun, bytes].concat()).0)
     }
 
     /// Who sent the last bytes.

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::text::notation::{Notation, NotationFlags};
 use crate::text::proved::frames;
-use crate::text::proved::runs::{hex_runs, number_runs, Run, Style};
+use crate::text::proved::runs::{half_prefixed_runs, hex_runs, number_runs, Run, Style};
 use crate::text::proved::sender::sender;
 use crate::text::timestamps::delta;
 use modlens_protocol::checksum::lrc;
@@ -64,7 +64,7 @@ pub(in crate::text) fn hex_beside_dates(line: &[u8]) -> Option<Vec<u8>> {
 }
 
 /// The bytes of a line that holds nothing else but the mark of a comment in front of them.
-pub(super) fn only_hex(line: &[u8]) -> Option<Vec<u8>> {
+pub(in crate::text) fn only_hex(line: &[u8]) -> Option<Vec<u8>> {
     let is_mark = |b: &u8| matches!(b, b' ' | b'\t' | b'/' | b'#' | b'*' | b';');
     let start = line.iter().position(|b| !is_mark(b))?;
     let text = line[start..].trim_ascii_end();
@@ -110,6 +110,18 @@ pub(in crate::text) fn single_digits(line: &[u8]) -> Option<Vec<u8>> {
     (run.text == (0..text.len())).then_some(run.bytes)
 }
 
+/// The bytes after a name and a sign that ends it, in hex without leading zeros: `wind : 83 3 6 F2`. One of them has a letter, and one
+/// is a single digit.
+pub(in crate::text) fn named_digits(line: &[u8]) -> Option<Vec<u8>> {
+    let part = &line[..part_end(line, 0)];
+    let is_named = |run: &Run| matches!(part[..run.text.start].trim_ascii_end(), [.., b':' | b'=' | b'>']);
+    let words = |run: &Run| part[run.text.clone()].split(|b| !b.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+    let is_hex =
+        |run: &Run| words(run).any(|word| word.len() == 1) && words(run).any(|word| word.iter().any(u8::is_ascii_alphabetic));
+    let runs = number_runs(part, Style::Loose).into_iter().filter(|run| is_named(run) && is_hex(run));
+    runs.map(|run| run.bytes).max_by_key(Vec::len)
+}
+
 /// The runs with the positions of a line whose text from `start` on was searched.
 pub(super) fn shifted(runs: Vec<Run>, start: usize) -> Vec<Run> {
     runs.into_iter().map(|run| run.shifted(start)).collect()
@@ -122,7 +134,7 @@ type Proved = Vec<(Run, Vec<Range<usize>>)>;
 /// frame stand among them.
 pub(super) fn proved_runs(line: &[u8], start: usize) -> Proved {
     let part = &line[start..];
-    let read: [&dyn Fn() -> Vec<Run>; 8] = [
+    let read: [&dyn Fn() -> Vec<Run>; 9] = [
         &|| hex_runs(part),
         &|| ascii_runs(part),
         &|| escaped_runs(part),
@@ -131,6 +143,7 @@ pub(super) fn proved_runs(line: &[u8], start: usize) -> Proved {
         &|| number_runs(part, Style::Decimal),
         &|| number_runs(part, Style::Binary),
         &|| base64_runs(part),
+        &|| half_prefixed_runs(part),
     ];
     for read in read {
         let found = proved(read(), start);

@@ -42,7 +42,9 @@ use statements::Statements;
 pub(super) use candidates::{is_column, other_hex, rest_of, MIN_REST_BYTES};
 pub(super) use found::{Found, Worth};
 pub(super) use items::{byte_of_line, is_byte_line};
-pub(super) use line_runs::{hex_beside_dates, hex_bytes, hex_front, is_words, longest_hex, single_bytes, single_digits};
+pub(super) use line_runs::{
+    hex_beside_dates, hex_bytes, hex_front, is_words, longest_hex, named_digits, only_hex, single_bytes, single_digits,
+};
 pub(super) use sender::{denies, ends_with_index, label_of_remark, sender, sender_below};
 
 /// What the lines so far have shown.

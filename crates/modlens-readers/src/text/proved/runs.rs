@@ -95,6 +95,14 @@ pub(super) fn hex_runs(line: &[u8]) -> Vec<Run> {
     runs(line, read_hex_word)
 }
 
+/// All runs of hex in a line in which a `0x` counts for the words after it as well: `0x010302 0007 F986`.
+pub(super) fn half_prefixed_runs(line: &[u8]) -> Vec<Run> {
+    if memchr::memmem::find(line, b"0x").is_none() {
+        return Vec::new();
+    }
+    runs(line, |line, word, out| read_hex_word(line, word, out).map(|_| Style::Pairs))
+}
+
 /// All runs of the line in another notation than hex.
 pub(super) fn number_runs(line: &[u8], style: Style) -> Vec<Run> {
     match style {

@@ -109,9 +109,18 @@ pub(in crate::text) fn sender_below(text: &[u8]) -> Option<Side> {
     };
     if names(Side::Sent) && names(Side::Received) {
         arrow(text)
+    } else if is_sent_by_unit(&words) {
+        Some(Side::Received)
     } else {
         sender(text)
     }
+}
+
+/// Whether the first word that says anything is one for a unit, and the next one that it sends: `Slave (the meter) sends back:`.
+fn is_sent_by_unit(words: &[(usize, String)]) -> bool {
+    let mut said = words.iter().filter_map(|(_, word)| Some((word, meaning(word)?)));
+    let is_unit = said.next().is_some_and(|(_, known)| known == (Side::Received, Rank::Party));
+    is_unit && said.next().is_some_and(|(word, known)| known == (Side::Sent, Rank::Verb) && !word.starts_with("tx"))
 }
 
 /// The label with which a line begins that goes on with a remark, as `// Request: reads two registers of the meter`.
@@ -195,6 +204,8 @@ mod tests {
             ("18:39:11.7 - Station5_RTU <-", Some(Side::Received)),
             ("Sent 8 bytes", Some(Side::Sent)),
             ("Slave -> Master", Some(Side::Received)),
+            ("DEVICE (as I have programmed it) sends back:", Some(Side::Received)),
+            ("Master sends to the slave:", Some(Side::Sent)),
             ("Antwort vom Gerät:", Some(Side::Received)),
             ("No response", None),
             ("-- Polling slave 1...", None),

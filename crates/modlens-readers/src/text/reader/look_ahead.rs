@@ -56,7 +56,8 @@ impl Reader {
     /// Learns from the first bytes of the text what no single line says: the order of dates, whether it is quoted.
     ///
     /// Gives, for what the log calls sent and received, requests less responses among the frames that can be one only. Where all
-    /// lines have the same word or arrow, in front of requests and responses alike, it says nothing and is left out.
+    /// lines have the same word or arrow, in front of requests and responses alike, it says nothing and is left out; in front of one
+    /// line with both, it says that both came in one run.
     pub fn look_ahead(&mut self, sample: &[u8]) -> [i32; 2] {
         self.look_at_marks(sample);
         self.look_at_statements(sample);
@@ -65,18 +66,20 @@ impl Reader {
         (ahead.proved, ahead.proved_row) = (self.proved.clone(), self.proved_row.clone());
         ahead.push(sample);
         let (mut sides, mut others) = ([SideCounts::default(); 2], SideCounts::default());
+        let (mut first, mut is_one_line) = (None, true);
         while let Some((record, bytes)) = ahead.next(false) {
             let counts = match record.side {
                 Some(side) => &mut sides[usize::from(side == Side::Received)],
                 None => &mut others,
             };
             let evidence = frame_evidence::direction_evidence(bytes, record.proven_framing);
+            is_one_line &= *first.get_or_insert(record.number) == record.number;
             counts.records += 1;
             counts.requests += u32::from(evidence > 0);
             counts.responses += u32::from(evidence < 0);
         }
         if (sides[0].are_mixed() && sides[1].records == 0) || (sides[1].are_mixed() && sides[0].records == 0) {
-            self.assembler.ignores_sides = true;
+            self.assembler.ignores_sides = !is_one_line;
             sides = [SideCounts::default(); 2];
         } else if others.records > 0 {
             self.assembler.side_of_others = side_of_others(sides, others);

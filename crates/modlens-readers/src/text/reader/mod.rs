@@ -15,6 +15,7 @@ mod prose;
 mod proved_lines;
 mod regular_lines;
 mod rest;
+mod rest_of_frame;
 mod unread_lines;
 mod voices;
 
@@ -43,6 +44,7 @@ pub(super) use look_ahead::Marks;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 use prose::{may_be_time, Prose};
+use rest_of_frame::RestOfFrame;
 pub use unread_lines::UnreadLines;
 use voices::Voices;
 
@@ -116,6 +118,7 @@ pub struct Reader {
     plain_front: usize,
     unread_lines: UnreadLines,
     line_bytes: LineBytes,
+    rest_of_frame: RestOfFrame,
     prose: Prose,
     /// The last line that may be a label for the bytes below it.
     label: Option<Label>,
@@ -172,6 +175,7 @@ impl Reader {
             plain_front: 0,
             unread_lines: UnreadLines::default(),
             line_bytes: LineBytes::default(),
+            rest_of_frame: RestOfFrame::default(),
             prose: Prose::default(),
             label: None,
             expectation: Expectation::default(),
@@ -333,6 +337,7 @@ impl Reader {
             self.prose.note_time(self.number, time);
         }
         self.note_unparsed(text);
+        self.note_rest_of_frame(text);
     }
 
     /// Counts the current line as unparsed.

@@ -6,7 +6,7 @@ use crate::chunk::Side;
 use crate::text::dialect::Dialect;
 use crate::text::frame_evidence;
 use crate::text::notation::NotationFlags;
-use crate::text::proved::{longest_hex, other_hex, read_frames, Found, Worth};
+use crate::text::proved::{other_hex, read_frames, Found, Worth};
 use crate::text::reader::line_bytes::BESIDE;
 use crate::text::reader::Reader;
 use crate::text::role::LineRole;
@@ -22,15 +22,10 @@ const MAX_NUMBER_BYTES: usize = 2;
 impl Reader {
     /// Reads what checksums prove in a line that no dialect reads. Returns whether there was anything.
     pub(super) fn read_proved(&mut self, line: &[u8]) -> bool {
-        let Some(proved) = &mut self.proved else { return false };
-        let has_begun = self.assembler.has_begun();
-        let rest = has_begun.then(|| longest_hex(line)).flatten().filter(|bytes| self.assembler.completes(bytes));
-        if let (Some(bytes), Some(row)) = (rest, self.proved_row.clone()) {
-            let side = self.assembler.last_side();
-            let found = LineMatch { side, ..LineMatch::default() };
-            self.assembler.take(&row, LineRole::Bytes(side), &found, &bytes, &self.timestamps);
+        if self.read_rest_of_frame(line) {
             return true;
         }
+        let Some(proved) = &mut self.proved else { return false };
         let all = proved.read(line, self.number);
         if all.is_empty() {
             return false;
