@@ -17,6 +17,7 @@ mod known_requests;
 pub mod lists;
 mod network;
 mod noise;
+pub mod odd_run;
 mod odd_transaction;
 #[cfg(test)]
 mod one_by_one;

@@ -301,7 +301,7 @@ fn outcome(status: Status) -> Outcome {
     }
 }
 
-/// Bytes of a request that are kept for comparison, where no answer came: a read or a write of one value in RTU.
+/// Bytes of a request that are kept for comparison, where no valid answer came: a read or a write of one value in RTU.
 const HEAD_BYTES: usize = 8;
 
 /// The same over Modbus/TCP: with the header, and without a checksum.
@@ -309,7 +309,7 @@ const HEAD_BYTES_TCP: usize = HEAD_BYTES + PREFIX_BYTES - CRC_BYTES;
 
 fn request_head(batch: &Batch, row: &Transaction) -> Vec<u8> {
     let wire = row.request.wire.of(&batch.arena);
-    let is_open = matches!(row.status, Status::NoResponse | Status::NotObserved);
+    let is_open = matches!(row.status, Status::NoResponse | Status::NotObserved | Status::BadResponse);
     let most = if row.mbap_id.is_some() { HEAD_BYTES_TCP } else { HEAD_BYTES };
     let kept = if is_open { wire.len().min(most) } else { 0 };
     wire[..kept].to_vec()

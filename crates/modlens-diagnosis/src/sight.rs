@@ -7,6 +7,7 @@ use crate::contrast::{Symptom, UnitCounts};
 use crate::observation::Figures;
 use crate::protocols::PROTOCOLS;
 use crate::table::{diagnoses, diagnosis, Diagnosis, UNNAMED};
+use modlens_protocol::annotate::exception_name;
 use modlens_protocol::framing::Verdict;
 
 /// More examples of one symptom than these add no certainty: they may share a reason.
@@ -70,6 +71,9 @@ fn by_symptom(view: &View<'_>) -> Vec<Seen> {
             (Symptom::AnswerWhole, Some(unit)) if has_no_valid_answer(view, unit) && !is_right_in_part(view, unit) => {
                 Symptom::NeverValid
             }
+            (Symptom::RefusalBare, _) if shows(view, Symptom::AnswerBare) => Symptom::AnswerBare,
+            (symptom, Some(_)) if is_coded(symptom) && are_refusals_bare(view) => Symptom::RefusalBare,
+            (Symptom::AnswerInverted, Some(unit)) if has_valid_answer(view, unit) => Symptom::AnswerIdle,
             (Symptom::Noise, _) if is_beside_whole_frames(view, tally) => Symptom::Extra,
             _ => symptom,
         };
@@ -145,6 +149,28 @@ fn has_no_valid_answer(view: &View<'_>, unit: u8) -> bool {
     view.bus.facts.is_line() && view.bus.units.get(&unit).is_some_and(|counts| counts.failures.failed == counts.failures.total)
 }
 
+/// Whether there are examples of a symptom.
+fn shows(view: &View<'_>, symptom: Symptom) -> bool {
+    all(view).any(|(one, _, _)| one == symptom)
+}
+
+/// Whether the number that shows a symptom is that of an exception.
+fn is_coded(symptom: Symptom) -> bool {
+    symptom.is_refusal() && symptom != Symptom::RefusedReference
+}
+
+/// Whether refusals are all that has no checksum, and the rest has: where a text leaves checksums out, it does so of other frames, too.
+fn are_refusals_bare(view: &View<'_>) -> bool {
+    let refusals: u64 = all(view).filter(|(symptom, _, _)| symptom.is_refusal()).map(|(_, _, tally)| tally.failed).sum();
+    let frames = &view.bus.frames;
+    view.bus.facts.is_line() && frames.of(Verdict::Ok) > 0 && frames.of(Verdict::NoChecksum) == refusals
+}
+
+/// Whether an answer of a unit is valid.
+fn has_valid_answer(view: &View<'_>, unit: u8) -> bool {
+    view.bus.units.get(&unit).is_some_and(|counts| counts.answered() > 0)
+}
+
 /// Whether a part of an answer of a unit is right, whatever is wrong with the rest: then the line settings are.
 fn is_right_in_part(view: &View<'_>, unit: u8) -> bool {
     let shows = |symptom| {
@@ -196,11 +222,18 @@ pub(crate) fn with_figures(words: &str, figures: Option<Figures>) -> String {
     let words = words
         .replace(['[', ']'], "")
         .replace("{protocol}", protocol)
+        .replace("{exception}", &exception(first))
         .replace("{first}", &first.to_string())
         .replace("{second}", &second.to_string())
         .replace("{first_byte}", &format!("{first:02X}"))
         .replace("{second_byte}", &format!("{second:02X}"));
     words.replace("{first_bytes}", &pair(first)).replace("{second_bytes}", &pair(second))
+}
+
+/// The number of an exception, and its name where there is one.
+fn exception(code: u32) -> String {
+    let name = u8::try_from(code).ok().and_then(exception_name);
+    name.map_or_else(|| format!("exception {code}"), |name| format!("exception {code}, {name}"))
 }
 
 /// The best explanation, with its odds against the next one; `None` if no cause has words for what was seen.

@@ -78,6 +78,18 @@ pub(super) fn is_on_swapped_wires(seen: &Observation) -> bool {
     beginning(seen).is_some_and(|head| is_inverted(&seen.answer_head, &head))
 }
 
+/// Whether what came is the request, as swapped wires change it: whole, or so much of it that it is no answer. The confirmation of a
+/// write of one value has the same bytes.
+pub(super) fn is_request_on_swapped_wires(seen: &Observation) -> bool {
+    let request = &seen.request_head;
+    let is_unlike_answer = |length: usize| beginning(seen).is_some_and(|head| !request[..length].starts_with(&head));
+    (LEAST_OF_REQUEST..=request.len())
+        .any(|length| is_unlike_answer(length) && is_inverted(&seen.answer_head, &request[..length]))
+}
+
+/// Fewer bytes of a request may as well begin its answer.
+const LEAST_OF_REQUEST: usize = 5;
+
 /// How the answer to the request begins: unit, function, and byte count or address.
 fn beginning(seen: &Observation) -> Option<Vec<u8>> {
     let key = seen.key()?;

@@ -20,6 +20,7 @@ use super::known_requests::RequestMemory;
 use super::lists::Lists;
 use super::network::{Connections, Counted};
 use super::noise::NoiseRuns;
+use super::odd_run::{overhears, OddRun};
 use super::request::{RequestCounts, MAX_REQUESTS};
 use super::runs::Runs;
 use super::sample::Sample;
@@ -106,6 +107,10 @@ pub struct BusContrast {
     pub heard: Option<u8>,
     /// What a short recording says.
     pub told: Option<Told>,
+    /// In a short recording, an answer and its request are in one run of bytes that the program has received, and it has sent none.
+    pub overhears: bool,
+    /// In a short recording, the first run of bytes of no frame that is long enough for one.
+    pub odd_run: Option<OddRun>,
     pub(super) context: Context,
     /// The first rows, which are counted when it is known what came before.
     first_frames: VecDeque<FrameObservation>,
@@ -254,6 +259,8 @@ impl BusContrast {
         if self.frames_seen <= WINDOW as u64 && self.transactions_seen <= WINDOW as u64 && !self.facts.is_network {
             all.lists = Lists::of(&self.first_frames, &self.first_transactions);
             all.heard = self.heard();
+            all.overhears = overhears(&self.first_frames);
+            all.odd_run = OddRun::of(&self.first_frames);
         }
         let few = (self.transactions_seen <= WINDOW as u64).then(|| self.first_transactions.clone());
         all.merge(self);

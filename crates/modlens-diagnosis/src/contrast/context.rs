@@ -9,7 +9,7 @@ use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::EXCEPTION_BIT;
-use modlens_protocol::oddity::{bare_refusals, is_doubled, Altered};
+use modlens_protocol::oddity::{bare_refusals, is_doubled, is_of_driver, Altered};
 use modlens_protocol::Ns;
 
 use super::before::Before;
@@ -18,7 +18,7 @@ use super::good_frame::GoodFrame;
 use super::recent::RecentAnswers;
 use super::tally::Place;
 use crate::observation::{
-    answer_length, data_length, response_part, DamagedPart, FrameObservation, Observation, Outcome, RequestKey,
+    answer_length, data_length, response_part, DamagedPart, Figures, FrameObservation, Observation, Outcome, RequestKey,
 };
 
 /// A write is remembered for so many transactions.
@@ -60,13 +60,27 @@ pub(super) struct Around {
     pub is_behind_header: bool,
     /// On a serial line, it is in the line of a whole answer whose sender is named, and does not begin with its unit.
     pub is_behind_answer: bool,
+    /// Of a whole request: in its line, so many bytes of an idle line are in front of it, the first of which is this.
+    pub idle_front: Option<Figures>,
 }
 
 /// A run of damaged frames and noise after a good frame.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 struct BadRun {
     length: u32,
     bytes: Vec<u8>,
+    /// Line or packet of its first byte, and of its last one.
+    origins: [u64; 2],
+    /// It belongs to the request after it.
+    is_of_next: bool,
+}
+
+impl BadRun {
+    /// Whether it is what a line leaves that nobody drives, all of it in this line.
+    fn is_idle_in(&self, origin: u64) -> bool {
+        let is_whole = self.length >= LEAST_ANSWER_BYTES && self.bytes.len() == self.length as usize;
+        is_whole && origin != 0 && self.origins == [origin; 2] && self.bytes.iter().all(|byte| is_of_driver(*byte))
+    }
 }
 
 /// The last request that could be read.
@@ -146,18 +160,20 @@ impl Context {
             let is_other_framing = self.last_good.is_some_and(|before| before.is_followed_in_another_framing(seen));
             let is_foreign = self.is_foreign(seen);
             self.note_sent(seen.side, seen.direction, seen.number);
+            let idle_front = self.idle_front(seen);
             let sender = (seen.direction, seen.unit);
             let is_bare_answer = self.last_good.is_some_and(|before| before.is_answered_bare(seen.verdict, seen.mode, sender));
             let good = GoodFrame::after(self.last_good, seen.number, sender, seen.mode, seen.code, seen.write);
             self.last_good = Some(good.judged(seen.verdict).at(seen.origins[1], seen.side));
-            return Around { is_other_framing, is_foreign, is_bare_answer, ..Around::default() };
+            return Around { is_other_framing, is_foreign, is_bare_answer, idle_front, ..Around::default() };
         }
         // What the sender of the request sends after it is no answer.
         let is_of_sender =
             |good: &GoodFrame| seen.side == Some(Side::Sent) && self.sent == Some((Direction::Request, good.number));
         let Some(good) = self.last_good.filter(|good| !is_of_sender(good)) else { return Around::default() };
-        let run = self.bad_runs.entry(good.number).or_insert_with(|| BadRun { length: 0, bytes: Vec::new() });
+        let run = self.bad_runs.entry(good.number).or_insert_with(|| BadRun { origins: seen.origins, ..BadRun::default() });
         let was_burst = run.length >= LEAST_ANSWER_BYTES;
+        run.origins[1] = seen.origins[1];
         run.length += seen.length;
         run.bytes.extend_from_slice(&seen.bytes);
         let is_burst = run.length >= LEAST_ANSWER_BYTES && !was_burst;
@@ -185,6 +201,16 @@ impl Context {
         Around { attached, burst, is_doubled, is_behind_damage, is_behind_header, is_behind_answer, ..Around::default() }
     }
 
+    /// The bytes of an idle line in front of a request, in its line and not in that of the request before: they are no answer to that.
+    fn idle_front(&mut self, seen: &FrameObservation) -> Option<Figures> {
+        let before = self.last_good.filter(|before| before.direction == Direction::Request && before.mode == Mode::Rtu)?;
+        let is_of_other = before.side.zip(seen.side).is_some_and(|(one, other)| one != other);
+        let is_apart = before.line != seen.origins[0] && !is_of_other && seen.direction == Direction::Request;
+        let run = self.bad_runs.get_mut(&before.number).filter(|run| is_apart && run.is_idle_in(seen.origins[0]))?;
+        run.is_of_next = true;
+        Some([run.length, run.bytes[0].into()])
+    }
+
     /// Notes who sends what the program says it has sent.
     #[inline]
     pub fn note_sent(&mut self, side: Option<Side>, direction: Direction, number: u64) {
@@ -210,6 +236,10 @@ impl Context {
     /// An unanswered request after which an answer's worth of damage came was answered, if badly.
     pub fn complete(&self, seen: &mut Observation) {
         let Some(run) = self.bad_runs.get(&seen.request_frame).filter(|run| run.length >= LEAST_ANSWER_BYTES) else { return };
+        if run.is_of_next {
+            (seen.outcome, seen.damage, seen.is_cut) = (Outcome::NotSeen, None, false);
+            return;
+        }
         if seen.outcome == Outcome::Garbled {
             seen.lengths[1] = run.length;
             // What follows the frame may be the rest of it.

@@ -26,6 +26,9 @@ pub(super) struct GoodFrame {
     pub has_checksum: bool,
     /// Line or packet of its last byte, on Modbus/TCP and where the recording says who sent it; else 0.
     pub origin: u64,
+    /// The same of each request, and who sent it, where the recording says so.
+    pub line: u64,
+    pub side: Option<Side>,
 }
 
 impl GoodFrame {
@@ -45,7 +48,19 @@ impl GoodFrame {
             _ => before.map_or(u8::MAX, |before| before.since_write.saturating_add(1)),
         };
         let write = write.or(before.filter(|_| since_write <= WRITE_FRAMES).and_then(|before| before.write));
-        Self { number, direction: sender.0, unit: sender.1, function, mode, since_write, write, has_checksum: true, origin: 0 }
+        Self {
+            number,
+            direction: sender.0,
+            unit: sender.1,
+            function,
+            mode,
+            since_write,
+            write,
+            has_checksum: true,
+            origin: 0,
+            line: 0,
+            side: None,
+        }
     }
 
     /// The same with its verdict.
@@ -65,7 +80,17 @@ impl GoodFrame {
     #[inline]
     pub fn at(self, origin: u64, side: Option<Side>) -> Self {
         let counts = self.mode == Mode::Tcp || side.is_some();
-        Self { origin: if counts { origin } else { 0 }, ..self }
+        Self { origin: if counts { origin } else { 0 }, ..self.in_line(origin, side) }
+    }
+
+    /// The same with the line of a request, and who sent it.
+    #[inline]
+    fn in_line(self, line: u64, side: Option<Side>) -> Self {
+        if self.direction == Direction::Request {
+            Self { line, side, ..self }
+        } else {
+            self
+        }
     }
 
     /// Whether this frame in another framing is the answer to it, or asks something else. The log of a gateway has both framings,

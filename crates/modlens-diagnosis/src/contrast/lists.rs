@@ -65,6 +65,12 @@ impl Lists {
                  long it took, they do not show",
             ),
             Kind::Apart { requests, answers, are_requests_first, fit } => {
+                if requests == 1 {
+                    let fit = if fit { ", and each of them fits it" } else { "" };
+                    return format!(
+                        "1 request comes before {answers} answers to it, as where the answers of several polls are listed{fit}"
+                    );
+                }
                 let (requests, answers) = (format!("{requests} requests"), format!("{answers} answers"));
                 let (first, second) = if are_requests_first { (requests, answers) } else { (answers, requests) };
                 let fit = if fit { "; in their order, each answer fits its request" } else { "" };
@@ -82,12 +88,20 @@ fn begins_again(frames: &VecDeque<FrameObservation>) -> bool {
     at > 1 && times.len() > at + 1 && times[at] <= times[0] + (times[at - 1] - times[0]) / EARLY
 }
 
-/// Requests alone and answers alone, several of each, without times that would show what belongs together.
+/// Whether there are more answers of the unit and the function than two devices with one address would give to this request.
+fn are_answers_of(key: RequestKey, answers: &[Answer<'_>]) -> bool {
+    let is_of = |(unit, code, _): &Answer<'_>| (*unit, code & !EXCEPTION_BIT) == (key.unit, key.function);
+    answers.len() > 2 && answers.iter().all(is_of)
+}
+
+/// Requests alone and answers alone, several of each, or one request and the answers to it of several polls, without times that would show what belongs together.
 fn apart(frames: &VecDeque<FrameObservation>, requests: &[Option<RequestKey>], answers: &[Answer<'_>]) -> Option<Kind> {
     let good = || frames.iter().filter(|frame| frame.verdict.is_good());
     let is_bare = good().all(|one| one.place.elapsed.is_none() && one.mode != Mode::Tcp && one.direction != Direction::Unknown);
     let turns = good().zip(good().skip(1)).filter(|(one, next)| one.direction != next.direction).count();
-    if !is_bare || turns != 1 || requests.len() < 2 || answers.len() < 2 {
+    let are_requests_first = good().next().is_some_and(|first| first.direction == Direction::Request);
+    let are_polls = are_requests_first && matches!(requests, [Some(key)] if are_answers_of(*key, answers));
+    if !is_bare || turns != 1 || !(are_polls || (requests.len() > 1 && answers.len() > 1)) {
         return None;
     }
     let fits = |key: &Option<RequestKey>, (unit, code, frame): &Answer<'_>| {
@@ -96,7 +110,7 @@ fn apart(frames: &VecDeque<FrameObservation>, requests: &[Option<RequestKey>], a
             |key: &RequestKey| code & EXCEPTION_BIT != 0 || answer_length(key.function, key.quantity) == Some(frame.length);
         key.as_ref().is_some_and(|key| is_of(key) && has_length(key))
     };
-    let fit = requests.len() == answers.len() && requests.iter().zip(answers).all(|(key, answer)| fits(key, answer));
-    let are_requests_first = good().next().is_some_and(|first| first.direction == Direction::Request);
+    let fit = (are_polls || requests.len() == answers.len())
+        && answers.iter().zip(requests.iter().cycle()).all(|(answer, key)| fits(key, answer));
     Some(Kind::Apart { requests: requests.len(), answers: answers.len(), are_requests_first, fit })
 }

@@ -9,8 +9,8 @@ use modlens_protocol::oddity::{bare_refusals, is_doubled, is_of_driver, is_text,
 use modlens_protocol::Ns;
 
 use super::almost::{
-    added_byte, announced, counted_more, due, has_parity_bits, is_on_swapped_wires, lacks_checksum_only, lacks_highest_bits,
-    place_behind_strays,
+    added_byte, announced, counted_more, due, has_parity_bits, is_on_swapped_wires, is_request_on_swapped_wires,
+    lacks_checksum_only, lacks_highest_bits, place_behind_strays,
 };
 use super::before::Before;
 use super::symptom::Symptom;
@@ -138,6 +138,7 @@ pub(super) fn figures(symptom: Symptom, seen: &Observation, before: Before) -> O
     match symptom {
         Symptom::RefusedReference => of_reference(seen),
         Symptom::RefusalChecksum => Some([damaged_refusal(seen)?.into(), 0]),
+        Symptom::RefusalCut => cut_refusal(seen),
         Symptom::RefusalBare => Some([(*seen.answer_head.last()?).into(), 0]),
         Symptom::OtherFunction if seen.outcome == Outcome::Unasked => {
             Some([seen.function, before.asked?.function].map(u32::from))
@@ -235,6 +236,19 @@ fn damaged_refusal(seen: &Observation) -> Option<u8> {
     Some(code).filter(|code| is_refusal && exception_name(*code).is_some())
 }
 
+/// The function that an answer refuses, and how many bytes of it there are, where it stops before its end: after the function, or
+/// after the first half of its checksum.
+fn cut_refusal(seen: &Observation) -> Option<Figures> {
+    let bytes = seen.answer_head.as_slice();
+    let is_refusal = bytes.starts_with(&[seen.unit, seen.function | EXCEPTION_BIT]);
+    let is_cut = match bytes {
+        [_, _] => true,
+        [_, _, _, half] => *half == crc16(&bytes[..3]).to_le_bytes()[0],
+        _ => false,
+    };
+    (is_refusal && is_cut).then_some([seen.function.into(), bytes.len() as u32])
+}
+
 /// Unit, function, code and checksum.
 const REFUSAL_BYTES: u32 = 5;
 
@@ -293,6 +307,7 @@ fn garbled(seen: &Observation, before: Before) -> Option<Symptom> {
         DamagedPart::Whole if is_payload(seen) => return None,
         DamagedPart::Whole if (1..=2).any(|by| bytes.get(by..by + 2) == Some(&head)) => Symptom::AnswerShifted,
         DamagedPart::Whole if place_behind_strays(seen).is_some() => Symptom::AnswerBehind,
+        DamagedPart::Whole if is_request_on_swapped_wires(seen) => Symptom::EchoSwapped,
         DamagedPart::Whole if is_on_swapped_wires(seen) => Symptom::AnswerSwapped,
         DamagedPart::Whole if matches!(Oddity::of(bytes), Some(Oddity::Digits(_))) => Symptom::AnswerDigits,
         DamagedPart::Whole if is_text(bytes) => Symptom::AnswerText,
@@ -302,6 +317,8 @@ fn garbled(seen: &Observation, before: Before) -> Option<Symptom> {
         DamagedPart::Whole if is_rest(seen, before) => Symptom::AnswerRest,
         DamagedPart::Whole if lacks_bytes(seen) => Symptom::AnswerShort,
         DamagedPart::Whole if damaged_refusal(seen).is_some() => Symptom::RefusalChecksum,
+        DamagedPart::Whole if cut_refusal(seen).is_some() => Symptom::RefusalCut,
+        DamagedPart::Whole if bytes.starts_with(&[seen.unit, seen.function | EXCEPTION_BIT]) => Symptom::AnswerInside,
         DamagedPart::Whole if bytes.first() == Some(&seen.unit) => Symptom::AnswerUnit,
         DamagedPart::Whole => Symptom::AnswerWhole,
     };

@@ -97,6 +97,8 @@ symptoms! {
     AlteredEcho = "altered_echo",
     /// The same, and the first byte is among those that are changed.
     DistortedEcho = "distorted_echo",
+    /// The answer begins as a refusal of the request and stops before its end.
+    RefusalCut = "refusal_cut",
     /// The answer stops before its end, and is right as far as it goes.
     AnswerCut = "answer_cut",
     /// After such an answer, what came as the next one does not begin as an answer.
@@ -131,6 +133,8 @@ symptoms! {
     AnswerShifted = "answer_shifted",
     /// The answer begins after a run of bytes as a line leaves that nobody drives.
     AnswerBehind = "answer_behind",
+    /// What came as the answer is the request with all levels inverted.
+    EchoSwapped = "echo_swapped",
     /// What came is the beginning of the answer with all levels inverted.
     AnswerSwapped = "answer_swapped",
     /// What came as the answer is a frame of another protocol.
@@ -139,6 +143,10 @@ symptoms! {
     AnswerText = "answer_text",
     /// What came as the answer consists of 00, FF and bytes with one run of equal bits.
     AnswerInverted = "answer_inverted",
+    /// The same of a unit with other answers that are whole; only a first sight names this (`sight`).
+    AnswerIdle = "answer_idle",
+    /// Such bytes in front of a whole request, in one line with it.
+    RequestBehind = "request_behind",
     /// The request is damaged in its last bytes, or lacks them.
     RequestEnd = "request_end",
     /// The request stops before its end.

@@ -64,6 +64,12 @@ impl Symptoms {
         self.count(Symptom::ForeignRequest, seen.unit, seen.place).figures = seen.unit.map(|unit| [unit.into(), 0]);
     }
 
+    /// Counts a request with bytes of an idle line in front of it.
+    pub(super) fn idle_front(&mut self, seen: &FrameObservation, figures: Figures) {
+        let counted = self.count(Symptom::RequestBehind, seen.unit, seen.place);
+        counted.figures = counted.figures.or(Some(figures));
+    }
+
     /// Counts a frame of no transaction whose layout is not that of its function, although its checksum or header is right.
     pub(super) fn lone_layout(&mut self, seen: &FrameObservation) {
         let is_odd = seen.findings.has(Finding::LengthMismatch) || seen.findings.has(Finding::MbapLength);

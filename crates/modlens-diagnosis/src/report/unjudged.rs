@@ -36,7 +36,8 @@ pub(super) fn of_bus(name: &str, bus: &BusContrast) -> Vec<Json> {
         );
     }
     if bus.frames.of(Verdict::NoChecksum) > 0 {
-        say("damage on the wire: the recording has no checksums", "a recording of the bytes on the wire");
+        let lack = if bus.frames.of(Verdict::Ok) > 0 { "some frames have no checksum" } else { "the recording has no checksums" };
+        say(&format!("damage on the wire: {lack}"), "a recording of the bytes on the wire");
     }
     if bus.facts.mode == Some(Mode::Rtu) && !bus.facts.is_network && bus.facts.char_ns.is_none() && requests > 0 {
         say("bus load: unknown without the line settings", "an option, for example --line 19200-8E1");

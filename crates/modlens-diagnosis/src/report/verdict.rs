@@ -250,11 +250,13 @@ impl<'a> Case<'a> {
             buses.iter().flat_map(|(_, bus)| bus.units.values()).map(|unit| unit.not_seen.failed - unit.silent.failed).sum();
         let troubles: u64 = buses.iter().map(|(_, bus)| bus.troubles).sum();
         if is_whole && share.total > 0 && refused.failed == 0 && troubles == 0 {
-            let text = format!("{}{}.", nothing_wrong(share.total, told(buses), open > 0), beside(share, open));
+            let overhears = buses.iter().any(|(_, bus)| bus.overhears);
+            let text = format!("{}{}.", nothing_wrong(share.total, told(buses), open > 0, overhears), beside(share, open));
             return Some((Verdict::Unknown, text));
         }
         let of_no_frame = buses.iter().map(|(_, bus)| bytes_of_frames(bus) - bus.frames.good_bytes()).sum();
-        let why = too_few(share, refused, is_whole, of_no_frame);
+        let odd = buses.iter().find_map(|(_, bus)| bus.odd_run.as_ref());
+        let why = too_few(share, refused, is_whole, of_no_frame, odd);
         Some((Verdict::Unknown, format!("{UNJUDGED}: {why}{}.", beside(share, open))))
     }
 

@@ -122,6 +122,9 @@ impl BusContrast {
             if let (Some(unit), true) = (seen.unit, around.is_bare_answer) {
                 self.units.entry(unit).or_default().bare.count(true, seen.place);
             }
+            if let Some(figures) = around.idle_front {
+                self.symptoms.idle_front(seen, figures);
+            }
             if around.is_foreign {
                 self.symptoms.foreign_request(seen);
             }

@@ -3,6 +3,7 @@
 use modlens_protocol::decimal::thousands;
 
 use crate::claim::were;
+use crate::contrast::odd_run::OddRun;
 use crate::contrast::told::{Told, REQUEST};
 use crate::statistics::Share;
 
@@ -16,8 +17,8 @@ pub(super) fn beside(share: Share, open: u64) -> String {
 }
 
 /// What is said of a few requests with whole frames that were all answered: what they say, and, unless others are `open`, where to
-/// look.
-pub(super) fn nothing_wrong(requests: u64, told: Option<&Told>, is_open: bool) -> String {
+/// look. A program that `overhears` has received its requests, too.
+pub(super) fn nothing_wrong(requests: u64, told: Option<&Told>, is_open: bool, overhears: bool) -> String {
     let first = told.and_then(|told| told.answered.as_ref());
     let answered = match requests {
         1 => format!("1 request was answered{}", first.map_or(String::new(), |what| format!(": {what}"))),
@@ -26,9 +27,17 @@ pub(super) fn nothing_wrong(requests: u64, told: Option<&Told>, is_open: bool) -
         }
     };
     let few = if requests == 1 { "1 request is" } else { "they are" };
+    if overhears {
+        return format!("{OVERHEARD}. The frames are whole: {answered}; {few} too few to judge the line");
+    }
     let rest = if is_open { format!("; {few}") } else { format!(". {OUTSIDE}; {few}") };
     format!("Nothing is wrong in these frames: {answered}{rest} too few to judge the line")
 }
+
+/// What is said where a request and its answer were received together.
+const OVERHEARD: &str =
+    "What was received is a request and, right after it, its answer. That is right in the log of a program that only listens; a \
+                         master that receives this hears itself (own_echo), and takes its request for the answer";
 
 /// Where to look if the frames are right.
 const OUTSIDE: &str =
@@ -47,7 +56,7 @@ pub(super) fn without_other_half(told: &Told) -> Option<String> {
 
 /// Why so few requests are no ground for a verdict, and what came of them all the same: who pastes three lines of a log into a
 /// file wants to hear that they were read.
-pub(super) fn too_few(share: Share, refused: Share, is_whole: bool, of_no_frame: u64) -> String {
+pub(super) fn too_few(share: Share, refused: Share, is_whole: bool, of_no_frame: u64, odd: Option<&OddRun>) -> String {
     let requests = match share.total {
         0 if is_whole => {
             return "the recording does not show the outcome of any request; what it holds are whole frames".to_owned()
@@ -58,7 +67,8 @@ pub(super) fn too_few(share: Share, refused: Share, is_whole: bool, of_no_frame:
     };
     let failed = match share.failed {
         0 if refused.failed == 0 && of_no_frame > 1 => {
-            format!("; what was asked was answered, and {} bytes are of no valid frame", thousands(of_no_frame))
+            let shown = odd.map_or(String::new(), OddRun::words);
+            format!("; what was asked was answered, and {} bytes are of no valid frame{shown}", thousands(of_no_frame))
         }
         0 if refused.failed == 0 => String::from("; what was asked was answered"),
         0 => String::new(),
