@@ -104,3 +104,21 @@ def test_requests_that_meet_its_frames_are_not_asked_too_soon(tmp_path: Path, se
     found = tape.codes(tmp_path)
     assert found[:1] == ["foreign_protocol"]
     assert "polled_too_fast" not in found
+
+
+def test_a_meter_read_where_the_master_pauses_is_no_driver_that_holds_the_line(
+    tmp_path: Path,
+) -> None:
+    """The pause comes after the answers of unit 6, and so does what a meter sends."""
+    tape, rng = Tape(), Random(5)
+    for number in range(80):
+        for unit in (4, 6):
+            tape.add(rtu(unit, read_request(3, 16, 2)), 40)
+            tape.add(rtu(unit, bytes([3, 4]) + rng.randbytes(4)), 25)
+        if number % 2 == 0:
+            meter = rng.randrange(1, 9)
+            tape.add(bytes([0x10, 0x5B, meter, 0x5B + meter, 0x16]), rng.uniform(100, 500))
+            tape.add(mbus(rng), 20)
+        tape.now += 400_000_000
+    found = tape.doctor(tmp_path)["diagnoses"]
+    assert [one["code"] for one in found] == ["foreign_protocol"]

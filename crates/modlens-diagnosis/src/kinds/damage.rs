@@ -254,7 +254,9 @@ fn held_after_requests<'a>(view: &'a View<'_>) -> impl Iterator<Item = Claim> + 
 fn after_answers<'a>(view: &'a View<'_>) -> impl Iterator<Item = Claim> + 'a {
     let share =
         |counts: &UnitCounts| Share { failed: counts.spoiled_after.failed.min(counts.answered()), total: counts.answered() };
-    view.units().filter_map(move |(unit, counts)| {
+    // Whole frames of another protocol are no requests that were spoiled.
+    let is_foreign = super::foreign::known(view).is_some();
+    view.units().filter(move |_| !is_foreign).filter_map(move |(unit, counts)| {
         let (own, others) = (share(counts), view.others(unit, share));
         // One request is due after each answer.
         let spoils_others = view.bus.requests_seen.failed * 5 > own.failed || counts.spoiled_after.failed > own.total;
