@@ -67,6 +67,38 @@ def test_a_client_that_has_always_written_is_not_named(seed: int, tmp_path: Path
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+def test_a_writer_on_the_computer_of_the_reader_is_named(seed: int, tmp_path: Path) -> None:
+    """Its connection is open beside that of the reader: it is another program."""
+    site = Site(Random(seed), units=1)
+    reader(site).run_until(100)
+    second = writer(site, 60)
+    second.address = CLIENTS[0]
+    second.run(WRITES)
+    sentence, [row] = judged(site, tmp_path)
+    assert (row["code"], row["severity"], row["client"]) == (
+        "unexpected_writer",
+        "info",
+        CLIENTS[0],
+    )
+    assert f"has written {WRITES} times on a connection of its own" in row["sentence"]
+    assert "healthy" in sentence
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_program_that_connects_anew_to_write_is_one_client(seed: int, tmp_path: Path) -> None:
+    """It reads on a connection for each request, and from some time on it writes, too."""
+    site = Site(Random(seed), units=1)
+    client = reader(site)
+    client.per_request = True
+    client.run_until(60)
+    write = writer(site, 0).polls[0]
+    client.polls = [*client.polls, write]
+    client.run_until(100)
+    _, rows = judged(site, tmp_path)
+    assert "unexpected_writer" not in [row["code"] for row in rows]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
 def test_a_connection_for_each_cycle_is_only_worth_knowing(seed: int, tmp_path: Path) -> None:
     site = Site(Random(seed), units=1)
     client = reader(site)

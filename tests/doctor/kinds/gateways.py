@@ -80,7 +80,9 @@ class Counts(Server):
 @kind("gateway_mixup")
 def gateway_mixup(rng: Random, seed: int) -> Case:
     """Two clients get each other's answers; every third seed, ids with a constant offset."""
-    forbidden = frozenset({"lockstep", "bystander", "slow_answers", "connection_churn", "value_spike"})
+    forbidden = frozenset(
+        {"lockstep", "bystander", "slow_answers", "connection_churn", "value_spike"}
+    )
     if seed % 3 == 0:
         site = Site(rng)
         client = site.client(0, Counts(site, 1))

@@ -77,6 +77,11 @@ pub struct ClientCounts {
     pub answered: u64,
     /// From the beginning of the first connection with requests to the end of the last one; without end where one is still open.
     pub span: Option<(Ns, Ns)>,
+    /// Its connections that are over, those that only write and all others: the requests, and from the beginning of the first to the
+    /// end of the last one.
+    pub kinds: [(u64, Option<(Ns, Ns)>); 2],
+    /// One of each kind was open at the same time: two programs of one computer.
+    pub has_two_programs: bool,
 }
 
 /// What has been counted already of a connection that is still open.
@@ -161,6 +166,7 @@ impl Connections {
         }
         if let Some(client) = self.clients.entry(mix_bytes(seen.client.as_bytes()), seen.client.clone()) {
             client.turned_away.count(turned_away, place);
+            client.count_kind(seen);
         }
     }
 
@@ -247,12 +253,20 @@ impl ClientCounts {
         }
     }
 
+    /// Counts what a connection was for. Connections come in the order in which they begin.
+    fn count_kind(&mut self, seen: &Connection) {
+        let Some(begun) = seen.begun.or(seen.opened).filter(|_| seen.requests > 0) else { return };
+        let kind = usize::from(seen.writes < seen.requests);
+        let (_, other) = self.kinds[1 - kind];
+        self.has_two_programs |= other.is_some_and(|(_, until)| until > begun);
+        let (requests, span) = &mut self.kinds[kind];
+        *requests += seen.requests;
+        *span = stretched(*span, Some((begun, seen.closed.unwrap_or(Ns::MAX))));
+    }
+
     /// Stretches the span over another one.
     fn stretch(&mut self, other: Option<(Ns, Ns)>) {
-        self.span = match (self.span, other) {
-            (Some(own), Some(other)) => Some((own.0.min(other.0), own.1.max(other.1))),
-            (own, other) => own.or(other),
-        };
+        self.span = stretched(self.span, other);
     }
 
     fn merge(&mut self, later: &Self) {
@@ -265,5 +279,18 @@ impl ClientCounts {
         self.writes += later.writes;
         self.answered += later.answered;
         self.stretch(later.span);
+        self.has_two_programs |= later.has_two_programs;
+        for ((requests, span), (more, other)) in self.kinds.iter_mut().zip(later.kinds) {
+            *requests += more;
+            *span = stretched(*span, other);
+        }
+    }
+}
+
+/// A span over both.
+fn stretched(own: Option<(Ns, Ns)>, other: Option<(Ns, Ns)>) -> Option<(Ns, Ns)> {
+    match (own, other) {
+        (Some(own), Some(other)) => Some((own.0.min(other.0), own.1.max(other.1))),
+        (own, other) => own.or(other),
     }
 }

@@ -4,11 +4,12 @@ use super::answers::slow_answers_once;
 use super::damage::is_answering_twice;
 use crate::claim::{duration, Certainty, Claim, ShownBy, View};
 use crate::contrast::tally::{Place, Tally};
-use crate::contrast::{RequestCounts, UnitCounts};
+use crate::contrast::{ClientCounts, RequestCounts, UnitCounts};
 use crate::observation::RequestKey;
 use crate::statistics::{fisher, Share};
 use modlens_protocol::decimal::thousands;
 use modlens_protocol::functions::{Functions, StandardLayout};
+use modlens_protocol::Ns;
 
 /// Requests that are heard twice.
 pub(super) fn own_echo(view: &View<'_>) -> Vec<Claim> {
@@ -196,17 +197,38 @@ const WRITES_OF_NEW_CLIENT: u64 = 3;
 /// It was away for so many times its usual time from one write to the next, before it came.
 const AWAY: f64 = 5.0;
 
+/// A client, or a program of one that has others beside it.
+struct Program<'a> {
+    client: &'a str,
+    is_beside_others: bool,
+    requests: u64,
+    writes: u64,
+    span: Option<(Ns, Ns)>,
+}
+
+/// The programs of a client: those that are open at the same time, and of which one only writes, are two.
+fn programs<'a>((client, counts): (&'a String, &ClientCounts)) -> Vec<Program<'a>> {
+    let is_beside_others = counts.has_two_programs;
+    let one = |requests, writes, span| Program { client: client.as_str(), is_beside_others, requests, writes, span };
+    let [(written, writing), (_, reading)] = counts.kinds;
+    if !is_beside_others {
+        return vec![one(counts.requests, counts.writes, counts.span)];
+    }
+    let rest = one(counts.requests.saturating_sub(written), counts.writes.saturating_sub(written), reading);
+    vec![one(written, written, writing), rest]
+}
+
 /// A client that comes later than others and only writes, where all others only read.
 fn new_writer(view: &View<'_>) -> Option<Claim> {
-    let clients = view.bus.connections.clients.sorted();
-    let mut writers = clients.iter().filter(|(_, client)| client.writes > 0);
-    let (name, writer) = writers.next().filter(|_| writers.next().is_none())?;
+    let programs: Vec<Program<'_>> = view.bus.connections.clients.sorted().into_iter().flat_map(programs).collect();
+    let mut writers = programs.iter().enumerate().filter(|(_, program)| program.writes > 0);
+    let (at, writer) = writers.next().filter(|_| writers.next().is_none())?;
     if writer.writes < WRITES_OF_NEW_CLIENT || writer.writes < writer.requests || view.is_small() {
         return None;
     }
     let (first, last) = writer.span?;
     let last = last.min(view.bus.frames.span?.1);
-    let others = clients.iter().filter(|(other, _)| other != name).filter_map(|(_, client)| client.span);
+    let others = programs.iter().enumerate().filter(|(other, _)| *other != at).filter_map(|(_, program)| program.span);
     let begin = others.map(|(first, _)| first).min()?;
     let usual = (last - first) as f64 / (writer.writes - 1) as f64;
     if ((first - begin) as f64) < AWAY * usual {
@@ -214,9 +236,10 @@ fn new_writer(view: &View<'_>) -> Option<Claim> {
     }
     let [place, last] = [first, last].map(|time| Some(Place { number: 0, elapsed: None, time: Some(time) }));
     let counted = Tally { failed: writer.writes, total: writer.writes, first: place, last, ..Tally::default() };
+    let own = if writer.is_beside_others { " on a connection of its own" } else { "" };
     let mut claim = Claim::new("unexpected_writer", &counted, 0.0)
-        .fact("what", format!("has written {} times, where all others only read,", thousands(writer.writes)));
-    claim.client = Some((*name).clone());
+        .fact("what", format!("has written {} times{own}, where all others only read,", thousands(writer.writes)));
+    claim.client = Some(writer.client.to_owned());
     claim.has_begun = true;
     claim.episodes.clear();
     Some(claim)
