@@ -109,3 +109,36 @@ def test_packets_that_wireshark_prints_are_no_noise(tmp_path: Path) -> None:
     found = doctor(lines, tmp_path)
     assert codes(found) == ["dead_unit_cost"]
     assert "No answer of unit 26" in found["sentence"]
+
+
+@pytest.mark.parametrize("form", ["[{number}] {hex}", "({number}) {hex}"])
+def test_the_number_of_a_line_in_brackets_is_no_byte(form: str, tmp_path: Path) -> None:
+    """The last answer is damaged, so that no checksum shows where it begins."""
+    damaged = WHOLE[:6] + b"\x77" + WHOLE[7:]
+    shown = [frame.hex(" ") for frame in (ASKED, WHOLE, ASKED, damaged)]
+    found = doctor([form.format(number=at, hex=text) for at, text in enumerate(shown)], tmp_path)
+    assert codes(found) == ["line_noise"]
+    assert "begins right and its checksum is wrong" in found["sentence"]
+
+
+def test_a_unit_in_brackets_is_a_byte(tmp_path: Path) -> None:
+    """The near miss: with it the bytes are a frame."""
+    lines = [f"[{frame[:1].hex()}] {frame[1:].hex(' ')}" for frame in (ASKED, WHOLE)]
+    assert "1 request was answered: unit 26" in doctor(lines, tmp_path)["sentence"]
+
+
+def test_the_log_of_a_unit_misses_no_answers_of_others(tmp_path: Path) -> None:
+    """It receives requests to others, and does not print what those answer."""
+    other = rtu(5, read_request(3, 0, 1)).hex(" ")
+    own = [f"recv: {ASKED.hex(' ')}", f"send: {WHOLE.hex(' ')}"]
+    sentence = doctor([f"recv: {other}", *own, f"recv: {other}", *own], tmp_path)["sentence"]
+    assert "No answer of unit 5" not in sentence
+
+
+def test_a_frame_of_ascii_by_bytes_with_a_wrong_lrc_is_no_other_protocol(tmp_path: Path) -> None:
+    answer = ascii_frame(26, read_answer(3, [3, 9]), 1)
+    asked = f"{REQUEST}\r\n".encode().hex(" ")
+    lines = [f"0x{ord(c):02X}" for c in f"{answer}\r\n"]
+    sentence = doctor([f"TX: {asked}", *lines], tmp_path)["sentence"]
+    assert f"checksum (LRC) is wrong: {answer[-2:]} is there" in sentence
+    assert "another protocol" not in sentence

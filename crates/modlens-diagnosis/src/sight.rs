@@ -182,7 +182,8 @@ fn is_right_in_part(view: &View<'_>, unit: u8) -> bool {
 
 /// The requests to units that are never heard, but for the last one of all: the end of the recording may cut off what comes of it.
 fn never_answered<'a>(view: &View<'a>) -> impl Iterator<Item = (Symptom, Option<u8>, &'a Tally)> {
-    if view.bus.is_quoted() {
+    // A unit that logs what it receives and sends passes over what others answer.
+    if view.bus.is_quoted() || view.bus.is_unit {
         return Vec::new().into_iter();
     }
     // A single one counts where nothing else is odd, which might be its answer.

@@ -6,6 +6,7 @@ use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, VecDeque};
 
 use modlens_engine::records::{Bus, Connection, Side};
+use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::{Mode, Verdict as FrameVerdict};
 use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::Clock;
@@ -105,6 +106,8 @@ pub struct BusContrast {
     pub received_damage: u64,
     /// A short recording holds nothing but requests to this unit that its program has received.
     pub heard: Option<u8>,
+    /// The program of a short recording sends answers: it is a unit, or a gateway.
+    pub is_unit: bool,
     /// What a short recording says.
     pub told: Option<Told>,
     /// In a short recording, an answer and its request are in one run of bytes that the program has received, and it has sent none.
@@ -261,6 +264,8 @@ impl BusContrast {
             all.heard = self.heard();
             all.overhears = overhears(&self.first_frames);
             all.odd_run = OddRun::of(&self.first_frames);
+            let is_answer = |frame: &FrameObservation| frame.side == Some(Side::Sent) && frame.direction == Direction::Response;
+            all.is_unit = self.first_frames.iter().any(|frame| frame.verdict.is_good() && is_answer(frame));
         }
         let few = (self.transactions_seen <= WINDOW as u64).then(|| self.first_transactions.clone());
         all.merge(self);

@@ -2,10 +2,13 @@
 //! that announces another length, a frame in letters. Each is something that no disturbance of a line brings forth.
 
 mod altered;
+mod text;
 mod words;
 
 use altered::is_altered;
 pub use altered::Altered;
+pub use text::{is_text, opening};
+use text::{wrong_lrc, LEAST_LETTERS};
 
 use crate::annotate::exception_name;
 use crate::checksum::{correctable_bit, crc16, crc_valid, CRC_BYTES};
@@ -30,14 +33,8 @@ const LEAST_SAME: usize = 16;
 const LEAST_OF_FEW: usize = 24;
 const BYTES_PER_VALUE: usize = 5;
 
-/// Fewer letters say nothing.
-const LEAST_LETTERS: usize = 6;
-
 /// The most bytes in front of a frame that are looked at.
 const MOST_STRAY: usize = 2;
-
-/// Openings of protocols in which text and numbers are mixed.
-const OPENINGS: [&[u8]; 6] = [b"FINS", b"HTTP", b"GET ", b"POST", b"SSH-", b"AT+"];
 
 /// What is odd about a run of bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -46,6 +43,13 @@ pub enum Oddity {
     Digits(String),
     /// The bytes are text; its beginning.
     Text(String),
+    /// The bytes are a frame of Modbus ASCII, but for its checksum.
+    AsciiSum {
+        /// What is there.
+        there: u8,
+        /// What belongs there.
+        due: u8,
+    },
     /// The checksum is right, but its high byte is first.
     SwappedChecksum,
     /// The last byte, put in front, makes a frame.
@@ -169,6 +173,9 @@ impl Oddity {
         }
         if let Some(digits) = digits(bytes) {
             return Some(Self::Digits(digits));
+        }
+        if let Some([there, due]) = wrong_lrc(bytes) {
+            return Some(Self::AsciiSum { there, due });
         }
         if is_text(bytes) {
             return Some(Self::Text(opening(bytes)));
@@ -300,21 +307,6 @@ fn digits(bytes: &[u8]) -> Option<String> {
     let is_digits = text.len() >= LEAST_LETTERS && text.len().is_multiple_of(2) && text.iter().all(u8::is_ascii_hexdigit);
     // Numbers in frames that happen to be digits are no text: a frame of digits has both kinds, or begins with a low address.
     (is_digits && (text[0] == b'0' || text.len() > 2 * LEAST_LETTERS)).then(|| String::from_utf8_lossy(text).into_owned())
-}
-
-/// Whether bytes are text, or begin as protocols do that mix it with numbers.
-pub fn is_text(bytes: &[u8]) -> bool {
-    let printable = bytes.iter().filter(|byte| matches!(byte, b' '..=b'~' | b'\r' | b'\n')).count();
-    // Registers are often printable by chance, and then mostly signs.
-    let letters = bytes.iter().filter(|byte| byte.is_ascii_alphanumeric()).count();
-    (letters * 2 > bytes.len() && bytes.len() >= LEAST_LETTERS && printable * 5 >= bytes.len() * 4)
-        || OPENINGS.iter().any(|opening| bytes.starts_with(opening))
-}
-
-/// The beginning of a text, for a sentence.
-pub fn opening(bytes: &[u8]) -> String {
-    let printable = bytes.trim_ascii_start().iter().take_while(|byte| matches!(byte, b' '..=b'~')).take(20);
-    printable.map(|byte| char::from(*byte)).collect::<String>().trim_end().to_owned()
 }
 
 /// Whether the checksum is right but for the order of its bytes.
@@ -458,6 +450,9 @@ mod tests {
         assert_eq!(Oddity::of(&[&[0], &ANSWER[..]].concat()), Some(Oddity::StrayFront { bytes: 1, is_cut: false }));
         assert_eq!(Oddity::of(&[&[0], &ANSWER[..6]].concat()), Some(Oddity::StrayFront { bytes: 1, is_cut: true }));
         assert_eq!(Oddity::of(b"010302000786F9"), Some(Oddity::Digits(String::from("010302000786F9"))));
+        // Unit 26 refuses function 3 with exception 2: 1A 83 02 has the LRC 61.
+        assert_eq!(Oddity::of(b":1A830262\r\n"), Some(Oddity::AsciiSum { there: 0x62, due: 0x61 }));
+        assert_eq!(Oddity::of(b":1A830261\r\n"), None);
         assert_eq!(Oddity::of(b"FINS\0\0\0\x10"), Some(Oddity::Text(String::from("FINS"))));
         // Neither noise nor a few signs show anything.
         assert_eq!(Oddity::of(&[0x40, 0x40, 0x40, 0x41, 0x64, 0xF0]), None);

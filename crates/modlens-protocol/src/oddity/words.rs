@@ -14,6 +14,10 @@ impl Oddity {
             Self::Text(opening) => {
                 format!("the bytes are text (\"{opening}\"): another protocol answers here; check the port and the device's protocol setting")
             }
+            Self::AsciiSum { there, due } => format!(
+                "the bytes are a frame of Modbus ASCII whose checksum (LRC) is wrong: {there:02X} is there, and {due:02X} belongs to these \
+                 characters"
+            ),
             Self::SwappedChecksum => String::from(
                 "the checksum is right, but its two bytes are swapped: on the wire its low byte comes first; correct the program that \
                  makes the frame",

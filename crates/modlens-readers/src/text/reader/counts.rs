@@ -4,6 +4,7 @@ use crate::text::date::time_of_day;
 use crate::text::frame_evidence;
 use crate::text::proved::is_words;
 use crate::text::template::LineMatch;
+use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 
 /// The fewest bytes that a number in front of them may count.
 const MIN_COUNTED: usize = 3;
@@ -23,8 +24,9 @@ pub(super) fn are_time(line: &[u8], found: &LineMatch, bytes: &[u8]) -> bool {
         })
 }
 
-/// Whether the first of the bytes that were found in the line is a number which counts the others, as in `TX [8] 01 03 ..`: what
-/// separates it from them is not what separates those, and with it the bytes are no frame.
+/// Whether the first of the bytes that were found in the line is a number which counts the others, as in `TX [8] 01 03 ..`, or
+/// that of the line, as in `[3] 01 03 ..`: what separates it from them is not what separates those, and with it the bytes are no
+/// frame.
 pub(super) fn begins_with_count(line: &[u8], found: &LineMatch, bytes: &[u8]) -> bool {
     if bytes.len() <= MIN_COUNTED || frame_evidence::is_whole_frame(bytes) || found.bytes_end > line.len() {
         return false;
@@ -36,7 +38,17 @@ pub(super) fn begins_with_count(line: &[u8], found: &LineMatch, bytes: &[u8]) ->
         return false;
     };
     let is_count = std::str::from_utf8(count).ok().and_then(|text| text.parse().ok()) == Some(bytes.len() - 1);
-    is_count && behind != usual
+    let is_in_bracket = line[..found.bytes_start + start].last().is_some_and(|b| matches!(b, b'[' | b'('));
+    let closes = behind.first().is_some_and(|b| matches!(b, b']' | b')'));
+    let is_alone = is_in_bracket && closes && !usual.iter().any(|b| matches!(b, b'[' | b'(' | b']' | b')'));
+    let is_label = || is_alone && (count.len() == 1 || begins_frame(&bytes[1..]) && !begins_frame(bytes));
+    behind != usual && (is_count || is_label())
+}
+
+/// Whether bytes are a frame, or begin with a unit and a function that the specification has.
+fn begins_frame(bytes: &[u8]) -> bool {
+    let is_known = |code: u8| Functions::embedded().name(code & !EXCEPTION_BIT).is_some();
+    frame_evidence::is_whole_frame(bytes) || matches!(bytes, [1..=247, code, ..] if is_known(*code))
 }
 
 /// Whether so few bytes in a line of words are only numbers in it.
