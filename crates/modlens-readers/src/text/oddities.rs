@@ -214,6 +214,12 @@ fn repeated(all: &mut [NoFrame]) {
     }
 }
 
+/// The numbers of the lines that are a request without its checksum in a program that adds one.
+pub(super) fn completed<'a>(lines: impl Iterator<Item = UnreadLine<'a>> + Clone) -> Vec<u64> {
+    let bare = lines.clone().filter_map(no_frame).filter(|one| one.is_bare);
+    bare.map(|one| one.number).filter(|number| adds_checksum(lines.clone(), *number)).collect()
+}
+
 /// Whether a line is a statement of a program that holds bytes, and one shortly below it computes a checksum, which it adds to them.
 fn adds_checksum<'a>(mut lines: impl Iterator<Item = UnreadLine<'a>> + Clone, number: u64) -> bool {
     let is_statement = |line: UnreadLine<'_>| {

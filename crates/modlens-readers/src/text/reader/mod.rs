@@ -18,6 +18,7 @@ mod rest;
 mod rest_of_frame;
 mod unread_lines;
 mod voices;
+mod wrapped;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -44,9 +45,9 @@ pub(super) use look_ahead::Marks;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 use prose::{may_be_time, Prose};
-use rest_of_frame::RestOfFrame;
 pub use unread_lines::UnreadLines;
 use voices::Voices;
+use wrapped::WrappedLines;
 
 /// A longer line is read in blocks of at most so many bytes, so that a dump without any line end takes no more memory than
 /// one with line ends.
@@ -118,7 +119,7 @@ pub struct Reader {
     plain_front: usize,
     unread_lines: UnreadLines,
     line_bytes: LineBytes,
-    rest_of_frame: RestOfFrame,
+    wrapped: WrappedLines,
     prose: Prose,
     /// The last line that may be a label for the bytes below it.
     label: Option<Label>,
@@ -175,7 +176,7 @@ impl Reader {
             plain_front: 0,
             unread_lines: UnreadLines::default(),
             line_bytes: LineBytes::default(),
-            rest_of_frame: RestOfFrame::default(),
+            wrapped: WrappedLines::default(),
             prose: Prose::default(),
             label: None,
             expectation: Expectation::default(),

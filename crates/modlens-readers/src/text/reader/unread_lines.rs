@@ -92,7 +92,12 @@ impl UnreadLines {
     /// What the bytes of these lines show, or what the lines report in words, or that they hold hex; `None` if they say nothing.
     pub fn says(&self) -> Option<Said> {
         let lines = self.kept.iter().map(|(number, text, before)| UnreadLine { number: *number, text, before });
-        let hex = || self.examples.first().filter(|_| self.with_hex > 0).map(|(most, ..)| Said::of_hex(self.with_hex, *most));
-        oddities::named_lines(lines).or_else(hex)
+        let hex = || {
+            let completed = oddities::completed(lines.clone());
+            let count = self.with_hex.saturating_sub(completed.len() as u64);
+            let most = self.examples.iter().map(|(number, ..)| *number).find(|number| !completed.contains(number));
+            most.filter(|_| count > 0).map(|most| Said::of_hex(count, most))
+        };
+        oddities::named_lines(lines.clone()).or_else(hex)
     }
 }
