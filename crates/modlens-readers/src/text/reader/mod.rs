@@ -338,7 +338,9 @@ impl Reader {
             self.prose.note_time(self.number, time);
         }
         self.note_unparsed(text);
-        self.note_rest_of_frame(text);
+        if self.proved.is_some() && self.assembler.has_begun(self.wrapped.count()) {
+            self.wrapped.note(self.number, text);
+        }
     }
 
     /// Counts the current line as unparsed.

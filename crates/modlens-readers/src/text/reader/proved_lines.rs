@@ -8,6 +8,7 @@ use crate::text::frame_evidence;
 use crate::text::notation::NotationFlags;
 use crate::text::proved::{other_hex, read_frames, Found, Worth};
 use crate::text::reader::line_bytes::BESIDE;
+use crate::text::reader::rest_of_frame::read_rest;
 use crate::text::reader::Reader;
 use crate::text::role::LineRole;
 use crate::text::template::LineMatch;
@@ -22,7 +23,7 @@ const MAX_NUMBER_BYTES: usize = 2;
 impl Reader {
     /// Reads what checksums prove in a line that no dialect reads. Returns whether there was anything.
     pub(super) fn read_proved(&mut self, line: &[u8]) -> bool {
-        if self.read_rest_of_frame(line) {
+        if read_rest(self, line) {
             return true;
         }
         let Some(proved) = &mut self.proved else { return false };

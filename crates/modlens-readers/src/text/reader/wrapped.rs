@@ -1,9 +1,11 @@
 //! Lines over which the hex of a frame is wrapped.
 
+use crate::text::proved::only_hex;
+
 /// Lines of nothing but hex, each right below the one before, which are no frame so far.
 #[derive(Debug, Default)]
 pub(super) struct WrappedLines {
-    pub lines: Vec<Wrapped>,
+    lines: Vec<Wrapped>,
 }
 
 /// Such a line, which was counted as unread.
@@ -23,6 +25,24 @@ impl WrappedLines {
         }
     }
 
+    /// Notes a line that nothing reads.
+    pub fn note(&mut self, number: u64, text: &[u8]) {
+        if let Some(bytes) = only_hex(text) {
+            self.lines.push(Wrapped { number, text: text.to_vec(), bytes });
+        }
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> u64 {
+        self.lines.len() as u64
+    }
+
+    /// Returns them, and forgets them.
+    pub fn take(&mut self) -> Vec<Wrapped> {
+        std::mem::take(&mut self.lines)
+    }
+
+    /// The bytes of all.
     pub fn bytes(&self) -> Vec<u8> {
         self.lines.iter().flat_map(|line| line.bytes.iter().copied()).collect()
     }
