@@ -178,3 +178,10 @@ def test_a_program_that_adds_the_checksum_lacks_none(tmp_path: Path) -> None:
     assert sentence.startswith("Nothing is wrong in this frame: it is an answer of unit 17")
     assert "could not be read" not in sentence
     assert "without its checksum" in said([PROGRAM[0], "send(ask);", answer], tmp_path)
+
+
+def test_a_long_frame_in_a_wrapper_proves_the_line(tmp_path: Path) -> None:
+    """A logger puts two bytes of its own in front of the answer, and prints no request."""
+    answer = rtu(0x61, bytes([3, 60]) + bytes(range(60)))
+    line = f"received: {(bytes([0xAA, 0x55]) + answer).hex()}"
+    assert "wrong_line_settings" not in codes(doctor([line], tmp_path))

@@ -448,7 +448,8 @@ impl Session {
 impl Session {
     /// The rows of the engine, counted for the doctor.
     fn take_counted(&mut self) -> modlens_engine::records::Batch {
-        self.report = None;
+        // The last report stands: what it was made of has been taken.
+        self.report = self.report.take().filter(|_| self.contrast.is_none());
         let mut batch = self.core.take();
         if let Some(selection) = &mut self.selection {
             batch = selection.apply(batch);

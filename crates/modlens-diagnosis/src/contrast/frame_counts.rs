@@ -18,6 +18,8 @@ pub struct FrameCounts {
     pub bytes: [u64; Verdict::ALL.len()],
     /// Bytes of frames with a right checksum that may be an accident of noise.
     pub unconfirmed_bytes: u64,
+    /// Bytes of the longest of those.
+    pub longest_unconfirmed: u64,
     /// First and last time.
     pub span: Option<(Ns, Ns)>,
     /// Frames with a single flipped bit.
@@ -62,6 +64,7 @@ impl FrameCounts {
         let has = |finding| seen.findings.has(finding);
         if seen.verdict.is_good() && has(Finding::Unconfirmed) {
             self.unconfirmed_bytes += u64::from(seen.length);
+            self.longest_unconfirmed = self.longest_unconfirmed.max(seen.length.into());
         }
         self.bit_flips.count(has(Finding::BitFlip), seen.place);
         self.collisions.count(has(Finding::Collision), seen.place);
@@ -107,6 +110,7 @@ impl FrameCounts {
         self.frames.iter_mut().zip(later.frames).for_each(|(own, more)| *own += more);
         self.bytes.iter_mut().zip(later.bytes).for_each(|(own, more)| *own += more);
         self.unconfirmed_bytes += later.unconfirmed_bytes;
+        self.longest_unconfirmed = self.longest_unconfirmed.max(later.longest_unconfirmed);
         self.span = match (self.span, later.span) {
             (Some(own), Some(more)) => Some((own.0.min(more.0), own.1.max(more.1))),
             (own, more) => own.or(more),

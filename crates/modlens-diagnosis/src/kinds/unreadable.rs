@@ -14,9 +14,15 @@ pub(super) const LEAST_BYTES: u64 = 50;
 /// none of the good ones: among bytes that are no Modbus there is one now and then, and it may be long.
 pub(super) fn bytes(view: &View<'_>) -> (u64, u64) {
     let frames = &view.bus.frames;
-    let good = frames.good_bytes() - frames.unconfirmed_bytes;
-    (good, frames.bytes.iter().sum::<u64>() - good)
+    let all = frames.bytes.iter().sum::<u64>();
+    // Noise makes a short frame now and then, but no long one out of most of its bytes.
+    let is_accident = frames.unconfirmed_bytes * 2 <= all || frames.longest_unconfirmed < BEYOND_ACCIDENT;
+    let good = frames.good_bytes() - if is_accident { frames.unconfirmed_bytes } else { 0 };
+    (good, all - good)
 }
+
+/// A frame of so many bytes, with its length and its checksum, is none by accident.
+const BEYOND_ACCIDENT: u64 = 16;
 
 /// Whether nothing on the line can be read.
 pub(super) fn is_unreadable(view: &View<'_>) -> bool {
