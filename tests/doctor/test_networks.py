@@ -109,6 +109,21 @@ def test_a_connection_for_each_cycle_is_only_worth_knowing(seed: int, tmp_path: 
     assert "healthy" in sentence
 
 
+@pytest.mark.parametrize("seed", SEEDS)
+def test_connections_that_end_unused_are_not_turned_away(seed: int, tmp_path: Path) -> None:
+    """A server closes what is idle for 4 s, and a client connects long before it has a question."""
+    site = Site(Random(seed), units=1)
+    reader(site).run_until(100)
+    idle = site.client(1)
+    for _ in range(15):
+        idle.connect().close(idle.now_s + 4.0, by_client=False)
+        idle.flow, idle.now_s = None, idle.now_s + 5.5
+    _, rows = judged(site, tmp_path)
+    codes = [row["code"] for row in rows]
+    assert "connection_limit" not in codes
+    assert codes[:1] == ["connection_churn"]
+
+
 class Slow(Server):
     """Answers each fourth request after the client has asked again, and then that one as well."""
 

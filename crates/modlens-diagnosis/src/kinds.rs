@@ -81,7 +81,7 @@ const EXPLAINS: &[(&str, &[&str])] = &[
     ),
     ("swapped_wires", &["no_bias", "wrong_line_settings", "foreign_protocol", "line_noise", "dead_unit_cost"]),
     ("wrong_line_settings", &["foreign_protocol", "line_noise", "dead_unit_cost", "duplicate_address", "driver_enable"]),
-    ("duplicate_address", &["line_noise", "driver_enable", "wrong_function", "register_hole", "polled_too_fast"]),
+    ("duplicate_address", &["line_noise", "no_bias", "driver_enable", "wrong_function", "register_hole", "polled_too_fast"]),
     ("driver_enable", &["line_noise", "foreign_protocol", "no_bias"]),
     ("connection_churn", &["bystander", "polled_too_fast", "slow_answers"]),
     ("block_too_long", &["register_hole", "bystander", "polled_too_fast"]),

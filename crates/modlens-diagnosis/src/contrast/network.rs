@@ -125,6 +125,14 @@ impl Counted {
     }
 }
 
+/// A server that has no room closes at once; one that closes later has waited for a request in vain.
+const AT_ONCE: Ns = 1_000_000_000;
+
+/// Whether a connection was open for a while.
+fn is_idle(seen: &Connection) -> bool {
+    seen.opened.zip(seen.closed).is_some_and(|(opened, closed)| closed - opened > AT_ONCE)
+}
+
 impl Connections {
     /// Counts a connection that is over. What was counted while it was open is not counted again.
     pub(super) fn count(&mut self, seen: &Connection, before: Counted) {
@@ -135,7 +143,8 @@ impl Connections {
         // The server had ended it when the first request came.
         let is_closed_first = is_unanswered && by_server && seen.idle == Some(0);
         let is_down = seen.is_refused && !seen.is_beside_answered;
-        let turned_away = (seen.is_refused && !is_down) || (seen.requests == 0 && by_server && !is_down) || is_closed_first;
+        let turned_away =
+            (seen.is_refused && !is_down) || (seen.requests == 0 && by_server && !is_down && !is_idle(seen)) || is_closed_first;
         self.down.count(is_down, place);
         self.turned_away.count(turned_away, place);
         let is_unserved = is_unanswered && seen.requests > 0 && !turned_away && !is_ignored(seen);
@@ -152,6 +161,8 @@ impl Connections {
         if seen.requests > 0 {
             // The first and the last one may be cut by the recording.
             self.short.count(seen.requests <= FEW_REQUESTS && seen.closed.is_some() && seen.opened.is_some(), place);
+        }
+        if seen.requests > 0 || (by_server && is_idle(seen)) {
             self.closed_by_server.count(by_server, place);
             if let (true, Some(idle)) = (by_server, seen.idle) {
                 self.idle.add(idle);

@@ -256,7 +256,8 @@ impl<'a> Case<'a> {
         }
         let of_no_frame = buses.iter().map(|(_, bus)| bytes_of_frames(bus) - bus.frames.good_bytes()).sum();
         let odd = buses.iter().find_map(|(_, bus)| bus.odd_run.as_ref());
-        let why = too_few(share, refused, is_whole, of_no_frame, odd);
+        let has_none = buses.iter().all(|(_, bus)| bytes_of_frames(bus) == 0);
+        let why = too_few(share, refused, (has_none, is_whole), of_no_frame, odd);
         Some((Verdict::Unknown, format!("{UNJUDGED}: {why}{}.", beside(share, open))))
     }
 

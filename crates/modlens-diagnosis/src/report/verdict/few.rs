@@ -54,10 +54,20 @@ pub(super) fn without_other_half(told: &Told) -> Option<String> {
     Some(format!("Nothing is wrong in {frames}: {what}. The recording does not show {missing}."))
 }
 
+/// Said where nothing was read.
+const NO_FRAME: &str = "no frame of Modbus was read; of a network capture, --port names the port if it is not 502";
+
 /// Why so few requests are no ground for a verdict, and what came of them all the same: who pastes three lines of a log into a
 /// file wants to hear that they were read.
-pub(super) fn too_few(share: Share, refused: Share, is_whole: bool, of_no_frame: u64, odd: Option<&OddRun>) -> String {
+pub(super) fn too_few(
+    share: Share,
+    refused: Share,
+    (has_none, is_whole): (bool, bool),
+    of_no_frame: u64,
+    odd: Option<&OddRun>,
+) -> String {
     let requests = match share.total {
+        0 if has_none => return NO_FRAME.to_owned(),
         0 if is_whole => {
             return "the recording does not show the outcome of any request; what it holds are whole frames".to_owned()
         }
