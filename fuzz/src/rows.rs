@@ -59,12 +59,12 @@ pub fn diagnosis_holds(data: &[u8]) {
     let all = batches(&script, 3);
     let (first, second) = all.split_at(all.len() / 2);
     let mut merged = counted(first);
-    merged.merge(&counted(second));
-    let said = Report::of(&counted(&all)).json();
+    merged.merge(counted(second));
+    let said = Report::of(counted(&all)).json();
     // A part keeps its first rows for the part before it, and no more: what they are judged by has to be among them.
     let mut kept = second.iter().flat_map(|batch| &batch.frames).take(WINDOW);
     if second.iter().all(|batch| batch.frames.is_empty()) || kept.any(|frame| frame.verdict == Verdict::Ok) {
-        assert_eq!(Report::of(&merged).json(), said, "merged");
+        assert_eq!(Report::of(merged).json(), said, "merged");
     }
     assert!(said["sentence"].as_str().is_some_and(|sentence| !sentence.contains(['{', '}'])), "a place that is not filled");
 }
