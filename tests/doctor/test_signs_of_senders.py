@@ -92,6 +92,29 @@ def test_a_driver_that_the_master_holds_too_long_spoils_soon_answers(
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+def test_a_driver_that_the_master_holds_now_and_then_spoils_fast_units(
+    seed: int, tmp_path: Path
+) -> None:
+    """Two units always answer sooner than it may be held, and the third one never does."""
+    rng = Random(seed)
+    scene = three_units(rng, LINES[1], delay_s=0.005)
+    for unit in scene.plant.units:
+        unit.spread = 0.05
+
+    def hold(_: Exchange, answers: list[Answer]) -> list[Answer]:
+        one = answers[0]
+        lost = ceil((rng.uniform(0.005, 0.01) - one.delay_s) / scene.character_s)
+        if one.delay_s > 0.012 or lost <= 0:
+            return answers
+        lost = min(lost, 4)
+        return [Answer(one.data[lost:], one.delay_s + lost * scene.character_s, right=False)]
+
+    scene.run(240, Changes(hold))
+    found = said(report(scene, tmp_path))
+    assert {code for code, _ in found} == {"driver_enable"}
+
+
+@pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("line", LINES, ids=str)
 def test_answers_of_zeros_of_the_right_length_are_a_matter_of_parity(
     seed: int, line: Line, tmp_path: Path

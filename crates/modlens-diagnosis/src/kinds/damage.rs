@@ -4,11 +4,13 @@ use super::answers::slow_answers_once;
 use super::switched::{failures_after_writes, noise_of_writes_once};
 use crate::claim::{duration, severity_of, Claim, View, FEW};
 use crate::contrast::tally::Tally;
+use crate::contrast::times::ByDuration;
 use crate::contrast::{Symptom, UnitCounts};
 use crate::observation::DamagedPart;
 use crate::statistics::{at_least, at_most, both, fisher, Share};
 use modlens_protocol::decimal::thousands;
 use modlens_protocol::framing::Verdict;
+use modlens_protocol::Ns;
 
 /// The share of random damage that falls into the first, or the last, two bytes of a frame of eight.
 const RANDOM_AT_END: f64 = 0.25;
@@ -220,25 +222,17 @@ pub(super) fn driver_enable(view: &View<'_>) -> Vec<Claim> {
             .fact("experiment", "Use an adapter that switches by itself: the requests are whole.")
             .at_most(severity_of(requests.1))
     });
-    answers.chain(ends_of_answers(view)).chain(after_answers(view)).chain(held_after_requests(view)).chain(from_master).collect()
+    let of_units: Vec<Claim> =
+        answers.chain(ends_of_answers(view)).chain(after_answers(view)).chain(held_after_requests(view)).collect();
+    let of_fast_units = if of_units.is_empty() { held_before_fast_units(view) } else { None };
+    of_units.into_iter().chain(of_fast_units).chain(from_master).collect()
 }
 
 /// Units whose answers lack their beginning, and only those that begin soon: another driver still holds the line, mostly the master's.
 /// Noise does not depend on that, and of two devices that answer at once no byte is missing.
 fn held_after_requests<'a>(view: &'a View<'_>) -> impl Iterator<Item = Claim> + 'a {
-    view.units().filter_map(|(unit, counts)| {
-        let (ratios, whole) = (counts.length_ratios, counts.damaged(DamagedPart::Whole));
-        let from_start = counts.damaged(DamagedPart::Start) + whole;
-        let is_short = ratios.came < ratios.expected && counts.odd_lengths.failed * 2 > whole;
-        if view.bus.facts.is_network || !is_short || from_start * 20 < counts.garbled.failed * 19 {
-            return None;
-        }
-        let splits = counts.garbled_by_response_time.splits();
-        let limits = splits.len() as f64;
-        let soon = splits.into_iter().filter(|(_, below, above)| below.rate() > 10.0 * above.rate());
-        let chances = soon.map(|(limit, below, above)| (fisher(below, above) * limits, limit));
-        let (chance, limit) = chances.min_by(|one, other| one.0.total_cmp(&other.0))?;
-        let chance = view.significant(chance)?;
+    view.units().filter(|(_, counts)| lack_their_beginning(view, &[counts], 0.95)).filter_map(|(unit, counts)| {
+        let (chance, limit) = sooner(view, &counts.garbled_by_response_time)?;
         let place = format!("from the first byte on where they begin sooner than {} after the request", duration(limit));
         let check = format!("How long the master, or its adapter, holds its driver after a request: what unit {unit} sends meanwhile is lost. A longer response delay in unit {unit} helps.");
         let (failed, total) = (counts.garbled.failed, counts.failures.total);
@@ -247,6 +241,46 @@ fn held_after_requests<'a>(view: &'a View<'_>) -> impl Iterator<Item = Claim> + 
         let experiment = format!("Set a longer response delay in unit {unit}: the first bytes are whole.");
         Some(claim.fact("where", place).fact("what_to_check", check).fact("experiment", experiment).at_most(severity))
     })
+}
+
+/// The same where each unit answers always as soon: those that do so lack their beginning, and the others are whole.
+fn held_before_fast_units(view: &View<'_>) -> Option<Claim> {
+    let is_whole = |counts: &&UnitCounts| counts.garbled.failed * 20 <= counts.failures.total;
+    let (whole, cut): (Vec<&UnitCounts>, Vec<&UnitCounts>) = view.units().map(|(_, counts)| counts).partition(is_whole);
+    if whole.is_empty() || !lack_their_beginning(view, &cut, 0.9) {
+        return None;
+    }
+    let mut times = ByDuration::default();
+    view.units().for_each(|(_, counts)| times.merge(&counts.garbled_by_response_time));
+    let (chance, limit) = sooner(view, &times)?;
+    let tally: Tally = cut.iter().map(|counts| &counts.garbled).sum();
+    let share = Share { failed: tally.failed, total: cut.iter().map(|counts| counts.failures.total).sum() };
+    let claim = Claim::new("driver_enable", &tally, chance).with_share(Share { total: tally.failed, ..share });
+    let place = format!("from the first byte on, and only answers that begin sooner than {} after the request", duration(limit));
+    let check = "How long the master, or its adapter, holds its driver after a request: what units send meanwhile is lost. A longer response delay in the fast units helps.";
+    let experiment = "Set a longer response delay in one of these units: its first bytes are whole.";
+    Some(claim.fact("where", place).fact("what_to_check", check).fact("experiment", experiment).at_most(severity_of(share)))
+}
+
+/// Whether the damaged answers of units lack bytes, and so many of them the first ones.
+fn lack_their_beginning(view: &View<'_>, units: &[&UnitCounts], least: f64) -> bool {
+    let sum = |value: fn(&UnitCounts) -> u64| units.iter().map(|counts| value(counts)).sum::<u64>();
+    let whole = sum(|counts| counts.damaged(DamagedPart::Whole));
+    let from_start = sum(|counts| counts.damaged(DamagedPart::Start)) + whole;
+    let lacks_bytes = sum(|counts| counts.length_ratios.came) < sum(|counts| counts.length_ratios.expected);
+    let is_short = lacks_bytes && sum(|counts| counts.odd_lengths.failed) * 2 > whole;
+    let is_cut = from_start > 0 && from_start as f64 >= sum(|counts| counts.garbled.failed) as f64 * least;
+    !view.bus.facts.is_network && is_short && is_cut
+}
+
+/// The chance that the answers which come sooner than a time are damaged so much more often by accident, and the time.
+fn sooner(view: &View<'_>, times: &ByDuration) -> Option<(f64, Ns)> {
+    let splits = times.splits();
+    let limits = splits.len() as f64;
+    let soon = splits.into_iter().filter(|(_, below, above)| below.rate() > 10.0 * above.rate());
+    let chances = soon.map(|(limit, below, above)| (fisher(below, above) * limits, limit));
+    let (chance, limit) = chances.min_by(|one, other| one.0.total_cmp(&other.0))?;
+    Some((view.significant(chance)?, limit))
 }
 
 /// A unit that holds the line after its answers: what begins there is damaged, after those of others it is whole. Such a request is
