@@ -151,6 +151,20 @@ def test_a_full_server_that_lets_in_and_says_nothing(
     assert "while it served others" in row["sentence"] or "while others were" in row["sentence"]
 
 
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_client_that_asks_for_a_part_of_what_others_get_is_kept_out(
+    seed: int, tmp_path: Path
+) -> None:
+    """It has one request, and connects anew for each try."""
+    site = Site(Random(seed))
+    server = Places(site, 1)
+    owner, other = site.client(0, server), waiting_client(site, server, 6.0)
+    poll = next(poll for poll in site.plant.polls if poll.values is None and poll.quantity > 1)
+    owner.period_s, other.polls = 1.0, [type(poll)(poll.unit, poll.function, poll.address, 1)]
+    play({owner: STOP_S, other: STOP_S - 1}, server, 1)
+    assert [row["code"] for row in judged(site, tmp_path)] == ["connection_limit"]
+
+
 class Deaf(Server):
     """Does not answer one address of a function that it knows."""
 

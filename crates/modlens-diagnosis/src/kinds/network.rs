@@ -4,7 +4,7 @@ use super::answers::usual_silence;
 use crate::claim::{Claim, View};
 use crate::contrast::gaps::without_lone;
 use crate::contrast::tally::Tally;
-use crate::contrast::{LockedOut, RequestCounts, UnitCounts};
+use crate::contrast::{LockedOut, UnitCounts};
 use crate::observation::RequestKey;
 use crate::statistics::{at_least, fisher, Share};
 use modlens_protocol::finding::Severity;
@@ -87,9 +87,16 @@ fn serves_all_that_is_asked(view: &View<'_>) -> bool {
             (other.unit, other.function) == (key.unit, key.function) && counts.good + counts.refusals() > 0
         })
     };
-    // A client may have one request only, which its server does not know and drops.
-    let lost: Vec<&RequestCounts> = all.iter().filter(|(_, counts)| counts.silent > 0).map(|(_, counts)| *counts).collect();
-    let are_known = lost.is_empty() || lost.len() >= MANY_LOST || lost.iter().any(|counts| counts.good > 0);
+    // A client may have one request only, which its server does not know and drops. What it has answered to others, it knows.
+    let is_answered = |key: &RequestKey| {
+        let end = |key: &RequestKey| u32::from(key.address) + u32::from(key.quantity);
+        all.iter().any(|(other, counts)| {
+            let holds = other.address <= key.address && end(key) <= end(other);
+            (other.unit, other.function) == (key.unit, key.function) && holds && counts.good > 0
+        })
+    };
+    let lost: Vec<_> = all.iter().filter(|(_, counts)| counts.silent > 0).collect();
+    let are_known = lost.is_empty() || lost.len() >= MANY_LOST || lost.iter().any(|(key, _)| is_answered(key));
     are_known && all.iter().all(|(key, _)| is_served(key))
 }
 
