@@ -71,3 +71,26 @@ def test_one_master_with_a_time_for_each_request_is_one(seed: int, tmp_path: Pat
             tape.add(rtu(unit, bytes([3, 4, 7 * at, rng.randrange(256), 1, 44 + at])), 12)
         due[at], before = due[at] + every, unit
     assert tape.codes(tmp_path) == ["bystander"]
+
+
+@pytest.mark.parametrize("seed", [2, 3, 5])
+def test_requests_that_lose_their_last_byte_are_those_of_one_master(
+    seed: int, tmp_path: Path
+) -> None:
+    """The master's driver is off too early at two requests of five; what is left ends as FF."""
+    tape, rng = Tape(), Random(seed)
+    for number in range(320):
+        unit, quantity, pause_ms = ((4, 8, 63), (9, 6, 43), (12, 10, 43))[number % 3]
+        request = rtu(unit, read_request(3, 20 * unit, quantity))
+        is_cut = rng.random() < 0.4
+        tape.add(request[:-1] if is_cut else request, pause_ms + rng.uniform(0, 4))
+        if is_cut:
+            if rng.random() < 0.5:
+                tape.add(b"\xff", 0.5 if rng.random() < 0.5 else 3)
+            tape.now += int(rng.uniform(245, 252) * 1e6)
+        else:
+            values = rng.randbytes(quantity * 2)
+            tape.add(rtu(unit, bytes([3, quantity * 2]) + values), rng.uniform(6, 19))
+        if number % 40 == 21:
+            tape.now += 80_000_000
+    assert tape.codes(tmp_path) == ["driver_enable"]

@@ -43,7 +43,9 @@ pub(super) fn two_masters(view: &View<'_>) -> Vec<Claim> {
     let drifts = twice.as_ref().is_some_and(|twice| twice.chance() <= DECIDES);
     let is_refuted = !drifts && twice.as_ref().is_some_and(Interleaved::is_refuted);
     let has_one_list = drifts || (!is_refuted && has_one_list_twice(view));
-    if !drifts && is_of_one_slow_master(view) {
+    // Two frames that meet are not cut at the same place each time, as by the driver of one master.
+    let is_cut = odd == 0 && view.once("driver_enable", super::damage::driver_enable).iter().any(|claim| claim.unit.is_none());
+    if !drifts && (is_cut || is_of_one_slow_master(view)) {
         return Vec::new();
     }
     let is_certain = has_one_list || (crossings.failed > 0 && by_noise(odd) <= MAX_CHANCE) || is_hasty;
