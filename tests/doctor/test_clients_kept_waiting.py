@@ -188,3 +188,25 @@ def test_a_client_whose_only_request_is_not_known_is_not_kept_out(
         client = min(due, key=due.__getitem__)
         due[client] = next(plans[client])
     assert "connection_limit" not in [row["code"] for row in judged(site, tmp_path)]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_gateway_that_serves_the_newest_client_only(seed: int, tmp_path: Path) -> None:
+    """Each connection ends the other client's, which comes back some seconds later."""
+    site = Site(Random(seed))
+    clients = [site.client(0), site.client(1)]
+    poll = next(poll for poll in site.plant.polls if poll.values is None)
+    at_s = 0.0
+    for turn in range(40):
+        client, other = clients[turn % 2], clients[1 - turn % 2]
+        client.now_s = at_s
+        client.connect()
+        if other.flow is not None:
+            other.flow.close(at_s + 0.002, by_client=False)
+            other.flow = None
+        for _ in range(site.rng.randint(2, 5)):
+            client.ask(poll)
+        at_s = client.now_s + site.rng.uniform(0.4, 3.0)
+    [row] = judged(site, tmp_path)
+    assert row["code"] == "connection_limit"
+    assert "it serves one client, the newest" in row["sentence"]

@@ -7,6 +7,7 @@ mod clean_run;
 mod clean_units;
 mod context;
 mod cycles;
+mod displaced;
 mod epochs;
 mod followed;
 mod frame_counts;

@@ -4,6 +4,7 @@ use modlens_engine::records::{Connection, End};
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
+use super::displaced::Displaced;
 use super::sample::Sample;
 use super::tally::{mix_bytes, Place, Tally};
 use super::unserved::{is_ignored, LockedOut, Unserved, IN_VAIN};
@@ -34,6 +35,8 @@ pub struct Connections {
     pub closed_by_server: Tally,
     /// Their idle times before.
     pub idle: Durations,
+    /// Those that had to give way to another one.
+    pub displaced: Displaced,
     /// Connections whose first request was not answered, of those with answers.
     pub first_lost: Tally,
     /// Answers that the client took for those of the next request.
@@ -153,6 +156,7 @@ impl Connections {
         if !before.is_unserved && !is_open {
             self.unserved.count(is_unserved, place);
         }
+        self.displaced.count(seen, by_server, place);
         let in_vain = self.in_vain.of(seen);
         let new = before.until(Counted { in_vain, ..Counted::of(seen) });
         self.in_vain.count(seen, (new.requests, new.in_vain), place);
@@ -230,6 +234,7 @@ impl Connections {
         self.short.merge(&later.short);
         self.closed_by_server.merge(&later.closed_by_server);
         self.idle.merge(&later.idle);
+        self.displaced.merge(&later.displaced);
         self.side_by_side += later.side_by_side;
         self.last_closed = self.last_closed.max(later.last_closed);
         self.first_lost.merge(&later.first_lost);

@@ -30,7 +30,7 @@ pub(super) fn connection_limit(view: &View<'_>) -> Vec<Claim> {
     } else {
         let of_connections = |in_vain: &Tally| view.significant(by_connection(view, in_vain.failed));
         let Some((in_vain, chance)) = in_vain.and_then(|in_vain| Some((in_vain, of_connections(in_vain)?))) else {
-            return Vec::new();
+            return displaced(view).into_iter().collect();
         };
         let claim = Claim::new("connection_limit", in_vain, chance).fact("what", "requests");
         claim.fact("how", "sent on connections that it had accepted and did not serve, while it served others")
@@ -45,6 +45,16 @@ pub(super) fn connection_limit(view: &View<'_>) -> Vec<Claim> {
         claim.client = Some((*name).clone());
     }
     vec![claim]
+}
+
+/// Connections that the server ends when another client connects, as one does that serves one at a time.
+fn displaced(view: &View<'_>) -> Option<Claim> {
+    let counts = &view.bus.connections;
+    let tally = &counts.displaced.beginnings;
+    let is_usual = tally.failed >= 3 && tally.failed * 2 > counts.closed_by_server.failed;
+    let chance = view.beyond_accident(tally.share()).filter(|_| is_usual)?;
+    let claim = Claim::new("connection_limit", tally, chance).fact("what", "connections");
+    Some(claim.fact("how", "answered by ending another one within 50 ms: it serves one client, the newest"))
 }
 
 /// So few requests that are not served may be those of a slow server.
