@@ -155,7 +155,7 @@ def test_a_full_server_that_lets_in_and_says_nothing(
 def test_a_client_that_asks_for_a_part_of_what_others_get_is_kept_out(
     seed: int, tmp_path: Path
 ) -> None:
-    """It has one request, and connects anew for each try."""
+    """It has one request, and opens a connection for each try."""
     site = Site(Random(seed))
     server = Places(site, 1)
     owner, other = site.client(0, server), waiting_client(site, server, 6.0)

@@ -17,7 +17,7 @@ from tests.conftest import CAPTURES, Modlens
 from tests.support.browser import Browser
 from tests.support.page import RECORDINGS, TABLES, TROUBLE, of_command, saved, show
 
-MAX_CORE_BYTES = 1_100_000
+MAX_CORE_BYTES = 1_120_000
 MAX_PAGE_BYTES = 2_500_000
 
 

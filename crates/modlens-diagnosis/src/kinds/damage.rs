@@ -273,7 +273,7 @@ fn lack_their_beginning(view: &View<'_>, units: &[&UnitCounts], least: f64) -> b
     !view.bus.facts.is_network && is_short && is_cut
 }
 
-/// The chance that the answers which come sooner than a time are damaged so much more often by accident, and the time.
+/// The chance that the answers which come sooner than a time are damaged so much more often by chance, and the time.
 fn sooner(view: &View<'_>, times: &ByDuration) -> Option<(f64, Ns)> {
     let splits = times.splits();
     let limits = splits.len() as f64;
