@@ -21,7 +21,7 @@ pub(super) fn bytes(view: &View<'_>) -> (u64, u64) {
     (good, all - good)
 }
 
-/// A frame of so many bytes, with its length and its checksum, is none by accident.
+/// A frame of so many bytes, with its length and its checksum, is no coincidence.
 const BEYOND_ACCIDENT: u64 = 16;
 
 /// Whether nothing on the line can be read.
