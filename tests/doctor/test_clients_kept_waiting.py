@@ -209,4 +209,4 @@ def test_a_gateway_that_serves_the_newest_client_only(seed: int, tmp_path: Path)
         at_s = client.now_s + site.rng.uniform(0.4, 3.0)
     [row] = judged(site, tmp_path)
     assert row["code"] == "connection_limit"
-    assert "it serves one client, the newest" in row["sentence"]
+    assert "serves one client only, the newest" in row["sentence"]

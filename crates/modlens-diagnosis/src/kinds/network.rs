@@ -44,7 +44,7 @@ pub(super) fn connection_limit(view: &View<'_>) -> Vec<Claim> {
     if let (Some((name, _)), None) = (turned_away.next(), turned_away.next()) {
         claim.client = Some((*name).clone());
     }
-    vec![claim]
+    vec![claim.fact("limit", "takes no more connections")]
 }
 
 /// Connections that the server ends when another client connects, as one does that serves one at a time.
@@ -54,7 +54,7 @@ fn displaced(view: &View<'_>) -> Option<Claim> {
     let is_usual = tally.failed >= 3 && tally.failed * 2 > counts.closed_by_server.failed;
     let chance = view.beyond_accident(tally.share()).filter(|_| is_usual)?;
     let claim = Claim::new("connection_limit", tally, chance).fact("what", "connections");
-    Some(claim.fact("how", "answered by ending another one within 50 ms: it serves one client, the newest"))
+    Some(claim.fact("limit", "serves one client only, the newest").fact("how", "followed by the end of another one within 50 ms"))
 }
 
 /// So few requests that are not served may be those of a slow server.
